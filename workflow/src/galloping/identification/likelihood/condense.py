@@ -67,12 +67,13 @@ class Condensed:
         return found
 
     def squares(self, residual: np.ndarray) -> np.ndarray:
-        """(n_recordings, n_observed) of projections (n_windows, n_observed, ROWS), summed."""
+        """(n_recordings, n_observed) sums of squares of (n_windows, n_observed, ROWS) residuals."""
         return np.add.reduceat((residual**2).sum(axis=2), self.first[:-1], axis=0)
 
     def told(self, states: Sequence[str], noise: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
-        """Noise of a sample (n_recordings, n_observed) as that of each state, (n_recordings,
-        n_states), NaN where not measured, and of each rate, in the last recording, by its name.
+        """Noise of a sample of each channel, (n_recordings, n_observed), as that of each state,
+        (n_recordings, n_states), NaN where not measured, and that of each rate in the last
+        recording, as `noise_` and the rate's name.
         """
         noise, values = np.where(self.counts > 0, noise, np.nan), ~self.is_rate
         sigma = np.full((len(noise), len(states)), np.nan)
@@ -92,13 +93,15 @@ class Condensed:
 
     @property
     def noise_variance(self) -> np.ndarray:
-        """(n_recordings, n_observed) of a sample: as known, or by the rest inside windows."""
+        """(n_recordings, n_observed) of a sample: as known, or by `remainder`, inside windows."""
         inside = self.remainder / np.maximum(self.counts - self.rows, 1)
         return np.where(self.is_known, self.known_noise**2, inside)
 
     @property
     def tells_noise(self) -> np.ndarray:
-        """(n_recordings, n_observed) whether it is known or windows have samples to spare."""
+        """(n_recordings, n_observed) whether the noise is known, or windows have samples to spare:
+        three tenths of all.
+        """
         spare = self.counts - self.rows
         return self.is_known | (spare > 0.3 * np.maximum(self.counts, 1))
 
@@ -121,7 +124,12 @@ def of_rates(functionals: np.ndarray, step: float) -> np.ndarray:
 
 @njit(cache=True)
 def _project(tau, values, offsets, functionals, targets, counts, rows, remainder):
-    """Fill the statistics of one recording; tau: (n,) times scaled into each window."""
+    """Fill the statistics of one recording, in place, as in `Condensed`.
+
+    tau: (n,) times in their windows, 0 to 1. values: (n, n_observed). offsets: (n_windows + 1,)
+    first sample of each window. The basis is orthonormal on a window's samples: Legendre-like, by
+    Gram-Schmidt, twice for its rounding.
+    """
     n_windows, n_observed, n_rows, n_powers = functionals.shape
     longest = np.diff(offsets).max()
     basis = np.empty((n_rows, longest))

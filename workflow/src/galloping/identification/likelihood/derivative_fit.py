@@ -20,9 +20,9 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
 
     The noise of each recording's derivatives is estimated from the residuals of the whole
     library. Rows with a missing value are left out, and recordings with no more complete rows of an
-    equation than the library has terms; refused where that leaves none. Approximate where what the
-    model leaves of derivatives goes on from sample to sample, as white noise does not; intervals
-    then are as wide as stretches differ in which way they pull the coefficients, as in
+    equation than the library has terms. The model is `refused` where that leaves no row, and
+    `approximate` where its residuals are correlated from sample to sample, as white noise is not;
+    intervals then are as wide as stretches differ in which way they pull the coefficients, as in
     `free_run.whole_approximation`.
     """
     n = len(problem.candidates)
@@ -44,7 +44,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             rate = recording.rates[:, i] - theta @ problem.known[i]
             good = np.isfinite(rate) & np.all(np.isfinite(theta), axis=1)
             if good.sum() <= len(problem.terms):
-                continue  # they do not tell their noise
+                continue  # so few rows do not tell their noise
             rows, rate = theta[np.ix_(good, columns)], rate[good]
             scale = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
             gap = rate - rows @ (np.linalg.lstsq(rows / scale, rate, rcond=None)[0] / scale)

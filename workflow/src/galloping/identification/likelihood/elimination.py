@@ -21,7 +21,8 @@ from galloping.identification.likelihood.shooting import (
 from galloping.identification.likelihood.weak_constraint import NormalEquations
 from galloping.identification.work import spend
 
-# Of a chain. The elimination squares it: of 1e12, rounding leaves 2e-4 of what a segment tells.
+# Of the end of a chain with its beginning. The elimination squares the growth: of 1e12, rounding
+# leaves 2e-4 of what a segment tells.
 MOST_GROWTH = 1e6
 UNDETERMINED = 3e-7  # relative singular value below which a direction of a state is not solved for
 STATE_RIDGE = 1e-12  # of the information about a state, where a stretch tells nothing
@@ -46,8 +47,8 @@ class Eliminated:
 
 @dataclass(frozen=True)
 class Matched(Eliminated):
-    """Of segments that match. gap: (n_states,) largest mismatch between segments of a chain. fall:
-    of chi^2, when the states alone are moved to their best.
+    """The regression of segments that match. gap: (n_states,) largest mismatch between segments of
+    a chain. fall: by how much chi^2 falls when the states alone are moved to their best.
     """
 
     gap: np.ndarray
@@ -56,9 +57,10 @@ class Matched(Eliminated):
 
 @dataclass(frozen=True)
 class Jumping(Eliminated):
-    """Of segments between which the state jumps, the priors of coefficients counted. variance,
-    covariance: (n_segments, n_states, n_states), of each state, and of each with its successor, at
-    given coefficients.
+    """The regression of segments between which the state jumps, with the priors of coefficients.
+
+    variance, covariance: (n_segments, n_states, n_states), of each segment's first state, and of
+    that with the next segment's, at given coefficients.
     """
 
     variance: np.ndarray
@@ -68,12 +70,12 @@ class Jumping(Eliminated):
 def chained(linearised: Linearised, segments: Segments, longest: float = np.inf) -> Segments:
     """The segments in the longest chains whose ends depend not too much on their beginnings.
 
-    longest: of how many segments a chain may be; of one, every segment is free.
+    longest: how many segments a chain may have; with one, every segment is free.
     A chain is broken where its end state, in units of what a segment tells about it, moves by more
     than MOST_GROWTH such units of its first state and the coefficients, as on a chaotic or very
-    long recording. The last stretch of a chaotic one tells most: of 288 recordings of Lorenz's
-    system with 20 to 40 % of noise, chains that grow by 2,000 lead to 213 exact models, by 1e6 to
-    246.
+    long recording. The last stretch of a chaotic recording tells most: of 288 recordings of
+    Lorenz's system with 20 to 40 % of noise, chains that grow by 2,000 lead to 213 exact models, by
+    1e6 to 246.
     """
     n, n_states = len(linearised.right), linearised.ends.shape[1]
     of_states = np.sum(linearised.rows[:, :, n:-1] ** 2, axis=1).mean(axis=0)
@@ -94,7 +96,10 @@ def chained(linearised: Linearised, segments: Segments, longest: float = np.inf)
 
 
 def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) -> Matched:
-    """Match the segments of each chain and eliminate its first state."""
+    """Match the segments of each chain and eliminate the chain's first state.
+
+    starts: (n_segments, n_states), about which the segments are linearised.
+    """
     n_segments, n_states = starts.shape
     n = len(linearised.right)
     spend(n_segments * (2 * SEGMENT + 1e-9 * n_states * n**2))

@@ -1,8 +1,9 @@
 """Coefficients that fluctuate while a recording is made, as gusts vary the damping.
 
-Those of terms linear in a state whose equation is sought, of a line the dampings, vary about a
-mean, each by itself, with a correlation that falls exponentially in time. Their variances, and
-those of the jumps that are left between stretches, are estimated by expectation maximisation.
+The coefficients of terms linear in a state whose equation is sought (of a line, the dampings) vary
+about a mean, each by itself, with a correlation that falls exponentially in time. The variances of
+these fluctuations, and the covariance of the jumps that are left between stretches, are estimated
+by expectation maximisation.
 """
 
 from dataclasses import replace
@@ -37,15 +38,16 @@ def chosen(
     information: np.ndarray,
     right: np.ndarray,
     support: np.ndarray,
-    penalty: float,
+    price: float,
 ) -> np.ndarray:
-    """The terms that are worth their penalty, looked for from all and from those before.
+    """The terms that are worth their price, looked for from all and from those of `support` (n,).
 
-    With a term comes what the library has of it with other powers of the inputs: a recording about
-    one mean wind hardly tells them apart, and to leave one out would claim a law for other winds.
+    With a term come the terms that the library has of it with other powers of the inputs: a
+    recording about one mean wind hardly tells these apart, and to leave one of them out would claim
+    a law for other winds. price: of each term, in units of chi^2.
     """
     tried, about = [np.ones(len(right), bool), support], problem.chosen_about()
-    return problem.alike(select(information, right, tried, penalty, about))
+    return problem.alike(select(information, right, tried, price, about))
 
 
 def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray] | None:
@@ -53,9 +55,10 @@ def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray
     covariance of the means (n_support, n_support).
 
     fit: of the whole library. None unless fluctuations explain most of what it leaves beyond the
-    noise: where it lacks something else, such as modes that a sensor sees besides, they would take
-    part of that for themselves. None, too, where segments are too short or too many to be divided,
-    or no term is left. Raises FloatingPointError or LinAlgError where the iteration diverges.
+    noise: where the library lacks something else, such as modes that a sensor sees besides,
+    fluctuations would take part of that for themselves. None, too, where segments are too short or
+    too many to be divided, no term is left or no work. Raises FloatingPointError, or numpy's
+    LinAlgError, where the iteration diverges.
     penalty: worth of a term in units of chi^2, were the model exact.
     """
     record, problem = fit.record, fit.record.problem
@@ -72,7 +75,7 @@ def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray
     parts, jumping = _parts(record)
     size = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
     period = WINDOWS_PER_PERIOD * record.condensed.step
-    # of each coefficient that fluctuates: the rate of the motion, by the sizes of the states
+    # (n_rates,) coefficients that would move their state at the rate of the motion
     unit = 2.0 * np.pi / period * size[equation[rates]] / size[exponents[rates].argmax(axis=1)]
     variance, least, passes = (2e-3 * unit) ** 2, (1e-6 * unit) ** 2, 4
     fine = replace(fit, record=parts, starts=parts.starts, misfit=misfit)
@@ -108,15 +111,15 @@ def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray
 
 
 def _excess(record: Record, misfit: np.ndarray) -> float:
-    """Logarithm of a white misfit over noise, of the channels whose samples tell theirs, summed."""
+    """Logarithm of a white misfit over the noise, summed over channels that tell their noise."""
     condensed = record.condensed
     noise = np.maximum(condensed.noise_variance, record.floor**2)
     return float(np.sum(np.log(misfit[:, 0, :, 0] / noise)[condensed.tells_noise]))
 
 
 def _parts(record: Record) -> tuple[Record, np.ndarray]:
-    """The record in parts of its segments, and those after which it may jump: the last ones of a
-    segment that another one follows.
+    """The record with segments divided into PARTS, and the parts after which the state may jump:
+    the last part of each segment that another one follows.
     """
     segments = record.segments
     first = np.linspace(segments.first[:-1], segments.first[1:], PARTS, endpoint=False, axis=1)
@@ -129,8 +132,9 @@ def _parts(record: Record) -> tuple[Record, np.ndarray]:
 def _with_fluctuations(
     record: Record, linear: NormalEquations, rates: np.ndarray, variance: np.ndarray
 ) -> NormalEquations:
-    """The normal equations with the fluctuations of each segment, which act as their coefficients
-    do, added to its state; where a recording begins they have their `variance` (n_rates,).
+    """The normal equations with each segment's fluctuations of the coefficients `rates` (n_rates,)
+    added to its state. Fluctuations act as their coefficients do, and have their `variance`
+    (n_rates,) where a recording begins.
     """
     n, (n_states, extra) = linear.by_coefficients.shape[2], (linear.ends.shape[1], len(rates))
     twice, own = np.append(np.arange(n + n_states), rates), slice(n + n_states, None)
@@ -150,7 +154,9 @@ def _with_fluctuations(
 def _precision(
     record: Record, jumping: np.ndarray, jump: np.ndarray, size: np.ndarray, variance: np.ndarray
 ) -> np.ndarray:
-    """Of state and fluctuations from each segment to the next: states jump after `jumping` only."""
+    """(n_segments, n_states + n_rates, n_states + n_rates) inverse covariance of the change of
+    state and fluctuations from each segment to the next. States jump after `jumping` alone.
+    """
     states = record.precision(np.diag((1e-4 * size) ** 2))  # as good as continuous
     states[jumping] = record.precision(jump)[jumping]
     n_states = len(size)

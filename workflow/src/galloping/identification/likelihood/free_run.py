@@ -33,11 +33,11 @@ def whole_approximation(
 ) -> IdentifiedModel:
     """The approximate model whose free runs are the chains of a fit that matches them.
 
-    information: of the candidates. residual: (n_windows, n_observed, n_rows) of the free runs. The
-    rest as in `model_error.approximation`, as are the diagnostics, of the free runs in place of
-    forecasts. Intervals hold for residuals of any spectrum: they are as wide as the pulls of up to
-    40 stretches on the coefficients differ (sandwich; P. J. Huber, 1967), and a factor wider for
-    what errs alike in all.
+    information: (n_candidates, n_candidates). residual: (n_windows, n_observed, n_rows) of the free
+    runs. The other arguments are as in `model_error.approximation`, and so are the diagnostics, of
+    free runs in place of forecasts. Intervals hold for residuals of any spectrum: they are as wide
+    as the pulls of up to 40 stretches on the coefficients differ (sandwich; P. J. Huber, 1967), and
+    a factor wider for an error alike in all stretches.
     """
     _, covariance = solve_support(information, np.zeros(len(fit.free)), fit.support)
     covariance = pulled(_pulls(fit, residual), covariance)
@@ -50,10 +50,11 @@ def whole_approximation(
 
 
 def pulled(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> np.ndarray:
-    """Covariance of coefficients by how stretches differ in which way they pull them (sandwich).
+    """(n_support, n_support) covariance of coefficients, by how stretches differ in which way they
+    pull the coefficients (sandwich).
 
-    pulls: (n, n_support) gradients of chi^2 / 2, of each recording in the order of time, which are
-    summed over 40 stretches of each. covariance: were the residuals white noise.
+    pulls: (n, n_support) gradients of chi^2 / 2 of each recording, in the order of time, which are
+    summed over 40 stretches of it. covariance: what it were if the residuals were white noise.
     """
     stretches = np.concatenate(
         [
@@ -69,11 +70,11 @@ def pulled(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> np.ndarray:
 def free_runs(
     record: Record, near: IdentifiedModel, penalty: float, objection: str
 ) -> IdentifiedModel | NoModel:
-    """The same terms as those of `near`, an approximate model, with the least error of free runs,
-    and its detection limits, for it chose the terms.
+    """The model of the terms of `near`, an approximate model, whose free runs err least. Detection
+    limits stay those of `near`, with which the terms were chosen.
 
-    None where the motion remembers how it began. Raises FloatingPointError where no such model is
-    found.
+    `NoModel` where the motion remembers how it began. Raises FloatingPointError where the iteration
+    diverges.
     """
     condensed, each = record.condensed, np.arange(len(record.condensed.first) - 1)
     record = replace(record, segments=Segments(condensed.first, each, each))
@@ -94,8 +95,9 @@ def free_runs(
 
 
 def forgets_start(fit: ShootingFit) -> bool:
-    """Whether the end of each chain depends a tenth as much on how it began as the beginning does,
-    or less: that of a damped system that is driven does not, the phase of a limit cycle stays.
+    """Whether the last tenth of each chain depends at most a tenth as much on the first state as
+    the first tenth does: so it is of a damped system that is driven, not of a limit cycle, whose
+    phase stays.
     """
     for _, rows, _ in _slopes(fit, fit.record.problem.candidates[:0]):
         tenth = max(len(rows) // 10, 1)
@@ -105,8 +107,8 @@ def forgets_start(fit: ShootingFit) -> bool:
 
 
 def _pulls(fit: ShootingFit, residual: np.ndarray) -> Iterator[np.ndarray]:
-    """How each window of each chain pulls the coefficients of the fit, (n_windows, n_support): the
-    gradient of chi^2 / 2 in runs from the first state of a chain, that state at its best.
+    """Of each chain, how each window pulls the coefficients of the fit, (n_windows, n_support): the
+    gradient of chi^2 / 2 of a run from the chain's first state, this state at its best.
     """
     pairs = fit.record.problem.candidates[fit.support]
     n = len(pairs)

@@ -21,7 +21,7 @@ def further_modes(
     """The oscillations that stand out of what a model leaves, each recording and channel by itself.
 
     residual: (n_windows, n_observed, n_rows) projections of the samples less those of the model,
-    not finite where it diverges. Channels that measure the rate of another one are left out.
+    not finite where the model diverges. Channels that measure the rate of another are left out.
     """
     found: list[FurtherMode] = []
     own = condensed.observed[~condensed.is_rate]
@@ -37,7 +37,7 @@ def further_modes(
                 continue
             means = left[sampled] / weights[a:b, o][sampled]
             main = 1 + np.argmax(np.abs(np.fft.rfft(data)[1:]))
-            lowest = 1.5 * main / (b - a) / condensed.step  # below, errors of the model are
+            lowest = 1.5 * main / (b - a) / condensed.step  # Hz; below are the model's errors
             time = condensed.step * (sampled + 0.5)
             modes = _oscillations(time, means, condensed.step, lowest)
             found += [FurtherMode(r, states[i], *mode) for mode in modes]
@@ -79,9 +79,9 @@ def _oscillations(
         *mode, fitted = _fitted(time, values, 2.0 * np.pi * frequency[place])
         remainder = values - fitted
         if remainder @ remainder > 0.9 * (values @ values):
-            break  # a mode that takes a tenth of what is left is worth a word
+            break  # only a mode that takes a tenth of what is left is worth a word
         omega, growth, cosine, sine = mode
-        inside = np.sinc(omega * window / (2.0 * np.pi))  # of it is left in the mean over a window
+        inside = np.sinc(omega * window / (2.0 * np.pi))  # share left in a mean over a window
         found.append((omega, growth, cosine / inside, sine / inside))
         values = remainder
     return found
@@ -105,7 +105,7 @@ def _fitted(
     def left(place: np.ndarray) -> np.ndarray:
         return values - basis(place) @ solved(place)
 
-    most = np.array([20.0, 2.0 * np.pi])  # with more growth it is the end of a record alone
+    most = np.array([20.0, 2.0 * np.pi])  # what grows more is at the end of a record alone
     tried = [
         least_squares(left, [growth, 0.0], bounds=(-most, most)) for growth in (0.0, 3.0, -3.0)
     ]

@@ -35,10 +35,11 @@ CLOCK, SCALE, DELAYED, DRIFTS = "clock", "scale", "delayed against", "drifts"
 class Fault:
     """cause: in words; z: how far the data deny its absence, in standard deviations.
 
-    or_model: whether a model that is wrong would show as this fault does. Its residuals are larger
-    where the motion is, like noise that grows with it, and what it lacks may be slow, like a drift.
-    mixture: (n_parameters,) of the parameters of faults, tested as one. is_noise: whether it only
-    adds noise, which has no colour: what has one is the model.
+    or_model: whether a wrong model would show as this fault does. Residuals of a wrong model are
+    larger where the motion is larger, like noise that grows with the motion, and what the model
+    lacks may be slow, like a drift.
+    mixture: (n_parameters,) weights of the parameters of faults, tested as one parameter. is_noise:
+    whether the fault only adds white noise, which explains no misfit that has a colour.
     """
 
     cause: str
@@ -48,8 +49,8 @@ class Fault:
     is_noise: bool = False
 
     def explains(self, excess: float) -> bool:
-        """Whether a misfit beyond the noise, in units of chi^2, may be for this cause: it takes
-        most of that away, or is what any misfit of a model shows as.
+        """Whether this may be the cause of a misfit beyond the noise, in units of chi^2: the fault
+        takes most of the misfit away, or any misfit of a model shows as this fault.
         """
         explained = 0.0 if self.is_noise else self.z**2
         return self.cause == FORCES or explained >= excess / 2.0
@@ -77,8 +78,8 @@ def faults(fit: ShootingFit, penalty: float) -> list[Fault]:
     tested = [replace(test, z=z) for test, z in zip(tests, scores, strict=True)]
     tested += _gaps(own, fit) + _variances(fit, residual, rates)
     limit = -ndtri(5e-3 / 2.0 / len(tested))
-    # terms are looked for that only imitate a fault; a sound recording has one so large a few times
-    # in a hundred, which costs a pass of the fit and no more
+    # terms are looked for that only imitate a fault; a sound recording has a score so large a few
+    # times in a hundred, which costs a pass of the fit and no more
     doubtful = [k for k, z in enumerate(scores) if z > 2.5]
     if doubtful and max(scores) < np.sqrt(penalty):
         quadratic = eliminate(linear(np.ones(len(fit.support), bool)), segments, fit.starts)
@@ -90,6 +91,7 @@ def faults(fit: ShootingFit, penalty: float) -> list[Fault]:
     return sorted(shown, key=lambda fault: -fault.z)
 
 
+# An input that may be delayed: name, coefficients (equation, term) and their values for 1 s.
 Late = tuple[str, list[tuple[int, int]], list[float]]
 
 
@@ -138,7 +140,8 @@ def _delayed_inputs(fit: ShootingFit) -> tuple[ShootingFit, list[Late]]:
 def _parameters(
     record: Record, rates: np.ndarray, late: list[Late]
 ) -> tuple[np.ndarray, np.ndarray, list[Fault]]:
-    """Parameters of faults: coefficients that are zero or known, and columns as in `linearise`.
+    """Parameters of faults: coefficients that are zero or known, (n_entries, 2), columns as in
+    `linearise`, and the faults, each a mixture of these parameters.
 
     rates: (n_windows, n_observed, n_rows) projections of the solution's time derivatives.
     """
@@ -182,7 +185,7 @@ def _parameters(
 
 
 def _score(information: np.ndarray, right: np.ndarray, mixture: np.ndarray) -> float:
-    """z of a mixture of the last parameters, the others being at their best."""
+    """z of a mixture of the last parameters, the others at their best; 0 where they imitate it."""
     information, right = _mixed(information, right, mixture)
     change, covariance = solve_support(information, right, np.arange(len(right)) < len(right) - 1)
     cross = information[-1, :-1]
@@ -202,8 +205,8 @@ def _mixed(
 
 
 def _beside(quadratic: Eliminated, fit: ShootingFit, test: Fault) -> float:
-    """z of a fault beside the one term, if any, that the model lacks most: weak terms are left out,
-    and what they leave in the residuals may look like a fault.
+    """z of a fault beside the one term, if any, that the model lacks most: what a weak term that
+    was not selected leaves in the residuals may look like a fault.
     """
     n, more = len(fit.support), fit.support.copy()
     whitened = whiten(quadratic.information[:n, :n], quadratic.right[:n], fit.free)
@@ -277,7 +280,7 @@ def _variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -> lis
         for r, o in np.ndindex(sigma.shape):
             inside = there[:, o] & (owner == r)[:, None]
             own = square[:, o][inside]
-            # less is rounding: the projections' own estimate is never so far below
+            # sigma, estimated from residuals, is so far above them only at its floor: rounding
             if len(own) < 2 or own.mean() < 0.25:
                 continue
             size = np.repeat((signal[:, o] / weight[:, o])[:, None] ** 2, ROWS, axis=1)[inside]
@@ -293,8 +296,8 @@ def _variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -> lis
 
 
 def _gaussian(z: float, skew: float) -> float:
-    """The Gaussian variable that is exceeded as often as z, of variance one and with a skewness: as
-    of a chi^2 variable with as much (E. B. Wilson and M. M. Hilferty, 1931).
+    """The Gaussian variable that is exceeded as often as z, a variable of variance one and of a
+    skewness, taken for a chi^2 variable as skew (E. B. Wilson and M. M. Hilferty, 1931).
     """
     if skew <= 0.0:
         return z

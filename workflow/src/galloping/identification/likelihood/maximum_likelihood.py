@@ -24,7 +24,7 @@ from galloping.identification.likelihood.residual_tests import MOST_COLOUR, Resi
 from galloping.identification.likelihood.shooting import Segments, ShootingFit, residuals
 from galloping.identification.likelihood.verdict import Regression, agree, best_of, judged
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
-from galloping.identification.model import NO_MODEL, IdentifiedModel, NoModel, Unusable, attempt
+from galloping.identification.model import IdentifiedModel, NoModel, Unusable, attempt
 from galloping.identification.preparation.weak_form import MOST_MISFIT, Start, begin, delayed_inputs
 from galloping.identification.problem import PRIOR, Coefficient, Prior, Problem, posed
 from galloping.identification.random_forces.decision import moved_at_random, random_forces
@@ -368,32 +368,34 @@ def weak_gls(
     method of its own, from which `maximum_likelihood` only starts.
 
     recordings: of one system, any sampling, NaN where missing. terms: the library. known: model
-    whose equations of `known_states` hold; dX/dt = `dX` is known by its name. start: of
-    `begin`, where it is made already.
+    whose equations of `known_states` hold; the equation of a state X is known to be dX/dt = dX
+    where a state has that name. start: of `begin`, where it is made already.
     The intervals are those of the linearised weak form, inflated by the misfit where it is above
     one. The status is as in `IdentifiedModel`. Raises ValueError for other input.
     """
     recordings = checked_recordings(recordings)
     problem = asked(recordings, terms, known, known_states)
-    try:
+
+    def search() -> IdentifiedModel:
         used = driven(recordings, problem.inputs)
-        start = start or begin(problem, used)
-        fit, more = start.fit, max(start.fit.misfit, 1.0)
+        begun = start or begin(problem, used)
+        fit, more = begun.fit, max(begun.fit.misfit, 1.0)
         if fit.misfit >= MOST_MISFIT:
             raise Unusable(f"model inadequate or noise correlated: misfit {fit.misfit:.2f}")
         system = fit.information / more, fit.right / more
         found = judged(
             problem,
-            Regression(*system, fit.support, start.penalty, start.largest),
-            recordings=start.recordings,
-            period=start.period,
-            initial_states=np.array([one.states[0] for one in start.smoothed]),
-            sigma=np.array([one.noise for one in start.smoothed]),
+            Regression(*system, fit.support, begun.penalty, begun.largest),
+            recordings=begun.recordings,
+            period=begun.period,
+            initial_states=np.array([one.states[0] for one in begun.smoothed]),
+            sigma=np.array([one.noise for one in begun.smoothed]),
             chi2=fit.misfit,
         )
         return with_inputs(found, recordings, used)
-    except NO_MODEL as error:
-        return refused(problem, str(error))
+
+    found = attempt(search)
+    return refused(problem, found.reason) if isinstance(found, NoModel) else found
 
 
 def shared_evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> dict:

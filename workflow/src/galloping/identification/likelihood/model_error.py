@@ -33,7 +33,7 @@ from galloping.identification.work import is_spent
 from galloping.intervals import NORMAL_95, QUANTILES_95
 from galloping.passes import passing
 
-# Total variance over that between stretches: what errs alike in all may be as large.
+# Total variance over that between stretches: an error alike in all stretches may be as large.
 SYSTEMATIC = 2.0
 
 MisfitOf = Callable[[Record, np.ndarray], np.ndarray]
@@ -80,8 +80,8 @@ class Approximation:
 
     @property
     def error_shares(self) -> np.ndarray:
-        """(n_observed,) error of the forecasts, less the noise, as a share of the motion, each
-        about its mean over a recording.
+        """(n_observed,) root mean square error of the forecasts, less the noise, as a share of that
+        of the motion, both about their means over a recording.
         """
         condensed = self.fit.record.condensed
         shares = np.zeros(len(condensed.observed))
@@ -127,8 +127,9 @@ def stated(
     """The approximation as an identified model.
 
     residual: (n_windows, n_observed, n_rows) of its motion, in which further modes are looked for.
-    noise: (n_recordings, n_observed) of a sample. reason: what the shares of the channels that are
-    left end. The diagnostics are the R2 of the forecasts and these shares.
+    noise: (n_recordings, n_observed) of a sample. reason: a clause, to whose end the share of each
+    channel's motion is added that the model leaves. The diagnostics are the R2 of the forecasts
+    and these shares.
     """
     fit, record, condensed = made.fit, made.fit.record, made.fit.record.condensed
     problem, support = record.problem, fit.support
@@ -243,13 +244,14 @@ def _varying(fit: StretchFit, penalty: float) -> Approximation | None:
 def _iterate(
     fit: StretchFit,
     misfit_of: MisfitOf,
-    penalty: float | None = None,
+    price: float | None = None,
     largest: np.ndarray | None = None,
 ) -> StretchFit:
-    """Gauss-Newton, with covariances estimated on the way and, unless `penalty` is None, terms
-    chosen. largest: covariance of jumps whose size those of the model may not exceed.
+    """Gauss-Newton, with covariances estimated on the way and, unless `price` is None, terms chosen
+    in the first passes. largest: (n_states, n_states) covariance of jumps; those of the model are
+    not allowed to be larger.
     """
-    record, (passes, choosing) = fit.record, (5, 0) if penalty is None else (20, 6)
+    record, (passes, choosing) = fit.record, (5, 0) if price is None else (20, 6)
     for passed in range(passes):
         if passed and is_spent():
             break
@@ -257,7 +259,7 @@ def _iterate(
         solved = eliminate_with_jumps(record, fit.linear, record.precision(fit.jump))
         right, support = solved.right + solved.information @ fit.free, fit.support
         if passed < choosing:
-            support = chosen(record.problem, solved.information, right, support, penalty)
+            support = chosen(record.problem, solved.information, right, support, price)
         free, _ = solve_support(solved.information, right, support)
         change = free - fit.free
         starts = solved.moved(change, fit.starts)
@@ -303,11 +305,11 @@ def _judged(fit: StretchFit, price: float) -> Approximation:
 
 
 def prior_covariance(problem: Problem, information: np.ndarray, support: np.ndarray) -> np.ndarray:
-    """What the means of priors, which are as wrong as they say, add to a covariance."""
+    """(n_support, n_support) covariance of coefficients for the errors of their priors' means."""
     _, covariance = solve_support(information, np.zeros(len(support)), support)
     return covariance * problem.of_candidates(problem.precision)[support] @ covariance
 
 
 def of_few(groups: int) -> float:
-    """By how much a variance from so few groups is to be larger for normal intervals to hold."""
+    """Factor on a variance estimated from so few groups, for normal intervals to hold 95 %."""
     return float((stdtrit(max(groups - 1, 1), QUANTILES_95[1]) / NORMAL_95) ** 2)

@@ -14,11 +14,11 @@ from galloping.taylor import solution
 def only_repeats(
     model: PolynomialModel, starts: np.ndarray, recordings: Sequence[Recording], period: float
 ) -> bool:
-    """Whether all that was recorded is the same orbit again and again, as the model has it.
+    """Whether in all recordings the model's motion is one orbit again and again.
 
-    Two tones without a common period come near to themselves once, but not at its multiples.
-    starts: (n_recordings, n_states), the first state of each. period: the shortest of the motion,
-    s. What inputs drive is no orbit, nor is what diverges.
+    Two tones without a common period come near to themselves after some delay, but not after its
+    multiples. starts: (n_recordings, n_states), the first state of each. period: the shortest of
+    the motion, s. What inputs drive is no orbit, nor is what diverges.
     """
     return not model.inputs and all(
         _repeats(model, start, float(np.ptp(one.time)), period)
@@ -29,11 +29,13 @@ def only_repeats(
 def _repeats(model: PolynomialModel, start: np.ndarray, duration: float, period: float) -> bool:
     """Whether standardised states return to themselves over two thirds of the time.
 
-    Sought is the delay, up to a third of the time, after which they differ least, beyond the first
-    after which they differ less than a little earlier: among samples by a fifth of their size, at
-    its best by a hundredth. What repeats over 500 periods goes on as it does.
+    Sought is the delay, up to a third of the time, after which the states differ least from what
+    they were; short delays are passed by, up to where the difference first falls. A delay of whole
+    samples must leave a fifth of the states' size at most. Made finer, then counted as many times
+    as fit into two thirds of the time, it must leave less than a hundredth. duration, period: s; a
+    motion that repeats over 500 periods goes on so.
     """
-    samples = 60  # a period, each of at most 64 steps of the integration
+    samples = 60  # of a period, which takes at most 64 steps of the integration
     time = np.arange(0.0, min(duration, 500 * period), period / samples)
     try:
         most = 64 * (len(time) // samples + 1)
@@ -67,8 +69,8 @@ def _repeats(model: PolynomialModel, start: np.ndarray, duration: float, period:
 
 
 def _apart(states: np.ndarray) -> np.ndarray:
-    """Root mean square by which states (n, n_states) differ from themselves n samples later, of n
-    up to a third of all.
+    """(n // 3,) root mean square by which states (n, n_states) differ from themselves 0, 1, ...
+    samples later.
     """
     count, size = len(states), 2 * len(states)
     spectrum = np.fft.rfft(states, size, axis=0)

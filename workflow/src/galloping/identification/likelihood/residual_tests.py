@@ -8,16 +8,16 @@ from scipy.special import ndtri
 
 from galloping.identification.likelihood.condense import Condensed
 
-# Rate at which white noise raises an objection, by the highest of all its spectral lines
-# or by a sum.
+# Rate at which white noise raises an objection, by the highest of all its spectral lines or by a
+# sum of squares.
 RESIDUAL_RATE = 1e-6
 # Bins on each side of a spectral line that its height is measured against: their mean has a
 # relative spread of a fifth.
 NEIGHBOURS = 15
 # chi^2 per degree of freedom from which noise is said to be correlated over a few samples: a model
-# error that large is refused by its own spectrum. As many times the power of the noise between the
-# motion's frequencies may rise at them; intervals widen by its root. Noise correlated over a
-# period, which cannot be told from the motion, has more.
+# error that large is refused by its own spectrum. Of such noise the power at the motion's
+# frequencies may be up to this many times that above them, and intervals widen by the root of the
+# ratio. Noise correlated over a period, which cannot be told from the motion, has more.
 MOST_COLOUR = 2.0
 # Residuals and noise relative to a channel below which they are truncation (1e-7) and rounding.
 ROUNDING = 1e-5
@@ -29,16 +29,15 @@ class Residue:
 
     chi2: mean square of the projected residuals, per degree of freedom, against the noise inside
     the windows; NaN where the windows hold too few samples to measure it. chi2_allowed: the
-    largest that white noise would give. noise_known: whether that of a channel is known and need
-    not be measured.
-    band: power density of the residuals below 1.5/period over that above, and the largest ratio
-    that white noise would give; a model error shows below, at the frequencies of the motion.
+    largest that white noise would give. noise_known: whether the noise of any channel is known
+    and need not be measured.
+    band: power density of the residuals below 1.5/period over that above; band_allowed: the largest
+    ratio that white noise would give. A model error shows below, at the frequencies of the motion.
     band_power: (n_recordings, n_observed) power density below, as the variance of a projection.
-    excess: (n_recordings, n_observed) sum of squares by which that is larger than it would be with
-    the density above.
-    line: ratio of the highest peak of the residuals' periodogram to its surroundings, and the
-    largest that noise would give; frequency, Hz, and channel of that peak, and its cycles in a
-    recording.
+    excess: (n_recordings, n_observed) sum of squares below, less that with the density above.
+    line: ratio of the highest peak of the residuals' periodogram to its surroundings; line_allowed:
+    the largest that noise would give. frequency, Hz, and channel of that peak, and its cycles in
+    the recording.
     """
 
     chi2: float
@@ -80,10 +79,10 @@ class Residue:
 
 
 def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period: float) -> Residue:
-    """Tests of the residuals (n_windows, n_observed, n_rows) of a fit with `parameters`.
+    """Tests of the residuals (n_windows, n_observed, n_rows) of a fit.
 
-    period: the shortest of the motion, s. Channels whose residuals are below 1e-5 of the samples
-    show rounding and truncation, and are left out of the spectra.
+    parameters: how many the fit has. period: the shortest of the motion, s. Channels whose
+    residuals are below ROUNDING show no more than that, and are left out of the spectra.
     """
     limit = 1.5 * condensed.step / period
     low, high, bins = [], [], np.zeros(2)
@@ -135,15 +134,16 @@ def _misfit(condensed: Condensed, residual: np.ndarray, parameters: int) -> tupl
 
 
 def _allowed(spread: float) -> float:
-    """The largest of a mean square that is one but for a relative `spread`: the deviations that a
-    sum exceeds at RESIDUAL_RATE, rounded up.
+    """The largest allowed mean square of what has mean square one and this relative `spread`: as
+    many deviations above one as a sum exceeds at RESIDUAL_RATE, rounded up.
     """
     return float(1.0 + np.ceil(-ndtri(RESIDUAL_RATE)) * spread)
 
 
 def _line(power: np.ndarray) -> tuple[float, int]:
-    """Highest ratio of a periodogram bin to the mean of its neighbours, and the bin; zero of a
-    record that is too short to have so many.
+    """Highest ratio of a periodogram bin to the mean of its neighbours, and the bin; a ratio of
+    zero where a record is too short to have so many neighbours. The two bins beside a peak, into
+    which it leaks, are left out.
     """
     if len(power) <= 2 * NEIGHBOURS:
         return 0.0, 1

@@ -14,15 +14,17 @@ from galloping.identification.problem import Problem
 from galloping.identification.work import spend
 
 HUGE = 1e30  # of a state or a derivative, from which a solution counts as diverged
-MOST_HALVINGS = 6  # of the integrator's step, and of a Gauss-Newton step
-SEGMENT = 5e-5  # s, that one takes when it is linearised, or chained
+MOST_HALVINGS = 6  # of windows, and of a Gauss-Newton step (docs/identification_parts.csv)
+SEGMENT = 5e-5  # s of work, in which a segment is linearised, or put in a chain
 
 
 @dataclass(frozen=True)
 class Segments:
-    """first: (n_segments + 1,) first window of each; recording: (n_segments,) which it is cut from.
+    """Segments of the recordings, each of whole windows.
 
-    chains: (n_segments,) the chain of each segment, non-decreasing.
+    first: (n_segments + 1,) first window of each, and the number of windows. recording:
+    (n_segments,) index of the recording that each is cut from. chains: (n_segments,) the chain of
+    each segment, non-decreasing.
     """
 
     first: np.ndarray
@@ -37,8 +39,10 @@ class Segments:
 
 @dataclass(frozen=True)
 class Record:
-    """What is fitted. states: (n_windows, n_states) smoothed, where the windows begin. floor:
-    (n_recordings, n_observed) least noise of the projections.
+    """The condensed samples, in segments, that the problem's equations are fitted to.
+
+    states: (n_windows, n_states) smoothed, where the windows begin. floor: (n_recordings,
+    n_observed) least standard deviation of the projections' noise.
     """
 
     problem: Problem
@@ -59,18 +63,18 @@ class Record:
 
     @cached_property
     def followed(self) -> np.ndarray:
-        """Indices of the segments that another one of the same recording follows."""
+        """Indices of the segments that another segment of the same recording follows."""
         return np.flatnonzero(np.diff(self.segments.recording) == 0)
 
     @property
     def stretch(self) -> float:
-        """s, that a segment is long."""
+        """Length of a segment, s: the median."""
         return float(np.median(np.diff(self.segments.first)) * self.condensed.step)
 
     @cached_property
     def size(self) -> np.ndarray:
         """(n_segments,) root mean square of the motion in each, relative to the whole record, and
-        a few percent: jumps are no smaller where it rests.
+        3 % added in squares: jumps are no smaller where the motion rests.
         """
         mean = np.mean(self.states**2, axis=0) + np.finfo(float).tiny
         squares = np.mean(self.states**2 / mean, axis=1)
@@ -81,7 +85,7 @@ class Record:
         self, free: np.ndarray, starts: np.ndarray, segments: slice = slice(None)
     ) -> np.ndarray:
         """(n_windows, n_observed, n_rows) projections of the solution over consecutive segments,
-        not finite where it diverges. starts: (n, n_states) of these.
+        not finite where the solution diverges. starts: (n, n_states) first states of the segments.
         """
         first = self.segments.first
         begin, end, _ = segments.indices(len(first) - 1)
@@ -91,7 +95,9 @@ class Record:
         return np.where(np.abs(predicted) < HUGE, predicted, np.inf)
 
     def precision(self, jump: np.ndarray) -> np.ndarray:
-        """Of a jump after each segment; jump: its covariance at full motion."""
+        """(n_segments, n_states, n_states) inverse covariance of the jump after each segment. jump:
+        (n_states, n_states) covariance at full motion.
+        """
         return np.linalg.inv(jump) / self.size[:, None, None] ** 2
 
     def linearised(
@@ -119,11 +125,12 @@ class Record:
 
 @dataclass(frozen=True)
 class ShootingFit:
-    """Where an iteration stands.
+    """Coefficients and first states at which an iteration stands.
 
-    free: (n_candidates,) coefficients; support: the same, boolean. starts: (n_segments,
-    n_states). sigma: (n_recordings, n_observed) noise of the projections, not below the floor.
-    reference: the same as first estimated. chi2: by that, of the fit before this one.
+    free: (n_candidates,) coefficients, zero outside the support (n_candidates,), boolean. starts:
+    (n_segments, n_states) first states. sigma: (n_recordings, n_observed) standard deviation of the
+    projections' noise, not below the floor. reference: the same as first estimated. chi2: misfit in
+    units of `reference`, of the fit from which the last step led to this one, infinite before any.
     """
 
     record: Record
@@ -136,7 +143,7 @@ class ShootingFit:
 
     @property
     def misfit(self) -> float:
-        """chi^2 per row."""
+        """chi^2 per row, that is, per projection."""
         return self.chi2 / float(np.sum(self.record.condensed.rows))
 
     @property
@@ -157,7 +164,7 @@ class Linearised:
     rows: (n_segments, n_states, n + n_states + 1), of coefficients, state and residual.
     information: (n, n), right: (n,), of all other rows together. squares: (n_recordings,
     n_observed) sums of squared residuals, in units of sigma^2.
-    ends: (n_segments, n_states); end_derivatives: (n_segments, n_states, n + n_states).
+    ends: (n_segments, n_states) last states; end_derivatives: (n_segments, n_states, n + n_states).
     """
 
     rows: np.ndarray
@@ -169,10 +176,10 @@ class Linearised:
 
 
 def cut(condensed: Condensed, windows: int, allowed: np.ndarray) -> Segments:
-    """Segments of about `windows` windows, each its own chain.
+    """Segments of about `windows` windows, each a chain of its own.
 
-    allowed: (n_windows,) whether a segment may start at a window, else it starts at the nearest one
-    where it may; every recording's first may.
+    allowed: (n_windows,) whether a segment may start at a window; where not, it starts at the
+    nearest window where it may. One may start at the first window of every recording.
     """
     first, recording = [], []
     for r, (a, b) in enumerate(zip(condensed.first[:-1], condensed.first[1:], strict=True)):
@@ -186,8 +193,8 @@ def cut(condensed: Condensed, windows: int, allowed: np.ndarray) -> Segments:
         first.append(starts)
         recording.append(np.full(len(starts), r))
     owner = np.concatenate(recording)
-    windows = np.append(np.concatenate(first), condensed.first[-1])
-    return Segments(windows, owner, np.arange(len(owner)))
+    bounds = np.append(np.concatenate(first), condensed.first[-1])
+    return Segments(bounds, owner, np.arange(len(owner)))
 
 
 def linearise(
@@ -213,7 +220,7 @@ def linearise(
     ends = np.empty(starts.shape)
     end_derivatives = np.zeros((*starts.shape, m))
     by_dynamics = np.r_[: len(pairs), n:m]
-    at_once = 8  # as what is held then fits in the cache
+    at_once = 8  # segments: their derivatives fit in the cache
     for group, windows, residual, derivatives, *reached in record.linearised(
         free, starts, pairs, at_once
     ):
@@ -241,8 +248,11 @@ def linearise(
 def rotated(
     rows: np.ndarray, residual: np.ndarray, n: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows rotated so that only the first contain the columns from `n` on: those, with the residual
-    as last column, and the design and residual of the others.
+    """Rows rotated so that only the first contain the columns from `n` on, the states.
+
+    rows: (n_rows, n + n_states), residual: (n_rows,). Returns the first rows, (n_states, n +
+    n_states + 1), with the residual as last column, and the others' design (n_rows, n) and residual
+    (n_rows,), regressions on the first n columns alone.
     """
     q, r = np.linalg.qr(rows[:, n:])
     design = q.T @ rows[:, :n]

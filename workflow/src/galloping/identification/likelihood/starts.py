@@ -29,8 +29,8 @@ TIME_SCALES = (1.0, 1 / 2, 1 / 4)  # of the period that the spectrum shows
 def rescaled(
     begun: Start, recordings: list[Recording], share: float
 ) -> tuple[Start, dict[str, float]]:
-    """The start in recordings whose values of unknown scale are divided by it, with the rates that
-    they measure; and the scales, by name. share: of the time scale of the start.
+    """The start in recordings whose values of unknown scale are divided by their scale, with the
+    rates that the recordings measure; and the scales, by name. share: the start's of `TIME_SCALES`.
     """
     own = scaled(recordings, begun.period)
     if any(one is not other for one, other in zip(recordings, own, strict=True)):
@@ -39,7 +39,7 @@ def rescaled(
 
 
 def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
-    """Of each start, in order, its name, its terms, and how dear terms are at first (see `join`).
+    """Name and terms of each start, in order, and how dear its terms are at first (see `join`).
 
     A start of few terms moves no faster than the samples tell: of twenty recordings of the
     displacements of a line, three samples a second, starts of 25 to 70 terms left fourteen without
@@ -63,30 +63,31 @@ def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
 
 def rests_at_zero(begun: Start) -> bool:
     """Whether each unknown equation is of the velocity of a displacement that is not measured."""
-    return set(begun.problem.unknown) <= {velocity for _, velocity in _pairs(begun)}
+    return set(begun.problem.unknown) <= {velocity for _, velocity in _undisplaced(begun)}
 
 
-def _pairs(begun: Start) -> set[tuple[int, int]]:
+def _undisplaced(begun: Start) -> set[tuple[int, int]]:
     """Indices of each state X that no recording measures, with that of its velocity dX."""
     return set.intersection(*(set(undisplaced(one).items()) for one in begun.recordings))
 
 
 def _without_constants(problem: Problem) -> Problem:
+    """The problem without terms that neither states nor inputs move."""
     moving = np.any(problem.terms, axis=1)
     terms = [term for term in problem.terms if any(term)]
     return problem.by_term(lambda values: values[:, moving], terms)
 
 
 def positions_of_rest(begun: Start) -> Iterator[tuple[str, Start]]:
-    """By name, the start as it is, and with its curves moved along each displacement that is not
-    measured, without constants.
+    """Starts without constants, by name: the curves as they are, then moved along each displacement
+    that is not measured.
 
-    The middle of a motion may lie a fifth of the displacement's deviation from rest. Measured on
-    accelerations of the study's line, whose is 0.15: starts 0.0 to 0.1 off lead to the model
-    always. Raises what `weak_fit` raises.
+    The middle of a motion may lie a fifth of the displacement's deviation from rest; that of the
+    study's line lies 0.15 deviations from rest, and on its accelerations starts that are 0.0 to 0.1
+    deviations off always lead to the model. Raises what `weak_fit` raises.
     """
     problem = _without_constants(begun.problem)
-    units = 0.2 * np.eye(len(problem.states))[sorted(state for state, _ in _pairs(begun))]
+    units = 0.2 * np.eye(len(problem.states))[sorted(state for state, _ in _undisplaced(begun))]
     offsets = (0.0 * units[0], *units, *-units)
     for k, offset in enumerate(offsets, 1):
         states = [one.states + offset * one.states.std(axis=0) for one in begun.smoothed]
@@ -101,6 +102,7 @@ def with_constants(problem: Problem, identified: IdentifiedModel) -> IdentifiedM
     """What was identified without constants, on the terms of the problem."""
 
     def spread(values: np.ndarray, elsewhere: float) -> np.ndarray:
+        """(..., n_terms) values of the terms without constants, `elsewhere` for the constants."""
         whole = np.full((*values.shape[:-1], len(problem.terms)), elsewhere)
         whole[..., np.any(problem.terms, axis=1)] = values
         return whole

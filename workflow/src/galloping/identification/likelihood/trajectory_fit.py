@@ -32,13 +32,13 @@ from galloping.recording import Recording
 PERIODS_PER_SEGMENT = 6  # short enough for a rough start to converge from
 CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
 MOST_PASSES = 20  # with joined segments
-CONVERGED = 0.01  # squared length of a step, in standard deviations
+CONVERGED = 0.01  # squared length of a step, in standard deviations: errors grow by half a percent
 DIVERGES = "no model found that follows the data: the iteration diverges"
 
 
 @dataclass(frozen=True)
 class Step:
-    """A Gauss-Newton step from one fit, `before`, to the next, in the chains that were matched.
+    """A Gauss-Newton step from one fit, `before`, to the next, `fit`, with segments in chains.
 
     information: of the regression on all candidates; right: half the fall of chi^2 with each, at
     the new fit. decrement: squared length of the step, in units of its covariance. gap: largest
@@ -53,7 +53,7 @@ class Step:
     gap: float
 
     def path(self, period: float) -> Iterator[str]:
-        """Of which windows and segments, in words. period: the shortest of the motion, s."""
+        """Windows and segments of the step, in words. period: the shortest of the motion, s."""
         record = self.fit.record
         if (finer := round(period / WINDOWS_PER_PERIOD / record.condensed.step)) > 1:
             yield f"windows 1/{finer}"
@@ -67,9 +67,9 @@ class Step:
 class JoinedFit:
     """Where an iteration over joined segments ended.
 
-    free: the last step in free segments. step: the last, with a quadratic model of chi^2. path: in
-    words. settled: whether it converged with the same terms. objection: why it does not follow the
-    data, '' where it does.
+    free: the last step in free segments. step: the last step of all, with a quadratic model of
+    chi^2. path: the stages, in words. settled: whether the iteration converged with the same terms.
+    objection: why the fit does not follow the data, '' where it does.
     """
 
     free: Step
@@ -80,12 +80,12 @@ class JoinedFit:
 
 
 def free_fit(begun: Start, start: WeakFit) -> Step | None:
-    """The last step of a fit in which each segment has a first state of its own: in the longest
-    with which it is close, or else those to which halving halved the misfit; None where all
-    diverge.
+    """The last step of a fit in which each segment has a first state of its own. Segments are
+    halved up to three times, until the fit is close; where it never is, they are as short as
+    halving them still halved the misfit. None where all diverge.
 
-    From a rough start, that of a sensitive system above all, long segments lead astray; ones that
-    are shorter than they need be hide what the recording may have wrong.
+    From a rough start, that of a sensitive system above all, long segments lead astray; segments
+    that are shorter than they need be hide what the recording may have wrong.
     """
     best, improving, periods = None, True, float(PERIODS_PER_SEGMENT)
     for _ in range(4):
@@ -197,10 +197,12 @@ def join(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
     above all, the solution over a long chain is far from linear in the coefficients, and the terms
     that seem best then lead astray. Where those of the start are the best already, the chains are
     whole from the first.
-    price: of the terms. dear: how many times as much they cost in the first two passes; half as
-    much, but no less than their price, in the next two, and so on.
-    unseen: whether mixtures of terms go unseen; then what does not settle while terms are chosen
-    never will, and the last of the models that follow the data alike is one of them.
+
+    free: the last step in free segments. price: of the terms. dear: how many times as much they
+    cost in the first two passes; half as much, but no less than their price, in the next two, and
+    so on.
+    unseen: whether mixtures of terms go unseen: then many models follow the data alike, what does
+    not settle while terms are chosen never will, and the last model stands for the others.
     """
     step, count = free, len(free.fit.starts)
     best = _chosen(step.fit, step.information, step.right, price.times(dear))
@@ -236,7 +238,8 @@ def join(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
 def guarded_step(
     previous: ShootingFit, fit: ShootingFit, longest: float | None, cost: Price | None
 ) -> Step:
-    """A step from `fit`, or, where that diverges or raises the misfit, from nearer to `previous`.
+    """A step from `fit` or, where that diverges or raises a misfit that is not close by half, from
+    half as far from `previous`, and so on.
 
     The other arguments as in `_gauss_newton`. Raises FloatingPointError where halving the way
     does not help, or no work is left.
@@ -258,10 +261,10 @@ def guarded_step(
 
 
 def _gauss_newton(fit: ShootingFit, longest: float | None, cost: Price | None) -> Step:
-    """Linearise, choose the terms (unless `cost`, of each, is None), move, re-estimate the noise.
+    """Linearise, choose the terms (unless their price, `cost`, is None), move, re-estimate noise.
 
-    The noise is that of the projections: where it is not white it differs from that between
-    samples. longest: as in `chained`, None to keep the chains that there are.
+    The noise is that of the projections: of coloured noise samples in a window scatter otherwise.
+    longest: as in `chained`, None to keep the chains that there are.
     """
     record, linear = fit.record, linearise(fit)
     segments = record.segments

@@ -48,7 +48,7 @@ FOLLOW = ("ok", "not identifiable")  # of models that follow the data to the noi
 
 @dataclass(frozen=True)
 class Regression:
-    """chi^2 about a fit, a quadratic of the candidates' coefficients, and the terms chosen on it.
+    """chi^2 as a quadratic of the candidates' coefficients, about a fit, and the terms chosen.
 
     information, right: as in `selection.solve_support`. support: (n,) boolean. penalty: 2 ln N of N
     samples. largest: (n,) coefficients as in `problem.largest`. about: (n,) coefficients of the
@@ -89,15 +89,15 @@ def judged(
 ) -> IdentifiedModel:
     """The identified model of a fit that may be trusted, `ok` or `not identifiable`.
 
-    `ok` claims: the terms found are right, every absent one is smaller than its stated limit, and
-    no simple one may hide that matters. Where another one may, or where the data alone would leave
-    other terms open and the prior did not, its reason says so. Intervals and limits are those of
-    the data alone.
+    `ok` claims: the terms found are right, every absent term is smaller than its stated limit, and
+    no simple term that matters may hide. Where another term may hide, or where the prior settled
+    which terms there are and the data alone would not, the reason of the `ok` says so. Intervals
+    and limits are those of the data alone.
 
-    doubt: why its terms are not settled, '' where there is nothing to say. recordings: that its
-    motion followed from `initial_states`, in which it is asked whether it only repeats; none where
-    they tell rates besides. period: s, the shortest of the motion. fitted: initial_states, sigma,
-    chi2 and diagnostics, as in `IdentifiedModel`.
+    doubt: why the terms are not settled, '' where they are. recordings: those that the model
+    follows from `initial_states`, of which it is asked whether their motion only repeats; none
+    where derivatives were measured. period: s, the shortest of the motion. fitted: initial_states,
+    sigma, chi2 and diagnostics, as in `IdentifiedModel`.
     """
     support, penalty = regression.support, regression.penalty
     free, covariance = solve_support(regression.information, regression.right, support)
@@ -144,8 +144,8 @@ def judged(
 
 
 def approximate(problem: Problem, near: Near, reason: str, **fitted: object) -> IdentifiedModel:
-    """The identified model where no model of the library is right, `approximate`: only how far it
-    is from the data is claimed, which `reason` says. fitted: as of `judged`.
+    """The identified model where no model of the library is right, `approximate`. It claims no more
+    than how far it is from the data, which `reason` says. fitted: as of `judged`.
     """
     limits = detection_limits(near.errors, near.support, near.price)
     return IdentifiedModel(
@@ -161,7 +161,9 @@ def approximate(problem: Problem, near: Near, reason: str, **fitted: object) -> 
 
 
 def _rivals(problem: Problem, regression: Regression, believed: Plausible) -> dict[str, object]:
-    """`IdentifiedModel.rivals` and their share."""
+    """`IdentifiedModel.rivals` and `rival_share`; nothing where rivals are less likely together
+    than MISS_RATE.
+    """
     rng, others, drawn = np.random.default_rng(0), believed.weight[1:], []
     share = float(others.sum())
     if share < MISS_RATE:
@@ -177,8 +179,8 @@ def _rivals(problem: Problem, regression: Regression, believed: Plausible) -> di
 
 
 def agree(found: list[IdentifiedModel]) -> bool:
-    """Whether the last of models from several starts and one before have the same terms and follow
-    the data.
+    """Whether the last of models from several starts has the terms of an earlier model, and both
+    follow the data.
     """
     before = [one for one in found[:-1] if one.status in FOLLOW and found[-1].status in FOLLOW]
     return any(np.array_equal(one.support, found[-1].support) for one in before)
@@ -207,9 +209,9 @@ def best_of(found: list[IdentifiedModel]) -> IdentifiedModel:
 def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -> str:
     """One line on why the terms found are not settled, '' where they are.
 
-    They are not where the plausible supports without one of them weigh more than MOST_RIVAL_WEIGHT
-    together, or where an absent term, or a pair, improves the fit more than noise does, yet less
-    than selection asks.
+    The terms are not settled where the plausible supports that lack any of them weigh more than
+    MOST_RIVAL_WEIGHT together, or where an absent term, or a pair, improves the fit more than noise
+    does, yet less than selection asks.
     """
     share, told = _rival(problem, plausible)
     reasons = [f"the data cannot tell {told}; supports without a term found weigh {share:.2g}"]
@@ -228,8 +230,8 @@ def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -
 
 
 def is_simple(problem: Problem, support: np.ndarray) -> np.ndarray:
-    """(n,) terms as simple as the simplest of their equation, or of the first degree: of those a
-    reader of the equation would ask why they are not there.
+    """(n,) boolean: the terms as simple as the simplest found in their equation, or of the first
+    degree, of which a reader of the equation would ask why they are not there.
     """
     degrees, equations = problem.degrees, problem.candidates[:, 0]
     simplest = [min(degrees[support & (equations == i)], default=1) for i in equations]
@@ -275,8 +277,8 @@ def hidden_term(
 
 
 def _rival(problem: Problem, plausible: Plausible) -> tuple[float, str]:
-    """What the supports without one of the terms found weigh together, and in words in what the
-    heaviest of them differs.
+    """The weight of all supports that lack any of the terms found, and the difference of the
+    heaviest of these supports, in words.
     """
     support = plausible.supports[0]
     lacking = np.where(plausible.supports[:, support].all(axis=1), 0.0, plausible.weight)

@@ -23,22 +23,23 @@ STRETCH_PERIODS = 10
 
 
 def of_variance(record: Record, variance: np.ndarray) -> np.ndarray:
-    """(n_recordings, 1, n_observed, n_rows) white misfit, of a variance of each channel."""
+    """(n_recordings, 1, n_observed, n_rows) white misfit. variance: (n_recordings, n_observed)."""
     return np.repeat(variance[:, None, :, None], record.condensed.targets.shape[2], axis=3)
 
 
 def white_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
-    """Mean squares of a residual, at least the floor, as `of_variance`."""
+    """White misfit, as `of_variance`, of a residual's mean squares, at least the floor's square."""
     squares = record.condensed.squares(residual) / np.maximum(record.condensed.rows, 1)
     return of_variance(record, np.maximum(squares, record.floor**2))
 
 
 def coloured_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
-    """(n_recordings, n_lags, n_observed, n_rows) autocovariance of a residual, and the floor.
+    """(n_recordings, n_lags, n_observed, n_rows) autocovariance of a residual and of noise at the
+    floor.
 
-    It falls to zero over the longest segment, as a Parzen window, by which its spectrum is smooth.
-    What a model lacks recurs with the motion: were it taken for white noise, it would count as many
-    times as there are windows.
+    The autocovariance falls to zero over the longest segment, by a Parzen window, which makes its
+    spectrum smooth. What a model lacks recurs with the motion: taken for white noise, it would
+    count as many times as there are windows.
     """
     first, n_lags = record.condensed.first, int(np.diff(record.segments.first).max())
     lags = np.arange(n_lags) / (n_lags + 0.5)
@@ -60,10 +61,10 @@ def coloured_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
 class NormalEquations:
     """Normal equations of every segment in m unknowns, n coefficients and the segment's state.
 
-    free, starts: (n,), (n_segments, n_states), about which they are. information: (n_segments, m,
-    m); right: (n_segments, m). residual: (n_windows, n_observed, n_rows). ends: (n_segments,
-    n_states), and their derivatives: by_coefficients (n_segments, n_states, n), by_state
-    (n_segments, n_states, n_states).
+    free, starts: (n,), (n_segments, n_states), about which the equations are linearised.
+    information: (n_segments, m, m); right: (n_segments, m). residual: (n_windows, n_observed,
+    n_rows), not whitened. ends: (n_segments, n_states) last states, and derivatives of these:
+    by_coefficients (n_segments, n_states, n), by_state (n_segments, n_states, n_states).
     """
 
     free: np.ndarray
@@ -78,9 +79,12 @@ class NormalEquations:
 
 @dataclass(frozen=True)
 class StretchFit:
-    """free, support: (n_candidates,). starts: (n_segments, n_states). misfit: (n_recordings,
-    n_lags, n_observed, n_rows) autocovariance of what the projections miss, by the lag in windows,
-    zero beyond the last. jump: (n_states, n_states) covariance at full motion.
+    """Where an iteration over segments with jumps between them stands.
+
+    free, support: (n_candidates,) coefficients and which are there. starts: (n_segments, n_states)
+    first states. misfit: (n_recordings, n_lags, n_observed, n_rows) autocovariance of what the
+    projections miss, by the lag in windows, zero beyond the last. jump: (n_states, n_states)
+    covariance of the state's jumps at full motion.
     """
 
     record: Record
@@ -92,18 +96,18 @@ class StretchFit:
 
     @cached_property
     def linear(self) -> NormalEquations:
-        """Misfit of every segment about the fit. Raises FloatingPointError where that diverges."""
+        """The normal equations about the fit. Raises FloatingPointError where it diverges."""
         record, count, n = self.record, len(self.starts), len(self.free)
         m = n + self.starts.shape[1]
         information, right = np.empty((count, m, m)), np.empty((count, m))
         residual = np.empty(record.condensed.targets.shape)
         ends, slopes = np.empty(self.starts.shape), np.empty((*self.starts.shape, m))
         whitened = None
-        at_once = 1  # the rows of a long recording do not fit in memory
+        at_once = 1  # segment: the rows of all of a long recording do not fit in memory
         for group, own, left, rows, *reached in record.linearised(
             self.free, self.starts, record.problem.candidates, at_once
         ):
-            # not before the first segment, in which most that diverge do so: this takes long
+            # after the first segment, in which most fits diverge that do: whitening takes long
             whitened = whitened or self._whitening()
             residual[own], (ends[group], slopes[group]) = left, reached
             both = np.concatenate([rows, left[..., None]], axis=3)
@@ -117,10 +121,11 @@ class StretchFit:
         )  # fmt: skip
 
     def _whitening(self) -> Callable[[np.ndarray, slice, int], np.ndarray]:
-        """What makes projections of a segment independent and of variance one.
+        """A function that makes the projections of a segment independent and of variance one.
 
-        It takes the rows (n_windows, n_observed, n_rows, m) of a segment, the segment's windows and
-        its recording, and gives rows that are zero where those are absent.
+        The function takes rows (n_windows, n_observed, n_rows, m) of a segment, the segment's
+        windows and its recording's index, and returns rows of the same shape, zero where a
+        projection is absent.
         """
         if self.misfit.shape[1] == 1:  # white
             weight = 1.0 / np.sqrt(self.misfit[:, 0, :, :, None])

@@ -1,7 +1,7 @@
 """Channels that measure the rate of a state, such as accelerometers: offsets, scales, noise.
 
-What is slow in their difference to the smooth curve's slope is offset, for the curve itself has no
-such slope.
+What is slow in the difference of such a channel and the smooth curve's slope is an offset, for the
+curve itself has no slow slope.
 """
 
 from dataclasses import replace
@@ -28,8 +28,8 @@ def channels(recording: Recording) -> np.ndarray:
 
 
 def channel_noise(recording: Recording, smoothed: Smooth) -> tuple[np.ndarray, np.ndarray]:
-    """(2 n_states,) first estimate of the noise of a sample of the `channels`, and what is known of
-    it beforehand, NaN where nothing is.
+    """(2 n_states,) first estimate of the noise of a sample of the `channels`, and the noise known
+    beforehand, NaN where none is.
     """
     about = _deviation(sampled_rates(recording) - _slopes(recording, smoothed))
     told, known = np.append(smoothed.noise, about), recording.known_noise
@@ -37,9 +37,10 @@ def channel_noise(recording: Recording, smoothed: Smooth) -> tuple[np.ndarray, n
 
 
 def scaled(recordings: list[Recording], period: float) -> list[Recording]:
-    """The recordings with values of unknown scale divided by it, told by the rates beside them.
+    """The recordings with values of unknown scale divided by their scale, which the rates beside
+    them tell.
 
-    period: s, the shortest of the motion. Raises ValueError where no channel tells it.
+    period: s, the shortest of the motion. Raises Unusable where no channel tells a scale.
     """
     return [_scaled(recording, period) for recording in recordings]
 
@@ -56,6 +57,7 @@ def scales_told(recordings: list[Recording], scaled: list[Recording]) -> dict[st
 
 
 def _slopes(recording: Recording, smoothed: Smooth) -> np.ndarray:
+    """(n, n_states) slopes of the smooth curves at the samples."""
     slopes = np.gradient(smoothed.states, smoothed.time, axis=0)
     return np.column_stack([np.interp(recording.time, smoothed.time, one) for one in slopes.T])
 
@@ -74,7 +76,7 @@ def without_offsets(
 ) -> Recording:
     """The recording with the rates of the given one, without their offsets and outliers.
 
-    period: s, the shortest of the motion. Raises ValueError where an offset cannot be told.
+    period: s, the shortest of the motion. Raises Unusable where an offset cannot be told.
     """
     if given.rates is None:
         return recording
@@ -97,13 +99,14 @@ def without_offsets(
             rates[:, k] -= fitted
             difference[:, k] -= fitted
         good = inside & np.isfinite(difference[:, k])
-        # slopes are rougher than the curve: eight of their robust deviations
+        # eight robust deviations where samples have 5.5: slopes are rougher than the curve
         limit = 8.0 * _deviation(difference[good, k : k + 1])[0]
         rates[inside & (np.abs(difference[:, k]) > limit), k] = np.nan
     return replace(recording, rates=rates)
 
 
 def _scaled(recording: Recording, period: float) -> Recording:
+    """As `scaled`, of one recording; itself where no scale is unknown."""
     if recording.unknown_scales is None or not recording.unknown_scales.any():
         return recording
     pairs, rates = velocity_pairs(recording.states), sampled_rates(recording)
@@ -127,10 +130,12 @@ def _scaled(recording: Recording, period: float) -> Recording:
 def _weak(
     time: np.ndarray, values: np.ndarray, rates: np.ndarray, order: int, length: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Integrals of values and of their derivative of some order, each against test functions.
+    """(n_tests,) integrals of values (n,), and of `rates` (n,), their derivative of some order,
+    against test functions.
 
-    Integration by parts takes the derivatives to the test functions, bumps of two `length`, so
-    that both are equal but for scale, offset and noise. Stretches with gaps are left out.
+    Integration by parts takes the derivatives of the values to the test functions, bumps as wide as
+    twice `length`, s, so that both integrals are equal but for scale, offset and noise. Stretches
+    with gaps are left out.
     """
     known = np.isfinite(values) & np.isfinite(rates)
     time, values, rates = time[known], values[known], rates[known]

@@ -27,8 +27,8 @@ def prepared(
     """The recordings without faults and outliers, their smooth curves, the shortest period, s.
 
     Displacements that no channel measures are integrated for the curves (`with_integrals`).
-    share: of the shortest period that the spectra show, which is taken in its place. Raises
-    ValueError where no channel varies or a state cannot be had from the channels.
+    share: of the shortest period that the spectra show, which is taken in place of that period.
+    Raises Unusable where no channel varies or a state cannot be had from the channels.
     """
     passing("smooth the recording")
     spend(1e-6 * sum(recording.samples for recording in recordings))
@@ -67,8 +67,8 @@ def without_faults(recording: Recording, period: float) -> Recording:
 
 
 def piled(values: np.ndarray) -> list[float]:
-    """The least and the greatest of values (n,), where far more have it than the one beside it: of
-    a coarse resolution each value is that of many.
+    """The least and the greatest of values (n,), if far more samples have it than the value next to
+    it: at a coarse resolution many samples have each value.
     """
     different, counts = np.unique(values, return_counts=True)
     ends = ((0, 1), (-1, -2)) if len(different) > 1 else ()
@@ -82,7 +82,7 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
     Far is 5.5 robust standard deviations, which Gaussian noise exceeds once in 30 million samples,
     and well above the accuracy of the curve itself; the curve is fitted again until none is left.
     The deviation is that of the channel and also that of the samples within some four periods, as
-    noise may grow and shrink with the signal. Raises ValueError where more than a tenth of the
+    noise may grow and shrink with the signal. Raises Unusable where more than a tenth of the
     samples of a channel would go.
     """
     before = np.isfinite(recording.values).sum(axis=0)
@@ -110,8 +110,8 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
 
 
 def _local_median(time: np.ndarray, values: np.ndarray, length: float) -> np.ndarray:
-    """(n,) medians of stretches of about `length` s, interpolated between them; all have as many
-    samples: one of a few would take its outliers for its noise.
+    """(n,) medians of stretches of about `length`, s, interpolated between these. All stretches
+    have as many samples: a stretch of few samples would take its outliers for its noise.
     """
     count = max(int((time[-1] - time[0]) / length), 1)
     centres = [part.mean() for part in np.array_split(time, count)]

@@ -20,7 +20,7 @@ from galloping.identification.model import Unusable
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording, at_times
 
-# Smooth curves. Quintic splines: their derivatives, which the weak form's errors need, are cubic.
+# Of the smooth curves: the accelerations of a displacement's quintic spline are still cubic ones.
 SPLINE_DEGREE = 5
 # Knots a period: five carry a sine to 2.5e-4 of its size; one at each second point of the grid, the
 # most there are, its third harmonic to 1.4e-3.
@@ -74,12 +74,12 @@ class Smooth:
 def shortest_period(recordings: list[Recording]) -> float:
     """The shortest period, s, that matters: 95 % of each channel's power lies at longer ones.
 
-    Only power well above the noise floor (the median of the spectrum) counts. Raises ValueError
+    Only power well above the noise floor (the median of the spectrum) counts. Raises Unusable
     where no channel varies.
     """
     highest = 0.0
     for recording, channel in product(recordings, range(len(recordings[0].states))):
-        pieces = -(-len(recording.time) // 2**15)  # longer ones have more to tell
+        pieces = -(-len(recording.time) // 2**15)  # one grid is too coarse for more
         both = (recording.time, recording.values[:, channel])
         for time, values in zip(*(np.array_split(one, pieces) for one in both), strict=True):
             good = np.isfinite(values)
@@ -102,7 +102,7 @@ def shortest_period(recordings: list[Recording]) -> float:
 def smooth(recording: Recording, period: float) -> Smooth:
     """Spline estimate of all states of a recording, `period` being its shortest period, s.
 
-    Raises ValueError where a state is neither measured nor the derivative of a measured one.
+    Raises Unusable where a state is neither measured nor the derivative of a measured one.
     """
     n_states = len(recording.states)
     counts = np.isfinite(recording.values).sum(axis=0)
@@ -121,7 +121,8 @@ def smooth(recording: Recording, period: float) -> Smooth:
             recording, curve, pieces, time, period
         )
         valid &= _near(recording, curve, time, 0.4 * period)  # nearly half a swing
-        valid &= _near(recording, curve[:1], time, period)  # a velocity alone tells it no longer
+        # without samples of its own a state is told by its velocity for a period
+        valid &= _near(recording, curve[:1], time, period)
         valid &= _away(recording, curve, time, period)
         sigma[curve[0]] = density / np.sqrt(time[1] - time[0])
     inputs = at_times(list(recording.inputs.values()), time)
@@ -199,20 +200,22 @@ def _fit(
 
 
 def _near(recording: Recording, curve: list[int], grid: np.ndarray, within: float) -> np.ndarray:
-    """(n_grid,) whether a sample of the curve's channels is `within` that time, s."""
+    """(n_grid,) whether any sample of the curve's channels is not further away than `within`, s."""
     sampled = recording.time[np.isfinite(recording.values[:, curve]).any(axis=1)]
     return distance_to(sampled, grid) <= within
 
 
 def distance_to(nearest: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """(n,) from each time to the nearest of others (m,), increasing."""
+    """(n,) distance from each `time` to the nearest of others, `nearest` (m,), increasing."""
     after = np.searchsorted(nearest, time)
     to_next = nearest[np.minimum(after, len(nearest) - 1)] - time
     return np.minimum(np.abs(to_next), np.abs(time - nearest[np.maximum(after - 1, 0)]))
 
 
 def _away(recording: Recording, curve: list[int], grid: np.ndarray, period: float) -> np.ndarray:
-    """(n_grid,) whether a gap longer than a period is half of one away: a curve ends badly."""
+    """(n_grid,) whether gaps longer than a period are half a period away or more: beside a gap a
+    curve is as bad as at its end.
+    """
     sampled = recording.time[np.isfinite(recording.values[:, curve]).any(axis=1)]
     away = np.ones(len(grid), bool)
     for last in np.flatnonzero(np.diff(sampled) > period):
@@ -252,6 +255,7 @@ def _accumulate(place, values, weights, spacing, basis, bands, right):
 
 @njit(cache=True)
 def _evaluated(place, coefficients, derivative, spacing, basis):
+    """(n,) values of the spline, or of its first derivative, at `place` (n,), in knot spans."""
     n = basis.shape[0]
     alive = np.empty(n)
     result = np.zeros(len(place))
@@ -277,7 +281,7 @@ def _add_roughness(bands: np.ndarray, weight: float) -> None:
 
 
 def sampled_rates(recording: Recording) -> np.ndarray:
-    """(n, n_states) of a recording, NaN where it has none."""
+    """(n, n_states) rates of a recording, NaN where it has none."""
     return np.full(recording.values.shape, np.nan) if recording.rates is None else recording.rates
 
 
@@ -288,8 +292,9 @@ def undisplaced(recording: Recording) -> dict[int, int]:
 
 
 def with_integrals(recording: Recording) -> Recording:
-    """The recording with values of each state X that has none: the integral of the values of dX,
-    else of the rate of X, else that of dX twice. Itself where nothing is to be integrated.
+    """The recording with values of each state X that has none: the values of dX integrated, else
+    the rate of X, else the rate of dX integrated twice. The recording itself where every state has
+    values.
     """
     missing = undisplaced(recording)
     if not missing:
@@ -304,9 +309,10 @@ def with_integrals(recording: Recording) -> Recording:
 
 
 def without_drift(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Samples (n,), NaN where missing, less their offset and slow drift.
+    """Samples (n,), NaN where missing, less their offset and slow drift, a cubic.
 
-    Told with little weight at the ends, where periods that are cut short would count as drift.
+    The cubic is fitted with little weight at the ends, where periods that are cut short would count
+    as drift.
     """
     known = np.isfinite(values)
     place = 2.0 * (time - time[0]) / (time[-1] - time[0]) - 1.0

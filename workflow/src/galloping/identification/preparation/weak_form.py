@@ -26,7 +26,7 @@ from galloping.passes import passing
 from galloping.polynomial import design_matrix
 from galloping.recording import Recording, extrapolated
 
-TEST_STRIDE = GRID_PER_PERIOD // 6  # of the grid between test functions, a third of their radius
+TEST_STRIDE = GRID_PER_PERIOD // 6  # steps of the grid between tests, a third of their radius
 MOST_MISFIT = 3.0  # chi^2 per row of the weak form: linearised errors explain no more
 
 
@@ -37,8 +37,9 @@ def whitened_weak_form(
 
     The test functions have a radius of half the shortest period and are TEST_STRIDE steps
     of the grid apart; those that reach into a gap give zero rows. coefficients: (n_states,
-    n_terms), the linearisation of the errors; without them the rows are only scaled. Returns the
-    design (n_rows, n_candidates) and the right-hand side (n_rows,).
+    n_terms), about which the errors are linearised; without them the rows are only scaled. Returns
+    the design (n_rows, n_candidates) and the right-hand side (n_rows,). Raises Unusable where the
+    covariance of the errors is singular.
     """
     phi, slope = _bump(smooth)
     n_states = len(problem.states)
@@ -87,8 +88,10 @@ def _tested(series: np.ndarray, phi: np.ndarray) -> np.ndarray:
 def _covariance(
     problem: Problem, smooth: Smooth, coefficients: np.ndarray, usable: np.ndarray, keep: list[int]
 ) -> np.ndarray:
-    """Covariance of the rows by test and by kept equation, as lower bands (width, n_rows). usable:
-    (n_tests,); the rows of the other tests, all zero, get a variance of one.
+    """Covariance of the rows, which are by test and then by kept equation, as lower bands.
+
+    usable: (n_tests,) boolean; the rows of the other tests, all zero, get a variance of one.
+    Returns (n_bands, n_tests * n_kept).
     """
     n_tests, n_rows, width = len(usable), len(keep), len(_bump(smooth)[0])
     reach = (width - 1) // TEST_STRIDE
@@ -117,8 +120,9 @@ def _covariance(
 def _noise_influence(
     problem: Problem, smooth: Smooth, points: slice, coefficients: np.ndarray
 ) -> np.ndarray:
-    """(n_tests, n_states, n_states, n_points): derivative of each row by unit noise samples, at
-    `points` of the grid, which the tests reach.
+    """(n_tests, n_states, n_states, n_points): derivative of each row, by test and equation, by
+    unit noise of each state at each point that the test reaches. points: of the grid, all that the
+    tests reach.
     """
     n_states, (phi, slope) = smooth.states.shape[1], _bump(smooth)
     signals = problem.signals(smooth.states[points], smooth.inputs[points])
@@ -143,7 +147,11 @@ def _noise_influence(
 
 @dataclass(frozen=True)
 class WeakFit:
-    """Candidates' coefficients and support, with normal equations and misfit per row."""
+    """A fit of the weak form. free, support: (n,) candidates' coefficients and which are there.
+
+    information: (n, n), right: (n,) of the normal equations, in units of the noise. misfit: chi^2
+    per row.
+    """
 
     free: np.ndarray
     support: np.ndarray
@@ -193,9 +201,10 @@ def _regression(
 
 @dataclass(frozen=True)
 class Start:
-    """Where the methods begin: `prepared` recordings, worth of a term, and the weak fit.
+    """Where the methods begin: recordings and smooth curves as of `prepared`, and the weak fit.
 
-    samples: of the recordings as they were given.
+    period: the shortest of the motion, s. penalty: 2 ln N of N samples. samples: their number in
+    the recordings as they were given.
     """
 
     problem: Problem
@@ -213,8 +222,8 @@ class Start:
 
     @cached_property
     def price(self) -> Price:
-        """Of the terms, by the rates that the equations of the weak form have: those of the curves
-        hold noise, the more the faster it is.
+        """The price of the terms, by the rates in the equations of the weak fit: the slopes of the
+        curves hold noise, the more the faster it is.
         """
         rates = design_matrix(self._values, self.problem.terms)
         rates = rates @ self.problem.coefficients(self.fit.free).T
@@ -233,7 +242,9 @@ class Start:
 
 
 def begin(problem: Problem, recordings: list[Recording], share: float = 1.0) -> Start:
-    """share: as in `prepared`. Raises what it and `weak_fit` raise."""
+    """The start of an identification from recordings, at a share of their shortest period, as in
+    `prepared`. Raises Unusable where there is none.
+    """
     cleaned, smoothed, period = prepared(recordings, share)
     penalty = 2.0 * np.log(sum(recording.samples for recording in cleaned))
     fit, samples = weak_fit(problem, smoothed, penalty), sum(one.samples for one in recordings)
@@ -241,10 +252,10 @@ def begin(problem: Problem, recordings: list[Recording], share: float = 1.0) -> 
 
 
 def rough_fit(start: Start) -> WeakFit:
-    """The weak fit of the start, that of long recordings to the stretch of each that tells most.
+    """The weak fit of the start; of long recordings, that of the stretch of each that tells most.
 
     The longer a motion has settled, the more the errors of the weak form, small but the same in
-    every period, outweigh what the rest of a recording says about motions beside that one.
+    every period, outweigh what the rest of a recording says about other motions.
     """
     stretches = [_telling(start.problem, one, start.period) for one in start.smoothed]
     if all(own is one for own, one in zip(stretches, start.smoothed, strict=True)):
@@ -253,11 +264,12 @@ def rough_fit(start: Start) -> WeakFit:
 
 
 def _telling(problem: Problem, smooth: Smooth, period: float) -> Smooth:
-    """The stretch of some 1,000 periods in which the moments of the library are most diverse: their
-    determinant is the largest (D-optimality, J. Kiefer and J. Wolfowitz, 1960).
+    """The stretch of some 1,000 periods in which the moments of the library are most diverse, as
+    their determinant says (D-optimality, J. Kiefer and J. Wolfowitz, 1960).
 
-    The curve itself where it is shorter than two of them. Of the default line's 70 candidates, 14
-    of them true, the weak form keeps 25 over the first 1,000 periods, and over 40,000 63.
+    It is the whole curve where that is shorter than two stretches. Of the default line's 70
+    candidates, 14 of them true, the weak form keeps 25 over the first 1,000 periods, and over
+    40,000 63.
     """
     count = int((smooth.time[-1] - smooth.time[0]) / (1000 * period))
     if count < 2:
@@ -275,11 +287,12 @@ def _telling(problem: Problem, smooth: Smooth, period: float) -> Smooth:
 
 
 def delayed_inputs(start: Start) -> dict[str, float]:
-    """By name, inputs with which the motion goes along at other times than theirs, and by how many
-    s they are late.
+    """By name, the inputs whose times are not those at which they move the system, and by how many
+    s they are late, negative where early.
 
-    Looked for within four of the shortest periods, with all candidates, no model being needed
-    that nearly follows. Named is what takes most of the misfit beyond the noise away.
+    Looked for are delays within four of the shortest periods, with all candidates, so that no model
+    is needed that nearly follows. A delay counts that takes away most of the misfit of the weak
+    form beyond the noise.
     """
     problem, n = start.problem, len(start.problem.candidates)
     weighed, found = problem.coefficients(start.fit.free), {}
