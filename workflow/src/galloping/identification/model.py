@@ -40,7 +40,7 @@ class NoModel:
 
 
 def attempt(search: Callable[[], Found]) -> Found | NoModel:
-    """What a search returns, or `NoModel` where its numerics fail; other errors are raised."""
+    """What a search returns, or `NoModel` where it raises one of NO_MODEL."""
     try:
         return search()
     except NO_MODEL as error:
@@ -361,6 +361,7 @@ class IdentifiedModel(Immutable):
 
 
 def _latex(state: str, states: tuple[str, ...]) -> str:
+    """A state's name as LaTeX, with a dot where it is the velocity of one of `states`."""
     dotted = state[:1] == "d" and state[1:] in states
     stem, _, index = (state[1:] if dotted else state).partition("_")
     symbol = rf"\dot {stem}" if dotted else stem

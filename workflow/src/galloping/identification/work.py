@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from galloping.identification.model import IdentifiedModel
 from galloping.recording import Recording
 
-# s, of a search in recordings of up to ROWS samples, and in proportion of longer ones. With 24 what
-# no model follows is refused sooner, and some lines of wild motion lose their exact model
-# (docs/identification_parts.csv).
+# s, of a search in recordings of up to ROWS times of sampling, and in proportion of longer ones.
+# With 24 what no model follows is refused sooner, and some lines of wild motion lose their exact
+# model (docs/identification_parts.csv).
 MOST = 36.0
 ROWS = 30_001
 AFTER = 12.0  # s, that forecasts, limit cycles and figures take, which are not counted
@@ -53,7 +53,7 @@ _work: ContextVar[Work] = ContextVar("work", default=_UNLIMITED)
 
 
 def allowed(rows: int, most: float = MOST) -> float:
-    """s, the work of a search in so many samples."""
+    """s, the work of a search in recordings of so many times of sampling."""
     return most * max(1.0, rows / ROWS)
 
 
@@ -61,7 +61,7 @@ def allowed(rows: int, most: float = MOST) -> float:
 def limited(recordings: Sequence[Recording], most: float = MOST) -> Iterator[Work]:
     """The block has the work of a search in these recordings, or what is left of that around it.
 
-    most: s, of recordings of up to ROWS samples in all.
+    most: s, for recordings of up to ROWS times of sampling in all.
     """
     rows = sum(len(recording.time) for recording in recordings)
     with _within(min(allowed(rows, most), _work.get().left)) as work:
@@ -70,7 +70,9 @@ def limited(recordings: Sequence[Recording], most: float = MOST) -> Iterator[Wor
 
 @contextmanager
 def portion(share: float) -> Iterator[Work]:
-    """The block has a share of the work that is left; what it leaves undone is left undone."""
+    """The block has a share of the work that is left. What the block leaves undone for lack of work
+    counts as left undone by the search around it.
+    """
     around = _work.get()
     with _within(share * around.left) as work:
         try:
@@ -97,7 +99,9 @@ def spend(seconds: float) -> None:
 
 
 def counted() -> tuple[float, float]:
-    """s, counted so far, and s left at most until all is written; infinite without a limit."""
+    """Work counted so far, s, and what is left at most until all is written, s, infinite without a
+    limit.
+    """
     work, most, spent = _work.get(), _UNLIMITED.most, 0.0
     while work is not _UNLIMITED:
         most, spent, work = work.most, spent + work.spent, work.around

@@ -23,7 +23,8 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     equation than the library has terms. The model is `refused` where that leaves no row, and
     `approximate` where its residuals are correlated from sample to sample, as white noise is not;
     intervals then are as wide as stretches differ in which way they pull the coefficients, as in
-    `free_run.whole_approximation`.
+    `free_run.whole_approximation`. The samples that the price of a term counts are those of its
+    equation.
     """
     n = len(problem.candidates)
     information, right = problem.with_prior(np.zeros((n, n)), np.zeros(n))

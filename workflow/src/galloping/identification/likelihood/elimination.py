@@ -25,7 +25,7 @@ from galloping.identification.work import spend
 # leaves 2e-4 of what a segment tells.
 MOST_GROWTH = 1e6
 UNDETERMINED = 3e-7  # relative singular value below which a direction of a state is not solved for
-STATE_RIDGE = 1e-12  # of the information about a state, where a stretch tells nothing
+STATE_RIDGE = 1e-12  # of the information about a state, added: a stretch may tell nothing of it
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Where an identification starts from at a time scale, in order: positions of rest, terms.
+"""Where an identification starts from, in order: time scales, positions of rest, terms.
 
 Moved along a displacement that no channel measures, a polynomial model is another one that follows
 velocities and accelerations as well: that which rests at zero, without constants, is meant.
@@ -38,6 +38,62 @@ def rescaled(
     return begun.with_rates(own), scales_told(recordings, own)
 
 
+def rests_at_zero(begun: Start) -> bool:
+    """Whether each unknown equation is of the velocity of a displacement that is not measured."""
+    return set(begun.problem.unknown) <= {velocity for _, velocity in _undisplaced(begun)}
+
+
+def _undisplaced(begun: Start) -> set[tuple[int, int]]:
+    """Indices of each state X that no recording measures, with that of its velocity dX."""
+    return set.intersection(*(set(undisplaced(one).items()) for one in begun.recordings))
+
+
+def positions_of_rest(begun: Start) -> Iterator[tuple[str, Start]]:
+    """Starts without constants, by name: the curves as they are, then moved along each displacement
+    that is not measured.
+
+    The middle of a motion may lie a fifth of the displacement's deviation from rest; that of the
+    study's line lies 0.15 deviations from rest, and on its accelerations starts that are 0.0 to 0.1
+    deviations off always lead to the model. Raises what `weak_fit` raises.
+    """
+    problem = _without_constants(begun.problem)
+    units = 0.2 * np.eye(len(problem.states))[sorted(state for state, _ in _undisplaced(begun))]
+    offsets = (0.0 * units[0], *units, *-units)
+    for k, offset in enumerate(offsets, 1):
+        curves = [
+            replace(one, states=one.states + offset * one.states.std(axis=0))
+            for one in begun.smoothed
+        ]
+        fit = weak_fit(problem, curves, begun.penalty)
+        name = f"rest {k} of {len(offsets)}"
+        yield name, replace(begun, problem=problem, smoothed=curves, fit=fit)
+
+
+def _without_constants(problem: Problem) -> Problem:
+    """The problem without terms that neither states nor inputs move."""
+    moving = np.any(problem.terms, axis=1)
+    terms = [term for term in problem.terms if any(term)]
+    return problem.by_term(lambda values: values[:, moving], terms)
+
+
+def with_constants(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
+    """What was identified without constants, on the terms of the problem."""
+
+    def spread(values: np.ndarray, elsewhere: float) -> np.ndarray:
+        """(..., n_terms) values of the terms without constants, `elsewhere` for the constants."""
+        whole = np.full((*values.shape[:-1], len(problem.terms)), elsewhere)
+        whole[..., np.any(problem.terms, axis=1)] = values
+        return whole
+
+    coefficients = spread(identified.model.coefficients, 0.0)
+    return replace(
+        identified,
+        model=replace(identified.model, terms=problem.terms, coefficients=coefficients),
+        rivals=spread(identified.rivals, 0.0),
+        **{name: spread(getattr(identified, name), np.nan) for name in BY_TERM},
+    )
+
+
 def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
     """Name and terms of each start, in order, and how dear its terms are at first (see `join`).
 
@@ -59,58 +115,3 @@ def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
     low = problem.degrees <= 2
     if not low.all():
         yield "second degree", best(low, np.where(low, begun.price.least, np.inf)), 1.0
-
-
-def rests_at_zero(begun: Start) -> bool:
-    """Whether each unknown equation is of the velocity of a displacement that is not measured."""
-    return set(begun.problem.unknown) <= {velocity for _, velocity in _undisplaced(begun)}
-
-
-def _undisplaced(begun: Start) -> set[tuple[int, int]]:
-    """Indices of each state X that no recording measures, with that of its velocity dX."""
-    return set.intersection(*(set(undisplaced(one).items()) for one in begun.recordings))
-
-
-def _without_constants(problem: Problem) -> Problem:
-    """The problem without terms that neither states nor inputs move."""
-    moving = np.any(problem.terms, axis=1)
-    terms = [term for term in problem.terms if any(term)]
-    return problem.by_term(lambda values: values[:, moving], terms)
-
-
-def positions_of_rest(begun: Start) -> Iterator[tuple[str, Start]]:
-    """Starts without constants, by name: the curves as they are, then moved along each displacement
-    that is not measured.
-
-    The middle of a motion may lie a fifth of the displacement's deviation from rest; that of the
-    study's line lies 0.15 deviations from rest, and on its accelerations starts that are 0.0 to 0.1
-    deviations off always lead to the model. Raises what `weak_fit` raises.
-    """
-    problem = _without_constants(begun.problem)
-    units = 0.2 * np.eye(len(problem.states))[sorted(state for state, _ in _undisplaced(begun))]
-    offsets = (0.0 * units[0], *units, *-units)
-    for k, offset in enumerate(offsets, 1):
-        states = [one.states + offset * one.states.std(axis=0) for one in begun.smoothed]
-        pairs = zip(begun.smoothed, states, strict=True)
-        curves = [replace(one, states=own) for one, own in pairs]
-        fit = weak_fit(problem, curves, begun.penalty)
-        name = f"rest {k} of {len(offsets)}"
-        yield name, replace(begun, problem=problem, smoothed=curves, fit=fit)
-
-
-def with_constants(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
-    """What was identified without constants, on the terms of the problem."""
-
-    def spread(values: np.ndarray, elsewhere: float) -> np.ndarray:
-        """(..., n_terms) values of the terms without constants, `elsewhere` for the constants."""
-        whole = np.full((*values.shape[:-1], len(problem.terms)), elsewhere)
-        whole[..., np.any(problem.terms, axis=1)] = values
-        return whole
-
-    coefficients = spread(identified.model.coefficients, 0.0)
-    return replace(
-        identified,
-        model=replace(identified.model, terms=problem.terms, coefficients=coefficients),
-        rivals=spread(identified.rivals, 0.0),
-        **{name: spread(getattr(identified, name), np.nan) for name in BY_TERM},
-    )
