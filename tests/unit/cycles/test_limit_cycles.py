@@ -7,7 +7,7 @@ from scipy.integrate import quad_vec, solve_ivp
 from galloping.cycles.continuation import Range
 from galloping.cycles.diagram import equilibrium_branch, hopf_points
 from galloping.cycles.family import Family
-from galloping.cycles.limit_cycles import circle, from_branching, from_hopf, from_motion
+from galloping.cycles.limit_cycles import circle, from_branching, from_hopf, from_motion, settled
 from galloping.polynomial import PolynomialModel
 
 
@@ -52,6 +52,19 @@ def test_period_and_multiplier_of_van_der_pol(mu, period, amplitude):
         expected = np.exp(orbit.period * exponent)
         assert point.stability.multipliers[0] == pytest.approx(expected, rel=1e-5)
         assert -np.log(expected) / period == pytest.approx(1.0594, abs=1e-4)
+
+
+def test_turns_that_samples_pass_too_far_from_its_end_make_no_longer_period():
+    """Seven and a half samples in a period: but every second turn is sampled at other places."""
+    period = 6.66328685932313
+    time = np.arange(60) * period / 7.5 + 60.0
+    model = VAN_DER_POL.model(1.0)
+    motion = solve_ivp(
+        lambda _, x: model(x[np.newaxis])[0], (0, time[-1]), [2, 0], t_eval=time, rtol=1e-9,
+        atol=1e-9,
+    )  # fmt: skip
+    found = settled(VAN_DER_POL, 1.0, time, motion.y.T, 0.5)
+    assert found.solution.period == pytest.approx(period, rel=2e-9)
 
 
 def test_a_state_that_rests_on_a_cycle_has_no_range():

@@ -87,6 +87,7 @@ ACCURACY = 1e-13  # truncation of a step's Taylor series, relative to the size o
 STEP = 0.5  # longest step, of the orbit's size and of its period
 RESTING = 1e-12  # of an orbit's greatest state: a state that moves less does not move
 DEPARTURE = 1e-2  # of an orbit: first step onto what branches off from it
+RETRACED = 1e-6  # of an orbit's strongest harmonic: a weaker one is none
 VANISHED = 1e-3  # of the largest orbit of the branch: an orbit as small is an equilibrium
 
 
@@ -354,8 +355,24 @@ def settled(
 ) -> Point:
     """The limit cycle on which a motion has settled, as in `from_motion`."""
     orbit = _last_turn(time, states, value)
-    problem = CycleProblem.about(family, orbit, resolution)
-    return continuation.first(problem, orbit.vector, problem.along_parameter())
+    while True:
+        problem = CycleProblem.about(family, orbit, resolution)
+        point = continuation.first(problem, orbit.vector, problem.along_parameter())
+        if (turns := _turns(point.solution)) == 1:
+            return point
+        orbit = point.solution
+        once = orbit.at(np.arange(PHASES) / PHASES / turns)
+        orbit = Orbit(once, orbit.period / turns, value, orbit.steps)
+
+
+def _turns(orbit: Orbit) -> int:
+    """How often an orbit goes round in its period: what all its harmonics are multiples of.
+
+    Samples of a motion may pass the place where it ends at too great a distance, for some turns.
+    """
+    changes = orbit.vector[:-2].reshape(PHASES, -1)
+    strength = np.linalg.norm(np.fft.rfft(changes, axis=0), axis=1)[1:]
+    return int(np.gcd.reduce(1 + np.flatnonzero(strength > RETRACED * strength.max())))
 
 
 def cycle_of(family: Family, value: float, motion: Settled) -> Point | None:
