@@ -357,6 +357,10 @@ QUESTIONED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
         ("column 'v': 499 samples of a sensor that was stuck, from row 503 on, were left out",)),
     "moved.csv": (lines(v=V + 0.5 * (TIME > 20.0)), PLAIN, ("v, row 503: jumps by 0.4",)),
     "ice_falls.csv": (lines(v=FALLEN), PLAIN, ("shifts its mean by 0.399 m",)),
+    "sign.csv": (table("t [s],v [m],acc_v [m/s^2],w [m]", TIME, V, 6.8 * V + W, W), (),
+        ("acc_v, row 2: goes with 'v', and an acceleration goes against it: is its sign right?",)),
+    "swapped.csv": (lines(v=0.01 * W, w=V), PLAIN,
+        ("w, row 2: moves 199 times as far as 'v'", "are the columns swapped?")),
     "coarse.csv": (lines(v=np.round(V, 1)), PLAIN, ("v, row 2: only 21 different values",)),
 }  # fmt: skip
 

@@ -186,6 +186,14 @@ def test_a_motion_that_dies_out_does_not_jump(tmp_path):
         assert any(what.startswith("jumps by") for what in told) == jumps
 
 
+def test_samples_that_a_camera_missed_are_no_jumps(tmp_path):
+    time, rng = np.arange(3000) * 0.05, np.random.default_rng(3)
+    seen = 0.05 * np.sin(2.6 * time + [[0.0], [1.0]]) + 0.01 * rng.standard_normal((2, 3000))
+    seen[:, rng.random(3000) < 0.05] = np.nan
+    frame = pd.DataFrame({"t": time, "v": 1000 * seen[0], "w": seen[1]})
+    assert questioned(tmp_path / "a.csv", frame)["problems"] == []
+
+
 def test_what_follows_gusts_is_neither_too_short_nor_in_a_wrong_unit(tmp_path):
     time, rng = np.arange(3000) / 10.0, np.random.default_rng(3)
     gust = lfilter([1.0], [1.0, -0.995], rng.standard_normal(len(time)))  # of 20 s

@@ -109,6 +109,33 @@ def test_whether_a_line_gallops_is_one_line_of_a_summary(summary, damping, kind,
     assert said in outcome and "  " not in outcome
 
 
+def test_a_motion_that_keeps_its_size_may_be_galloping(summary):
+    values = {state: Value(*NONE) for state in ("q_v", "q_w")}
+    known = replace(summary.dynamics, damping=values)
+    found = replace(summary.found, status="not identifiable", reason="")
+    text = str(replace(summary, dynamics=known, found=found))
+    assert (
+        "the recorded motion keeps its size, as far as the samples tell. So does galloping" in text
+    )
+    assert "| vertical: net damping | none found | interval unknown |" in text
+
+
+def test_the_time_of_doubling_is_a_plain_number(summary):
+    slowly = {"q_v": Value(-0.0026, -0.0036, 0.0), "q_w": Value(*DIES)}
+    known = replace(summary.dynamics, damping=slowly)
+    assert "double in 100 s (at least 73 s)" in str(replace(summary, dynamics=known))
+
+
+def test_outliers_spoil_no_forecast_and_no_recorded_size(summary, recorded):
+    values = recorded.values.copy()
+    values[7470, 0], values[7400, 1] = 20.0, -20.0
+    spoilt = replace(recorded, values=values)
+    ahead = galloping.forecast(summary.found, spoilt)
+    assert np.abs(ahead.median - summary.forecast.median).max() < 0.02
+    row = str(summary).partition("| vertical displacement, recorded |")[2].split("\n")[0]
+    assert row in str(replace(summary, recordings=(spoilt,)))
+
+
 def test_damping_that_was_not_found_is_within_what_would_have_shown(summary):
     found, around = summary.found, Surroundings.of(summary.recordings)
     damped = found.model.terms.index((0, 0, 1, 0))

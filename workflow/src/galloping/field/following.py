@@ -1,10 +1,11 @@
 """Motions of a model beside the samples of a recording: what sensors see, and how it begins."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from galloping.field.quality import DIFFERENT, outlying, peaks_of, spectrum
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.preparation.smoothing import (
     shortest_period,
@@ -55,6 +56,30 @@ class Sensed:
                 rate = without_drift(recording.time, rate)
             columns.append(rate[:, np.newaxis])
         return np.hstack(columns)
+
+
+def without_outliers(recording: Recording) -> Recording:
+    """The recording without samples far from those beside them, of which no model can tell."""
+    values, rates = (
+        None
+        if columns is None
+        else np.column_stack([_cleaned(recording.time, y) for y in columns.T])
+        for columns in (recording.values, recording.rates)
+    )
+    return replace(recording, values=values, rates=rates)
+
+
+def _cleaned(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """(n,) values of a channel, NaN where they are missing or outliers."""
+    known = np.isfinite(values)
+    if np.count_nonzero(known) < DIFFERENT:
+        return values
+    time, own = time[known], values[known]
+    frequency, share = spectrum(time, own, float(np.median(np.diff(time))))
+    own = np.where(outlying(time, own, frequency[peaks_of(share)[1]]), np.nan, own)
+    cleaned = values.copy()
+    cleaned[known] = own
+    return cleaned
 
 
 def simulator_of(model: PolynomialModel) -> Simulator:

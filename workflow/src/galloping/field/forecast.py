@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from galloping.arrays import Immutable
-from galloping.field.following import FEWEST, Following, Sensed
+from galloping.field.following import FEWEST, Following, Sensed, without_outliers
 from galloping.field.recordings import known_ahead
 from galloping.field.units import NONE
 from galloping.identification.model import IdentifiedModel
@@ -64,15 +64,15 @@ def forecast(
 ) -> Forecast:
     """Forecast the states at `time` from the last `window` seconds of a recording.
 
-    Each of 100 draws takes coefficients from their covariance, and as its start the state that
-    follows the samples of the window best after noise was added to them once more. The noise of a
-    sample is part of the band; that of an approximate model is as wide as its forecasts from
-    earlier times of the recording were wrong. Where motions of an exact model soon part, so that
-    draws do not follow the samples, the window is halved. The band at an instant does not depend on
-    the instants after it. A model that random forces move goes on from what its filter tells, in
-    forces that are drawn anew. Raises ValueError where there is no model, and where most draws do
-    not follow the window or diverge, or where the model's forecast of what was held out was of no
-    use. Bands are widened by what that one needed.
+    Outliers of the recording are left out. Each of 100 draws takes coefficients from their
+    covariance, and as its start the state that follows the samples of the window best after noise
+    was added to them once more. The noise of a sample is part of the band; that of an approximate
+    model is as wide as its forecasts from earlier times of the recording were wrong. Where motions
+    of an exact model soon part, so that draws do not follow the samples, the window is halved. The
+    band at an instant does not depend on the instants after it. A model that random forces move
+    goes on from what its filter tells, in forces that are drawn anew. Raises ValueError where there
+    is no model, and where most draws do not follow the window or diverge, or where the model's
+    forecast of what was held out was of no use. Bands are widened by what that one needed.
     """
     if identified.status == "refused":
         raise ValueError(f"there is no model to forecast with: {identified.reason}")
@@ -80,7 +80,7 @@ def forecast(
     factors = np.array([identified.diagnostics.get(f"{WIDER}{name}", 1.0) for name in sensed.names])
     if np.isinf(factors).any():
         raise ValueError(f"the model gives no forecast: {USELESS}")
-    recording = known_ahead(identified.model, recording, time, inputs)
+    recording = known_ahead(identified.model, without_outliers(recording), time, inputs)
     follow = Following(identified, recording)
     sigma = follow.sigma
     if identified.is_forced:
@@ -182,7 +182,8 @@ def with_factors(identified: IdentifiedModel, trial: HeldOut) -> IdentifiedModel
 def _quantiles(motions: np.ndarray, at: Sequence[float]) -> np.ndarray:
     """(n_quantiles, n, n_sensed) of draws (n_draws, n, n_sensed), without those that diverged."""
     gone = ~np.isfinite(motions).all(axis=(0, 2))
-    found = np.quantile(motions, at, axis=0, method="weibull")
+    with np.errstate(invalid="ignore"):  # between two that are infinite
+        found = np.quantile(motions, at, axis=0, method="weibull")
     if gone.any():
         found[:, gone] = np.nanquantile(motions[:, gone], at, axis=0, method="weibull")
     return found
@@ -194,6 +195,7 @@ def check_followed(identified: IdentifiedModel, recording: Recording, window: fl
     The model is fitted to ORIGINS windows of `window` s, from the last 5 of them on, by their
     starts alone. An approximate model may miss the samples as it missed those of its own recording.
     """
+    recording = without_outliers(recording)
     if identified.is_forced:
         return in_random_forces.check_followed(identified, recording)
     follow = Following(identified, recording)

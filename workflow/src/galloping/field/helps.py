@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from galloping.field.quality import MOVES, QUIET, SHOWN
+from galloping.field.quality import MOVES, QUIET, SHOWN, SIGN, SWAPPED
 from galloping.field.units import meaning
 from galloping.identification.model import IdentifiedModel
 
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 PROBLEMS = (  # part of what is wrong with samples, and what would help
     ("is the unit", "the right units: the recorded motion is none that a span has"),
+    (SIGN, "the right sign of that acceleration"),
+    (SWAPPED, "a check of which column is vertical"),
     ("less than 10 periods", "a longer recording, of ten periods of the motion or more"),
     ("less than 10 samples", "a higher sampling rate, of ten samples in a period or more"),
     (QUIET, "a larger motion, or better sensors"),
@@ -66,6 +68,8 @@ def what_helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
                      "galloping begins")  # fmt: skip
     if of.found.model.inputs or not span:  # which were recorded; no wind drives other systems
         helps = [each for each in helps if WIND not in each]
+    if span and _both_directions(reports):
+        helps = [each.replace("; " + HELPS["directions"], "") for each in helps]
     if not span:
         helps = [
             each.replace(HELPS["directions"], HELPS["fewer"])
@@ -79,6 +83,12 @@ def what_helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
             known = "; or a known damping (`--known`)" if may_be_wind(of.found, units) else ""
             helps.append(f"recordings with {name} {beyond}, if the model is to hold there{known}")
     return list(dict.fromkeys(helps))
+
+
+def _both_directions(reports: Sequence[dict]) -> bool:
+    """Whether the sensors of a span measure its vertical and its horizontal motion."""
+    measured = {one["measures"][-1] for report in reports for one in report["channels"].values()}
+    return {"v", "w"} <= measured
 
 
 def _alone(reports: Sequence[dict]) -> str:

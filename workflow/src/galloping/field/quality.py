@@ -33,6 +33,8 @@ RECURS, NEAR = 0.6, 1.6  # correlation of a motion with itself, up to so many ti
 # same motion; the variance of a noise is told to a few percent.
 SAME, SHOWN = 1.3, "shows only what"
 QUIET = "hardly more than noise"
+SIGN, WITH = "is its sign right?", 0.5  # correlation of an acceleration with its displacement
+SWAPPED, SIDEWAYS = "are the columns swapped?", 10.0  # times as far as a line moves vertically
 # What no span does; beyond it a unit is most likely wrong. From the lowest to the highest sample:
 RANGES = {"m": (0.005, 50.0), "m/s": (0.005, 100.0), "m/s^2": (0.005, 1000.0)}
 FREQUENCIES = 0.02, 20.0  # Hz, of galloping and of what else moves a span that much
@@ -77,6 +79,7 @@ def quality(series: "Series", mapping: "ColumnMapping") -> dict:
         ]
     report["problems"] += _too_short(series, mapping, report)
     report["problems"] += _shown_twice(series, mapping, report["channels"])
+    report["problems"] += _mixed_up(series, mapping, report["channels"])
     report["inputs"] = {one.column: _of_input(series, one) for one in mapping.inputs}
     return report
 
@@ -149,6 +152,31 @@ def _shown_twice(series: "Series", mapping: "ColumnMapping", channels: dict) -> 
     return found
 
 
+def _mixed_up(series: "Series", mapping: "ColumnMapping", channels: dict) -> list[dict]:
+    """Problems of channels whose sign, or whose place beside another one, is most likely wrong."""
+    found, by_measure = [], {one.measures: k for k, one in enumerate(mapping.channels)}
+    for measures, k in by_measure.items():
+        column, against = mapping.channels[k].column, by_measure.get(measures.removeprefix("dd"))
+        across = by_measure.get(measures.removesuffix("w") + "v")
+        if measures.startswith("dd") and against is not None:
+            pair = series.values[:, [k, against]]
+            pair = pair[np.isfinite(pair).all(axis=1)]
+            if len(pair) > DIFFERENT and np.corrcoef(pair.T)[0, 1] > WITH:
+                other = mapping.channels[against].column
+                what = f"goes with {other!r}, and an acceleration goes against it: {SIGN}"
+                found.append({"column": column, "row": int(series.rows[0]), "what": what})
+        if measures.endswith("q_w") and across is not None:
+            other = mapping.channels[across].column
+            times = channels[column]["standard_deviation"] / max(
+                channels[other]["standard_deviation"], np.finfo(float).tiny
+            )
+            if times > SIDEWAYS:
+                what = f"moves {times:.0f} times as far as {other!r}, and galloping is mostly "
+                what += f"vertical: {SWAPPED}"
+                found.append({"column": column, "row": int(series.rows[0]), "what": what})
+    return found
+
+
 def noise(values: np.ndarray) -> float:
     """Standard deviation of white noise on a slow signal, from fourth differences.
 
@@ -210,16 +238,11 @@ def _channel(
     known = np.isfinite(values)
     t, y, row = time[known], values[known], rows[known]
     sigma = noise(y)
-    scale = max(sigma, 1e-9 * float(np.ptp(y)))
     frequency, share = spectrum(t, y, step)
     around, peaks = peaks_of(share)
     turn = 2.0 * np.pi * step * frequency[peaks].max(initial=0.0)
-    bend = (np.cos(turn / 2.0) - np.cos(1.5 * turn)) / 2.0  # of its range, from such a median
-    apart = OUTLIER * scale + np.ptp(y) * max(bend, 0.05)
-    outliers = np.abs(y - median_filter(y, NEIGHBOURS)) > apart
+    outliers = outlying(t, y, frequency[peaks])
     after = np.flatnonzero(np.diff(t) > REPORTED_GAP * np.median(np.diff(t))) + 1
-    ends = np.concatenate([[0, len(t)], after])  # where a median has no neighbours on one side
-    outliers[np.add.outer((-2, -1, 0, 1), ends) % len(t)] = False
     motion = float(np.std(y))
     thirds = np.array_split(y, 3)
     described = {
@@ -236,7 +259,7 @@ def _channel(
     moves, by = _moves(t, y) if drifts else (0, 0.0)
     problems = []
     coarse = len(peaks) > 0 and frequency[peaks[0]] * step > 1.0 / PER_PERIOD
-    if outliers.any() and not coarse:
+    if outliers.any():
         problems.append((row[outliers][0], f"{outliers.sum()} outliers"))
     at_end = np.isin(y, piled(y))
     flat = np.convolve(at_end, np.ones(CLIPPED), mode="valid") >= CLIPPED
@@ -264,6 +287,26 @@ def _channel(
     return described, problems
 
 
+def outlying(time: np.ndarray, values: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
+    """(n,) which samples lie far from the median of those beside them.
+
+    frequencies: Hz, of the motion, the strongest first. Where that one has few samples in a period
+    nothing tells an outlier from the motion, and none is found.
+    """
+    step = float(np.median(np.diff(time)))
+    if len(frequencies) and frequencies[0] * step > 1.0 / PER_PERIOD:
+        return np.zeros(len(values), bool)
+    scale = max(noise(values), 1e-9 * float(np.ptp(values)))
+    turn = 2.0 * np.pi * step * frequencies.max(initial=0.0)
+    bend = (np.cos(turn / 2.0) - np.cos(1.5 * turn)) / 2.0  # of its range, from such a median
+    apart = OUTLIER * scale + np.ptp(values) * max(bend, 0.05)
+    found = np.abs(values - median_filter(values, NEIGHBOURS)) > apart
+    after = np.flatnonzero(np.diff(time) > REPORTED_GAP * step) + 1
+    ends = np.concatenate([[0, len(time)], after])  # where a median has no neighbours on one side
+    found[np.add.outer((-2, -1, 0, 1), ends) % len(time)] = False
+    return found
+
+
 def _jumps(time: np.ndarray, values: np.ndarray, omega: float) -> tuple[int, float] | None:
     """Where a channel jumps most, and by how much, where no motion and no noise does.
 
@@ -278,10 +321,13 @@ def _jumps(time: np.ndarray, values: np.ndarray, omega: float) -> tuple[int, flo
     shape = np.column_stack([legvander(place, 4), place > 0])
     jump = np.correlate(median_filter(values, NEIGHBOURS), np.linalg.pinv(shape)[-1], "valid")
     uneven = np.abs(np.diff(time) - step) > 0.5 * step  # a gap, or a clock of its own
-    jump[np.convolve(uneven, np.ones(2 * half - 1), mode="valid") > 0.5] = 0.0
-    at, size = int(np.argmax(np.abs(jump))), np.abs(jump)
+    jump[np.convolve(uneven, np.ones(2 * half - 1), mode="valid") > 0.5] = np.nan
+    size = np.abs(jump)
+    if np.isnan(size).all():
+        return None
+    at = int(np.nanargmax(size))
     near = size[max(0, at - AROUND * half) : at + AROUND * half + 1]  # of a motion that decays
-    usual = max(np.median(size), np.median(near)) / 0.6745
+    usual = max(np.nanmedian(size), np.nanmedian(near)) / 0.6745
     if size[at] <= max(OUTLIER * usual, JUMP * np.ptp(values)):
         return None
     return at + half, float(jump[at])

@@ -12,7 +12,7 @@ from galloping.field import dynamics as of_line
 from galloping.field import forecast as ahead
 from galloping.field.advice import Advice, advice
 from galloping.field.dynamics import Dynamics, Surroundings
-from galloping.field.following import Following, Sensed
+from galloping.field.following import Following, Sensed, without_outliers
 from galloping.field.forecast import Forecast, HeldOut, check_followed, deviations, with_factors
 from galloping.field.objections import Identify, objected
 from galloping.field.quality import PERIODS as PERIODS_HELD
@@ -286,7 +286,7 @@ def hold_out(
     last, others = recordings[index], [*recordings[:index], *recordings[index + 1 :]]
     length = min(HELD_OUT * np.ptp(last.time), MOST_HELD_OUT * period)
     cut = int(np.searchsorted(last.time, last.time[-1] - length))
-    samples = Sensed.by(last).samples(last)
+    samples = Sensed.by(last).samples(without_outliers(last))
     if np.all(deviations(samples[cut:]) <= 1e-9 * deviations(samples)):  # rounding
         raise ValueError(f"nothing moves in the last {length:.3g} s, which were to be forecast")
     shown = slice(cut, None, 1 + (len(last.time) - cut) // MOST_SAMPLES)
@@ -305,7 +305,7 @@ def stretches(
     be followed; it starts where it then follows the samples best.
     """
     time, model = recording.time, identified.model
-    follow = Following(identified, recording)
+    follow = Following(identified, without_outliers(recording))
     told = in_random_forces.followed(identified, recording) if identified.is_forced else None
     motions = []
     for share in (0.0, 0.5, 1.0):

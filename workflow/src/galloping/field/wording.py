@@ -14,7 +14,7 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined, Template
 
 from galloping.field.dynamics import ROUNDING, Dynamics, Value
-from galloping.field.following import Sensed
+from galloping.field.following import Sensed, without_outliers
 from galloping.field.forecast import HeldOut
 from galloping.field.helps import (
     is_span,
@@ -84,7 +84,7 @@ def summary_text(
         "repeats": REPEATS in found.reason,
         "mixed": re.search(PARTS, found.reason),
         "recorded": list(_recorded(of.recordings, found.diagnostics.get("below"))),
-        **_of_forces(found, known, sum(np.ptp(one.time) for one in of.recordings)),
+        **_of_forces(found, known, of.recordings),
         "meanings": [
             re.sub("(?<=[Tt])he line", line[1:], why)
             for why, _ in plain_reasons(found.reason, of_span)
@@ -195,32 +195,48 @@ def _of_small(known: Dynamics) -> dict:
     }
 
 
-def _of_forces(found: IdentifiedModel, known: Dynamics | None, length: float) -> dict:
-    """How strong random forces are, a row of the table, and whether modes gallop besides.
-
-    length: s, of the recordings.
-    """
+def _of_forces(
+    found: IdentifiedModel, known: Dynamics | None, recordings: Sequence[Recording]
+) -> dict:
+    """How strong random forces are, a row of the table, and whether modes gallop besides."""
     if not found.is_forced:
         return {"forces": ""}
     margins, states = known.damping.items() if known else (), found.model.states
     of_mass = ", for each kg of modal mass" if is_span(found) else ""
+    length = sum(np.ptp(one.time) for one in recordings)
     return {
         "forces": f"| random forces{of_mass} | {_strengths(found, known)} |  |",
         "margins": [
             f"{_name(name)}{' motion' * (name in states)} "
-            + _margin(damping, 2.0 * np.pi * known.frequencies[name].value * length)
+            + _margin(
+                damping,
+                2.0 * np.pi * known.frequencies[name].value * length,
+                all(
+                    _is_of_one_size(one.values[:, states.index(name)])
+                    for one in recordings
+                    if name in states
+                ),
+            )
             for name, damping in margins
         ],
     }
 
 
-def _margin(damping: Value, turned: float) -> str:
+def _is_of_one_size(values: np.ndarray) -> bool:
+    """Whether a channel (n,) moves as far in each third of it, to a factor of e."""
+    thirds = np.array_split(values[np.isfinite(values)], 3)
+    sizes = [np.std(part) for part in thirds if len(part)]
+    return not sizes or max(sizes) <= np.e * min(sizes)
+
+
+def _margin(damping: Value, turned: float, is_of_one_size: bool) -> str:
     """Whether a mode gallops, as far as its net damping tells.
 
     turned: rad, by its swings while it was recorded. What then neither grows nor dies out, by a
     factor of e, is no answer to random forces.
     """
-    if abs(damping.value) * turned < 1.0 and (damping.high - damping.low) * turned < STEADY:
+    is_steady = abs(damping.value) * turned < 1.0 and (damping.high - damping.low) * turned < STEADY
+    if is_steady and is_of_one_size:
         return "swings steadily, as what a machine drives, or galloping that has settled"
     if damping.low > 0.0:
         return f"does not, at least {100 * damping.low:.2g} % of critical damping is left"
@@ -250,7 +266,7 @@ def _doubling(frequency: Value, damping: Value) -> str:
         for ratio in (damping.value, damping.low, damping.high)
     )
     if not np.isfinite(ends).all():  # as far as is told, motions may not grow at all
-        return f"{own:.2g} s (at least {min(ends):.2g} s)"
+        return f"{float(f'{own:.2g}'):g} s (at least {float(f'{min(ends):.2g}'):g} s)"
     return in_words(Value(own, *ends), "s")
 
 
@@ -259,13 +275,14 @@ def _recorded(
 ) -> Iterator[tuple[str, str, float, float | None]]:
     """Of each channel its name, unit, half range, and the frequency of most of its motion, Hz.
 
-    below: Hz, beyond which the recordings have nothing left, None where they are whole.
+    Outliers are left out. below: Hz, beyond which the recordings have nothing left, None where they
+    are whole.
     """
     slow = f" below {below:.3g} Hz" if below else ""
     channels: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     for own in recordings:
         sensed = Sensed.by(own)
-        for name, values in zip(sensed.names, sensed.samples(own).T, strict=True):
+        for name, values in zip(sensed.names, sensed.samples(without_outliers(own)).T, strict=True):
             known, parts = np.isfinite(values), channels.setdefault(name, [])
             if np.count_nonzero(known) > 1:
                 parts.append((own.time[known], values[known]))
