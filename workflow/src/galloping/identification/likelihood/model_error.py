@@ -206,10 +206,10 @@ def _of_misfit(
 
 
 def _of_price(
-    fit: StretchFit, misfit_of: MisfitOf, price: float, largest: np.ndarray
+    fit: StretchFit, misfit_of: MisfitOf, price: float, most_jump: np.ndarray
 ) -> Approximation | NoModel:
-    """The model whose terms are worth a price, from another fit. largest: as of `_iterate`."""
-    fit = _iterate(fit, misfit_of, price, largest)
+    """The model whose terms are worth a price, from another fit. most_jump: as of `_iterate`."""
+    fit = _iterate(fit, misfit_of, price, most_jump)
     return _judged(fit, price) if fit.support.any() else NoModel(NOTHING_STANDS_OUT)
 
 
@@ -245,10 +245,10 @@ def _iterate(
     fit: StretchFit,
     misfit_of: MisfitOf,
     price: float | None = None,
-    largest: np.ndarray | None = None,
+    most_jump: np.ndarray | None = None,
 ) -> StretchFit:
     """Gauss-Newton, with covariances estimated on the way and, unless `price` is None, terms chosen
-    in the first passes. largest: (n_states, n_states) covariance of jumps; those of the model are
+    in the first passes. most_jump: (n_states, n_states) covariance of jumps; those of the model are
     not allowed to be larger.
     """
     record, (passes, choosing) = fit.record, (5, 0) if price is None else (20, 6)
@@ -264,8 +264,8 @@ def _iterate(
         change = free - fit.free
         starts = solved.moved(change, fit.starts)
         jump = jump_covariance(record, fit.linear, solved, 0.0 * change, record.followed)
-        if largest is not None:
-            share = np.minimum(1.0, np.sqrt(np.diag(largest) / np.diag(jump)))
+        if most_jump is not None:
+            share = np.minimum(1.0, np.sqrt(np.diag(most_jump) / np.diag(jump)))
             jump = jump * np.outer(share, share)
         same, misfit = np.array_equal(support, fit.support), misfit_of(record, fit.linear.residual)
         if choosing:  # else a fit and the covariance of what it leaves may alternate with others
