@@ -71,6 +71,19 @@ def test_the_onset_lies_where_the_damping_vanishes():
     assert unsure.high == np.inf and unsure.low <= 4.0
 
 
+def test_a_second_motion_that_begins_to_grow_is_no_end_of_growth():
+    """x grows at any wind, and q above U = 5."""
+    terms, _ = parse("q + dq + U*dq + dq^3 + x + dx + dx^3", ("q", "dq", "x", "dx"), ("U",))
+    coefficients = np.zeros((4, len(terms)))
+    coefficients[0, 1] = coefficients[2, 5] = 1.0
+    coefficients[1, :4] = -9.0, -0.3, 0.06, -0.05
+    coefficients[3, 4:] = -40.0, 0.1, -0.05
+    model = PolynomialModel(("q", "dq", "x", "dx"), terms, coefficients, ("U",))
+    found = IdentifiedModel(model, "ok", initial_states=np.array([[0.5, 0.0, 0.5, 0.0]]))
+    (onset,) = assess(found, {"U": np.array([3.0, 9.0])}).onsets
+    assert onset.begins and onset.value.value == pytest.approx(5.0, abs=1e-6)
+
+
 def test_a_line_has_the_onset_of_its_closed_form_and_both_its_limit_cycles():
     """The 2:1 resonance makes the vertical cycle unstable, beside the stable one of both modes."""
     line = IdentifiedModel(derive(), "unjudged", initial_states=np.array([[0.1, 0.1, 0, 0]]))

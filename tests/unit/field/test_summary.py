@@ -118,7 +118,7 @@ def test_a_motion_that_keeps_its_size_may_be_galloping(summary):
         "the recorded motion keeps its size, as far as the samples tell. So does galloping" in text
     )
     assert "net damping |" not in text
-    assert "| vertical displacement, frequency of most of it | 0.4" in text
+    assert "| vertical displacement, frequency of most of it | 0.39 Hz" in text
 
 
 def test_the_time_of_doubling_is_a_plain_number(summary):

@@ -244,15 +244,23 @@ def _onsets(
             continue
     for hopf in hopf_points(found.equilibria):
         value = hopf.point.solution.value
-        before = [p for p in found.equilibria.points if p.solution.value < value]
-        begins = bool(before) and before[-1].stability.stable
+        points = found.equilibria.points
+        before = [_growing(p) for p in points if p.solution.value < value]
+        after = [_growing(p) for p in points if p.solution.value > value]
+        begins = bool(before) and before[-1] < (after[0] if after else 1)
         samples = []
         for branch in branches:
             own = [h.point.solution.value for h in hopf_points(branch)]
-            late = branch.points[-1].stability.stable == begins  # nothing has happened yet
+            more = _growing(branch.points[-1]) - (before[-1] if before else 1)
+            late = more <= 0 if begins else more >= 0  # nothing has happened yet
             samples.append(min(own, key=lambda v: abs(v - value), default=np.inf * (2 * late - 1)))
         frequency = of.fast * hopf.point.stability.critical()[0] / (2 * np.pi)
         yield Onset(Value.of(value, of_draws(samples)), float(frequency), begins)
+
+
+def _growing(point: Point) -> int:
+    """How many small motions about an equilibrium grow, an oscillation as two."""
+    return int(np.count_nonzero(point.stability.values.real > 0.0))
 
 
 def _family(model: PolynomialModel, along: str) -> Family:

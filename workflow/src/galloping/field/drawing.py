@@ -128,7 +128,7 @@ def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
     fine, told = spectra(found, recording, np.random.default_rng(0))
     figure, (row,) = parts.panels(0.5 + ROW, columns=len(channels.names), sharex=True)
     for k, (axes, name) in enumerate(zip(row, channels.names, strict=True)):
-        parts.letter(axes, k, name)
+        parts.letter(axes, k, meaning(name) or name)
         axes.semilogy(
             frequency[shown], power[shown, k], ".", ms=2.5, color=TRUE, label="samples"
         )  # fmt: skip

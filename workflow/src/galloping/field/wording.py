@@ -44,6 +44,7 @@ ENDS = {
     "irregular": "the motion never repeats, or settles too slowly to tell",
     "stopped": "the model does not tell where the motion ends: it is too fast to be followed",
 }
+RUNS_AWAY = "in simulation the motion runs away"
 TECHNICAL = "## Technical part"
 PARTS = r"parts of the recording .* do not share one model"  # of a reason
 LEAST = 1e-6  # width of an interval that is said, in its value
@@ -112,7 +113,7 @@ def report_text(report: dict) -> str:
 
 def assessment_text(of: "Assessment", units: Mapping[str, str]) -> str:
     """A line for each thing that there is. units: of inputs, by name."""
-    return _template("assessment.txt").render(of=of, units=shown_units(units), ends=ENDS).rstrip()
+    return _template("assessment.txt").render(of=of, units=shown_units(units)).rstrip()
 
 
 def _conditions(found: IdentifiedModel, units: Mapping[str, str]) -> str:
@@ -129,6 +130,7 @@ def _template(name: str) -> Template:
         "bullets": lambda lines: "\n".join(f"- {line}" for line in lines),
         "cells": lambda of, unit, factor=1.0: " | ".join(_cells(of, unit, factor)),
         "digits": lambda number, state="": f"{number:.3g} {plain_unit(state)}".strip(),
+        "end": lambda kind: RUNS_AWAY if kind.startswith("diverged") else ENDS.get(kind, kind),
         # whether a motion of any size goes on as it is
         "keeps": lambda known: all(abs(v.value) < ROUNDING for v in known.damping.values()),
         "listed": listed,
