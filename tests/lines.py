@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from galloping.configuration.load import load, plain
-from galloping.measurement import Motion, measure
+from galloping.measurement import Motion, recordings_of
 from galloping.physics.galerkin import STATES, coefficients, model
 from galloping.polynomial import library
 from galloping.simulation import Simulator, time_grid
@@ -52,7 +52,7 @@ def moved(line, trajectory, factor=1.0):
 def recorded(motion, *, protocol="state", level=0.05, samples=None, replicates=1, seed=3,
              name=("a_case", "state", "a_cell"), relative=True):  # fmt: skip
     """The recordings of a motion, one for each replicate."""
-    measured = measure(
+    measured = recordings_of(
         [motion], protocol=protocol, level=level, relative=relative, recordings=1,
         samples=samples or len(motion.time), replicates=replicates, seed=seed, name=name,
     )  # fmt: skip

@@ -11,7 +11,7 @@ from galloping.evaluation import reduction as trial
 from galloping.evaluation.score import Truth, evaluate
 from galloping.identification.model import IdentifiedModel
 from galloping.physics import continuous
-from galloping.physics.continuous import continuous_line, readings, release, simulate
+from galloping.physics.continuous import continuous_line, release, sensor_readings, simulate
 from galloping.physics.galerkin import STATES, coefficients, model
 from galloping.physics.gusts import SPECTRA, wind_speed
 
@@ -34,7 +34,7 @@ def test_line_on_more_and_more_modes(modes, aerodynamic, frequency, v, w):
     line = continuous_line(RESONANT, modes, aerodynamic=aerodynamic)
     assert continuous.natural_modes(line)[0][0, 0] == pytest.approx(frequency, abs=6e-5)
     states = simulate(line, release(line, (0.1, 0.1)), TIME)
-    middle = readings(line, states[20000:], [0.5])[:, 0, :2]
+    middle = sensor_readings(line, states[20000:], [0.5])[:, 0, :2]
     assert np.ptp(middle, axis=0) / 2 == pytest.approx([v, w], abs=6e-4)
 
 
@@ -108,12 +108,12 @@ def test_static_drag_displaces_and_damps():
 def test_sensors_read_the_line_and_tell_the_first_modes_apart():
     line = continuous_line(RESONANT, 3)
     states = simulate(line, release(line, (0.5, 0.5), antisymmetric=0.2), TIME[:2001])
-    read = readings(line, states, continuous.QUARTERS)
+    read = sensor_readings(line, states, continuous.QUARTERS)
     modal = continuous.first_modes(line, read, continuous.QUARTERS)
     assert modal == pytest.approx(states.reshape(-1, 4, 3).transpose(0, 2, 1), abs=1e-10)
     rates = np.array([line.rates(x, line.speed) for x in states])
     slope = np.gradient(read, TIME[1], axis=0)[1:-1]
-    error = np.abs(readings(line, rates, continuous.QUARTERS)[1:-1] - slope)
+    error = np.abs(sensor_readings(line, rates, continuous.QUARTERS)[1:-1] - slope)
     assert np.all(error.max(axis=(0, 1)) < 1e-3 * np.abs(slope).max(axis=(0, 1)))
 
 
@@ -157,7 +157,7 @@ def test_table_of_the_two_mode_model_and_lines(monkeypatch):
         "gusty": trial.LineVariant(3, intensity=0.05),
     }
     about = {"length_scale": 100, "spectrum": "kaimal", "seed": 1}
-    motions = {name: trial.line_motion(RESONANT, line, **about) for name, line in lines.items()}
+    motions = {name: trial.variant_motion(RESONANT, line, **about) for name, line in lines.items()}
     table = trial.reduction(RESONANT, motions).set_index(["line", "direction"])
     assert len(table) == 8
     model, three = table.loc["two modes"], table.loc["3 modes"]

@@ -8,8 +8,7 @@ from lines import RESONANT, edited, recorded
 
 from galloping.evaluation import score as scores
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
-from galloping.evaluation.score import Truth, evaluate, gallops, reconstruct, score
-from galloping.evaluation.score import summarise as summarise_motions
+from galloping.evaluation.score import Truth, evaluate, gallops, reconstruct, reconstruction, score
 from galloping.identification.model import IdentifiedModel, Unusable
 from galloping.identification.sparse.evidence import reduce
 from galloping.measurement import Motion
@@ -221,7 +220,7 @@ def test_a_line_that_diverges_is_a_row_with_its_reason():
 def test_representative_motion_is_the_median_one():
     time = np.arange(0, 10, 0.01)
     states = np.stack([np.full((1000, 4), float(k)) for k in range(5)])
-    summary = summarise_motions(time, states, np.array([0.9, -INF, 0.5, 0.7, 0.99]))
+    summary = reconstruction(time, states, np.array([0.9, -INF, 0.5, 0.7, 0.99]))
     assert np.diff(summary.time) == pytest.approx(np.full(199, 0.05))
     assert np.all(summary.representative == 3)
     assert summary.low[0] == pytest.approx(0.2) and summary.high[0] == pytest.approx(3.8)

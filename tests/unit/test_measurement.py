@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from lines import CASES, moved, simulate
 
-from galloping.measurement import BY_NAME, Noise, Protocol, measure
+from galloping.measurement import BY_NAME, Noise, Protocol, recordings_of
 from galloping.streams import generator
 from galloping.study.files import read_recordings, write_recordings
 
@@ -17,7 +17,7 @@ DRAWN = {"protocol": "state", "level": 0.05, "relative": True, "samples": 30001,
 
 def record(simulated, motions=None, **settings):
     """The first recording of each replicate."""
-    measured = measure(motions or [moved(*simulated)], recordings=1, **(DRAWN | settings))
+    measured = recordings_of(motions or [moved(*simulated)], recordings=1, **(DRAWN | settings))
     return [each[0] for each in measured]
 
 
@@ -108,7 +108,7 @@ def test_recordings_come_back_from_files(resonant, tmp_path, protocol, samples):
 
 def test_several_releases_in_one_replicate(resonant, tmp_path):
     motions = [moved(*resonant), moved(*resonant, factor=2)]
-    both, first = (measure(motions, recordings=count, **DRAWN) for count in (2, 1))
+    both, first = (recordings_of(motions, recordings=count, **DRAWN) for count in (2, 1))
     write_recordings(tmp_path / "a.npz", both)
     for pair, (alone,), again in zip(both, first, read_recordings(tmp_path / "a.npz"), strict=True):
         assert pair[0] == alone  # a further release changes nothing of the first

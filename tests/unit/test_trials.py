@@ -176,7 +176,9 @@ def test_published_settings_stand_beside_their_numbers():
 
 def test_intervals_after_selection_stand_beside_their_numbers():
     fits = {
-        case: pd.DataFrame(published.intervals(5, case, range(4), METHODS, samples=[800]))
+        case: pd.DataFrame(
+            published.relaxation_intervals(5, case, range(4), METHODS, samples=[800])
+        )
         for case in ("gamma 0", "gamma 0.16")
     }
     table = published_intervals(fits).set_index("case")

@@ -78,7 +78,7 @@ TRIED_BY = {
     "model_error": trials.real_lines.trial,
     "ambient": trials.ambient.trial,
     "published_terms": trials.published.exact_terms,
-    "published_intervals": trials.published.intervals,
+    "published_intervals": trials.published.relaxation_intervals,
     "paper": trials.paper_search.trial,
 }
 

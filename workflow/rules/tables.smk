@@ -218,7 +218,7 @@ if has_trials(TRUST, SYSTEMS, MODEL_ERROR):
 if has_trials(PAPER):
     TABLES |= {
         "paper_region": made(tables.inference.region_table, samples=SAMPLES, readings=READINGS),
-        "paper_readings": made(tables.inference.readings, parts=fits_of(PAPER)),
+        "paper_readings": made(tables.inference.paper_readings, parts=fits_of(PAPER)),
         "paper_left_out": made(tables.inference.left_out, samples=SAMPLES),
         "paper_exclusions": made(tables.inference.exclusions, parts=fits_of(PAPER)),
         "paper_samples": made(

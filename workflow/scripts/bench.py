@@ -29,7 +29,7 @@ from galloping.configuration.load import load
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood, weak_gls
 from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import normalised
-from galloping.measurement import measure
+from galloping.measurement import recordings_of
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
 from galloping.simulation import Simulator
@@ -147,7 +147,7 @@ def recordings(results: Path, protocol: str) -> list[tuple[Recording, ...]]:
     """Those of the default study at noise level 0.05, by replicate."""
     cell = Study(load({})).cell(CASE, protocol, "noise_0.05")
     motions = read_trajectories(results / f"trajectories/{CASE}.npz")
-    return measure(motions, name=tuple(cell.wildcards.values()), **cell.measurement)
+    return recordings_of(motions, name=tuple(cell.wildcards.values()), **cell.measurement)
 
 
 def costs(results: Path) -> pd.DataFrame:

@@ -2,7 +2,7 @@
 
 from galloping.evaluation.oracle import oracle_rows
 from galloping.evaluation.score import Truth
-from galloping.measurement import measure
+from galloping.measurement import recordings_of
 from galloping.polynomial import extended, library
 from galloping.reproducibility.job import run
 from galloping.storage import write_rows
@@ -18,7 +18,7 @@ def find_oracle(
     line = line.on_library(extended(library(len(line.states), degree), line))
     first = motions[0]
     truth = Truth(line, first.time, first.states, tuple(steady_window), first.status)
-    replicates = measure(motions, name=(case, protocol, cell), **measurement)
+    replicates = recordings_of(motions, name=(case, protocol, cell), **measurement)
     rows = oracle_rows(truth, replicates, path_length)
     write_rows(scores, [{**columns, **row} for row in rows])
 

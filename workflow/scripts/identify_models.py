@@ -1,7 +1,7 @@
 """Models identified by a family of methods from every replicate of one cell."""
 
 from galloping.identification.cell import identify
-from galloping.measurement import measure
+from galloping.measurement import recordings_of
 from galloping.polynomial import library
 from galloping.reproducibility.job import run
 from galloping.study.files import read_trajectories, write_identified
@@ -9,7 +9,7 @@ from galloping.study.files import read_trajectories, write_identified
 
 def identify_models(case, protocol, cell, trajectory, models, measurement, degree, methods):
     motions, name = read_trajectories(trajectory), (case, protocol, cell)
-    recordings = measure(motions, name=name, **measurement)
+    recordings = recordings_of(motions, name=name, **measurement)
     terms = library(len(motions[0].names), degree)
     write_identified(models, identify(methods, recordings, terms, name))
 

@@ -31,7 +31,7 @@ from galloping.reproducibility.plan import planning
 from galloping.reproducibility.receipts import digest, inspect, receipts, remember
 from galloping.reproducibility.repair import audit, remove
 from galloping.storage import replacing, write_json
-from galloping.tables.comparison import Origin, processor, table_differences, tables
+from galloping.tables.comparison import Origin, processor, table_differences, tables_of
 
 FAULTS = {
     "damaged": "not what its job wrote: `{repair}` makes it again",
@@ -110,7 +110,7 @@ def verify_archive(archive, sha256, configfile):
 def compare(folder: Path, study: dict) -> None:
     """Compare an unpacked archive with the study here. Exits with 1 if it differs."""
     results, before = study["results"], published_settings(folder)
-    if not tables(Path(results)):
+    if not tables_of(Path(results)):
         print(f"{results}: no study here, so that no numbers were compared")
         return
     for line in changed_settings(before, study):

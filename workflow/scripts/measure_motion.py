@@ -1,13 +1,13 @@
 """Replicated recordings of one cell."""
 
-from galloping.measurement import measure
+from galloping.measurement import recordings_of
 from galloping.reproducibility.job import run
 from galloping.study.files import read_trajectories, write_recordings
 
 
 def measure_motion(case, protocol, cell, trajectory, recordings, measurement):
     motions = read_trajectories(trajectory)
-    write_recordings(recordings, measure(motions, name=(case, protocol, cell), **measurement))
+    write_recordings(recordings, recordings_of(motions, name=(case, protocol, cell), **measurement))
 
 
 if __name__ == "__main__":

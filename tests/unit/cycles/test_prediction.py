@@ -9,7 +9,7 @@ from lines import RESONANT, START, edited, moved, simulate, simulator
 
 from galloping.cycles.family import LIBRARY, critical_wind
 from galloping.cycles.prediction import limit_cycle_ahead, predict, split
-from galloping.cycles.ranking import Design, changed, critical_winds, derived, evaluate, ranked
+from galloping.cycles.ranking import Design, changed, critical_winds, derived, ranked, with_measure
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import of_draws
@@ -130,7 +130,9 @@ def test_ranking():
     assert (as_is["v_m"], as_is["w_m"]) == pytest.approx(CHECKS[12], abs=1e-3)
     assert as_is["v_m_low"] < as_is["v_m"] < as_is["v_m_high"]
     assert 3 < as_is["clearance_m"] < 8
-    lost = evaluate(parts, RESONANT, NOTHING, replace(design, wind=25.0), simulator(), draws[:0])
+    lost = with_measure(
+        parts, RESONANT, NOTHING, replace(design, wind=25.0), simulator(), draws[:0]
+    )
     assert lost["kind"].startswith("diverged") and np.isnan(lost["v_m"])
 
 

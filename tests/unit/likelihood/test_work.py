@@ -10,7 +10,7 @@ from galloping.identification.preparation.screening import prepared
 from galloping.identification.preparation.weak_form import weak_fit
 from galloping.identification.problem import posed
 from galloping.identification.selection import select
-from galloping.identification.work import ENDED, MOST, allowed, limited
+from galloping.identification.work import ENDED, MOST, allowance, limited
 from galloping.trials.published import SYSTEMS
 
 # its first swings are far quicker than most of the record: the first time scale gives no model
@@ -55,7 +55,7 @@ def test_a_search_at_its_limit_ends_and_is_not_ok(recording, whole, share):
 
 
 def test_a_search_may_count_36_s_and_in_proportion_more_of_a_longer_recording():
-    assert [allowed(rows) for rows in (1000, 30_001, 60_002)] == [36.0, 36.0, 72.0]
+    assert [allowance(rows) for rows in (1000, 30_001, 60_002)] == [36.0, 36.0, 72.0]
 
 
 def test_nothing_is_begun_where_no_work_is_left(recording):

@@ -8,7 +8,7 @@ from pictures import drawn
 
 from galloping.figures.against_paper import draw_printed, draw_reproduction
 from galloping.measurement import Motion
-from galloping.paper.claims import CLAIMS, HELD, Claim, judged, needed, together
+from galloping.paper.claims import CLAIMS, HELD, Claim, judged, kept_together, needed
 from galloping.paper.draws import Amounts, paper_draws
 from galloping.report import printed_numbers as report
 from galloping.tables.judged_claims import claims_table, paper_table, variation_rows
@@ -116,8 +116,8 @@ def test_bounds_hold_together_in_the_draws_that_keep_each():
     drawn_.loc[drawn_["draw"] == 4, "missing"] = 1
     bounds = [c for c in CLAIMS if not c.is_number and not c.column.startswith("steady")]
     bounds = [c for c in bounds if c.name != "exact parameters without noise"]
-    assert together(bounds, drawn_) == (pytest.approx(18 / 20), 20)
-    assert together(bounds, drawn_[drawn_["level"] != 0.1]) is None
+    assert kept_together(bounds, drawn_) == (pytest.approx(18 / 20), 20)
+    assert kept_together(bounds, drawn_[drawn_["level"] != 0.1]) is None
 
 
 def test_failures_keep_no_bound():
@@ -158,7 +158,7 @@ def test_the_first_screen_counts_and_lists_them():
     assert f"{len(single)} printed numbers and bounds {held} hold" in report.count(table)
     rows = report.rows(table)
     assert [cell.printed for cell in rows["amplitude error from 30000 points"]] == ["0.83", "1.03"]
-    assert len(report.failures(table)) == (~table["verdict"].isin(HELD)).sum()
+    assert len(report.unheld(table)) == (~table["verdict"].isin(HELD)).sum()
     drawn(lambda: draw_printed(table, {"case": CASE}))
 
 

@@ -13,7 +13,7 @@ from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.stlsq import normalised, raw
 from galloping.paper import draws, unknowns
 from galloping.paper.draws import Amounts
-from galloping.paper.quick import QuickStudy, coefficients
+from galloping.paper.quick import QuickStudy, found_coefficients
 from galloping.paper.unknowns import BASE, BY_NAME, HIGH, LOW, NAMES, UNKNOWNS, MethodReading
 from galloping.polynomial import library
 from galloping.tables import inference as tables
@@ -34,7 +34,7 @@ def test_quick_thresholds_are_those_of_the_method(moved, method, threshold):
     motion, line = moved
     terms, rng = library(4, 3), np.random.default_rng(3)
     products = draws.DerivativeNoise(motion, terms, np.ones(4)).draw(0.05, 10000, rng, draws=3)
-    quick = coefficients(products, MethodReading(threshold, columns=method.__name__))
+    quick = found_coefficients(products, MethodReading(threshold, columns=method.__name__))
     for reduced, found in zip(products.regressions(line.states, terms), quick, strict=True):
         evidence = Regressions(reduced, reduced)
         model = method(evidence, threshold=threshold, path_length=draws.PATH_LENGTH).model
@@ -135,7 +135,7 @@ def test_tables_and_figure(searched, monkeypatch):
     numbers = ["height", "log_probability", "noise 0.05"]
     other[numbers] -= 10.0
     parts = {"one": searched, "two": other}
-    readings = tables.readings(parts)
+    readings = tables.paper_readings(parts)
     assert dict(zip(readings["reading"], readings["verdict"], strict=True)) == {
         BASE.name: "probable", "sine": "ruled out",
     }  # fmt: skip

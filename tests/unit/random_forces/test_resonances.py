@@ -13,7 +13,7 @@ from galloping import Recording, maximum_likelihood, polynomial_library
 from galloping.field.objections import objected
 from galloping.field.recordings import by_excerpts
 from galloping.identification.model import IdentifiedModel, Resonance
-from galloping.identification.random_forces.forced_motion import spectra
+from galloping.identification.random_forces.forced_motion import model_spectra
 
 TIME = np.arange(9_000) / 10
 STATES = ("q_v", "dq_v")
@@ -77,7 +77,7 @@ def test_the_spectrum_is_that_of_two_oscillators_in_white_forces():
         model, "ok", forces=forces, resonances=(resonance,), sigma=np.array([[1e-9, np.nan]])
     )
     still = displacements(TIME, np.sin(TIME))
-    frequency, power = spectra(known, still, np.random.default_rng(0))
+    frequency, power = model_spectra(known, still, np.random.default_rng(0))
     omega = 2 * np.pi * frequency
     by_force, by_other = (
         1 / (w**2 - omega**2 + 2j * ratio * w * omega) for w, ratio in (own, other)

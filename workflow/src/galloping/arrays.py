@@ -47,7 +47,7 @@ def finite(
     return array
 
 
-def initial_state(values: ArrayLike, states: tuple[str, ...]) -> NDArray[np.float64]:
+def checked_state(values: ArrayLike, states: tuple[str, ...]) -> NDArray[np.float64]:
     """(n_states,) where a motion begins. Raises ValueError, naming a state without a number."""
     start = finite("initial_state", values, (None,))
     if len(start) == len(states):

@@ -111,9 +111,9 @@ def _mapping_options(command):
 
 def _mapping(file, options):
     """The mapping that options tell; how columns are read by their names alone is said."""
-    from galloping.field.mapping import asked
+    from galloping.field.mapping import mapping_of
 
-    mapping, said = asked(file, options)
+    mapping, said = mapping_of(file, options)
     if said:
         click.echo(said, err=True)
     return mapping

@@ -24,7 +24,7 @@ class Noise:
     """Standard deviation of the noise on each channel: 0 where exact, inf where not measured.
 
     states, rates: (n_states,), of the states in their units and of their rates. It is drawn white
-    and Gaussian (`measure`).
+    and Gaussian (`recordings_of`).
     """
 
     states: np.ndarray
@@ -100,7 +100,7 @@ PROTOCOLS = (
 BY_NAME = {protocol.name: protocol for protocol in PROTOCOLS}
 
 
-def measure(
+def recordings_of(
     motions: Sequence[Motion],
     *,
     protocol: str,

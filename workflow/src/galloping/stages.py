@@ -6,13 +6,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import finite, increasing, one_thread
-from galloping.arrays import initial_state as checked_state
+from galloping.arrays import checked_state, finite, increasing, one_thread
 from galloping.bounds import Experiment, on_library, state_bound
 from galloping.configuration.load import load, plain
 from galloping.configuration.yaml_file import ConfigurationError
-from galloping.measurement import BY_NAME, Motion
-from galloping.measurement import measure as recordings_of
+from galloping.measurement import BY_NAME, Motion, recordings_of
 from galloping.physics.galerkin import coefficients
 from galloping.physics.galerkin import model as equations_of
 from galloping.polynomial import PolynomialModel, velocity_pairs

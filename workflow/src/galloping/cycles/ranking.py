@@ -88,7 +88,7 @@ def critical_winds(parts: Split, values: np.ndarray) -> np.ndarray:
         return np.where(wind > 0, -structure / wind, np.inf)
 
 
-def evaluate(
+def with_measure(
     parts: Split,
     case: Mapping,
     measure: Measure,
@@ -159,13 +159,14 @@ def ranked(
     simulator: Simulator,
     draws: np.ndarray,
 ) -> list[dict]:
-    """Rows of `evaluate`, of the line as it is and with each measure, with the rank of each.
+    """Rows of `with_measure`, of the line as it is and with each measure, with the rank of each.
 
     The smallest vertical motion comes first, and of two lines at rest the one with the higher
     critical wind; a line without a bounded motion comes last.
     """
     rows = [
-        evaluate(parts, case, measure, design, simulator, draws) for measure in (NOTHING, *measures)
+        with_measure(parts, case, measure, design, simulator, draws)
+        for measure in (NOTHING, *measures)
     ]
     rows.sort(key=lambda row: (np.nan_to_num(row["v_m"], nan=np.inf), -row["critical_wind_m_s"]))
     return [{"rank": rank, **row} for rank, row in enumerate(rows, start=1)]

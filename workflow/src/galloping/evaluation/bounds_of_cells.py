@@ -10,7 +10,7 @@ from galloping import bounds as cramer_rao
 from galloping.bounds import Bound, Experiment
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import IDENTIFIABLE, normal
-from galloping.measurement import Motion, measure, noises_of
+from galloping.measurement import Motion, noises_of, recordings_of
 from galloping.physics.galerkin import EQUATIONS
 from galloping.polynomial import PolynomialModel, term_name
 from galloping.simulation import Simulator
@@ -39,7 +39,7 @@ def cell_bounds(
 ) -> list[Bound]:
     """The bounds of a cell: one for all replicates, or each its own where their times differ.
 
-    motions, measurement, name: what its recordings are drawn from, see `measure`. None without
+    motions, measurement, name: of what its recordings are drawn, see `recordings_of`. None without
     noise.
     """
     if measurement["level"] == 0:
@@ -49,10 +49,8 @@ def cell_bounds(
     noises = noises_of(motions, protocol, level, relative)
     times_differ = measurement["samples"] < len(motions[0].time)
     replicates = measurement["replicates"] if times_differ else 1
-    samplings = [
-        [np.searchsorted(motions[0].time, recording.time) for recording in recordings]
-        for recordings in measure(motions, name=name, **{**measurement, "replicates": replicates})
-    ]
+    drawn = recordings_of(motions, name=name, **{**measurement, "replicates": replicates})
+    samplings = [[np.searchsorted(motions[0].time, each.time) for each in of] for of in drawn]
     return cramer_rao.bounds_of(model, tuple(EQUATIONS), motions, noises, samplings)
 
 

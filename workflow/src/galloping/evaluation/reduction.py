@@ -49,10 +49,10 @@ def reduction_table(settings: Mapping) -> pd.DataFrame:
     the gusts.
     """
     case, gusts = settings["case"], {k: settings[k] for k in ("seed", "length_scale", "spectrum")}
-    return reduction(case, {name: line_motion(case, v, **gusts) for name, v in VARIANTS.items()})
+    return reduction(case, {name: variant_motion(case, v, **gusts) for name, v in VARIANTS.items()})
 
 
-def line_motion(
+def variant_motion(
     case: Mapping, variant: LineVariant, *, length_scale: float, spectrum: str, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """The continuous line, released as the two-mode model is. The rest is that of the gusts.
@@ -78,7 +78,7 @@ def _motion(
     line: continuous.Span, start: np.ndarray, speed: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     states = continuous.simulate(line, start, _time(), speed, STEP)
-    displacements = continuous.readings(line, states, continuous.QUARTERS)[..., :2]
+    displacements = continuous.sensor_readings(line, states, continuous.QUARTERS)[..., :2]
     left, middle, right = np.moveaxis(displacements, 1, 0)
     return middle, (left - right) / 2.0
 
@@ -86,7 +86,7 @@ def _motion(
 def reduction(case: Mapping, motions: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> pd.DataFrame:
     """One row for each line and direction, at mid-span, the two-mode model first.
 
-    motions: of the lines, as `line_motion` gives them. Amplitude and frequency are those of
+    motions: of the lines, as `variant_motion` gives them. Amplitude and frequency are those of
     200-300 s; limit_cycle_m is the amplitude after 1400 s. Errors are those of the two-mode model
     against the line, NaN where the two differ in either direction by more than COMMON and so
     share no motion to compare; R2 is of its displacement, over stretches of 100 s, in which it

@@ -144,11 +144,11 @@ def evaluate(
         rows += [{"method": method, "replicate": k, **row} for k, row in enumerate(scores)]
         quality = np.array([row["r2_q_v"] + row["r2_q_w"] for row in scores])
         states = [motion.states for motion in motions]
-        reconstructions[method] = summarise(truth.time, states, quality)
+        reconstructions[method] = reconstruction(truth.time, states, quality)
     return rows, reconstructions
 
 
-def summarise(
+def reconstruction(
     time: np.ndarray, states: Sequence[np.ndarray], quality: np.ndarray
 ) -> Reconstruction:
     """The motions of all replicates.

@@ -136,7 +136,7 @@ def analyse(
     """
     mapping = field.mapping
     terms, allowed = question.terms(mapping)
-    check_inputs(field.series, terms, len(mapping.states))
+    check_telling(field.series, terms, len(mapping.states))
     inputs = mapping.input_names
     texts = (*mapping.known, *question.known)
     known, known_states, single = known_model(texts, mapping.states, terms, inputs)
@@ -179,7 +179,7 @@ def analyse(
     return summary.found
 
 
-def check_inputs(series: Sequence[Series], terms: Sequence[Exponents], n_states: int) -> None:
+def check_telling(series: Sequence[Series], terms: Sequence[Exponents], n_states: int) -> None:
     """Refuse inputs that tell nothing, or that a library divides by where they cross zero.
 
     series: of all files. terms: exponents of states and inputs. Raises ValueError.

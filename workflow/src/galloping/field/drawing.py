@@ -18,7 +18,7 @@ from galloping.field.units import meaning, plain_unit, state_unit
 from galloping.figures import parts
 from galloping.figures.style import BAND, MODEL, PAPER, SHADE, TRUE
 from galloping.identification.random_forces.channels import Channels
-from galloping.identification.random_forces.forced_motion import spectra
+from galloping.identification.random_forces.forced_motion import model_spectra
 from galloping.identification.random_forces.start import on_grid
 from galloping.recording import Recording
 
@@ -125,7 +125,7 @@ def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
     frequency, power = welch(filled, 1.0 / step, nperseg=long, axis=0)
     power /= np.isfinite(grid).mean(axis=0)
     shown = frequency > 0
-    fine, told = spectra(found, recording, np.random.default_rng(0))
+    fine, told = model_spectra(found, recording, np.random.default_rng(0))
     figure, (row,) = parts.panels(0.5 + ROW, columns=len(channels.names), sharex=True)
     for k, (axes, name) in enumerate(zip(row, channels.names, strict=True)):
         parts.letter(axes, k, meaning(name) or name)

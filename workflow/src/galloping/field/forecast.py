@@ -150,7 +150,7 @@ def held_out(ahead: Forecast, measured: np.ndarray, deviation: np.ndarray) -> He
     missed = np.sum(error**2, axis=0)
     factors = np.ones(len(counts))
     with np.errstate(invalid="ignore", divide="ignore"):
-        skill = 1.0 - missed / (counts * deviations(measured) ** 2)
+        skill = 1.0 - missed / (counts * deviations_of(measured) ** 2)
         held = inside.sum(axis=0) / counts
         away = np.maximum(
             error / (ahead.high - ahead.median), error / (ahead.low - ahead.median)
@@ -161,7 +161,7 @@ def held_out(ahead: Forecast, measured: np.ndarray, deviation: np.ndarray) -> He
     return HeldOut(ahead, skill, held, factors)
 
 
-def deviations(samples: np.ndarray) -> np.ndarray:
+def deviations_of(samples: np.ndarray) -> np.ndarray:
     """(n_sensed,) standard deviation of samples (n, n_sensed), zero where nothing is measured."""
     known = np.isfinite(samples)
     counts = np.maximum(known.sum(axis=0), 1)
@@ -291,6 +291,6 @@ def _missed(follow: Following, ahead: np.ndarray, window: float) -> np.ndarray:
     missed = np.maximum.accumulate(np.sqrt(squares / np.maximum(counts, 1)), axis=0)
     centres = (np.arange(parts) + 0.5) * length
     inside = np.column_stack([np.interp(ahead, centres, each) for each in missed.T])
-    most = np.maximum(np.sqrt(2.0) * deviations(values), missed[-1])
+    most = np.maximum(np.sqrt(2.0) * deviations_of(values), missed[-1])
     later = np.maximum(ahead / centres[-1], 1.0)[:, np.newaxis]
     return np.where(later > 1.0, np.minimum(inside * later, most), inside)

@@ -260,13 +260,13 @@ def _by_column(texts: Iterable[str]) -> dict[str, str]:
 
 
 def proposed(file: str, options: Mapping[str, Any], taken: Sequence[str] = ()) -> Proposal:
-    """How a file may be read, as of `columns.proposal`. options: as of `asked`."""
+    """How a file may be read, as of `columns.proposal`. options: as of `mapping_of`."""
     time = options["time_column"]
     table = read_table(file, options["decimal"], time, ROWS)
     return proposal(table, *_units(options["units"]), time, taken)
 
 
-def asked(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, str]:
+def mapping_of(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, str]:
     """The mapping that the options of the command, or else the names of a file's columns, tell.
 
     options: all that the command has for columns, by name, None or () where they are not given. The

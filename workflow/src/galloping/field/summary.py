@@ -13,7 +13,7 @@ from galloping.field import forecast as ahead
 from galloping.field.advice import Advice, advice
 from galloping.field.dynamics import Dynamics, Surroundings
 from galloping.field.following import Following, Sensed, without_outliers
-from galloping.field.forecast import Forecast, HeldOut, check_followed, deviations, with_factors
+from galloping.field.forecast import Forecast, HeldOut, check_followed, deviations_of, with_factors
 from galloping.field.objections import Identify, objected
 from galloping.field.quality import PERIODS as PERIODS_HELD
 from galloping.field.quality import peaks_of, sampled, spectrum
@@ -172,7 +172,7 @@ def summarised(
             held_out,
             untried,
             predicted,
-            tuple(stretches(found, last, window)),
+            tuple(motions_beside(found, last, window)),
             advice(found, last, period),
         )
 
@@ -287,16 +287,16 @@ def hold_out(
     length = min(HELD_OUT * np.ptp(last.time), MOST_HELD_OUT * period)
     cut = int(np.searchsorted(last.time, last.time[-1] - length))
     samples = Sensed.by(last).samples(without_outliers(last))
-    if np.all(deviations(samples[cut:]) <= 1e-9 * deviations(samples)):  # rounding
+    if np.all(deviations_of(samples[cut:]) <= 1e-9 * deviations_of(samples)):  # rounding
         raise ValueError(f"nothing moves in the last {length:.3g} s, which were to be forecast")
     shown = slice(cut, None, 1 + (len(last.time) - cut) // MOST_SAMPLES)
     identified = identify([*others, last[:cut]])
     predicted = ahead.forecast(identified, last[:cut], last.time[shown], PERIODS * period, rng)
-    trial = ahead.held_out(predicted, samples[shown], deviations(samples))
+    trial = ahead.held_out(predicted, samples[shown], deviations_of(samples))
     return replace(trial, index=index - len(recordings))
 
 
-def stretches(
+def motions_beside(
     identified: IdentifiedModel, recording: Recording, length: float
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """The model's motion through the begin, the middle and the end of a recording.

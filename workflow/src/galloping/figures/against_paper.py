@@ -245,7 +245,7 @@ def draw_reproduction(table: pd.DataFrame, settings: Mapping) -> Figure:
 def draw_region(samples: pd.DataFrame, readings: pd.DataFrame) -> Figure:
     """A panel for each unknown number, and one of all readings.
 
-    samples: of `tables.inference.region_samples`, readings: of `readings`.
+    samples: of `tables.inference.region_samples`, readings: of `paper_readings`.
     """
     rows = -(-len(UNKNOWNS) // ACROSS)
     bars = 0.17 * len(readings)

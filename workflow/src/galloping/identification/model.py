@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import Immutable, increasing
-from galloping.arrays import initial_state as checked_state
+from galloping.arrays import Immutable, checked_state, increasing
 from galloping.polynomial import Exponents, PolynomialModel, merged, with_error
 from galloping.recording import Input
 from galloping.storage import read_json, write_json

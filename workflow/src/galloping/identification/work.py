@@ -52,7 +52,7 @@ _UNLIMITED = Work(float("inf"))
 _work: ContextVar[Work] = ContextVar("work", default=_UNLIMITED)
 
 
-def allowed(rows: int, most: float = MOST) -> float:
+def allowance(rows: int, most: float = MOST) -> float:
     """s, the work of a search in recordings of so many times of sampling."""
     return most * max(1.0, rows / ROWS)
 
@@ -64,7 +64,7 @@ def limited(recordings: Sequence[Recording], most: float = MOST) -> Iterator[Wor
     most: s, for recordings of up to ROWS times of sampling in all.
     """
     rows = sum(len(recording.time) for recording in recordings)
-    with _within(min(allowed(rows, most), _work.get().left)) as work:
+    with _within(min(allowance(rows, most), _work.get().left)) as work:
         yield work
 
 

@@ -208,7 +208,7 @@ def _of_bound(
     return verdict, f"{text}; of the others {', '.join(causes)}"
 
 
-def together(claims: Sequence[Claim], scores: pd.DataFrame) -> tuple[float, int] | None:
+def kept_together(claims: Sequence[Claim], scores: pd.DataFrame) -> tuple[float, int] | None:
     """In which share of the draws all bounds hold at once, and the number of draws.
 
     scores: as of `judged`; a cell without noise has one draw, which stands beside all others. None

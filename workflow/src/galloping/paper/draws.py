@@ -211,14 +211,14 @@ def paper_draws(
             for draw in part:
                 rng = generator(seed, "paper", *name, kind, f"{level:.12g}", points, draw)
                 (reduced,) = noisy.draw(level, points, rng).regressions(line.states, terms)
-                models.append(identify(reduced, threshold=threshold, kinematics=kinematics))
+                models.append(identified(reduced, threshold=threshold, kinematics=kinematics))
             scored, _ = evaluate(truth, {"paper": models}, unbounded)
             cell = {"kind": kind, "level": level, "points": points}
             rows += [{**cell, "draw": d, **row} for d, row in zip(part, scored, strict=True)]
     return pd.DataFrame(rows).drop(columns=["method", "replicate"], errors="ignore")
 
 
-def identify(reduced: ReducedRegression, **options: object) -> IdentifiedModel:
+def identified(reduced: ReducedRegression, **options: object) -> IdentifiedModel:
     """The paper's method on a regression. options: threshold and kinematics, as of `stlsq.raw`."""
     try:
         return stlsq.raw(Regressions(reduced, reduced), path_length=PATH_LENGTH, **options)

@@ -54,7 +54,7 @@ class QuickStudy:
             whole = points >= len(self.motion.time)
             shared = count if whole else SHARING
             models = np.concatenate([
-                coefficients(noisy.draw(level, points, rng, min(shared, count - k)), method)
+                found_coefficients(noisy.draw(level, points, rng, min(shared, count - k)), method)
                 for k in range(0, count, shared)
             ])  # fmt: skip
             if method.kinematics == KNOWN:
@@ -124,7 +124,7 @@ class QuickStudy:
         return quality, found[:, 2:]
 
 
-def coefficients(drawn: Products, method: MethodReading) -> np.ndarray:
+def found_coefficients(drawn: Products, method: MethodReading) -> np.ndarray:
     """The paper's method on all recordings at once: (k, m, p) coefficients of the library.
 
     The same fixed points as those of `stlsq.raw` and `stlsq.normalised`.

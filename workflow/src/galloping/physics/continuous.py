@@ -310,7 +310,7 @@ def _runge_kutta(start, step, substeps, wind, line):
 QUARTERS = (0.25, 0.5, 0.75)  # of the span: three sensors that tell the first three modes apart
 
 
-def readings(line: Span, states: np.ndarray, places: Sequence[float]) -> np.ndarray:
+def sensor_readings(line: Span, states: np.ndarray, places: Sequence[float]) -> np.ndarray:
     """(n, n_sensors, 4) of states (n, 4 n_modes): displacements, v and w, m, and velocities, m/s,
     at `places`, shares of the span; of rates of states: velocities and accelerations, m/s2.
     """
@@ -354,5 +354,5 @@ def observed(
         return Motion(STATES, time, nowhere, nowhere, "diverged: not finite")
     winds = np.full(len(time), line.speed) if speed is None else speed
     rates = np.array([line.rates(*each) for each in zip(states, winds, strict=True)])
-    seen = (readings(line, each, truth["sensors"]) for each in (states, rates))
+    seen = (sensor_readings(line, each, truth["sensors"]) for each in (states, rates))
     return Motion(STATES, time, *(first_modes(line, each, truth["sensors"])[:, 0] for each in seen))

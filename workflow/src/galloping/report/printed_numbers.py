@@ -142,7 +142,7 @@ def section(paper: pd.DataFrame, varied: pd.DataFrame | None) -> dict:
     return {
         "count": count(paper),
         "rows": rows(paper),
-        "failures": failures(paper),
+        "failures": unheld(paper),
         "by_settings": "" if varied is None else by_settings(varied),
     }
 
@@ -184,7 +184,7 @@ def rows(paper: pd.DataFrame) -> dict[str, list[PaperCell]]:
     return found
 
 
-def failures(paper: pd.DataFrame) -> list[str]:
+def unheld(paper: pd.DataFrame) -> list[str]:
     """Each claim that was judged and does not hold, with the reason."""
     failed = paper[~paper["verdict"].isin([*HELD, "not run", "not judged"])]
     return [f"{row['claim']}: {row['verdict']}; {row['reason']}." for _, row in failed.iterrows()]

@@ -100,7 +100,7 @@ class Trial:
         )
 
 
-def trial(name: str, configured: TrialSection) -> Trial:
+def configured_trial(name: str, configured: TrialSection) -> Trial:
     """A trial as configured, keys left out at the defaults of its kind."""
     kind = KINDS[configured.kind]
     options = {key: getattr(configured, key) or default for key, default in kind.options.items()}
@@ -301,7 +301,7 @@ class Study:
 
     @cached_property
     def trials(self) -> tuple[Trial, ...]:
-        return tuple(trial(name, of) for name, of in self.settings.trials.items())
+        return tuple(configured_trial(name, of) for name, of in self.settings.trials.items())
 
     def trial(self, name: str) -> Trial:
         return next(each for each in self.trials if each.name == name)

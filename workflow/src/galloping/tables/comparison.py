@@ -76,7 +76,7 @@ def flat(section: Mapping[str, object], path: str = "") -> Iterator[tuple[str, s
             yield f"{path}{key}", json.dumps(value)
 
 
-def tables(results: Path) -> dict[str, Path]:
+def tables_of(results: Path) -> dict[str, Path]:
     """The tables of a study that do not tell of other studies, by name."""
     present = (results / "tables").glob("*.csv")
     return {f"tables/{path.name}": path for path in present if path.stem not in OF_REFERENCE}
@@ -90,7 +90,7 @@ def table_differences(
     published: the results folder of an unpacked archive. results: that of the run. only: of these
     files of the run; by default all tables of both.
     """
-    there, here = tables(published), tables(Path(results))
+    there, here = tables_of(published), tables_of(Path(results))
     for name in sorted(there.keys() | here.keys()):
         if only is not None and f"{results}/{name}" not in only:
             continue

@@ -22,7 +22,7 @@ PREDICTED, PREDICTING = 40, 16  # settings, and draws of each
 WITH, WITHOUT = "log_probability", "without_amplitudes"
 
 
-def readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Each reading of the paper at its most probable setting.
 
     parts: rows of `trials.paper_search`.
@@ -74,7 +74,7 @@ def region_samples(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.D
 def region_table(samples: pd.DataFrame, readings: pd.DataFrame) -> pd.DataFrame:
     """One row for each unknown: what the printed numbers tell of it.
 
-    samples: of `region_samples`; readings: of `readings`.
+    samples: of `region_samples`; readings: of `paper_readings`.
     """
     drawn = samples[(samples["known"] == WITH) & (samples["kind"] == "setting")]
     best = readings.set_index("reading").loc[BASE.name]

@@ -10,7 +10,7 @@ import pandas as pd
 from galloping.cycles.family import initial_state
 from galloping.evaluation.motion import steady_amplitude
 from galloping.measurement import Motion
-from galloping.paper.claims import CLAIMS, HELD, Claim, judged, together, verdict_of_share
+from galloping.paper.claims import CLAIMS, HELD, Claim, judged, kept_together, verdict_of_share
 from galloping.paper.draws import Amounts, line_motion, paper_draws
 from galloping.paper.unknowns import UNKNOWNS
 from galloping.physics.galerkin import coefficients
@@ -107,7 +107,7 @@ def _joint(claims: Sequence[Claim], case: str, draws: pd.DataFrame) -> list[dict
     printed = [claim for claim in bounds if claim.is_r2 and claim.source != "first abstract"]
     rows = []
     for name, group in (("R2 bounds", printed), ("bounds", bounds)):
-        if len(group) > 1 and (found := together(group, draws)):
+        if len(group) > 1 and (found := kept_together(group, draws)):
             share, n = found
             rows.append({
                 "claim": f"all {len(group)} {name} in the same draw", "case": case, "direction": "",

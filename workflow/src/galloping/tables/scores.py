@@ -65,7 +65,7 @@ def spread(column: str, stem: str = "") -> dict[str, tuple[str, Callable]]:
     return {name: (column, lambda values, k=k: interval(values)[k]) for k, name in enumerate(names)}
 
 
-def summarise(
+def medians(
     scores: pd.DataFrame, keys: list[str], columns: Mapping[str, str], axis: str, value: str
 ) -> pd.DataFrame:
     """One row for each group and column: median, interval, replicates and failures.
@@ -88,13 +88,13 @@ def noise_coefficients(scores: pd.DataFrame) -> pd.DataFrame:
     columns = {order: f"mean_error_{order}_percent" for order in ORDERS}
     columns = {order: name for order, name in columns.items() if name in scores}
     keys = ["case", "protocol", "method", "level"]
-    return summarise(of_kind(scores, NOISE), keys, columns, "order", "mean_error_percent")
+    return medians(of_kind(scores, NOISE), keys, columns, "order", "mean_error_percent")
 
 
 def noise_r2(scores: pd.DataFrame) -> pd.DataFrame:
     """case, protocol, method, level, state, r2_median, r2_low, r2_high, replicates, failures."""
     columns, keys = {state: f"r2_{state}" for state in STATES}, [*CELL[:2], "method", "level"]
-    table = summarise(of_kind(scores, NOISE), keys, columns, "state", "r2")
+    table = medians(of_kind(scores, NOISE), keys, columns, "state", "r2")
     return table.rename(columns={"r2": "r2_median"})
 
 
@@ -102,8 +102,8 @@ def data_amount(scores: pd.DataFrame) -> pd.DataFrame:
     """case, protocol, method, points, state, amplitude_error_percent and r2 with intervals."""
     subsets, keys = of_kind(scores, SUBSET), ["case", "protocol", "method", "points"]
     columns = {state: f"amplitude_error_{state}_percent" for state in STATES}
-    amplitude = summarise(subsets, keys, columns, "state", "amplitude_error_percent")
-    r2 = summarise(subsets, keys, {state: f"r2_{state}" for state in STATES}, "state", "r2")
+    amplitude = medians(subsets, keys, columns, "state", "amplitude_error_percent")
+    r2 = medians(subsets, keys, {state: f"r2_{state}" for state in STATES}, "state", "r2")
     return amplitude.merge(r2, on=[*keys, "state", "replicates", "failures"], validate="1:1")
 
 

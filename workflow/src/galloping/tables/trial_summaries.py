@@ -105,7 +105,7 @@ def published_terms(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 def published_intervals(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """One row for each quadratic coefficient, number of samples and method.
 
-    parts: fits of `galloping.trials.published.intervals`.
+    parts: fits of `galloping.trials.published.relaxation_intervals`.
     """
     return _summed(together(parts), ["case", "samples", "method"], _intervals)
 

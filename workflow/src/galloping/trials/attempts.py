@@ -10,7 +10,7 @@ from galloping.bounds import bounds_of, on_library
 from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95
-from galloping.measurement import Motion, measure, noises_of
+from galloping.measurement import Motion, noises_of, recordings_of
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
 
@@ -41,7 +41,7 @@ def measured(
     columns: among them `protocol`, `level`, in standard deviations of each state for the protocols
     that measure states, and `seed`; the noise follows from all of them.
     """
-    ((recording,),) = measure(
+    ((recording,),) = recordings_of(
         [_motion(true, time, states)], protocol=columns["protocol"], level=columns["level"],
         relative=True, samples=len(time), recordings=1, replicates=1, seed=columns["seed"],
         name=[str(value) for value in columns.values()],
@@ -49,7 +49,7 @@ def measured(
     return Attempt(columns, true, recording)
 
 
-def at_the_bound(attempt: Attempt, states: np.ndarray) -> np.ndarray:
+def deviations_at_the_bound(attempt: Attempt, states: np.ndarray) -> np.ndarray:
     """Its `deviations`, from the motion (n, n_states) that was measured.
 
     NaN throughout where the motion is too sensitive for a bound.

@@ -152,7 +152,7 @@ def exact_terms(
                 yield Attempt(named, true, recording, on_library(true, bound))
 
 
-def intervals(
+def relaxation_intervals(
     seed: int,
     case: str,
     replicates: Sequence[int],

@@ -105,7 +105,7 @@ def motion(
     states = continuous.simulate(line, start, time, speed)
     if truth.sensors == "states":
         return states[:, np.newaxis]
-    return continuous.readings(line, states, LAYOUTS[truth.sensors])
+    return continuous.sensor_readings(line, states, LAYOUTS[truth.sensors])
 
 
 def combined(line: continuous.Span, truth: SensedLine, values: np.ndarray) -> np.ndarray:

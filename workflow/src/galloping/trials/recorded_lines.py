@@ -31,7 +31,7 @@ from galloping.polynomial import PolynomialModel, design_matrix, library
 from galloping.recording import Recording
 from galloping.simulation import Simulator, time_grid
 from galloping.streams import generator
-from galloping.trials.attempts import Attempt, at_the_bound, measured, trial_of
+from galloping.trials.attempts import Attempt, deviations_at_the_bound, measured, trial_of
 
 DEFAULT, RANDOM, LONG_AND_STEADY = "default line", "random lines", "long and steady"  # groups
 TERMS = library(len(STATES), 3)
@@ -83,7 +83,7 @@ def of_the_default_line(
                 measured(columns | {"seed": seed, "replicate": r}, line.model, line.time, states)
                 for r in replicates
             ]
-            deviations = at_the_bound(made[0], states)
+            deviations = deviations_at_the_bound(made[0], states)
             yield from (replace(each, deviations=deviations) for each in made)
 
 
@@ -148,7 +148,7 @@ def of_random_lines(
                         "seed": seed, "replicate": number, "release": release,
                     }  # fmt: skip
                     attempt = measured(columns, true, time, states)
-                    yield replace(attempt, deviations=at_the_bound(attempt, states))
+                    yield replace(attempt, deviations=deviations_at_the_bound(attempt, states))
 
 
 @trial_of

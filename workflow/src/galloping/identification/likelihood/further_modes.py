@@ -44,7 +44,7 @@ def further_modes(
     return tuple(found)
 
 
-def in_words(modes: tuple[FurtherMode, ...]) -> str:
+def modes_in_words(modes: tuple[FurtherMode, ...]) -> str:
     """Further modes as the end of a reason, '' where there are none."""
     lines: dict[str, set[str]] = {}
     for mode in modes:

@@ -16,7 +16,7 @@ from scipy.special import stdtrit
 from galloping.identification.answers import by, refused
 from galloping.identification.likelihood.elimination import eliminate_with_jumps, jump_covariance
 from galloping.identification.likelihood.fluctuation import chosen, fluctuating
-from galloping.identification.likelihood.further_modes import further_modes, in_words
+from galloping.identification.likelihood.further_modes import further_modes, modes_in_words
 from galloping.identification.likelihood.shooting import Record, ShootingFit
 from galloping.identification.likelihood.verdict import Near, approximate
 from galloping.identification.likelihood.weak_constraint import (
@@ -143,7 +143,7 @@ def stated(
     found = approximate(
         problem,
         Near(fit.free, support, errors, made.covariance, made.price),
-        f"{reason} {left}" + in_words(besides),
+        f"{reason} {left}" + modes_in_words(besides),
         initial_states=fit.starts[record.begins],
         sigma=sigma,
         chi2=float(np.sum(made.forecast[1]) / noise_power) if noise_power else np.inf,

@@ -22,7 +22,7 @@ from galloping.identification.random_forces.several_modes import (
     Find,
     SeveralModes,
     may_be_two,
-    parted,
+    with_split_mode,
 )
 from galloping.identification.random_forces.start import wavers
 from galloping.identification.random_forces.verdict_in_forces import FinalFit, judged
@@ -88,7 +88,7 @@ def _of_some_modes(
 def _sharper(found: IdentifiedModel, several: SeveralModes, find: Find) -> IdentifiedModel:
     """The model of all that was recorded or, where a mode of it is two, one that tells these."""
     if not several.channels.rates:
-        return parted(found, several.recordings, several.period, 0, find)
+        return with_split_mode(found, several.recordings, several.period, 0, find)
     if not may_be_two(found):
         return found
     # accelerations show how the forces differ from white ones, unless all beyond is filtered out

@@ -10,7 +10,7 @@ import numpy as np
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.steps import Steps
-from galloping.identification.random_forces.tracking import Data, Forces, Tracker, factor, sizes
+from galloping.identification.random_forces.tracking import Data, Forces, Tracker, root_of, sizes
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording, mean_inputs
 
@@ -62,7 +62,7 @@ def motions(
     for model in models:
         follow, data = tracker(replace(found, model=model), recording)
         end = follow.over(data)
-        x = end.mean + factor(end.covariance) @ rng.standard_normal(len(end.mean))
+        x = end.mean + root_of(end.covariance) @ rng.standard_normal(len(end.mean))
         drawn.append(follow.motion(x, ahead, rng))
     return np.array(drawn)
 
@@ -107,7 +107,7 @@ def followed(found: IdentifiedModel, recording: Recording) -> np.ndarray:
     return follow.over(data).means
 
 
-def spectra(
+def model_spectra(
     found: IdentifiedModel, recording: Recording, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies (n,), Hz, and one-sided spectra (n, n_channels) of the channels of a recording.

@@ -12,11 +12,11 @@ from galloping.identification.problem import Problem
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.start import (
     Swings,
+    linear_systems,
     on_grids,
     shortest,
     spectra,
     strengths,
-    systems,
 )
 from galloping.identification.random_forces.tracking import (
     Data,
@@ -237,7 +237,7 @@ def begun(
     kinds = [posed, as_means] if channels.rates else [posed]
     frequencies, power = spectra(grids, step)
     found = []
-    for begin in systems(channels, grids, step, period, besides):
+    for begin in linear_systems(channels, grids, step, period, besides):
         free = _coefficients(posed, begin.system, factors)
         rate = SLOW * Modes.of(begin.system).omega.min()
         for kind, slow in product(kinds, (None, rate)):

@@ -114,7 +114,7 @@ class SeveralModes:
             return found
         if not _swings_at(found, modes[:k]):
             return NoModel("it does not swing as its modes do")
-        found = parted(found, *given, besides, find)
+        found = with_split_mode(found, *given, besides, find)
         return found if is_whole else _said(found, modes[k:], below)
 
 
@@ -132,7 +132,7 @@ def may_be_two(found: IdentifiedModel) -> bool:
     )
 
 
-def parted(
+def with_split_mode(
     found: IdentifiedModel, recordings: list[Recording], period: float, besides: int, find: Find
 ) -> IdentifiedModel:
     """The model that `find` has found or, where a mode of it is two, one with a mode more.

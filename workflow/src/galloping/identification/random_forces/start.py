@@ -132,7 +132,7 @@ class LinearStart:
     swings: Swings
 
 
-def systems(
+def linear_systems(
     channels: Channels, grids: list[np.ndarray], step: float, period: float, besides: int
 ) -> Iterator[LinearStart]:
     """Linear systems that may have moved so, with `besides` modes more than coordinates.

@@ -15,7 +15,7 @@ from galloping.identification.random_forces.kalman import (
     random_motion,
 )
 from galloping.identification.random_forces.steps import Steps, discretised, with_means
-from galloping.identification.work import allowed, spend
+from galloping.identification.work import allowance, spend
 from galloping.modes import Modes
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
@@ -233,7 +233,7 @@ class Tracker:
         each = OF_STEP + OF_TERM * exponents.size + OF_SLOPE * len(candidates) * len(x) ** 2
         seconds = counts[steps.of].sum() * each
         quick = np.median(counts[steps.of]) > MOST_SUBSTEPS
-        if quick or seconds > allowed(len(data.samples)):
+        if quick or seconds > allowance(len(data.samples)):
             raise Unusable("a motion much quicker than its samples cannot be followed")
         spend(seconds)
         return extended_filter(
@@ -247,7 +247,7 @@ class Tracker:
         """(n, n_states) from states and slow forces `x` (m,) on, in forces drawn for it."""
         counts = self.substeps(steps.lengths)
         noise = rng.standard_normal((counts[steps.of[1:]].sum(), len(x)))
-        driven, root = steps.driven(counts, self._tables.factors), factor(self.driven[1])
+        driven, root = steps.driven(counts, self._tables.factors), root_of(self.driven[1])
         own = steps.of[1:], steps.lengths, counts, driven, *self.equations(), root, noise
         return random_motion(x, *own)[:, : len(self.size)]
 
@@ -302,7 +302,7 @@ class Tracker:
         return x[m : m + n]
 
 
-def factor(covariance: np.ndarray) -> np.ndarray:
+def root_of(covariance: np.ndarray) -> np.ndarray:
     """A root R of a covariance, R R' but for rounding, which may be singular."""
     values, vectors = np.linalg.eigh((covariance + covariance.T) / 2.0)
     return vectors * np.sqrt(np.maximum(values, 0.0))
