@@ -48,8 +48,12 @@ def attempt(search: Callable[[], Found]) -> Found | NoModel:
 
 STATUSES = ("ok", "not identifiable", "approximate", "refused", "unjudged")
 RANGE = ("_low", "_high")  # behind the name of an input: diagnostics, its range
-LITTLE_TOLD = 0.8  # R2 of forecasts over some periods, below which a model may only imitate forces
-MOST_DAMPING = 0.3  # ratio, of a motion that swings
+# R2 of forecasts over some periods, below which a model may only imitate forces: they miss 45 % of
+# the motion. With a higher limit random forces are asked after where a model forecasts well, with a
+# lower one forces go unnamed; the number was not calibrated.
+LITTLE_TOLD = 0.8
+# Ratio, of a motion that swings: at it a swing falls to a seventh in a period.
+MOST_DAMPING = 0.3
 BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
 
 
@@ -94,7 +98,9 @@ class Resonance:
 
     @property
     def is_mode(self) -> bool:
-        """Whether a mode of the line: what dies out faster is how forces differ from white ones."""
+        """Whether a mode of the line: what dies out faster, to half in a period, is how forces
+        differ from white ones.
+        """
         return self.damping < MOST_DAMPING / 3.0
 
     @property

@@ -34,7 +34,8 @@ class Prior:
     odds have no unit, so neither the choice nor the verdict depends on those of the recording.
 
     With the likelihood the prior makes the evidence of a support. The integral over the
-    coefficients of a term costs ln N in units of chi^2 for N samples, where the data tell it, for a
+    coefficients of a term costs ln N in units of chi^2 for N samples of all channels (in
+    `derivative_fit` of its equation's derivative), where the data tell the coefficient, for a
     prior of them that is worth one sample (R. E. Kass and L. Wasserman, J. Am. Stat. Assoc. 90,
     1995, after G. Schwarz, Ann. Stat. 6, 1978). So the support is chosen by the least
 

@@ -100,7 +100,9 @@ class Condensed:
     @property
     def tells_noise(self) -> np.ndarray:
         """(n_recordings, n_observed) whether the noise is known, or windows have samples to spare:
-        three tenths of all.
+        three tenths of all, as five samples in a window have, of which three make projections, and
+        four have not. With a smaller share a misfit is held against a rough estimate of the noise,
+        with a larger one more often against none; the number was not calibrated.
         """
         spare = self.counts - self.rows
         return self.is_known | (spare > 0.3 * np.maximum(self.counts, 1))

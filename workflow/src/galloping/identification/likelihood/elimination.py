@@ -24,7 +24,9 @@ from galloping.identification.work import spend
 # Of the end of a chain with its beginning. The elimination squares the growth: of 1e12, rounding
 # leaves 2e-4 of what a segment tells.
 MOST_GROWTH = 1e6
-UNDETERMINED = 3e-7  # relative singular value below which a direction of a state is not solved for
+# Relative singular value below which a direction of a state is not solved for: three times
+# TRUNCATION, the integrator's relative error, which makes up singular values of its own size.
+UNDETERMINED = 3e-7
 STATE_RIDGE = 1e-12  # of the information about a state, added: a stretch may tell nothing of it
 
 

@@ -77,7 +77,11 @@ def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray
     period = WINDOWS_PER_PERIOD * record.condensed.step
     # (n_rates,) coefficients that would move their state at the rate of the motion
     unit = 2.0 * np.pi / period * size[equation[rates]] / size[exponents[rates].argmax(axis=1)]
-    variance, least, passes = (2e-3 * unit) ** 2, (1e-6 * unit) ** 2, 4
+    # where expectation maximisation begins, and the least: from zero it would never rise
+    variance, least = (2e-3 * unit) ** 2, (1e-6 * unit) ** 2
+    # fits, each after five passes of the variances, which move slowly: the first without choice of
+    # terms, the last with the terms before; more cost as much again each, and were not calibrated
+    passes = 4
     fine = replace(fit, record=parts, starts=parts.starts, misfit=misfit)
     for passed in range(passes):
         if is_spent():

@@ -34,6 +34,10 @@ def _repeats(model: PolynomialModel, start: np.ndarray, duration: float, period:
     samples must leave a fifth of the states' size at most. Made finer, then counted as many times
     as fit into two thirds of the time, it must leave less than a hundredth. duration, period: s; a
     motion that repeats over 500 periods goes on so.
+
+    Of 60 samples in a period a cubic spline errs by 2e-5 of a third harmonic, 1e-4 of a fifth.
+    Delays of whole samples are up to half a sample off, which leaves 0.05 of the shortest period's
+    own swing and 0.16 of a third harmonic.
     """
     samples = 60  # of a period, which takes at most 64 steps of the integration
     time = np.arange(0.0, min(duration, 500 * period), period / samples)

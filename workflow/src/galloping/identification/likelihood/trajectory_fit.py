@@ -206,6 +206,7 @@ def join(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
     """
     step, count = free, len(free.fit.starts)
     best = _chosen(step.fit, step.information, step.right, price.times(dear))
+    # not critical: from chains of two or of eight on, three recordings have the same model
     chain = count if np.array_equal(best, step.fit.support) else 4
     choosing = 14  # passes of MOST_PASSES
     whole, settled = False, False
@@ -219,6 +220,7 @@ def join(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
             if times == 1.0 and not step.fit.support.any():
                 raise FloatingPointError(NOTHING_STANDS_OUT)
             was_whole = whole or chain >= count
+            # the gap is that before the step, which leaves about its square, 1e-6 of each state
             converged = step.decrement < CONVERGED and step.gap < 1e-3 and times == 1.0
             settled = unchanged and was_whole and converged
             if settled:
@@ -284,6 +286,8 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, cost: Price | None) -
     moved = replace(fit, record=record, free=free, support=support, starts=starts)
     squares, rows = linear.squares * fit.sigma**2, record.condensed.rows
     share = moved.parameters / max(np.count_nonzero(squares), 1)
+    # a fifth of the rows at least: what many parameters follow exactly would seem to have no noise,
+    # or a variance below zero; not critical
     sigma = np.maximum(np.sqrt(squares / np.maximum(rows - share, 0.2 * rows + 1.0)), record.floor)
     moved = replace(moved, sigma=sigma, chi2=float(np.sum(squares / fit.reference**2)))
     decrement = float(change @ information @ change)

@@ -292,7 +292,9 @@ def delayed_inputs(start: Start) -> dict[str, float]:
 
     Looked for are delays within four of the shortest periods, with all candidates, so that no model
     is needed that nearly follows. A delay counts that takes away most of the misfit of the weak
-    form beyond the noise.
+    form beyond the noise. Eight steps of half a period reach so far, and four halvings tell a delay
+    to a thirty-second of a period; what is later is not found, and each step costs a weak form. The
+    reach was not calibrated.
     """
     problem, n = start.problem, len(start.problem.candidates)
     weighed, found = problem.coefficients(start.fit.free), {}
