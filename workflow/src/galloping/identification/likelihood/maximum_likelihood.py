@@ -20,6 +20,7 @@ from galloping.identification.likelihood import free_run, starts, trajectory_fit
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.instrument import DELAYED, FORCES, faults
 from galloping.identification.likelihood.model_error import approximation
+from galloping.identification.likelihood.repetition import Followed
 from galloping.identification.likelihood.residual_tests import MOST_COLOUR, Residue, residue
 from galloping.identification.likelihood.shooting import Segments, ShootingFit, residuals
 from galloping.identification.likelihood.verdict import Regression, agree, best_of, judged
@@ -208,7 +209,7 @@ def _followed(begun: Start) -> Outcome:
         problem,
         Regression(step.information, step.right, fit.support, penalty, largest, fit.free),
         doubt,
-        begun.recordings,
+        fit.followed(begun.recordings),
         begun.period,
         initial_states=fit.starts[record.begins],
         sigma=sigma,
@@ -386,7 +387,10 @@ def weak_gls(
         found = judged(
             problem,
             Regression(*system, fit.support, begun.penalty, begun.largest),
-            recordings=begun.recordings,
+            followed=[
+                Followed(np.zeros(1), one.states[:1], np.ptp(recording.time))
+                for one, recording in zip(begun.smoothed, begun.recordings, strict=True)
+            ],
             period=begun.period,
             initial_states=np.array([one.states[0] for one in begun.smoothed]),
             sigma=np.array([one.noise for one in begun.smoothed]),

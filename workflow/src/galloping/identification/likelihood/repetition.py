@@ -1,49 +1,57 @@
 """Whether a recorded motion only repeats: then other equations have the same orbit."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
 from galloping.polynomial import PolynomialModel
-from galloping.recording import Recording
 from galloping.taylor import solution
 
+SAMPLES = 60  # of a period, which takes at most 64 steps of the integration
 
-def only_repeats(
-    model: PolynomialModel, starts: np.ndarray, recordings: Sequence[Recording], period: float
-) -> bool:
+
+class Followed(NamedTuple):
+    """A recording that a model follows in segments.
+
+    times: (n_segments,) s, when each begins, the first at zero. states: (n_segments, n_states) of
+    the model there. duration: s, of the recording.
+    """
+
+    times: np.ndarray
+    states: np.ndarray
+    duration: float
+
+
+def only_repeats(model: PolynomialModel, followed: Sequence[Followed], period: float) -> bool:
     """Whether in all recordings the model's motion is one orbit again and again.
 
     Two tones without a common period come near to themselves after some delay, but not after its
-    multiples. starts: (n_recordings, n_states), the first state of each. period: the shortest of
-    the motion, s. What inputs drive is no orbit, nor is what diverges.
+    multiples. The motion is that in segments, for an orbit may be unstable, and a free run then
+    leaves the orbit by rounding. period: the shortest of the motion, s. What inputs drive is no
+    orbit, nor is what diverges.
     """
-    return not model.inputs and all(
-        _repeats(model, start, float(np.ptp(one.time)), period)
-        for start, one in zip(starts, recordings, strict=True)
-    )
+    return not model.inputs and all(_repeats(model, one, period) for one in followed)
 
 
-def _repeats(model: PolynomialModel, start: np.ndarray, duration: float, period: float) -> bool:
+def _repeats(model: PolynomialModel, followed: Followed, period: float) -> bool:
     """Whether standardised states return to themselves over two thirds of the time.
 
     Sought is the delay, up to a third of the time, after which the states differ least from what
     they were; short delays are passed by, up to where the difference first falls. A delay of whole
     samples must leave a fifth of the states' size at most. Made finer, then counted as many times
-    as fit into two thirds of the time, it must leave less than a hundredth. duration, period: s; a
-    motion that repeats over 500 periods goes on so.
+    as fit into two thirds of the time, it must leave less than a hundredth. period: s; a motion
+    that repeats over 500 periods goes on so.
 
     Of 60 samples in a period a cubic spline errs by 2e-5 of a third harmonic, 1e-4 of a fifth.
     Delays of whole samples are up to half a sample off, which leaves 0.05 of the shortest period's
     own swing and 0.16 of a third harmonic.
     """
-    samples = 60  # of a period, which takes at most 64 steps of the integration
-    time = np.arange(0.0, min(duration, 500 * period), period / samples)
+    time = np.arange(0.0, min(followed.duration, 500 * period), period / SAMPLES)
     try:
-        most = 64 * (len(time) // samples + 1)
-        states, _, _ = solution(model, (), start, time, period, most)
+        states = _motion(model, followed, time, period)
     except FloatingPointError:
         return False
     if not np.all(np.isfinite(states)):
@@ -70,6 +78,22 @@ def _repeats(model: PolynomialModel, start: np.ndarray, duration: float, period:
             differ, bounds=(times * best - width, times * best + width), method="bounded"
         ).x
     return differ(best) < 0.01
+
+
+def _motion(
+    model: PolynomialModel, followed: Followed, time: np.ndarray, period: float
+) -> np.ndarray:
+    """(n, n_states) at `time` (n,), s, each segment from its first state on.
+
+    Raises FloatingPointError where a segment takes too many steps.
+    """
+    owner = np.searchsorted(followed.times, time, side="right") - 1
+    parts = []
+    for k in np.unique(owner):
+        own = np.append(followed.times[k], time[owner == k])
+        most = 64 * (len(own) // SAMPLES + 1)
+        parts.append(solution(model, (), followed.states[k], own, period, most)[0][1:])
+    return np.concatenate(parts)
 
 
 def _apart(states: np.ndarray) -> np.ndarray:

@@ -3,15 +3,17 @@ a first state of its own, linearised in these and in the coefficients. Chains of
 all first states free; one chain per recording is, at convergence, single shooting.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
+from galloping.identification.likelihood.repetition import Followed
 from galloping.identification.problem import Problem
 from galloping.identification.work import spend
+from galloping.recording import Recording
 
 # Of a state or a derivative, from which a solution counts as diverged: no motion comes near it in
 # any unit, and squares and products of such numbers are still finite.
@@ -154,6 +156,16 @@ class ShootingFit:
         """Number of terms, and of entries of the first states of chains."""
         chains = int(self.record.segments.chains[-1]) + 1
         return int(self.support.sum()) + chains * self.starts.shape[1]
+
+    def followed(self, recordings: Sequence[Recording]) -> list[Followed]:
+        """How the model follows the recordings from which the samples were condensed."""
+        segments, condensed = self.record.segments, self.record.condensed
+        owner = segments.recording
+        times = condensed.step * (segments.first[:-1] - condensed.first[owner])
+        return [
+            Followed(times[owner == k], self.starts[owner == k], np.ptp(one.time))
+            for k, one in enumerate(recordings)
+        ]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from scipy.special import chdtri
 
-from galloping.identification.likelihood.repetition import only_repeats
+from galloping.identification.likelihood.repetition import Followed, only_repeats
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.plausible import (
     MISS_RATE,
@@ -28,7 +28,6 @@ from galloping.identification.selection import (
     whiten,
 )
 from galloping.intervals import normal
-from galloping.recording import Recording
 
 # Weight that the plausible supports without one of the terms found may have together: at most one
 # in fifty of all models that are `ok` holds a false term (docs/identification_parts.csv).
@@ -83,7 +82,7 @@ def judged(
     problem: Problem,
     regression: Regression,
     doubt: str = "",
-    recordings: Sequence[Recording] = (),
+    followed: Sequence[Followed] = (),
     period: float = np.inf,
     **fitted: object,
 ) -> IdentifiedModel:
@@ -94,10 +93,10 @@ def judged(
     which terms there are and the data alone would not, the reason of the `ok` says so. Intervals
     and limits are those of the data alone.
 
-    doubt: why the terms are not settled, '' where they are. recordings: those that the model
-    follows from `initial_states`, of which it is asked whether their motion only repeats; none
-    where derivatives were measured. period: s, the shortest of the motion. fitted: initial_states,
-    sigma, chi2 and diagnostics, as in `IdentifiedModel`.
+    doubt: why the terms are not settled, '' where they are. followed: the recordings, of which it
+    is asked whether their motion only repeats; none where derivatives were measured. period: s, the
+    shortest of the motion. fitted: initial_states, sigma, chi2 and diagnostics, as in
+    `IdentifiedModel`.
     """
     support, penalty = regression.support, regression.penalty
     free, covariance = solve_support(regression.information, regression.right, support)
@@ -126,7 +125,7 @@ def judged(
         errors = unconditional_errors(plausible, errors)
         fitted |= _rivals(problem, regression, believed)
     model = problem.model(free)
-    if recordings and only_repeats(model, fitted["initial_states"], recordings, period):
+    if followed and only_repeats(model, followed, period):
         reason = "; ".join(filter(None, [REPEATS, reason]))
     conditional = np.full(len(support), np.nan)
     conditional[support] = np.sqrt(np.diag(covariance))
