@@ -121,6 +121,12 @@ def test_a_motion_that_keeps_its_size_may_be_galloping(summary):
     assert "| vertical displacement, frequency of most of it | 0.39 Hz" in text
 
 
+def test_an_interval_of_draws_holds_its_value():
+    beyond, unknown = Value.of(1.0, (1.1, 1.2)), Value.of(1.0, (np.nan, np.nan))
+    assert (beyond.low, beyond.high) == (1.0, 1.2)
+    assert np.isnan([unknown.low, unknown.high]).all()
+
+
 def test_the_time_of_doubling_is_a_plain_number(summary):
     slowly = {"q_v": Value(-0.0026, -0.0036, 0.0), "q_w": Value(*DIES)}
     known = replace(summary.dynamics, damping=slowly)

@@ -33,8 +33,9 @@ class Value(Immutable):
 
     @classmethod
     def of(cls, value: float, ends: Iterable[float]) -> "Value":
-        """With the ends of an interval, such as `of_draws` gives."""
-        return cls(*map(float, (value, *ends)))
+        """With the ends of an interval, such as `of_draws` gives, widened to hold the value."""
+        low, high = ends
+        return cls(float(value), float(min(low, value)), float(max(high, value)))
 
 
 @dataclass(frozen=True, eq=False)
