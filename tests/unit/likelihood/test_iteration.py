@@ -79,9 +79,9 @@ def test_chains_grow_while_terms_change_and_terms_are_kept_in_the_last_passes(mo
     """
     longest, choosing, tried = [], [], []
 
-    def guarded_step(_, own, chain, cost):
+    def guarded_step(_, own, chain, price):
         longest.append(chain)
-        choosing.append(cost is not None)
+        choosing.append(price is not None)
         return step(own, fit(1.0, [len(longest) % 8], segments=1000), decrement=1.0)
 
     def select(_, __, starts, *___):

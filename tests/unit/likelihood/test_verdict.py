@@ -30,7 +30,7 @@ def verdict(
     information, right = columns.T @ columns, columns.T @ observed
     penalty = 2.0 * np.log(len(columns))
     starts = [np.isin(np.arange(columns.shape[1]), start)]
-    support = select(information, right, starts, problem.costs(penalty))
+    support = select(information, right, starts, problem.least_prices(penalty))
     largest = np.sqrt(np.mean(observed**2)) / np.sqrt(np.mean(columns**2, axis=0))
     return judged(problem, Regression(information, right, support, penalty, largest))
 
@@ -176,7 +176,7 @@ def test_a_nonlinear_term_that_others_balance_may_be_twice_its_equation_unseen(
 
 def test_the_prior_costs_the_same_in_any_unit() -> None:
     problem, *_ = alike(Prior(term=0.5, constant=1.0, nonlinear=0.1))
-    paid = problem.costs(2.0 * np.log(400)) - np.log(400)
+    paid = problem.least_prices(2.0 * np.log(400)) - np.log(400)
     assert paid[0] == 0.0
     assert np.allclose(paid[[1, Y]], 2.0 * np.log(2.0))
     assert np.allclose(paid[3:] - paid[1], 2.0 * np.log(10.0))
@@ -194,7 +194,7 @@ def test_a_constant_beside_a_displacement_costs_more_than_a_nonlinear_term() -> 
 def test_the_odds_of_terms_are_those_that_recordings_calibrated() -> None:
     """A constant costs ln N + 1, a linear term ln N + 2, a nonlinear one 6 more."""
     penalty = 2.0 * np.log(400)
-    beyond = posed(("x", "y"), PLANE, prior=Prior()).costs(penalty)[:6] - np.log(400)
+    beyond = posed(("x", "y"), PLANE, prior=Prior()).least_prices(penalty)[:6] - np.log(400)
     assert np.allclose(beyond, [1.0, 2.2, 2.2, 8.2, 8.2, 8.2], atol=0.05)
 
 
@@ -204,11 +204,11 @@ def test_simple_terms_told_finely_cost_more_but_not_beside_a_displacement() -> N
         problem = posed(states, PLANE, prior=Prior())
         price = problem.price(2.0 * np.log(rows), largest[: len(problem.candidates)])
         terms = np.arange(len(problem.candidates))
-        roughly = price.told(price.width, terms)  # as a prior worth one sample is wide
-        assert np.allclose(roughly, problem.costs(2.0 * np.log(rows)))
-        finely = price.told(price.width / 3.0, terms) - roughly
+        roughly = price.with_errors(price.width, terms)  # as a prior worth one sample is wide
+        assert np.allclose(roughly, problem.least_prices(2.0 * np.log(rows)))
+        finely = price.with_errors(price.width / 3.0, terms) - roughly
         assert np.allclose(finely, 2.0 * np.log(3.0) * np.isin(terms, dearer))
-        assert price.told(0.0 * price.width + 1e-30, terms).max() <= roughly.max()
+        assert price.with_errors(0.0 * price.width + 1e-30, terms).max() <= roughly.max()
 
 
 def test_supports_that_lack_a_term_may_weigh_a_fifth() -> None:

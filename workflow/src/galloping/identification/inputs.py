@@ -91,7 +91,7 @@ def asked(
     return posed(states, terms, known, known_states, prior, inputs, coefficients, allowed)
 
 
-def driven(recordings: list[Recording], inputs: tuple[str, ...]) -> list[Recording]:
+def while_driven(recordings: list[Recording], inputs: tuple[str, ...]) -> list[Recording]:
     """The recordings in stretches during which the inputs are there (`Recording.driven`).
 
     Raises Unusable where they are there during fewer than FEWEST samples in a row.

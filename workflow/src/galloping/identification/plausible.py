@@ -39,7 +39,7 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
     of models that others outweigh by 0.05 to 0.5, 10 of 35 hold a false term where 7 are expected.
     """
     absent = max(int(np.sum(whitened.usable & ~support)), 1)
-    cost = np.full(len(support), 2.0 * gammaincinv(0.5, 0.9 ** (1.0 / absent)))
+    prices = np.full(len(support), 2.0 * gammaincinv(0.5, 0.9 ** (1.0 / absent)))
     most = 150  # supports that are weighed; with 60, 1 % of the intervals fail that hold with 150
     known = {support.tobytes(): (-np.inf, support)}
     looked_at: set[bytes] = set()
@@ -51,14 +51,14 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
         looked_at.add(key)
         around = known[key][1]
         here = tableau(whitened, around)
-        rises, others = moves(here, around, cost, most)
-        values = here.chi2 + cost[here.kept].sum() + rises
+        rises, others = moves(here, around, prices, most)
+        values = here.chi2 + prices[here.kept].sum() + rises
         for value, other in zip(values, others, strict=True):
             known.setdefault(other.tobytes(), (value, other))
     ranked = sorted(known.values(), key=lambda entry: entry[0])
     supports = np.array([other for _, other in ranked[:most]])
     chi2, coefficients, variances = _fits(whitened, supports)
-    criterion = chi2 + supports @ cost
+    criterion = chi2 + supports @ prices
     weight = np.exp(-(criterion - criterion.min()) / 2.0)
     return Plausible(supports, chi2, weight / weight.sum(), coefficients, variances)
 
@@ -73,10 +73,10 @@ def with_prior(problem: Problem, plausible: Plausible) -> Plausible:
     if problem.prior is None:
         return plausible
     size = plausible.supports.sum(axis=1)
-    cost = plausible.supports @ problem.prior.of_complexity(problem.complexity)
+    price = plausible.supports @ problem.prior.of_complexity(problem.complexity)
     clearly = plausible.chi2 < plausible.chi2[0] - 5.0
     is_no_tie = (size < size[0]) | (size > size[0]) & clearly
-    dearer = np.where(is_no_tie, np.minimum(cost - cost[0], 0.0), cost - cost[0])
+    dearer = np.where(is_no_tie, np.minimum(price - price[0], 0.0), price - price[0])
     weight = plausible.weight * np.exp(-(dearer - dearer.min()) / 2.0)
     return replace(plausible, weight=weight / weight.sum())
 

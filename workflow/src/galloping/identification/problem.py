@@ -200,7 +200,9 @@ class Problem:
             return states
         return np.hstack([states, design_matrix(inputs, self.tables.factors)])
 
-    def driven(self, recordings: Sequence[Recording], first: np.ndarray, step: float) -> np.ndarray:
+    def input_factors(
+        self, recordings: Sequence[Recording], first: np.ndarray, step: float
+    ) -> np.ndarray:
         """Factors of the recordings' inputs over windows of `step` s, of which each has as many as
         `first` (n_recordings + 1,) says; as `recording.windowed`, one recording after the other.
         """
@@ -262,15 +264,15 @@ class Problem:
 
         penalty: 2 ln N of N samples. largest: (n_candidates,) of the function `largest`.
         """
-        costs = self.costs(penalty)
+        least = self.least_prices(penalty)
         if self.prior is None:
-            return Price(costs, costs, largest)
+            return Price(least, least, largest)
         nonlinear = penalty / 2.0 - 2.0 * np.log(self.prior.term * self.prior.nonlinear)
         simple = (self.degrees < 2) & ~self.of_velocities
-        most = np.where(simple, nonlinear, costs)
-        return Price(costs, most, largest / np.exp(penalty / 4.0))
+        most = np.where(simple, nonlinear, least)
+        return Price(least, most, largest / np.exp(penalty / 4.0))
 
-    def costs(self, penalty: float) -> np.ndarray:
+    def least_prices(self, penalty: float) -> np.ndarray:
         """(n_candidates,) what terms have to bring, in units of chi^2, to be chosen.
 
         penalty: 2 ln N. Without a prior all of it, so that what noise makes up is kept out.

@@ -59,7 +59,7 @@ class Price:
         """The prices of some terms, by their indices."""
         return Price(self.least[terms], self.most[terms], self.width[terms])
 
-    def told(self, errors: np.ndarray, terms: np.ndarray) -> np.ndarray:
+    def with_errors(self, errors: np.ndarray, terms: np.ndarray) -> np.ndarray:
         """(m,) prices of terms, by their indices (m,), with the standard errors `errors` (m,)."""
         wider = self.least[terms] + 2.0 * np.log(np.maximum(self.width[terms] / errors, 1.0))
         return np.minimum(wider, self.most[terms])
@@ -69,21 +69,21 @@ def select(
     information: np.ndarray,
     right: np.ndarray,
     starts: list[np.ndarray],
-    cost: Price | np.ndarray | float,
+    price: Price | np.ndarray | float,
     about: np.ndarray | None = None,
 ) -> np.ndarray:
     """The best support found: least chi^2 plus what its terms cost.
 
-    From each of `starts`, (n,) boolean: removes the term that is least worth its cost while there
+    From each of `starts`, (n,) boolean: removes the term that is least worth its price while there
     is one that is not; then, while it pays, adds a term or two, or exchanges one for one, one for
     two or two for one, while work is left. In this search a `Price` counts by its least: beside a
     term that imitates it a term has a large error, and so a price that does not compare. From the
     best support terms then leave that are not worth their price with the errors they have there.
-    cost: of each term (n,), in units of chi^2, or one of all. Shapes as in `solve_support`; about:
+    price: of each term (n,), in units of chi^2, or one of all. Shapes as in `solve_support`; about:
     as in `whiten`. Returns the (n,) boolean support.
     """
-    whitened, priced = whiten(information, right, about), isinstance(cost, Price)
-    least = np.broadcast_to(cost.least if priced else cost, len(right))
+    whitened, priced = whiten(information, right, about), isinstance(price, Price)
+    least = np.broadcast_to(price.least if priced else price, len(right))
     ends: dict[bytes, tuple[float, np.ndarray]] = {}
     for start in starts:
         value, support = _descend(whitened, start & whitened.usable, least, ends)
@@ -93,9 +93,9 @@ def select(
         return support
     here = tableau(whitened, support)
     errors = whitened.unit[here.kept] * np.sqrt(np.diag(here.covariance))
-    price = least.copy()
-    price[here.kept] = cost.told(errors, here.kept)
-    return _remove(whitened, support, price)
+    prices = least.copy()
+    prices[here.kept] = price.with_errors(errors, here.kept)
+    return _remove(whitened, support, prices)
 
 
 @dataclass(frozen=True)
@@ -248,9 +248,9 @@ def _pairs(
 
 
 def moves(
-    here: Tableau, support: np.ndarray, cost: np.ndarray, most: int
+    here: Tableau, support: np.ndarray, prices: np.ndarray, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The `most` best small moves from a support (n,): the rise of chi^2 plus `cost` (n,) with
+    """The `most` best small moves from a support (n,): the rise of chi^2 plus `prices` (n,) with
     each, (m,), increasing, and the supports that they lead to, (m, n).
 
     A term leaves; one or two enter; one is exchanged for one or for two, or two for one.
@@ -272,9 +272,9 @@ def moves(
     priced = []
     for rises, leave, enter in options:
         for terms in enter.T:
-            rises = rises + cost[terms]
+            rises = rises + prices[terms]
         for terms in leave.T:
-            rises = rises - cost[terms][:, None]
+            rises = rises - prices[terms][:, None]
         priced.append(rises.ravel())
     rise, ends = np.concatenate(priced), np.cumsum([len(each) for each in priced])
     edge = np.partition(rise, most - 1)[most - 1] if most < len(rise) else np.inf
@@ -291,29 +291,29 @@ def moves(
 
 
 def _descend(
-    whitened: Whitened, support: np.ndarray, cost: np.ndarray, ends: dict[bytes, tuple]
+    whitened: Whitened, support: np.ndarray, prices: np.ndarray, ends: dict[bytes, tuple]
 ) -> tuple[float, np.ndarray]:
     """Removal, then the best small move while one lowers the criterion; with the criterion. ends:
     supports from which no move does.
     """
-    support = _remove(whitened, support, cost)
+    support = _remove(whitened, support, prices)
     while support.tobytes() not in ends:
         here = tableau(whitened, support)
-        value = here.chi2 + cost[here.kept].sum()
+        value = here.chi2 + prices[here.kept].sum()
         if is_spent():
             return value, support
-        rise, others = moves(here, support, cost, 1)
+        rise, others = moves(here, support, prices, 1)
         if not len(rise) or rise[0] > -1e-6:  # a smaller fall of chi^2 may be rounding
             return value, support
-        support = _remove(whitened, others[0], cost)
+        support = _remove(whitened, others[0], prices)
     return ends[support.tobytes()]
 
 
-def _remove(whitened: Whitened, support: np.ndarray, cost: np.ndarray) -> np.ndarray:
+def _remove(whitened: Whitened, support: np.ndarray, prices: np.ndarray) -> np.ndarray:
     """Backward elimination; the inverse is updated by one rank at each removal, then made anew."""
     while True:
         here = tableau(whitened, support)
-        c, inverse, price = here.coefficients, here.covariance, cost[here.kept]
+        c, inverse, price = here.coefficients, here.covariance, prices[here.kept]
         left = np.ones(len(c), bool)
         while left.any():
             rise = np.divide(c**2, np.diag(inverse), out=np.full(len(c), np.inf), where=left)

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from galloping.identification.model import IdentifiedModel
 from galloping.recording import Recording
 
-# s, of a search in recordings of up to ROWS times of sampling, and in proportion of longer ones.
+# s, of a search in recordings sampled at up to TIMES times, and in proportion of longer ones.
 # With 24 what no model follows is refused sooner, and some lines of wild motion lose their exact
 # model (docs/identification_parts.csv).
 MOST = 36.0
-ROWS = 30_001
+TIMES = 30_001
 AFTER = 12.0  # s, that forecasts, limit cycles and figures take, which are not counted
 ENDED = "the search for a model ended at its limit of work"
 
@@ -40,7 +40,7 @@ class Work:
         """s, that may still be computed; negative where too much was."""
         return self.most - self.spent
 
-    def told(self, found: IdentifiedModel) -> IdentifiedModel:
+    def doubted_if_ended(self, found: IdentifiedModel) -> IdentifiedModel:
         """The best model of a search; where that ended early it says so, and is not `ok`."""
         if not self.ended:
             return found
@@ -54,14 +54,14 @@ _work: ContextVar[Work] = ContextVar("work", default=_UNLIMITED)
 
 def allowance(rows: int, most: float = MOST) -> float:
     """s, the work of a search in recordings of so many times of sampling."""
-    return most * max(1.0, rows / ROWS)
+    return most * max(1.0, rows / TIMES)
 
 
 @contextmanager
 def limited(recordings: Sequence[Recording], most: float = MOST) -> Iterator[Work]:
     """The block has the work of a search in these recordings, or what is left of that around it.
 
-    most: s, for recordings of up to ROWS times of sampling in all.
+    most: s, for recordings sampled at up to TIMES times in all.
     """
     rows = sum(len(recording.time) for recording in recordings)
     with _within(min(allowance(rows, most), _work.get().left)) as work:

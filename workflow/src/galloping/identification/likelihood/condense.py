@@ -13,25 +13,25 @@ from galloping.taylor import ORDER, System, integrate
 # Three projections a window hold all that samples tell of a motion that turns by a twelfth of a
 # period in it; Taylor series of `taylor.ORDER` are then good to TRUNCATION, relative to each state:
 # below the noise of any sensor.
-WINDOWS_PER_PERIOD, ROWS = 12, 3
+WINDOWS_PER_PERIOD, PROJECTIONS = 12, 3
 TRUNCATION = 1e-7
 
 
 @dataclass(frozen=True)
 class Condensed:
-    """Projections of the recordings' samples, window by window.
+    """Projections of the recordings' samples, window by window, n_rows = PROJECTIONS of each.
 
     step: length of a window, s. first: (n_recordings + 1,) first window of each recording.
     observed: (n_observed,) index of the state that each channel measures.
     is_rate: (n_observed,) whether it measures the rate of that state.
-    functionals: (n_windows, n_observed, ROWS, ORDER + 1), from Taylor coefficients in the time
+    functionals: (n_windows, n_observed, n_rows, ORDER + 1), from Taylor coefficients in the time
     scaled by the window to the expected projections; zero rows where a window has few samples.
-    targets: (n_windows, n_observed, ROWS) the projections of the samples, in the state's unit.
+    targets: (n_windows, n_observed, n_rows) the projections of the samples, in the state's unit.
     counts: (n_recordings, n_observed) samples; rows: the same, non-zero rows.
     remainder: (n_recordings, n_observed) sum of squares of the samples outside the projections.
     known_noise: (n_recordings, n_observed) deviation of a sample where known, NaN else.
     inputs: (n_windows, n_powers, n_factors) factors of the inputs over each window (see
-    `Problem.driven`), without inputs (n_windows, 1, 0).
+    `Problem.input_factors`), without inputs (n_windows, 1, 0).
     """
 
     step: float
@@ -67,10 +67,12 @@ class Condensed:
         return found
 
     def squares(self, residual: np.ndarray) -> np.ndarray:
-        """(n_recordings, n_observed) sums of squares of (n_windows, n_observed, ROWS) residuals."""
+        """(n_recordings, n_observed) sums of squares of residuals, as `targets`."""
         return np.add.reduceat((residual**2).sum(axis=2), self.first[:-1], axis=0)
 
-    def told(self, states: Sequence[str], noise: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
+    def noise_told(
+        self, states: Sequence[str], noise: np.ndarray
+    ) -> tuple[np.ndarray, dict[str, float]]:
         """Noise of a sample of each channel, (n_recordings, n_observed), as that of each state,
         (n_recordings, n_states), NaN where not measured, and that of each rate in the last
         recording, as `noise_` and the rate's name.
@@ -83,7 +85,7 @@ class Condensed:
 
     @cached_property
     def present(self) -> np.ndarray:
-        """(n_windows, n_observed, ROWS) whether a projection tells anything."""
+        """(n_windows, n_observed, n_rows) whether a projection tells anything."""
         return self.functionals.any(axis=3)
 
     @property
@@ -109,7 +111,7 @@ class Condensed:
 
     @property
     def samplings(self) -> np.ndarray:
-        """(n_windows, n_observed, ROWS, 2): functionals on what a channel measures and its rate."""
+        """(n_windows, n_observed, n_rows, 2): functionals on what is measured and its rate."""
         own = self.functionals[..., :2].copy()
         rates = np.flatnonzero(self.is_rate)
         own[:, rates] = self.functionals[:, rates, :, 1:3] * (self.step / np.array([1, 2]))
@@ -199,8 +201,8 @@ def condense(
     first = np.concatenate([[0], np.cumsum(windows)])
     n_observed = len(observed)
     spend(4e-7 * n_observed * (first[-1] + sum(map(len, times))))
-    functionals = np.zeros((first[-1], n_observed, ROWS, ORDER + 1))
-    targets = np.zeros((first[-1], n_observed, ROWS))
+    functionals = np.zeros((first[-1], n_observed, PROJECTIONS, ORDER + 1))
+    targets = np.zeros((first[-1], n_observed, PROJECTIONS))
     counts, rows = np.zeros((2, len(times), n_observed), np.int64)
     remainder = np.zeros((len(times), n_observed))
     for r, (time, value) in enumerate(zip(times, values, strict=True)):

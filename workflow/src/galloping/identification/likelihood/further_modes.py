@@ -106,6 +106,7 @@ def _fitted(
         return values - basis(place) @ solved(place)
 
     most = np.array([20.0, 2.0 * np.pi])  # what grows more is at the end of a record alone
+    # growth has more than one minimum: tried are none, and twentyfold over the record either way
     tried = [
         least_squares(left, [growth, 0.0], bounds=(-most, most)) for growth in (0.0, 3.0, -3.0)
     ]

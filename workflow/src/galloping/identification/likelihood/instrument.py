@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from galloping.identification.answers import GUSTS
-from galloping.identification.likelihood.condense import ROWS, of_rates
+from galloping.identification.likelihood.condense import PROJECTIONS, of_rates
 from galloping.identification.likelihood.elimination import Eliminated, eliminate
 from galloping.identification.likelihood.shooting import (
     Linearised,
@@ -223,7 +223,7 @@ def _instead(quadratic: Eliminated, fit: ShootingFit, test: Fault, penalty: floa
     """
     information, right = _mixed(quadratic.information, quadratic.right, test.mixture)
     problem, about = fit.record.problem, np.append(fit.free, 0.0)
-    prices = np.append(problem.costs(penalty), penalty)
+    prices = np.append(problem.least_prices(penalty), penalty)
     without = np.append(fit.support, False)
     apart = np.append(problem.chosen_about(fit.free), 0.0)
     chosen = select(information, right, [without, np.append(fit.support, True)], prices, apart)
@@ -283,7 +283,8 @@ def _variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -> lis
             # sigma, estimated from residuals, is so far above them only at its floor: rounding
             if len(own) < 2 or own.mean() < 0.25:
                 continue
-            size = np.repeat((signal[:, o] / weight[:, o])[:, None] ** 2, ROWS, axis=1)[inside]
+            level = signal[:, o] / weight[:, o]
+            size = np.repeat(level[:, None] ** 2, PROJECTIONS, axis=1)[inside]
             size = size - size.mean()
             if (spread := np.sqrt(2.0 * np.sum(size**2))) > 0.0:
                 scores.append(float(size @ (own / own.mean())) / spread)

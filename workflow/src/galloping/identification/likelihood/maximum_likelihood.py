@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from galloping.arrays import one_thread
 from galloping.identification.answers import beside_known, by, refused, with_inputs
-from galloping.identification.inputs import asked, checked_recordings, driven
+from galloping.identification.inputs import asked, checked_recordings, while_driven
 from galloping.identification.likelihood import free_run, starts, trajectory_fit
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.instrument import DELAYED, FORCES, faults
@@ -78,14 +78,14 @@ def maximum_likelihood(
     problem = asked(recordings, terms, known, known_states, prior, coefficients, allowed)
     if forced is not None:
         return random_forces(problem, recordings, forced)
-    used = attempt(partial(driven, recordings, problem.inputs))
+    used = attempt(partial(while_driven, recordings, problem.inputs))
     if isinstance(used, NoModel):
         return by(["no model"], refused(problem, used.reason))
     if all(recording.exact for recording in used):
         found = by(["derivatives"], derivative_fit(problem, used))
     else:
         with limited(used) as work:
-            found = work.told(_at_some_time_scale(problem, used, start))
+            found = work.doubted_if_ended(_at_some_time_scale(problem, used, start))
     return with_inputs(beside_known(problem, found), recordings, used)
 
 
@@ -306,14 +306,14 @@ def _causes_of_none(fit: ShootingFit, penalty: float) -> list[str]:
 
 def _noise(fit: ShootingFit, remaining: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
     """Standard deviation of a sample of each state, (n_recordings, n_states), and of each rate, by
-    its name (see `Condensed.told`). remaining: residuals of single shooting.
+    its name (see `Condensed.noise_told`). remaining: residuals of single shooting.
     """
     condensed = fit.record.condensed
     share = fit.parameters / max(np.count_nonzero(condensed.counts), 1)
     squares = condensed.squares(remaining) + condensed.remainder
     variance = squares / np.maximum(condensed.counts - share, 1.0)
     variance = np.where(condensed.is_known, condensed.noise_variance, variance)
-    return condensed.told(fit.record.problem.states, np.sqrt(variance))
+    return condensed.noise_told(fit.record.problem.states, np.sqrt(variance))
 
 
 def _in_forces(begun: Start, _: str) -> tuple[Outcome, bool]:
@@ -378,7 +378,7 @@ def weak_gls(
     problem = asked(recordings, terms, known, known_states)
 
     def search() -> IdentifiedModel:
-        used = driven(recordings, problem.inputs)
+        used = while_driven(recordings, problem.inputs)
         begun = start or begin(problem, used)
         fit, more = begun.fit, max(begun.fit.misfit, 1.0)
         if fit.misfit >= MOST_MISFIT:
@@ -412,7 +412,7 @@ def shared_evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...
         if all(recording.exact for recording in recordings):
             return None
         problem = posed(recordings[0].states, terms, inputs=tuple(recordings[0].inputs))
-        return begin(problem, driven(list(recordings), problem.inputs))
+        return begin(problem, while_driven(list(recordings), problem.inputs))
 
     begun = attempt(found)
     start = None if isinstance(begun, NoModel) else begun

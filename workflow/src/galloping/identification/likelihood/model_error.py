@@ -135,7 +135,7 @@ def stated(
     problem, support = record.problem, fit.support
     shares = dict(zip(condensed.names(problem.states), made.error_shares, strict=True))
     left = ", ".join(f"{share:.1%} of {name}" for name, share in shares.items())
-    sigma, of_rates = condensed.told(problem.states, noise)
+    sigma, of_rates = condensed.noise_told(problem.states, noise)
     besides = further_modes(problem.states, condensed, residual)
     noise_power = np.sum(made.forecast[2])
     errors = added_deviation(made.information, support)

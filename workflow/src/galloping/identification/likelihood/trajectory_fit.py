@@ -121,7 +121,9 @@ def follows_in_segments(begun: Start) -> bool:
 def _in_segments(fit: ShootingFit) -> Step:
     """The last step in segments that stay apart. Raises FloatingPointError where one diverges."""
     before = fit
-    for _ in range(5):  # then segments are joined, however bad the fit
+    # with three steps fewer are `ok` (docs/identification_parts.csv); then segments are joined,
+    # however bad the fit
+    for _ in range(5):
         step = guarded_step(before, fit, 1, None)
         before, fit = step.before, step.fit
         if fit.misfit < CLOSE:
@@ -153,7 +155,7 @@ def prepare(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
             raise FloatingPointError(ENDED)
         condensed = condense(times, sampled, observed, period / windows, is_rate, known)
         if problem.inputs:
-            inputs = problem.driven(recordings, condensed.first, condensed.step)
+            inputs = problem.input_factors(recordings, condensed.first, condensed.step)
             condensed = replace(condensed, inputs=inputs)
         states, valid = _window_states(condensed, recordings, smoothed)
         segments = cut(condensed, length, valid)
@@ -208,14 +210,14 @@ def join(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
     best = _chosen(step.fit, step.information, step.right, price.times(dear))
     # not critical: from chains of two or of eight on, three recordings have the same model
     chain = count if np.array_equal(best, step.fit.support) else 4
-    choosing = 14  # passes of MOST_PASSES
+    choosing = 14  # passes of MOST_PASSES: in all of them fewer settle (identification_parts.csv)
     whole, settled = False, False
     try:
         for passed in range(choosing if unseen else MOST_PASSES):
             times = max(dear / 2 ** (passed // 2), 1.0)
             longest = None if whole else chain  # chains that come and go would never settle
-            cost = price.times(times) if passed < choosing else None
-            step = guarded_step(step.before, step.fit, longest, cost)
+            of_pass = price.times(times) if passed < choosing else None
+            step = guarded_step(step.before, step.fit, longest, of_pass)
             unchanged = np.array_equal(step.fit.support, step.before.support)
             if times == 1.0 and not step.fit.support.any():
                 raise FloatingPointError(NOTHING_STANDS_OUT)
@@ -238,7 +240,7 @@ def join(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
 
 
 def guarded_step(
-    previous: ShootingFit, fit: ShootingFit, longest: float | None, cost: Price | None
+    previous: ShootingFit, fit: ShootingFit, longest: float | None, price: Price | None
 ) -> Step:
     """A step from `fit` or, where that diverges or raises a misfit that is not close by half, from
     half as far from `previous`, and so on.
@@ -251,7 +253,7 @@ def guarded_step(
         if is_spent():
             raise FloatingPointError(ENDED)
         try:
-            step = _gauss_newton(fit, longest, cost)
+            step = _gauss_newton(fit, longest, price)
             if step.fit.misfit < CLOSE or step.fit.chi2 < 1.5 * fit.chi2:
                 return step
         except FloatingPointError:
@@ -262,8 +264,8 @@ def guarded_step(
     raise FloatingPointError(DIVERGES)
 
 
-def _gauss_newton(fit: ShootingFit, longest: float | None, cost: Price | None) -> Step:
-    """Linearise, choose the terms (unless their price, `cost`, is None), move, re-estimate noise.
+def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) -> Step:
+    """Linearise, choose the terms (unless their price is None), move, re-estimate noise.
 
     The noise is that of the projections: of coloured noise samples in a window scatter otherwise.
     longest: as in `chained`, None to keep the chains that there are.
@@ -274,8 +276,8 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, cost: Price | None) -
         segments = chained(linear, segments, longest)
     quadratic = eliminate(linear, segments, fit.starts)
     information, right, support = quadratic.information, quadratic.right, fit.support
-    if cost is not None:
-        support = _chosen(fit, information, right, cost)
+    if price is not None:
+        support = _chosen(fit, information, right, price)
     # solved for the change: on a long chain, rounding of the coefficients outweighs their noise
     free = np.where(support, fit.free, 0.0)
     rest = right + information @ (fit.free - free)
@@ -298,8 +300,8 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, cost: Price | None) -
 
 
 def _chosen(
-    fit: ShootingFit, information: np.ndarray, right: np.ndarray, cost: Price
+    fit: ShootingFit, information: np.ndarray, right: np.ndarray, price: Price
 ) -> np.ndarray:
     """The best support found, from all candidates and from the terms of the fit."""
     tried, about = [np.ones(len(fit.support), bool), fit.support], fit.record.problem.chosen_about
-    return select(information, right, tried, cost, about(fit.free))
+    return select(information, right, tried, price, about(fit.free))

@@ -11,7 +11,7 @@ from itertools import chain
 
 from galloping.arrays import one_thread
 from galloping.identification.answers import beside_known, by, refused, with_inputs
-from galloping.identification.inputs import driven
+from galloping.identification.inputs import while_driven
 from galloping.identification.model import IdentifiedModel, NoModel, attempt
 from galloping.identification.preparation.screening import prepared
 from galloping.identification.problem import Problem
@@ -51,13 +51,13 @@ def random_forces(
         return _identified(partial(fit_in_forces, problem, recordings, period, places, besides))
 
     def search() -> IdentifiedModel | NoModel:
-        recordings = driven(given, problem.inputs)
+        recordings = while_driven(given, problem.inputs)
         with limited(recordings) as work:
             cleaned, _, period = prepared(recordings)
             found = _of_some_modes(find, cleaned, period)
         if isinstance(found, NoModel):
             return found
-        return with_inputs(beside_known(problem, work.told(found)), given, recordings)
+        return with_inputs(beside_known(problem, work.doubted_if_ended(found)), given, recordings)
 
     found = attempt(search)
     if isinstance(found, NoModel):
@@ -120,7 +120,7 @@ def if_moved_at_random(problem: Problem, recordings: list[Recording]) -> Identif
         with limited(recordings) as work:
             cleaned, _, period = prepared(recordings)
             found, is_sure = moved_at_random(problem, cleaned, period)
-            return work.told(found) if is_sure else None
+            return work.doubted_if_ended(found) if is_sure else None
 
     found = attempt(search)
     return None if isinstance(found, NoModel) else found

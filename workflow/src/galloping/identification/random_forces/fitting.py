@@ -23,8 +23,12 @@ from galloping.modes import Modes
 from galloping.passes import passing
 from galloping.recording import at_times
 
-FIRST_STEP, STEP = 1e-5, 1e-3  # of differences: in units of a parameter, then of its error
-CONVERGED = 1e-2  # rise of the log-likelihood that a step of the iteration promises
+# Of differences: in units of a parameter, then of its error, within which the likelihood is nearly
+# quadratic, and a thousandth of which is far above rounding.
+FIRST_STEP, STEP = 1e-5, 1e-3
+# Rise of the log-likelihood that a step of the iteration promises: of a squared length of 0.02, in
+# standard deviations, by which errors grow by a hundredth.
+CONVERGED = 1e-2
 ROUNDING = 1e-9  # of a log-likelihood
 MOST_STEPS, MOST_DAMPED = 40, 12
 TINY = 0.1  # of the least noise, to which noise beside it may fall

@@ -14,7 +14,9 @@ from galloping.identification.random_forces.tracking import Data, Forces, Tracke
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording, mean_inputs
 
-WITHIN = 60.0  # periods at the end of a recording that tell its last state
+# Slowest periods at the end of a recording that tell its last state: of a swing before them, with a
+# damping ratio of 0.01, a fortieth is left.
+WITHIN = 60.0
 POINTS, MOTIONS, SEGMENTS = 1500, 8, 6  # of spectra, and what those of motions are means over
 MOST_MISFIT = 1.5  # mean square of standardised innovations: that of another line is far larger
 
@@ -122,7 +124,7 @@ def model_spectra(
     noise = 2.0 * follow.noise**2 * step
     if follow.is_linear:
         frequency = np.linspace(1.0 / np.ptp(recording.time), 0.5 / step, POINTS)
-        system, white = follow.driven
+        system, white = follow.whole
         moved = follow.channels.response(system, 2.0 * np.pi * frequency)
         power = np.einsum("fci,ij,fcj->fc", moved, white, moved.conj()).real
         return frequency, 2.0 * power + noise

@@ -216,7 +216,7 @@ def extended_filter(
 
     samples, step_of, noise, x, p: as of `kalman_filter`. lengths, substeps: (n_steps,) s, and into
     how many each is divided. driven: (3 n_substeps of all steps + 1, n_factors) factors of inputs,
-    as of `Steps.driven`. exponents: (n_terms, n_states + n_factors), coefficients:
+    as of `Steps.input_factors`. exponents: (n_terms, n_states + n_factors), coefficients:
     (n_states, n_terms) of the equations; lowered: their `lowered_terms`. white: (n_states,
     n_states) covariance of their forces in a second. sensed, is_rate: (n_channels,) the state of
     each channel, and whether its rate is measured. kept: indices of the states whose mean rates

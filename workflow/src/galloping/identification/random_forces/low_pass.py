@@ -8,9 +8,11 @@ import numpy as np
 from galloping.identification.model import IdentifiedModel, Unusable, attempt
 from galloping.recording import INTERPOLATED, Recording
 
-ROLL_OFF = 0.1  # width of the filter's edge, in the frequency in its middle
+# Width of the filter's edge, in the frequency in its middle: a wider edge parts close modes less, a
+# narrower one needs more samples beside gaps and ends (REACH). Not calibrated.
+ROLL_OFF = 0.1
 REACH = 16.0  # steps after the filter, on each side: what is left out beyond is below a hundredth
-BRIDGED = 0.5  # of such a step, in which samples may be missing
+BRIDGED = 0.5  # of such a step, in which samples may be missing: interpolated, not calibrated
 FLAT = (1.0 - ROLL_OFF) / (1.0 + ROLL_OFF)  # share of `below` that stays as it is
 SAME = 1e-3  # of a step between samples, that rounding makes of it
 

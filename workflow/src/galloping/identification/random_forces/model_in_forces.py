@@ -32,10 +32,12 @@ from galloping.identification.selection import added_deviation, select, solve_su
 from galloping.identification.work import is_spent
 from galloping.recording import Recording
 
-TRIED_PER_PERIOD = 16  # samples a shortest period, at which it is tried whether forces are random
+# Samples a shortest period, at which it is tried whether forces are random: with more a trial takes
+# longer, with fewer noise hides more. Not calibrated.
+TRIED_PER_PERIOD = 16
 COUPLED_RATE = 0.01  # of uncoupled coordinates that are taken for coupled ones
 STARTS = 3  # of modes beside those of the coordinates: from the first, one in nine ends elsewhere
-SHARED = 0.8  # of a force, which others have, in starts
+SHARED = 0.8  # of a force, which others have, in starts alone: a fit finds its own share
 MOST_CHOICES = 4  # of nonlinear terms, each after a fit of the last
 START_PERIODS = 20.0  # shortest periods, over which the first state is told
 
@@ -201,7 +203,7 @@ def _with_chosen_terms(fit: ForcedFit, allowed: np.ndarray, noise: np.ndarray) -
     damping, stiffness = np.array(powers).T
     damped = (damping == 1) & (problem.degrees == 1)
     cubic = (np.maximum(damping, stiffness) == 3) & (problem.degrees == 3)
-    prices = np.where(posed.always, 0.0, problem.costs(posed.penalty))
+    prices = np.where(posed.always, 0.0, problem.least_prices(posed.penalty))
     information, right = fit.regression
     about, support = fit.model.coefficients / unit, allowed.copy()
     apart = problem.chosen_about(fit.model.coefficients) / unit

@@ -20,17 +20,24 @@ from galloping.identification.preparation.weak_form import MOST_MISFIT, Start
 from galloping.identification.random_forces.channels import Channels
 from galloping.recording import Recording
 
-SPANS = (3.0, 8.0, 15.0)  # shortest periods, of the correlations that modes are told from
+# Shortest periods, of the correlations that modes are told from: short ones tell broad modes, long
+# ones close modes. All are tried, and the likeliest start is taken.
+SPANS = (3.0, 8.0, 15.0)
 PER_PERIOD, MOST_LAGS = 8, 120  # lags a shortest period, and in all: more say nothing more
 FURTHER = 0, 4  # states beside those of the modes: of what is slow, or of modes that are not asked
 LEAST_DAMPING = 1e-3  # ratio: a motion that lasts is stable
-MOST_ALIKE = 1e8  # condition of the modes' shapes
+MOST_ALIKE = 1e8  # condition of the modes' shapes: half of the digits are lost
 FEWEST = 3  # lags that modes are told from, beyond twice their number
-BINS = 4  # of a spectrum, in a mean
-FLOOR, ABOVE_NOISE = 0.75, 4.0  # from this share of the frequencies on a spectrum is mostly noise
+BINS = 4  # of a spectrum, in a mean, of which noise then has a relative deviation of a half
+# From the first share of the frequencies on a spectrum is mostly noise, and a signal is more than
+# ABOVE_NOISE times its median there, as noise is in one mean of four bins of 3,700.
+FLOOR, ABOVE_NOISE = 0.75, 4.0
 MOST_OF = 0.95  # of the power of a velocity lies at longer periods
 LEAST_SHARE = 0.1  # of what a force or a noise alone would be, at first: forces may share a part
-SLOWER = 4.0  # times the period of the swings, at which a start then follows something else
+# Times the period of the swings, at which a start then follows something else, such as turbulence.
+# With less, more searches try filters in vain, with more, the swings beside it go unseen; not
+# calibrated.
+SLOWER = 4.0
 # Noise over the motion from which random forces leave little else. Measured: 0.3 leaves misfits of
 # 2.5 to 4.6 of six motions in random forces, 0.1 leaves 16 to 46.
 NOISY = 0.2

@@ -36,7 +36,7 @@ class Steps:
         occurring, index = np.unique(np.maximum(counts, 1), return_inverse=True)
         return cls(occurring * tick, np.append(-1, index), time, tuple(inputs))
 
-    def driven(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
+    def input_factors(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
         """(3 n_substeps + 1, n_factors) factors of the inputs at the begin, half way and just
         before the end of each of the substeps, (n_steps,) of a step, of all steps, and at the last
         time.
@@ -46,14 +46,14 @@ class Steps:
         asked = substeps.tobytes(), tuple(factors)
         if asked not in self._last:
             self._last.clear()
-            self._last[asked] = self._driven(substeps, factors)
+            self._last[asked] = self._input_factors(substeps, factors)
         return self._last[asked]
 
     @cached_property
     def _last(self) -> dict[tuple, np.ndarray]:
         return {}
 
-    def _driven(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
+    def _input_factors(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
         halves = 2 * substeps[self.of[1:]]
         if not factors:
             return np.empty((halves.sum() // 2 * 3 + 1, 0))

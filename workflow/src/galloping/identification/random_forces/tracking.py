@@ -22,9 +22,12 @@ from galloping.recording import Recording
 from galloping.taylor import Tables, tables
 
 # Standard deviation of the first state, in that of the motion: of a linear system, and of another,
-# whose slopes are told where it is expected to be.
+# whose slopes are told where it is expected to be. With 1e3 the samples outweigh it a million times
+# in squares, and ten of a covariance's sixteen digits are left.
 DIFFUSE, NEAR = 1e3, 3.0
-SUBSTEPS = 16  # of a period, in the steps of a nonlinear system
+# Of the shortest period, in the steps of a nonlinear system: steps of fourth order then make a
+# frequency wrong by 2e-4 of it, and a damping ratio by 6e-5.
+SUBSTEPS = 16
 MOST_SUBSTEPS = 64  # of a step: the samples tell nothing of what is quicker
 # s, that a filter takes, a sample in a state of it, a step, in a state and term, and in a slope.
 FILTER, OF_STATE, OF_STEP, OF_TERM, OF_SLOPE = 3e-4, 6e-8, 8e-7, 1.2e-8, 4e-9
@@ -133,8 +136,8 @@ class Tracker:
         return -np.linalg.solve(self.system, self.steady(np.zeros((1, len(self.size))))[0])
 
     @cached_property
-    def driven(self) -> tuple[np.ndarray, np.ndarray]:
-        """The linear system and its white forces, those that drive other ones included, (m, m)."""
+    def whole(self) -> tuple[np.ndarray, np.ndarray]:
+        """The linear system and its white forces, with those that drive other forces, (m, m)."""
         n, places, swings = len(self.rest), self.forces.places, self.forces.resonances
         p, r = n + len(places), len(swings)
         m = p + 2 * r
@@ -162,7 +165,7 @@ class Tracker:
     @property
     def first_mean(self) -> np.ndarray:
         """(m,) before anything was measured."""
-        return np.append(self.rest, np.zeros(len(self.driven[0]) - len(self.rest)))
+        return np.append(self.rest, np.zeros(len(self.whole[0]) - len(self.rest)))
 
     @property
     def first_covariance(self) -> np.ndarray:
@@ -171,7 +174,7 @@ class Tracker:
         within = (DIFFUSE if self.is_linear else NEAR) * self.size
         p, swings = len(self.size) + len(self.forces.places), self.forces.resonances
         pace = np.array([2.0 * each.damping * each.frequency for each in swings])
-        swift = np.diag(self.driven[1])[p + len(swings) :] / (2.0 * pace)
+        swift = np.diag(self.whole[1])[p + len(swings) :] / (2.0 * pace)
         wide = swift / np.array([each.frequency**2 for each in swings])
         return np.diag(np.concatenate([within**2, slow[self.forces.places], wide, swift]))
 
@@ -184,7 +187,7 @@ class Tracker:
         and slow forces; those of the model that are present, but for `terms`, indices that come
         first.
         """
-        n, m, known = len(self.size), len(self.driven[0]), self._tables
+        n, m, known = len(self.size), len(self.whole[0]), self._tables
         others = np.flatnonzero(self.model.coefficients.any(axis=0))
         own = [*terms, *(j for j in others if j not in set(terms))]
         exponents = np.zeros((len(own) + m - n, m + len(known.factors)), np.int64)
@@ -193,7 +196,7 @@ class Tracker:
         exponents[: len(own), :n], exponents[: len(own), m:] = signals[:, :n], signals[:, n:]
         coefficients[:n, : len(own)] = self.model.coefficients[:, own]
         exponents[len(own) :, n:m] = np.eye(m - n, dtype=np.int64)
-        coefficients[:, len(own) :] = self.driven[0][:, n:]
+        coefficients[:, len(own) :] = self.whole[0][:, n:]
         return exponents, coefficients
 
     def substeps(self, lengths: np.ndarray) -> np.ndarray:
@@ -209,8 +212,8 @@ class Tracker:
         Unusable where a pass takes more than all the work of a search, or what it follows is much
         quicker than its samples.
         """
-        m, kept = len(self.driven[0]), np.array(self.channels.kept, int)
-        given = self.first_mean, self.first_covariance, self.driven[1]
+        m, kept = len(self.whole[0]), np.array(self.channels.kept, int)
+        given = self.first_mean, self.first_covariance, self.whole[1]
         x, p, white = (np.pad(each, (0, len(kept))) for each in given)
         exponents, coefficients = self.equations(terms)
         exponents = np.insert(exponents, np.full(len(kept), m), 0, axis=1)
@@ -222,7 +225,7 @@ class Tracker:
 
     def _result(self, data: Data, innovations, variances, means, x, p) -> FilterResult:
         """Of what a compiled filter returns; x, p: mean and covariance that it leaves."""
-        n, m, count = len(self.size), len(self.driven[0]), int(np.isfinite(data.samples).sum())
+        n, m, count = len(self.size), len(self.whole[0]), int(np.isfinite(data.samples).sum())
         return FilterResult(innovations, variances, means[:, :n], x[:m], p[:m, :m], count)
 
     def _extended(self, data: Data, exponents, coefficients, white, x, p, candidates, kept):
@@ -238,7 +241,7 @@ class Tracker:
         spend(seconds)
         return extended_filter(
             data.samples, steps.of, steps.lengths, counts,
-            steps.driven(counts, self._tables.factors), exponents,
+            steps.input_factors(counts, self._tables.factors), exponents,
             lowered_terms(exponents, len(x)), coefficients, white, sensed, is_rate, kept,
             self.noise**2, x, p, candidates,
         )  # fmt: skip
@@ -247,7 +250,7 @@ class Tracker:
         """(n, n_states) from states and slow forces `x` (m,) on, in forces drawn for it."""
         counts = self.substeps(steps.lengths)
         noise = rng.standard_normal((counts[steps.of[1:]].sum(), len(x)))
-        driven, root = steps.driven(counts, self._tables.factors), root_of(self.driven[1])
+        driven, root = steps.input_factors(counts, self._tables.factors), root_of(self.whole[1])
         own = steps.of[1:], steps.lengths, counts, driven, *self.equations(), root, noise
         return random_motion(x, *own)[:, : len(self.size)]
 
@@ -255,9 +258,9 @@ class Tracker:
         """The filter of all samples. Raises Unusable where the model cannot be followed."""
         if not self.is_linear:
             return self.extended(data, np.zeros((0, 2), np.int64))[0]
-        transitions, disturbances = discretised(*self.driven, data.steps.lengths)
-        values, kept, m = list(self.channels.values), list(self.channels.kept), len(self.driven[0])
-        sensing = self.channels.sensing(self.driven[0])
+        transitions, disturbances = discretised(*self.whole, data.steps.lengths)
+        values, kept, m = list(self.channels.values), list(self.channels.kept), len(self.whole[0])
+        sensing = self.channels.sensing(self.whole[0])
         at_rest = np.append(self.rest[values], np.zeros(len(self.channels.rates)))
         if kept:
             transitions, disturbances = with_means(
@@ -282,7 +285,7 @@ class Tracker:
         rates at the sample, to which mean ones come near but for the forces in them.
         """
         if self.channels.averaged:
-            force = np.diag(self.driven[1])[list(self.channels.rates)] / data.steps.lengths.min()
+            force = np.diag(self.whole[1])[list(self.channels.rates)] / data.steps.lengths.min()
             noise = np.append(np.zeros(len(self.channels.values)), np.sqrt(force))
             at_sample = replace(self.channels, averaged=False)
             other = replace(self, channels=at_sample, noise=np.hypot(self.noise, noise))
@@ -291,7 +294,7 @@ class Tracker:
         m, n, steps = len(coefficients), len(self.size), data.steps
         states, factors = exponents[:, :m], exponents[:, m:]
         doubled = np.zeros((2 * m, 2 * m))
-        doubled[:m, :m] = self.driven[1]
+        doubled[:m, :m] = self.whole[1]
         x, p = np.tile(self.first_mean, 2), np.kron(np.ones((2, 2)), self.first_covariance)
         steps = replace(steps, of=steps.of[:count], time=steps.time[:count])
         self._extended(

@@ -73,7 +73,7 @@ def _splines(time: np.ndarray, values: np.ndarray) -> tuple[list[BSpline], np.nd
     for every in KNOT_EVERY:
         knots = _knots(time, every)
         p = len(knots) - DEGREE - 1
-        if p < DEGREE + 2 or p > 0.6 * n:
+        if p < DEGREE + 2 or p > 0.6 * n:  # of few residuals the score is no judge; not calibrated
             continue
         design, bands = _basis(time.tobytes(), every)
         coefficients = cho_solve_banded((bands, False), design.T @ values)

@@ -18,7 +18,7 @@ from galloping.identification.model import IdentifiedModel, Unusable
 from galloping.polynomial import Exponents, PolynomialModel
 
 BLOCKS = 10  # stretches of a recording, reduced separately: for bootstrap and cross-validation
-FOLDS = 5  # every fifth of them is left out at a time
+FOLDS = 5  # every fifth of them is left out at a time: each has early and late ones
 ROUNDING = 1e-13  # share of a sum of squares below which a difference of such sums is nothing
 Path = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """From Gram matrices (f, p, p) of unit columns and moments (f, m, p) to models (f, m, k, p)."""

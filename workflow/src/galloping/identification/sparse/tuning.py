@@ -31,7 +31,7 @@ ORDERS = (5, 3)  # of the local polynomials
 HALF_WIDTHS = (1 / 8, 1 / 4, 1 / 2)  # of the test functions, in periods
 ENDS = (2, 8)  # orders of the test functions at their ends
 JUDGE = (1 / 2, 4)  # half width in periods, and order at the ends, of the test functions that judge
-ROWS = 7500  # of a recording that are kept, or up to twice as many: their neighbours say the same
+KEPT = 7500  # rows of a recording, or up to twice as many: their neighbours say the same
 STEPS = 15  # terms up to which models grow to compare settings by
 Block = tuple[np.ndarray, np.ndarray]  # rows of a library (r, p) and of targets (r, m)
 
@@ -140,7 +140,7 @@ class _Frame:
         n, self.states, self.values = len(recording.time), recording.states, recording.values
         self.step = float(recording.time[-1] - recording.time[0]) / (n - 1)
         self.samples, self.terms = max(period / self.step, SMALLEST), terms
-        margin, stride = int(self.samples / 2) + 2, max(1, n // ROWS)
+        margin, stride = int(self.samples / 2) + 2, max(1, n // KEPT)
         self.rows = np.arange(margin, n - margin, stride)
         self.stretches = stretches(len(self.rows))
         half = max(2, round(JUDGE[0] * self.samples / stride))
