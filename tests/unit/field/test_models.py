@@ -14,6 +14,7 @@ from galloping import polynomial_library as library
 from galloping.field.advice import advice
 from galloping.field.recordings import PERIODS, STRETCHES, excerpts
 from galloping.field.summary import hold_out, longest_period
+from galloping.identification.likelihood.verdict import REPEATS
 from galloping.identification.preparation.smoothing import shortest_period
 from galloping.physics.galerkin import coefficients, model
 from galloping.streams import generator
@@ -88,6 +89,8 @@ def test_advice_ranks_recordings_by_what_they_tell_of_the_weakest_term(field):
     again = dict(told.options)["the same motion again"]
     assert told.error / again == pytest.approx(np.sqrt(2.0), rel=0.2)
     assert advice(replace(identified, status="approximate"), field.recordings[0], 5.0) is None
+    repeats = replace(identified, status="not identifiable", reason=REPEATS)
+    assert advice(repeats, field.recordings[0], 5.0) is None
 
 
 def test_the_band_of_a_forecast_holds_what_is_held_out(tmp_path):

@@ -8,6 +8,7 @@ import numpy as np
 from galloping.bounds import Experiment, bound_of, information
 from galloping.field.dynamics import Surroundings
 from galloping.field.units import coefficient_unit, state_unit
+from galloping.identification.likelihood.verdict import REPEATS
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import term_name, velocity_pairs
 from galloping.recording import Recording
@@ -43,11 +44,13 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
     """What one more recording, by the instruments of the last, would do for the weakest term.
 
     period: s, of the motion. None where there is no exact model, for what an approximate one errs
-    by is not the noise, and where no channel is of a state, as its options would be.
+    by is not the noise; where the motion only repeats, for other terms have it too; and where no
+    channel is of a state, as its options would be.
     """
     exact = identified.status in ("ok", "not identifiable") and len(identified.covariance)
     driven = identified.is_forced or identified.model.inputs  # which differ in another recording
-    if driven or not exact or not np.isfinite(identified.sigma[-1]).any():
+    repeats = REPEATS in identified.reason
+    if driven or repeats or not exact or not np.isfinite(identified.sigma[-1]).any():
         return None
     model, states = identified.model, identified.model.states
     free = np.argwhere(identified.support)
