@@ -136,6 +136,16 @@ def test_line_far_from_the_modes_counts_only_where_it_stands_out():
         assert left.frequency == pytest.approx(middle, abs=0.01)
 
 
+def test_a_jump_is_no_random_force():
+    """Of normal innovations none is ten deviations; one is said with its time and its channel."""
+    noise = np.random.default_rng(21).standard_normal((2000, 2))
+    assert whiteness([noise], 0.1, np.array([0.5])).white
+    noise[700, 1] = -14.0
+    left = whiteness([noise[:300], noise], 0.1, np.array([0.5]))
+    assert left.relevant and not left.white
+    assert left.in_words(["q_v", "q_w"]).startswith("q_w jumps after 70 s, by 14 deviations")
+
+
 def test_modes_slower_than_a_recording_are_no_mistake():
     noise = np.random.default_rng(2).standard_normal((600, 1))
     parts = [noise[:100], noise[100:]]
