@@ -142,7 +142,7 @@ def test_terms_that_make_up_others_are_followed_from_few_on_but_not_on_a_limit_c
     settled = recorded_lines.of_long_and_steady_motions(
         3162278, "limit cycle, random lines", [9], METHODS, levels=[0.05]
     )
-    assert next(settled)["status"] == "not identifiable"
+    assert next(settled)["status"] in ("not identifiable", "approximate")
 
 
 def test_a_system_is_compared_with_its_bound():
