@@ -26,7 +26,8 @@ import yaml
 from scipy.integrate import solve_ivp
 
 from galloping.configuration.load import load
-from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood, weak_gls
+from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import normalised
 from galloping.measurement import recordings_of

@@ -6,7 +6,8 @@ from galloping.field.assessment import Assessment
 from galloping.field.dynamics import Dynamics, Value
 from galloping.field.forecast import Forecast
 from galloping.field.summary import Summary, dynamics, forecast, summarise
-from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood, weak_gls
+from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.problem import Coefficient, Prior
 from galloping.passes import progress

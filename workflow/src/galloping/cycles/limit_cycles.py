@@ -355,18 +355,23 @@ def settled(
 ) -> Point:
     """The limit cycle on which a motion has settled, as in `from_motion`."""
     orbit = _last_turn(time, states, value)
-    while True:
-        problem = CycleProblem.about(family, orbit, resolution)
-        point = continuation.first(problem, orbit.vector, problem.along_parameter())
-        if (turns := _turns(point.solution)) == 1:
-            return point
-        orbit = point.solution
-        once = orbit.at(np.arange(PHASES) / PHASES / turns)
-        orbit = Orbit(once, orbit.period / turns, value, orbit.steps)
+    point = _corrected(family, orbit, resolution)
+    if (turns := _turns(point.solution)) <= 1:
+        return point
+    orbit = point.solution
+    once = orbit.at(np.arange(PHASES) / PHASES / turns)
+    return _corrected(family, Orbit(once, orbit.period / turns, value, orbit.steps), resolution)
+
+
+def _corrected(family: Family, orbit: Orbit, resolution: float) -> Point:
+    """The limit cycle near an orbit, at its value of the parameter."""
+    problem = CycleProblem.about(family, orbit, resolution)
+    return continuation.first(problem, orbit.vector, problem.along_parameter())
 
 
 def _turns(orbit: Orbit) -> int:
-    """How often an orbit goes round in its period: what all its harmonics are multiples of.
+    """How often an orbit goes round in its period: what all its harmonics are multiples of; zero
+    where it rests.
 
     Samples of a motion may pass the place where it ends at too great a distance, for some turns.
     """

@@ -21,7 +21,8 @@ from galloping.field.recordings import by_excerpts
 from galloping.field.units import NONE
 from galloping.field.wording import summary_text
 from galloping.identification.inputs import checked_recordings
-from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood, weak_gls
+from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import forced_motion as in_random_forces
 from galloping.identification.random_forces.low_pass import as_modelled

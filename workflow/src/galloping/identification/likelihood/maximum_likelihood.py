@@ -20,13 +20,13 @@ from galloping.identification.likelihood import free_run, starts, trajectory_fit
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.instrument import DELAYED, FORCES, faults
 from galloping.identification.likelihood.model_error import approximation
-from galloping.identification.likelihood.repetition import Followed
 from galloping.identification.likelihood.residual_tests import MOST_COLOUR, Residue, residue
 from galloping.identification.likelihood.shooting import Segments, ShootingFit, residuals
 from galloping.identification.likelihood.verdict import Regression, agree, best_of, judged
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
-from galloping.identification.model import IdentifiedModel, NoModel, Unusable, attempt
-from galloping.identification.preparation.weak_form import MOST_MISFIT, Start, begin, delayed_inputs
+from galloping.identification.likelihood.weak_gls import weak_gls
+from galloping.identification.model import IdentifiedModel, NoModel, attempt
+from galloping.identification.preparation.weak_form import Start, begin, delayed_inputs
 from galloping.identification.problem import PRIOR, Coefficient, Prior, Problem, posed
 from galloping.identification.random_forces.decision import moved_at_random, random_forces
 from galloping.identification.random_forces.start import may_be_moved_at_random
@@ -355,51 +355,6 @@ def _late(begun: Start) -> str:
     if isinstance(late, NoModel):
         return ""
     return "; ".join(f"{name} is {DELAYED} the motion by {s:.2g} s" for name, s in late.items())
-
-
-@one_thread
-def weak_gls(
-    recordings: Recording | Sequence[Recording],
-    terms: tuple[Exponents, ...],
-    known: PolynomialModel | None = None,
-    known_states: tuple[str, ...] = (),
-    start: Start | None = None,
-) -> IdentifiedModel:
-    """Identify one model from noisy states by the weak form, in generalised least squares: a fast
-    method of its own, from which `maximum_likelihood` only starts.
-
-    recordings: of one system, any sampling, NaN where missing. terms: the library. known: model
-    whose equations of `known_states` hold; the equation of a state X is known to be dX/dt = dX
-    where a state has that name. start: of `begin`, where it is made already.
-    The intervals are those of the linearised weak form, inflated by the misfit where it is above
-    one. The status is as in `IdentifiedModel`. Raises ValueError for other input.
-    """
-    recordings = checked_recordings(recordings)
-    problem = asked(recordings, terms, known, known_states)
-
-    def search() -> IdentifiedModel:
-        used = while_driven(recordings, problem.inputs)
-        begun = start or begin(problem, used)
-        fit, more = begun.fit, max(begun.fit.misfit, 1.0)
-        if fit.misfit >= MOST_MISFIT:
-            raise Unusable(f"model inadequate or noise correlated: misfit {fit.misfit:.2f}")
-        system = fit.information / more, fit.right / more
-        found = judged(
-            problem,
-            Regression(*system, fit.support, begun.penalty, begun.largest),
-            followed=[
-                Followed(np.zeros(1), one.states[:1], np.ptp(recording.time))
-                for one, recording in zip(begun.smoothed, begun.recordings, strict=True)
-            ],
-            period=begun.period,
-            initial_states=np.array([one.states[0] for one in begun.smoothed]),
-            sigma=np.array([one.noise for one in begun.smoothed]),
-            chi2=fit.misfit,
-        )
-        return with_inputs(found, recordings, used)
-
-    found = attempt(search)
-    return refused(problem, found.reason) if isinstance(found, NoModel) else found
 
 
 def shared_evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> dict:
