@@ -11,7 +11,7 @@ import galloping
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import drawn_with_rivals
 from galloping.recording import Input, windowed
-from galloping.taylor import solution
+from galloping.taylor import solve_driven
 
 TIME = np.arange(401) / 20.0
 
@@ -148,6 +148,6 @@ def test_a_solution_that_diverges_is_not_sought_in_ever_shorter_steps():
     time = np.linspace(0.0, 1000.0, 100_001)
     drive = Input(np.arange(1002.0), np.ones(1002))
     model = galloping.PolynomialModel(("x",), ((2, 1),), np.ones((1, 1)), ("u",))
-    states, _, _ = solution(model, [drive], np.ones(1), time, 2.0, most=10**9)
+    states, _, _ = solve_driven(model, [drive], np.ones(1), time, 2.0, most=10**9)
     np.testing.assert_allclose(states[:90, 0], 1.0 / (1.0 - time[:90]), rtol=1e-6)
     assert not np.all(np.abs(states[120:]) < 1e4)

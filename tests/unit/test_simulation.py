@@ -1,15 +1,18 @@
-"""The compiled integrator: printed states, a second one, energy, and models that end early."""
+"""The compiled integrator: printed states, other integrators, energy, models that end early."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lines import CASES, RESONANT, START, edited
+from scipy.integrate import solve_ivp
 
+from galloping.bounds import sensitivities
 from galloping.evaluation.motion import steady_amplitude
 from galloping.physics.galerkin import at_rest, coefficients, integrate, model
-from galloping.polynomial import PolynomialModel
+from galloping.polynomial import PolynomialModel, design_matrix
 from galloping.simulation import Simulator, time_grid
+from galloping.taylor import Ending, solve
 
 TIME = time_grid(300, 100)
 VARIANTS = {**CASES, "sine": edited(line__mode_shape="sine")}
@@ -32,6 +35,83 @@ def test_printed_motion_on_any_grid(name):
     assert steady_amplitude(steady)[:2] == pytest.approx(amplitudes, rel=0, abs=5.1e-4)
     thinned = simulator(line, START, TIME[::100])
     assert thinned.states == pytest.approx(trajectory.states[::100], rel=0, abs=1e-12)
+
+
+def variational(line, free):
+    """Rates of the states and their derivatives by the terms `free` and by the start."""
+
+    def rates(_, both):
+        x, moved = both[:4], both[4:].reshape(4, -1)
+        change = line.jacobian(x[np.newaxis])[0] @ moved
+        theta = design_matrix(x[np.newaxis], line.terms)[0]
+        change[free[:, 0], np.arange(len(free))] += theta[free[:, 1]]
+        return np.append(line(x[np.newaxis])[0], change)
+
+    return rates
+
+
+def beside(line, free, time):
+    """(states, derivatives) of the resonant line by the compiled integrator."""
+    states, moved = sensitivities(line, free, START, time)
+    return states, moved, np.append(START, np.eye(4, len(free) + 4, len(free)))
+
+
+@pytest.mark.parametrize("name", PRINTED)
+def test_states_and_derivatives_of_another_integrator(name):
+    line = model(coefficients(VARIANTS[name]))
+    free, time = np.argwhere(line.support)[:6], time_grid(20, 10)
+    states, moved, start = beside(line, free, time)
+    other = solve_ivp(
+        variational(line, free), (0, 20), start, "DOP853", time, rtol=3e-14, atol=1e-16
+    ).y.T
+    sizes = np.abs(other).max(axis=0)
+    assert states == pytest.approx(other[:, :4], rel=0, abs=1e-11)
+    assert np.abs((moved.reshape(len(time), -1) - other[:, 4:]) / sizes[4:]).max() < 1e-11
+
+
+def test_states_and_derivatives_of_heyoka():
+    heyoka = pytest.importorskip("heyoka", reason="heyoka is not installed, an optional peer")
+    line = model(coefficients(RESONANT))
+    free, time = np.argwhere(line.support), time_grid(100, 10)
+    states, moved, start = beside(line, free, time)
+    x = heyoka.make_vars(*line.states)
+    values = [heyoka.par[k] for k in range(len(free))]
+    rates = [heyoka.expression(0.0)] * 4
+    for (equation, term), value in zip(free, values, strict=True):
+        factors = np.repeat(x, line.terms[term])  # a power would divide by a state at zero
+        rates[equation] += np.prod(factors, initial=value)
+    system = heyoka.var_ode_sys(list(zip(x, rates, strict=True)), [*values, *x])
+    peer = heyoka.taylor_adaptive(system, start, pars=line.coefficients[tuple(free.T)])
+    other = peer.propagate_grid(time)[-1]
+    sizes = np.abs(other).max(axis=0)
+    assert states == pytest.approx(other[:, :4], rel=0, abs=1e-11)
+    assert np.abs((moved.reshape(len(time), -1) - other[:, 4:]) / sizes[4:]).max() < 1e-11
+
+
+def test_units_change_nothing():
+    terms, time = ((1, 0), (0, 1), (1, 1)), time_grid(5, 40)
+    motions = []
+    for unit in (2.0**-30, 1.0, 2.0**30):
+        coupled = np.array([[0.0, 1.0, 0.0], [-4.0, -0.1, -0.5 / unit]])
+        small = PolynomialModel(("y", "dy"), terms, coupled)
+        motions.append(solve(small, np.array([unit, 0.0]), time, 1000).states / unit)
+    assert np.array_equal(motions[0], motions[1])
+    assert np.array_equal(motions[2], motions[1])
+
+
+def test_motions_that_are_known_exactly():
+    square = PolynomialModel(("x",), ((2,),), [[1.0]])
+    ended = solve(square, np.array([1.0]), time_grid(2, 1000), 10_000, limit=1000.0)
+    assert ended.ending is Ending.BEYOND_LIMIT
+    assert ended.end == pytest.approx(0.999, abs=1e-12)
+    assert len(ended.states) == 1000
+    exact = 1 / (1 - time_grid(0.9, 1000))
+    assert ended.states[:901, 0] == pytest.approx(exact, rel=1e-12)
+    rest = solve(square, np.zeros(1), time_grid(300, 10), 100)
+    assert rest.ending is Ending.COMPLETE and not rest.states.any()
+    there = solve(square, np.ones(1), np.array([7.0]), 1, np.array([[0, 0]]))
+    assert there.ending is Ending.COMPLETE and there.states.tolist() == [[1.0]]
+    assert there.derivatives.tolist() == [[[0.0, 1.0]]]
 
 
 @pytest.mark.parametrize("shape", ["irvine", "sine"])

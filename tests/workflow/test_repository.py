@@ -91,7 +91,7 @@ def test_modules_and_packages_have_names_of_their_own_and_at_most_500_lines():
     assert [p.stem for p in paths if len(p.read_text(encoding="utf-8").splitlines()) > 500] == []
 
 
-HEAVY = {"numpy", "scipy", "heyoka", "numba", "pandas", "matplotlib", "pysindy", "snakemake"}
+HEAVY = {"numpy", "scipy", "numba", "pandas", "matplotlib", "pysindy", "snakemake"}
 
 
 @pytest.mark.parametrize(

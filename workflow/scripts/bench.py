@@ -15,8 +15,9 @@ import sys
 import tempfile
 import time
 import timeit
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ import pysindy as ps
 import yaml
 from scipy.integrate import solve_ivp
 
+from galloping.bounds import sensitivities
 from galloping.configuration.load import load
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
@@ -82,6 +84,53 @@ def simulation(results: Path) -> list[dict]:
         row("largest error of that re-simulation", error, "SI",
             "pysindy simulate", peers / error, ">= 1"),
     ]  # fmt: skip
+
+
+def integration(results: Path) -> list[dict]:
+    """The motion of the default line, and its derivatives, against heyoka where it is installed."""
+    line = read_model(results / f"models/{CASE}.json").model
+    motion = read_trajectories(results / f"trajectories/{CASE}.npz")[0]
+    time, start, free = motion.time, motion.states[0], np.argwhere(line.support)
+    works = {
+        "simulation of the default line, 300 s": partial(
+            Simulator(line.states, line.terms), line, start, time
+        ),
+        "its derivatives by coefficients and start": partial(
+            sensitivities, line, free, start, time
+        ),
+    }
+    peers = heyoka_peers(line, free, start, time) if find_spec("heyoka") else [None] * len(works)
+    rows = []
+    for (what, ours), theirs in zip(works.items(), peers, strict=True):
+        ours()  # compiled before
+        own = seconds(ours, 15)
+        peer = {"peer": "heyoka", "ratio": seconds(theirs, 15) / own} if theirs else {}
+        rows.append(row(what, own, "s", bar=">= 0.5", **peer))
+    return rows
+
+
+def heyoka_peers(
+    line: PolynomialModel, free: np.ndarray, start: np.ndarray, time: np.ndarray
+) -> Iterator[Callable]:
+    """What does the same as `integration`, compiled: first the states, then their derivatives."""
+    import heyoka as hy
+
+    x, values = hy.make_vars(*line.states), [hy.par[k] for k in range(len(free))]
+    rates = [hy.expression(0.0)] * len(x)
+    for (equation, term), value in zip(free, values, strict=True):
+        rates[equation] += np.prod(np.repeat(x, line.terms[term]), initial=value)
+    states = list(zip(x, rates, strict=True))
+    moved = np.append(start, np.eye(len(x), len(free) + len(x), len(free)))
+    for system, first in ((states, start), (hy.var_ode_sys(states, [*values, *x]), moved)):
+        integrator = hy.taylor_adaptive(
+            system, first, pars=line.coefficients[tuple(free.T)], compact_mode=True
+        )
+
+        def propagated(integrator=integrator, first=first) -> None:
+            integrator.time, integrator.state[:] = time[0], first
+            integrator.propagate_grid(time)
+
+        yield propagated
 
 
 def identification(results: Path) -> list[dict]:
@@ -220,7 +269,7 @@ def whole_runs() -> list[dict]:
 
 
 def main(results: str, output: str, older: str | None = None) -> None:
-    folder, measured = Path(results), (simulation, identification, limit)
+    folder, measured = Path(results), (integration, simulation, identification, limit)
     rows = jobs(folder, Path(older) if older else None)
     rows += [each for measure in measured for each in measure(folder)]
     write_rows(output, [*rows, *command(), *whole_runs()])

@@ -2,18 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 
-import heyoka as hy
 import numpy as np
 
 from galloping.measurement import Motion, Noise
-from galloping.polynomial import Exponents, PolynomialModel, beside, design_matrix
+from galloping.polynomial import PolynomialModel, beside, design_matrix
 from galloping.recording import Input, at_times
-from galloping.simulation import COMPILATION, EQUAL_STEPS, check_inputs, equations, most_steps
+from galloping.simulation import EQUAL_STEPS, check_inputs, most_steps
+from galloping.taylor import Ending, first_step, solve, solve_driven
 
 MAX_STEPS = 2**16
-Places = tuple[tuple[int, int], ...]
 
 
 def sensitivities(
@@ -23,7 +21,7 @@ def sensitivities(
     time: np.ndarray,
     inputs: Mapping[str, Input] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The solution of `model` at `time` and its derivatives, without inputs to double precision.
+    """Solve `model` with its derivatives, to double precision if it has no inputs.
 
     free: (n_free, 2) pairs (equation, term) of the coefficients to differentiate by; absent ones
     too. initial_state: (n_states,) at time[0]. time: (n,), s, increasing. inputs: the model's.
@@ -31,50 +29,22 @@ def sensitivities(
     the free coefficients and then by the initial state.
     Raises ValueError where the solution leaves the range of numbers.
     """
-    n, n_free = len(model.states), len(free)
+    start = np.asarray(initial_state, float)
     diverges = "the solution of the model diverges, or its time scale is too short"
     if model.inputs:
-        from galloping.taylor import first_step, solution  # compiles
-
         own = list(check_inputs(model, inputs or {}, time).values())
         most = EQUAL_STEPS * most_steps(time)
         try:
-            states, moved, _ = solution(
-                model, own, np.asarray(initial_state, float), time, first_step(own), most, free
-            )
+            states, moved, _ = solve_driven(model, own, start, time, first_step(own), most, free)
         except FloatingPointError:
             raise ValueError(diverges) from None
-        if not (np.all(np.isfinite(states)) and np.all(np.isfinite(moved))):
+    else:
+        states, moved, _, ending = solve(model, start, time, MAX_STEPS, free)
+        if ending is not Ending.COMPLETE:
             raise ValueError(diverges)
-        return states, moved
-    support = model.support
-    support[free[:, 0], free[:, 1]] = True
-    ta = _integrator(model.states, model.terms, _places(np.argwhere(support)), _places(free))
-    ta.pars[:] = model.coefficients[support]
-    ta.time = time[0]
-    ta.state[:] = np.concatenate([initial_state, np.eye(n, n_free + n, n_free).ravel()])
-    outcome, *_, states = ta.propagate_grid(time, max_steps=MAX_STEPS)
-    if outcome != hy.taylor_outcome.time_limit:
+    if not (np.all(np.isfinite(states)) and np.all(np.isfinite(moved))):
         raise ValueError(diverges)
-    return states[:, :n], states[:, n:].reshape(len(time), n, -1)
-
-
-def _places(pairs: np.ndarray) -> Places:
-    return tuple(map(tuple, pairs.tolist()))
-
-
-@lru_cache(maxsize=16)
-def _integrator(
-    states: tuple[str, ...], terms: tuple[Exponents, ...], present: Places, free: Places
-) -> hy.taylor_adaptive:
-    """Of the states and their derivatives; the parameters are the coefficients `present`."""
-    support = np.zeros((len(states), len(terms)), bool)
-    support[tuple(np.transpose(present))] = True
-    system = equations(states, terms, support)
-    by = [*(hy.par[present.index(place)] for place in free), *(v for v, _ in system)]
-    return hy.taylor_adaptive(
-        hy.var_ode_sys(system, by), [0.0] * len(states), pars=[0.0] * len(present), **COMPILATION
-    )
+    return states, moved
 
 
 # --- the bound ---

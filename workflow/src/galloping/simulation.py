@@ -1,20 +1,15 @@
-"""Simulation of polynomial models with one compiled Taylor integrator per candidate library.
-
-The coefficients are runtime parameters of the compiled code, so hundreds of identified models
-share one compilation (heyoka; Biscani and Izzo, MNRAS 504, 2021).
-"""
+"""Simulation of polynomial models by power series, and when a motion counts as diverged."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import prod
 
-import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
 from galloping.arrays import Immutable
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Input
+from galloping.taylor import Ending, first_step, solve, solve_driven
 
 # Far beyond any span's clearance: a model that gets here has lost its limit cycle. Of a system in
 # other units, such as mV, so it has where it is as many times as far as it began.
@@ -24,9 +19,6 @@ DIVERGENCE_LIMIT, TIMES_THE_START = 1e3, 100.0
 MAX_STEPS_PER_SECOND, MAX_STEPS_PER_SAMPLE = 100, 2
 # Equal steps are as short as the shortest that the motion needs: so many times as many are taken.
 EQUAL_STEPS = 4
-# Higher levels run no faster and compile for half as long again.
-COMPILATION = {"compact_mode": True, "opt_level": 1}
-hy.set_logger_level_error()  # the status of a motion says what its warnings say
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -49,40 +41,27 @@ class Trajectory(Immutable):
 
 
 class Simulator:
-    """Simulates every model written in one candidate library.
+    """Simulate every model that is written in one candidate library.
 
-    states: names. terms: exponents of the monomials that models may use. support: (n_states,
-    n_terms) boolean, in which equations they may; everywhere by default. inputs: names of the
-    models' inputs. Compilation takes some 0.08 s, and 0.01 s ever after: heyoka keeps on disk what
-    it compiled. A run of 300 s of galloping takes 14 ms with 35 terms in four equations, in
-    proportion less with fewer, at the accuracy of double precision. With inputs the integrator is
-    that of the likelihood, whose steps are as short as the samples of the inputs are close.
+    Without inputs the motion is accurate to double precision. With inputs the integrator is that of
+    the likelihood, whose steps are as short as the samples of the inputs are close.
+
+    Parameters
+    ----------
+    states : names of the states.
+    terms : exponents of the monomials that models may use.
+    inputs : names of the models' inputs.
     """
 
     def __init__(
         self,
         states: tuple[str, ...],
         terms: tuple[Exponents, ...],
-        support: NDArray[np.bool_] | None = None,
         inputs: tuple[str, ...] = (),
     ) -> None:
         self.states, self.terms, self.inputs = states, terms, inputs
-        whole = np.ones((len(states), len(terms)), bool)
-        self._support = whole if support is None else support
         self._step = np.inf
         self._at: dict[tuple[str, ...], Simulator] = {}
-        if inputs:
-            return
-        system = equations(states, terms, self._support)
-        coefficients = int(self._support.sum())
-        size = hy.sum([v * v for v, _ in system]) - hy.par[coefficients] ** 2.0
-        self._integrator = hy.taylor_adaptive(
-            system,
-            [0.0] * len(states),
-            pars=[0.0] * (coefficients + 1),
-            t_events=[hy.t_event(size)],
-            **COMPILATION,
-        )
 
     def __call__(
         self,
@@ -97,25 +76,20 @@ class Simulator:
         that the simulator does not have, and where an input is not there or does not cover `time`.
         """
         model = model.on_library(self.terms)
-        if np.any(model.coefficients[~self._support]):
-            raise ValueError("the model has a term outside the simulator's support")
-        steps = most_steps(time)
+        start, steps = np.asarray(x0, float), most_steps(time)
         if self.inputs:
             own = check_inputs(model, inputs or {}, time)
-            return self._driven(model, x0, time, own, EQUAL_STEPS * steps)
-        ta = self._integrator
-        limit = _farthest(x0)
-        ta.pars[:] = [*model.coefficients[self._support], limit]
-        ta.time, ta.state[:] = time[0], x0
-        ta.reset_cooldowns()
-        outcome, *_, states = ta.propagate_grid(time, max_steps=steps)
-        if outcome == hy.taylor_outcome.time_limit:
+            return self._driven(model, start, time, own, EQUAL_STEPS * steps)
+        limit = _farthest(start)
+        states, _, end, ending = solve(model, start, time, steps, limit=limit)
+        if ending is Ending.COMPLETE:
             return Trajectory(time, states, "ok")
         why = {
-            hy.taylor_outcome.step_limit: f"stopped: more than {steps} integration steps",
-            hy.taylor_outcome.err_nf_state: "diverged: not finite",
-        }.get(outcome, f"diverged: |x| exceeded {limit:g}")
-        return ended(time, states, f"{why} at t = {ta.time:.4g} s")
+            Ending.TOO_MANY_STEPS: f"stopped: more than {steps} integration steps",
+            Ending.NOT_FINITE: "diverged: not finite",
+            Ending.BEYOND_LIMIT: f"diverged: |x| exceeded {limit:g}",
+        }[ending]
+        return ended(time, states, f"{why} at t = {end:.4g} s")
 
     def _driven(
         self,
@@ -133,12 +107,10 @@ class Simulator:
                 self._at[key] = Simulator(self.states, model.terms, inputs=model.inputs)
             others = {name: inputs[name] for name in model.inputs}
             return self._at[key](model, x0, time, others)
-        from galloping.taylor import first_step, solution  # compiles
-
         own = [inputs[name] for name in model.inputs]
         step = min(self._step, first_step(own))
         try:
-            states, _, self._step = solution(model, own, np.asarray(x0, float), time, step, steps)
+            states, _, self._step = solve_driven(model, own, x0, time, step, steps)
         except FloatingPointError as error:
             return ended(time, np.empty((0, len(self.states))), f"stopped: {error}")
         limit = _farthest(x0)
@@ -187,25 +159,6 @@ def check_inputs(
         elif not isinstance(one, int | float):
             raise ValueError(f"inputs: {name}: a {type(one).__name__}; must be Input or number")
     return {name: inputs[name] for name in model.inputs}
-
-
-def equations(
-    states: tuple[str, ...], terms: tuple[Exponents, ...], support: np.ndarray
-) -> list[tuple[hy.expression, hy.expression]]:
-    """Each state and its rate, for heyoka; the coefficients are its runtime parameters.
-
-    support: (n_states, n_terms) boolean, which of them there are, in the order of their places.
-    """
-    x = [hy.expression(state) for state in states]
-    # products, not powers: the Taylor recurrence of a power divides by the state
-    monomials = [
-        prod((v for v, e in zip(x, term, strict=True) for _ in range(e)), start=hy.expression(1.0))
-        for term in terms
-    ]
-    rates = [[hy.expression(0.0)] for _ in states]
-    for k, (i, j) in enumerate(np.argwhere(support)):
-        rates[i].append(hy.par[k] * monomials[j])
-    return [(v, hy.sum(rate)) for v, rate in zip(x, rates, strict=True)]
 
 
 def time_grid(duration: float, sampling_rate: float) -> np.ndarray:

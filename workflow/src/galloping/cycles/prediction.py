@@ -279,7 +279,7 @@ def limit_cycle_ahead(
     if identified.status == "refused":
         raise ValueError(f"there is no model to simulate: {identified.reason}")
     found = identified.model.without_absent_terms()
-    simulator = Simulator(found.states, found.terms, found.support)
+    simulator = Simulator(found.states, found.terms)
     motion = limit_cycles.settle(simulator, found, start, SETTLING, WINDOW)
     if not np.all(np.isfinite(motion.states)):
         raise ValueError(f"the model does not settle: {motion.kind}")

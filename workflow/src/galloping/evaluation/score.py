@@ -164,13 +164,8 @@ def reconstruction(
 
 
 def reconstruct(truth: Truth, replicates: Sequence[IdentifiedModel]) -> list[Trajectory]:
-    """The motion of each model from the true initial state.
-
-    One integrator with the terms that any of them has: it costs less than one for each model, and
-    runs three times as fast as one with the whole library.
-    """
-    support = np.any([np.nan_to_num(r.model.coefficients) != 0 for r in replicates], axis=0)
-    simulator = Simulator(truth.model.states, replicates[0].model.terms, support)
+    """The motion of each model from the true initial state."""
+    simulator = Simulator(truth.model.states, replicates[0].model.terms)
     motions = []
     for identified in replicates:
         refusal = identified.verdict if identified.status == "refused" else ""

@@ -84,7 +84,7 @@ def _cleaned(time: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 def simulator_of(model: PolynomialModel) -> Simulator:
     """For the model and others with its terms."""
-    return Simulator(model.states, model.terms, model.coefficients != 0.0, model.inputs)
+    return Simulator(model.states, model.terms, model.inputs)
 
 
 @dataclass(frozen=True)

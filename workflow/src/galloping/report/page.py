@@ -19,7 +19,7 @@ from markupsafe import Markup
 from galloping.report.data_dictionary import meaning
 from galloping.reproducibility.digest import commit
 
-LIBRARIES = ("numpy", "scipy", "pandas", "heyoka", "numba", "pysindy", "matplotlib", "snakemake")
+LIBRARIES = ("numpy", "scipy", "pandas", "numba", "pysindy", "matplotlib", "snakemake")
 PLAIN = " !'()*,/:;=@[]{}|^+"  # may stand in a data URI between double quotes
 # of an SVG: what stands before it, its comments and its metadata
 UNSEEN = re.compile(r"\A.*?(?=<svg)|<!--.*?-->\s*|<metadata>.*?</metadata>\s*", re.DOTALL)

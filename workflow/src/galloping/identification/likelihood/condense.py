@@ -127,15 +127,15 @@ def of_rates(functionals: np.ndarray, step: float) -> np.ndarray:
 
 
 @njit(cache=True)
-def _project(tau, values, offsets, functionals, targets, counts, rows, remainder):
+def _project(tau, values, offsets, longest, functionals, targets, counts, rows, remainder):
     """Fill the statistics of one recording, in place, as in `Condensed`.
 
     tau: (n,) times in their windows, 0 to 1. values: (n, n_observed). offsets: (n_windows + 1,)
-    first sample of each window. The basis is orthonormal on a window's samples: Legendre-like, by
-    Gram-Schmidt, twice for its rounding.
+    first sample of each window. longest: samples of the fullest window; to find it here would
+    compile for five seconds longer. The basis is orthonormal on a window's samples: Legendre-like,
+    by Gram-Schmidt, twice for its rounding.
     """
     n_windows, n_observed, n_rows, n_powers = functionals.shape
-    longest = np.diff(offsets).max()
     basis = np.empty((n_rows, longest))
     point = np.empty(longest)
     sample = np.empty(longest)
@@ -211,8 +211,9 @@ def condense(
         offsets = np.searchsorted(window, np.arange(windows[r] + 1))
         span = slice(first[r], first[r + 1])
         _project(
-            scaled - window, np.ascontiguousarray(value, dtype=float), offsets, functionals[span],
-            targets[span], counts[r], rows[r], remainder[r],
+            scaled - window, np.ascontiguousarray(value, dtype=float), offsets,
+            int(np.diff(offsets).max()), functionals[span], targets[span], counts[r], rows[r],
+            remainder[r],
         )  # fmt: skip
     functionals[:, is_rate] = of_rates(functionals[:, is_rate], step)
     return Condensed(

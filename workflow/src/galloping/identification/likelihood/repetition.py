@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
 from galloping.polynomial import PolynomialModel
-from galloping.taylor import solution
+from galloping.taylor import Ending, solve
 
 SAMPLES = 60  # of a period, which takes at most 64 steps of the integration
 
@@ -51,10 +51,8 @@ def _repeats(model: PolynomialModel, followed: Followed, period: float) -> bool:
     """
     time = np.arange(0.0, min(followed.duration, 500 * period), period / SAMPLES)
     try:
-        states = _motion(model, followed, time, period)
+        states = _motion(model, followed, time)
     except FloatingPointError:
-        return False
-    if not np.all(np.isfinite(states)):
         return False
     states = (states - states.mean(axis=0)) / np.fmax(states.std(axis=0), np.finfo(float).tiny)
     apart = _apart(states)
@@ -80,19 +78,20 @@ def _repeats(model: PolynomialModel, followed: Followed, period: float) -> bool:
     return differ(best) < 0.01
 
 
-def _motion(
-    model: PolynomialModel, followed: Followed, time: np.ndarray, period: float
-) -> np.ndarray:
+def _motion(model: PolynomialModel, followed: Followed, time: np.ndarray) -> np.ndarray:
     """(n, n_states) at `time` (n,), s, each segment from its first state on.
 
-    Raises FloatingPointError where a segment takes too many steps.
+    Raises FloatingPointError if a segment diverges or takes too many steps.
     """
     owner = np.searchsorted(followed.times, time, side="right") - 1
     parts = []
     for k in np.unique(owner):
         own = np.append(followed.times[k], time[owner == k])
         most = 64 * (len(own) // SAMPLES + 1)
-        parts.append(solution(model, (), followed.states[k], own, period, most)[0][1:])
+        solution = solve(model, followed.states[k], own, most)
+        if solution.ending is not Ending.COMPLETE:
+            raise FloatingPointError(solution.ending.name)
+        parts.append(solution.states[1:])
     return np.concatenate(parts)
 
 
