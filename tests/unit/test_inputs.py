@@ -11,7 +11,7 @@ import galloping
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import drawn_with_rivals
 from galloping.recording import Input, windowed
-from galloping.taylor import solve_driven
+from galloping.simulation import solve_driven
 
 TIME = np.arange(401) / 20.0
 

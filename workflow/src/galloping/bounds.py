@@ -8,8 +8,14 @@ import numpy as np
 from galloping.measurement import Motion, Noise
 from galloping.polynomial import PolynomialModel, beside, design_matrix
 from galloping.recording import Input, at_times
-from galloping.simulation import EQUAL_STEPS, check_inputs, most_steps
-from galloping.taylor import Ending, first_step, solve, solve_driven
+from galloping.simulation import (
+    EQUAL_STEPS,
+    check_inputs,
+    first_step,
+    most_steps,
+    solve_driven,
+)
+from galloping.taylor import Ending, solve
 
 MAX_STEPS = 2**16
 

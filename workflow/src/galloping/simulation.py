@@ -1,15 +1,17 @@
 """Simulation of polynomial models by power series, and when a motion counts as diverged."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from galloping.arrays import Immutable
 from galloping.polynomial import Exponents, PolynomialModel
-from galloping.recording import Input
-from galloping.taylor import Ending, first_step, solve, solve_driven
+from galloping.recording import Factor, Input, windowed
+from galloping.right_hand_side import system, tables
+from galloping.taylor import ORDER, Ending, integrate, solve
 
 # Far beyond any span's clearance: a model that gets here has lost its limit cycle. Of a system in
 # other units, such as mV, so it has where it is as many times as far as it began.
@@ -164,3 +166,81 @@ def check_inputs(
 def time_grid(duration: float, sampling_rate: float) -> np.ndarray:
     """Sample times 0, 1/rate, ..., duration in s."""
     return np.arange(round(duration * sampling_rate) + 1) / sampling_rate
+
+
+# --- models with inputs: equal steps, halved until they are accurate ---
+
+
+# Degree of the polynomial that an input is over a step: a cubic spline is hardly more than that
+# over two of its samples.
+DEGREE, SAMPLES_PER_STEP = 5, 2
+# Truncation of a step's Taylor series, relative to the size of each state.
+ACCURACY = 1e-10
+SETTLED = 5  # halvings of the step, through which a solution that diverges does so at one time
+FAR = 1e4  # of a state, from which its size says nothing about the accuracy before
+
+
+def first_step(inputs: Sequence[Input]) -> float:
+    """s, of the finest input: from one sample to the next where it jumps at them."""
+    return min(
+        (1 if one.between == "zero" else SAMPLES_PER_STEP) * float(np.median(np.diff(one.time)))
+        for one in inputs
+    )
+
+
+@lru_cache(maxsize=2)  # of many models over the same times
+def _over_windows(
+    inputs: tuple[Input, ...], factors: tuple[Factor, ...], start: float, step: float, windows: int
+) -> NDArray[np.float64]:
+    return windowed(inputs, factors, start, step, windows, DEGREE)
+
+
+def solve_driven(
+    model: PolynomialModel,
+    inputs: Sequence[Input],
+    start: NDArray[np.float64],
+    time: NDArray[np.float64],
+    step: float,
+    most: int,
+    free: NDArray[np.int_] | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Solve a model with inputs, with derivatives if `free` is given; return the step as well.
+
+    inputs: those of the model, in its order. start: (n_states,) at time[0]. time: (n,) s,
+    increasing. step: s, the longest to try. most: steps. free: (n_free, 2) pairs (equation, term).
+    Returns states (n, n_states), beyond FAR or not finite where they diverge, and derivatives (n,
+    n_states, n_free + n_states) by the free coefficients and the start, of no columns without
+    `free`.
+    Raises FloatingPointError where more than `most` steps were needed.
+    """
+    n_states, wanted = len(start), free is not None
+    if not wanted:  # nor are terms that are not there
+        model = model.without_absent_terms()
+    table = tables(model.terms, n_states)
+    columns = np.asarray(free).reshape(-1, 2) if wanted else np.empty((0, 2), int)
+    compiled = system(table, model.coefficients, columns)
+    diverged, longest, ends = None, step, []
+    while (windows := max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-9)))) <= most:
+        place = (time - time[0]) / step
+        window = np.minimum(place.astype(np.int64), windows - 1)
+        row = np.arange(len(time)) - np.searchsorted(window, window)
+        powers = np.zeros((windows, n_states, row.max() + 1, ORDER + 1))
+        powers[window, :, row] = ((place - window)[:, None] ** np.arange(ORDER + 1))[:, None]
+        with np.errstate(all="ignore"):
+            found, slopes, _, _, truncation = integrate(
+                compiled, step, np.array([0, windows]), start[None], powers, np.arange(n_states),
+                _over_windows(tuple(inputs), table.factors, time[0], step, windows), wanted,
+            )  # fmt: skip
+        states, moved = found[window, :, row], slopes[window, :, row]
+        near = np.all(np.abs(states) < FAR, axis=1)
+        if near.all() and truncation < ACCURACY:
+            return states, moved, step
+        diverged = None if near.all() else (states, moved, longest)
+        at = int(np.argmin(near))
+        ends = [] if near.all() else [*ends[1 - SETTLED :], (time[max(at - 1, 0)], time[at])]
+        if len(ends) == SETTLED and np.ptp(ends) <= 0.01 * (ends[-1][1] - time[0]):
+            break
+        step /= 2.0
+    if diverged is not None:
+        return diverged
+    raise FloatingPointError(f"more than {most} integration steps")

@@ -18,8 +18,9 @@ from galloping.cycles import continuation
 from galloping.cycles.continuation import Bifurcation, Branch, Equations, Point, Range
 from galloping.cycles.family import Family
 from galloping.polynomial import PolynomialModel
+from galloping.right_hand_side import system, tables
 from galloping.simulation import Simulator
-from galloping.taylor import ORDER, integrate, system, tables
+from galloping.taylor import ORDER, integrate
 
 # --- where a motion ends up ---
 

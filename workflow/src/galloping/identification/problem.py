@@ -20,7 +20,7 @@ from galloping.polynomial import (
     velocity_pairs,
 )
 from galloping.recording import Recording, windowed
-from galloping.taylor import System, Tables, system, tables
+from galloping.right_hand_side import System, Tables, system, tables
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ import numpy as np
 from numba import njit
 
 from galloping.identification.work import spend
-from galloping.taylor import ORDER, System, integrate
+from galloping.right_hand_side import System
+from galloping.taylor import ORDER, integrate
 
 # Three projections a window hold all that samples tell of a motion that turns by a twelfth of a
 # period in it; Taylor series of `taylor.ORDER` are then good to TRUNCATION, relative to each state:

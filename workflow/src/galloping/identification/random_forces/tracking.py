@@ -19,7 +19,7 @@ from galloping.identification.work import allowance, spend
 from galloping.modes import Modes
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
-from galloping.taylor import Tables, tables
+from galloping.right_hand_side import Tables, tables
 
 # Standard deviation of the first state, in that of the motion: of a linear system, and of another,
 # whose slopes are told where it is expected to be. With 1e3 the samples outweigh it a million times
