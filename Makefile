@@ -18,7 +18,8 @@
 # make reference  take the numbers of the study and of its small version as results/reference
 # make pages      the pages of docs/ as a site to read, in results/pages; its examples are run
 # make docs       write the key table of config/README.md again from the settings
-# make lock       pin the environment again
+# make tools      what development needs beside the study: style, types, pages, clusters, a browser's driver
+# make lock       pin both environments again, and check that other systems can install them
 #
 # CONFIG=file     settings merged over config/config.yaml, for all that works on a study
 # ALLOW=list      publish although dirty, incomplete, outdated
@@ -31,15 +32,20 @@ PYTHON ?= python3
 CORES ?= all
 VENV := .venv
 BIN := $(VENV)/bin
+# The environment of the study and its checks, and that with what development needs besides.
+MADE := $(VENV)/made
+TOOLS := $(VENV)/tools
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --use-pep517 --require-hashes
 SCRIPT := PYTHONPATH=workflow/src $(BIN)/python workflow/scripts
 OPTIONS := $(if $(CONFIG),--configfile $(CONFIG))
 WHERE := $(if $(PROFILE),--workflow-profile workflow/profiles/$(PROFILE),--cores '$(CORES)')
 DIGEST := $(if $(SHA256),--sha256 '$(SHA256)')
+ALL_TESTS := $(CI)$(filter yes,$(SLOW))
 
-.PHONY: all study smoke trust reality published paper test browser repair verify publish restore prune test-faults test-slurm lint bench reference docs pages lock help
+.PHONY: all study smoke trust reality published paper test browser repair verify publish restore prune test-faults test-slurm lint bench reference docs pages tools lock help
 all: study
 
-study: $(VENV)/made
+study: $(if $(PROFILE),$(TOOLS),$(MADE))
 	@$(SCRIPT)/run_study.py $(WHERE) $(OPTIONS)
 
 smoke:
@@ -48,24 +54,24 @@ smoke:
 trust reality published paper:
 	@$(MAKE) --no-print-directory study CONFIG=config/$@.yaml
 
-repair: $(VENV)/made
+repair: $(if $(PROFILE),$(TOOLS),$(MADE))
 	@$(SCRIPT)/run_study.py --repair $(WHERE) $(OPTIONS)
 
-verify: $(VENV)/made
+verify: $(MADE)
 	@$(SCRIPT)/keep_results.py $(if $(ARCHIVE),verify_archive '$(ARCHIVE)' $(DIGEST),verify) $(OPTIONS)
 
-publish: $(VENV)/made
+publish: $(MADE)
 	@$(SCRIPT)/keep_results.py publish --allow '$(ALLOW)' $(OPTIONS)
 
-restore: $(VENV)/made
+restore: $(MADE)
 	@[ -n '$(ARCHIVE)' ] || { echo "Say what to restore: make restore ARCHIVE=file"; exit 1; }
 	@$(SCRIPT)/keep_results.py restore '$(ARCHIVE)' $(if $(filter yes,$(REPLACE)),--replace) $(DIGEST) $(OPTIONS)
 
-prune: $(VENV)/made
+prune: $(MADE)
 	@$(SCRIPT)/keep_results.py prune $(if $(filter yes,$(DELETE)),--delete) $(OPTIONS)
 
-test: study browser
-	$(BIN)/python -m pytest -n 2 --dist loadgroup $(if $(CI)$(filter yes,$(SLOW)),-m 'not faults and not slurm')
+test: study $(if $(ALL_TESTS),$(TOOLS) browser)
+	$(BIN)/python -m pytest -n 2 --dist loadgroup $(if $(ALL_TESTS),-m 'not faults and not slurm')
 
 # For the checks of the report: Debian's Chromium, where no browser is and one may be installed.
 browser:
@@ -73,13 +79,13 @@ browser:
 	  { [ "$$(id -u)" = 0 ] && command -v apt-get && apt-get update && \
 	    apt-get install -y --no-install-recommends chromium chromium-driver; } >/dev/null 2>&1 || true
 
-test-faults: $(VENV)/made
+test-faults: $(MADE)
 	$(BIN)/python -m pytest -m '' tests/faults
 
-test-slurm: $(VENV)/made
+test-slurm: $(TOOLS)
 	timeout --foreground --signal INT --kill-after 60 40m $(BIN)/python -m pytest -m slurm tests/cluster
 
-lint: $(VENV)/made
+lint: $(TOOLS)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/snakefmt --check Snakefile workflow/Snakefile workflow/rules
@@ -97,28 +103,42 @@ ifndef CONFIG
 endif
 	@$(MAKE) --no-print-directory study
 
-docs: $(VENV)/made
+docs: $(MADE)
 	PYTHONPATH=workflow/src $(BIN)/python -m galloping.configuration.schema config/README.md
 
-pages: $(VENV)/made
+pages: $(TOOLS)
 	@PYTHONPATH='$(CURDIR)/workflow/src' $(BIN)/python -m sphinx -q -W --keep-going docs results/pages
 	@echo 'The pages begin with results/pages/index.html'
 
-# The environment, byte-compiled once; only when the lock changes.
-$(VENV)/made: requirements.lock
+tools: $(TOOLS)
+
+# The environment, byte-compiled once; only when the lock changes. With the command `galloping`, and
+# what numba compiles kept beside the library.
+$(MADE): requirements.lock
 	@[ ! -L $(VENV) ] || { echo "$(VENV) is a link, and the environment would be made in the" \
 	  "folder that it points to: remove the link, and run again"; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "Python 3.11 or newer is needed: make PYTHON=python3.12"; exit 1; }
 	$(PYTHON) -m venv --clear $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes \
-	  -r requirements.lock
+	$(PIP) -r requirements.lock
+	@printf '#!/bin/sh\nPYTHONPATH="%s" exec "%s" -m galloping "$$@"\n' \
+	  '$(CURDIR)/workflow/src' '$(CURDIR)/$(BIN)/python' > $(BIN)/galloping
+	@chmod +x $(BIN)/galloping
+	@$(SCRIPT)/compile_library.py
 	@touch $@
 
-lock: $(VENV)/made
-	$(BIN)/python -m pip install --quiet uv
+$(TOOLS): $(MADE) requirements-dev.lock
+	$(PIP) -r requirements-dev.lock
+	@touch $@
+
+lock: $(TOOLS)
 	$(BIN)/uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 \
-	  --generate-hashes --custom-compile-command "make lock" --upgrade -o requirements.lock
+	  --generate-hashes --custom-compile-command "make lock" --upgrade -o requirements-dev.lock
+	cp requirements-dev.lock requirements.lock
+	$(BIN)/uv pip compile pyproject.toml --extra test --universal --python-version 3.11 \
+	  --generate-hashes --custom-compile-command "make lock" -o requirements.lock
+	$(SCRIPT)/write_environment.py
+	$(SCRIPT)/check_wheels.py
 
 help:
 	@sed -n '/^# make/,/^#* PROFILE/ s/^# \{0,1\}//p' Makefile

@@ -2,16 +2,19 @@
 
 import os
 import shutil
+from importlib.util import find_spec
 
 import pytest
-from selenium import webdriver
 
 FLAGS = (
     "--headless=new --no-sandbox --disable-gpu --disable-background-networking "
     "--disable-component-update --disable-sync --no-first-run --window-size=1600,1000"
 )
 CHROMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-MISSING = "Browser checks were not run: no Chromium, Chrome or Firefox with its driver was found."
+MISSING = (
+    "Browser checks were not run: they need selenium (`make tools`), and Chromium, Chrome or "
+    "Firefox with its driver."
+)
 
 
 def installed():
@@ -22,7 +25,7 @@ def installed():
         ("chrome", chrome, shutil.which("chromedriver")),
         ("firefox", firefox, shutil.which("geckodriver")),
     ):
-        if path and driver:
+        if path and driver and find_spec("selenium"):
             return name, path, driver
     return None
 
@@ -35,6 +38,8 @@ def browser(tmp_path_factory):
         if os.getenv("CI"):
             pytest.fail(MISSING, pytrace=False)
         pytest.skip(MISSING)
+    from selenium import webdriver
+
     name, path, driver = available
     if name == "chrome":
         options = webdriver.ChromeOptions()

@@ -2,11 +2,15 @@
 tables are used with the keyboard, at 200 % too, nothing comes from outside.
 """
 
+from contextlib import suppress
+
 import pandas as pd
 import pytest
-from selenium.webdriver.common.by import By
-from selenium.webdriver.common.keys import Keys
-from selenium.webdriver.support.ui import WebDriverWait
+
+with suppress(ModuleNotFoundError):  # then there is no browser
+    from selenium.webdriver.common.by import By
+    from selenium.webdriver.common.keys import Keys
+    from selenium.webdriver.support.ui import WebDriverWait
 
 pytestmark = pytest.mark.xdist_group("report")
 

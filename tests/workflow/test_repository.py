@@ -15,6 +15,7 @@ ROOT = Path(__file__).parents[2]
 SOURCE, REFERENCE = ROOT / "workflow" / "src" / "galloping", ROOT / "results" / "reference"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
     [

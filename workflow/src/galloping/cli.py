@@ -8,6 +8,8 @@ from pathlib import Path
 
 import click
 
+from galloping import __version__
+from galloping.extras import missing_line
 from galloping.field.terminal import json_text, print_rows, shown
 
 PIECE = 100_000  # rows of a simulation that are held at a time
@@ -28,6 +30,8 @@ class _OneLine(click.Group):
                 raise
             click.echo("Interrupted", err=True)
             context.exit(INTERRUPTED)
+        except ModuleNotFoundError as error:
+            raise click.ClickException(missing_line(error)) from error
         except BrokenPipeError:
             raise  # whoever read the rows has enough of them
         except OSError as error:
@@ -49,7 +53,7 @@ def _interrupted(error: BaseException | None) -> bool:
 
 
 @click.group(cls=_OneLine, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="galloping")
+@click.version_option(__version__, prog_name="galloping")
 def main() -> None:
     """Models of galloping lines, and of other polynomial systems, from recordings.
 
@@ -462,3 +466,7 @@ def derive(case, as_json):
         click.echo(json_text(rows))
     else:
         click.echo("\n".join(model.equations()))
+
+
+if __name__ == "__main__":  # python -m galloping.cli
+    main(prog_name="galloping")

@@ -1,0 +1,53 @@
+"""Check that the locks can be installed on machines that are not at hand: check_wheels.py.
+
+uv resolves each lock for each system and Python, from wheels alone but for what is named here. It
+exits with code 1 if one cannot be resolved, with code 2 if no package index answers.
+"""
+
+import subprocess
+import sys
+import tempfile
+from itertools import product
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+LOCKS = ("requirements.lock", "requirements-dev.lock")
+SYSTEMS = {
+    "Linux": "x86_64-unknown-linux-gnu",
+    "macOS": "aarch64-apple-darwin",
+    "Windows": "x86_64-pc-windows-msvc",
+}
+PYTHONS = ("3.11", "3.12", "3.13", "3.14")
+# Requirements of Snakemake without a wheel: the first is pure Python, the second needs a compiler.
+BUILT = {"3.11": ["connection-pool"], "3.12": ["connection-pool"], "3.13": ["connection-pool"],
+         "3.14": ["connection-pool", "immutables"]}  # fmt: skip
+UNREACHABLE = ("Failed to fetch", "error sending request", "dns error", "Could not connect")
+
+
+def resolved(lock: Path, system: str, python: str) -> subprocess.CompletedProcess:
+    """What uv says of a lock for a system and a Python; nothing is installed."""
+    built = (option for name in BUILT[python] for option in ("--no-binary", name))
+    with tempfile.TemporaryDirectory() as folder:
+        return subprocess.run(
+            [sys.executable, "-m", "uv", "pip", "install", "--dry-run", "--target", folder,
+             "--only-binary", ":all:", *built, "--python-platform", SYSTEMS[system],
+             "--python-version", python, "--require-hashes", "--requirements", str(lock)],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
+        )  # fmt: skip
+
+
+def main() -> int:
+    failed = 0
+    for lock, system, python in product(LOCKS, SYSTEMS, PYTHONS):
+        done = resolved(ROOT / lock, system, python)
+        packages = sum(line.startswith(" + ") for line in done.stdout.splitlines())
+        said = f"{packages} packages" if done.returncode == 0 else done.stdout.strip()
+        print(f"{lock} on {system} with Python {python}: {said}", flush=True)
+        if any(sign in done.stdout for sign in UNREACHABLE):
+            return 2
+        failed += done.returncode != 0
+    return min(failed, 1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,31 @@
+"""Compile what a first fit needs, for no user to wait for it; numba keeps it by the library."""
+
+import numpy as np
+
+import galloping
+
+
+def forced(time: np.ndarray) -> np.ndarray:
+    """(n, 2) displacement and velocity of an oscillator in white forces."""
+    step, states = time[1] - time[0], np.zeros((len(time), 2))
+    for k, kick in enumerate(np.random.default_rng(1).normal(size=len(time) - 1)):
+        q, dq = states[k]
+        dq += step * (-9.0 * q - 0.2 * dq) + np.sqrt(step) * kick
+        states[k + 1] = q + step * dq, dq
+    return states
+
+
+def main() -> None:
+    terms, _ = galloping.library("q + dq + q^2*dq", ["q", "dq"])
+    line = galloping.PolynomialModel(("q", "dq"), terms, [[0, 1, 0], [-9, 0.5, -0.5]])
+    time = np.arange(600) / 20
+    motion = galloping.simulate(line, [0.5, 0.0], time)
+    galloping.cramer_rao_bound(line, [0.5, 0.0], time, [0.1, 0.1])
+    galloping.maximum_likelihood(galloping.measure(line, motion, level=0.05), terms)
+    kept_up = galloping.Recording(time, ("q", "dq"), forced(time) * [1.0, np.nan])
+    found = galloping.maximum_likelihood(kept_up, terms)
+    galloping.forecast(found, kept_up, time[-1] + time[1:20])
+
+
+if __name__ == "__main__":
+    main()

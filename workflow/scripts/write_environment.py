@@ -1,0 +1,59 @@
+"""Write workflow/envs/galloping.yaml, for `snakemake --sdm conda`, from pyproject.toml."""
+
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+ENVIRONMENT = ROOT / "workflow" / "envs" / "galloping.yaml"
+CONDA_NAMES = {"matplotlib": "matplotlib-base"}  # others have the name that PyPI has
+FROM_PYPI = {"pysindy"}
+HEAD = """\
+# For `snakemake --sdm conda`: what jobs import. Written by `make lock` from pyproject.toml; `make`
+# installs the same packages, pinned with their hashes in requirements.lock.
+channels:
+  - conda-forge
+  - nodefaults
+dependencies:
+"""
+
+
+def requirements(project: dict, extra: str) -> Iterator[tuple[str, str]]:
+    """(name, versions) of the packages of an extra, of the extras that it names, and of all."""
+    listed = [*project["dependencies"], *project["optional-dependencies"][extra]]
+    for requirement in listed:
+        name, within, versions = re.fullmatch(
+            r"([\w.-]+)(?:\[([\w,]+)\])?([^;]*)(?:;.*)?", requirement
+        ).groups()
+        if name == project["name"]:
+            for other in within.split(","):
+                yield from requirements(project, other)
+        else:
+            yield name, versions.strip()
+
+
+def environment(pyproject: str) -> str:
+    """The conda environment of the study's jobs, which do not import Snakemake themselves."""
+    project = tomllib.loads(pyproject)["project"]
+    needed = {
+        name.lower(): versions
+        for name, versions in requirements(project, "study")
+        if not name.startswith("snakemake")
+    }
+    conda = {
+        "python": project["requires-python"],
+        **{CONDA_NAMES.get(n, n): v for n, v in sorted(needed.items()) if n not in FROM_PYPI},
+        "pip": "",
+    }
+    pip = {name: versions for name, versions in needed.items() if name in FROM_PYPI}
+    lines = [f"  - {name} {versions}".rstrip() for name, versions in conda.items()]
+    lines += [
+        "  - pip:",
+        *(f"      - {name} {versions}".rstrip() for name, versions in pip.items()),
+    ]
+    return HEAD + "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    ENVIRONMENT.write_text(environment((ROOT / "pyproject.toml").read_text("utf-8")), "utf-8")
