@@ -48,7 +48,7 @@ def imported(paths):
 
 def outside(paths, names):
     """What files import that no distribution of these names brings, or none at all."""
-    brought = metadata.packages_distributions()
+    brought = {"rocrate_validator": ["roc-validator"], **metadata.packages_distributions()}
     return {
         (package, file)
         for package, file in imported(paths)

@@ -2,12 +2,10 @@
 and the versions behind it.
 """
 
-import platform
 import re
 from base64 import b64encode
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from urllib.parse import quote
 
@@ -17,7 +15,7 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from galloping.report.data_dictionary import meaning
-from galloping.reproducibility.digest import commit
+from galloping.reproducibility.digest import commit, environment
 
 LIBRARIES = ("numpy", "scipy", "pandas", "numba", "pysindy", "matplotlib", "snakemake")
 PLAIN = " !'()*,/:;=@[]{}|^+"  # may stand in a data URI between double quotes
@@ -118,5 +116,9 @@ def made_by() -> str:
 
 
 def versions() -> dict[str, str]:
-    """Of Python and the libraries that numbers and figures come from."""
-    return {"python": platform.python_version(), **{n: metadata.version(n) for n in LIBRARIES}}
+    """Of Python and the libraries that numbers and figures come from, as far as they are here: a
+    conda environment of jobs has no Snakemake.
+    """
+    here = environment()
+    packages = {name: here["packages"][name] for name in LIBRARIES if name in here["packages"]}
+    return {"python": here["python"], **packages}
