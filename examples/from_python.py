@@ -23,6 +23,7 @@ recording = galloping.Recording(table["t [s]"], states, values, rates=rates, unk
 found = galloping.maximum_likelihood(recording, galloping.polynomial_library(4, degree=3))
 summary = galloping.summarise(found, recording)
 print(summary)
+assert summary.dynamics  # the model is not refused
 cycle = summary.dynamics.half_range["q_v"]
 print(f"limit cycle of q_v: {cycle.value:.3f} m ({cycle.low:.3f} to {cycle.high:.3f})")
 later = recording.time[-1] + np.arange(1, 1501) / 25

@@ -35,11 +35,11 @@ What it says of the line, in values with their intervals; printed, it is what th
 to `summary.md`, and `draw_fit` and `draw_forecast` are its figures:
 
 >>> summary = galloping.summarise(found, recording)
+>>> assert summary.dynamics  # None without a model, or where no state is a velocity
 >>> damping = summary.dynamics.damping["q_v"]  # a share of critical, with its 95 % interval
 >>> damping.low < damping.value < damping.high < 0  # it gallops
 True
->>> cycle = galloping.dynamics(found, recording).half_range["q_v"]  # m; the same without the rest
->>> cycle == summary.dynamics.half_range["q_v"]
+>>> galloping.dynamics(found, recording) == summary.dynamics  # the same without the rest
 True
 >>> ahead = galloping.forecast(found, recording, recording.time[-1] + np.arange(1, 101) / 50)
 >>> bool(np.all(ahead.low[:, 0] < ahead.high[:, 0]))  # q_v, the 90 % band of its samples
@@ -47,7 +47,7 @@ True
 
 What takes long tells how far it is to whoever listens, and is silent otherwise:
 
->>> told = []
+>>> told: list[tuple[str, float]] = []
 >>> with galloping.progress(lambda what, share: told.append((what, share))):
 ...     found = galloping.weak_gls(recording, terms)
 >>> told[0][0]

@@ -1,6 +1,6 @@
 """The public names: type checkers see them here, and `__init__.py` imports each at first use."""
 
-from galloping.configuration.load import ConfigurationError
+from galloping.configuration.yaml_file import ConfigurationError
 from galloping.field.assess import assess
 from galloping.field.assessment import Assessment
 from galloping.field.dynamics import Dynamics, Value

@@ -1,15 +1,29 @@
 """Arrays: of a user, checked in one line; held by dataclasses, never changed; on one thread."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from datetime import UTC, datetime
 from functools import partial
 from numbers import Real
 from types import MappingProxyType
+from typing import Any, ParamSpec, Protocol, TypeAlias, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
+
+Arguments = ParamSpec("Arguments")
+Returned = TypeVar("Returned")
+
+
+class SupportsArray(Protocol):
+    """What numpy takes as an array, such as a DataFrame."""
+
+    def __array__(self) -> NDArray[Any]: ...
+
+
+# Rows of numbers. Of numpy's ArrayLike, type checkers would reject a list that mixes int and float.
+Matrix: TypeAlias = SupportsArray | Sequence[Sequence[float] | SupportsArray]
 
 
 def floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
@@ -147,5 +161,7 @@ def _comparable(value: object) -> object:
     return value
 
 
-# What this decorates has one thread until it ends: with small matrices others only wait.
-one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
+def one_thread(function: Callable[Arguments, Returned]) -> Callable[Arguments, Returned]:
+    """Give a function one thread until it ends: with small matrices others only wait."""
+    limited = threadpool_limits.wrap(limits=1, user_api="blas")
+    return cast("Callable[Arguments, Returned]", limited(function))  # which has no types

@@ -5,17 +5,18 @@ States x; inputs u, known functions of time, where a model has any.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import chain, combinations_with_replacement, compress
 from math import floor, isfinite, log10, prod
 from numbers import Integral
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import Immutable
+from galloping.arrays import Immutable, Matrix
 from galloping.modes import Modes
 
 Exponents = tuple[int, ...]
@@ -126,6 +127,16 @@ class PolynomialModel(Immutable):
     terms: tuple[Exponents, ...]
     coefficients: NDArray[np.float64]
     inputs: tuple[str, ...] = ()
+
+    if TYPE_CHECKING:  # what is given may be a list; what is held is not
+
+        def __init__(
+            self,
+            states: Sequence[str],
+            terms: Sequence[Sequence[int]],
+            coefficients: Matrix,
+            inputs: Sequence[str] = ...,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "states", tuple(self.states))

@@ -5,20 +5,31 @@ interpolant. A model multiplies monomials of its states by factors, monomials of
 exponents may be negative.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.polynomial.legendre import Legendre, legvander
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import Immutable, floats, increasing, seconds
+from galloping.arrays import Immutable, Matrix, floats, increasing, seconds
 
 if TYPE_CHECKING:
+    from datetime import datetime
+
     from scipy.interpolate import CubicSpline
 
+
+class Frame(Protocol):
+    """A pandas DataFrame, or a mapping of columns: it has names, and a column by each."""
+
+    def __iter__(self) -> Iterator[Any]: ...
+    def __getitem__(self, name: Any, /) -> Any: ...
+
+
+Times: TypeAlias = "ArrayLike | Sequence[datetime]"
 BETWEEN = ("zero", "linear", "cubic")
 # Median steps between two samples up to which an input is interpolated: longer than gaps that are
 # told of a file, since an input is still known well enough where three of its samples are missing.
@@ -44,6 +55,12 @@ class Input(Immutable):
     values: NDArray[np.float64]
     between: str = "cubic"
     error: float = 0.0
+
+    if TYPE_CHECKING:  # what is given may be a list; what is held is an array
+
+        def __init__(
+            self, time: Times, values: ArrayLike, between: str = ..., error: float = ...
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         time = increasing("input: time", seconds("input: time", self.time))
@@ -217,6 +234,21 @@ class Recording(Immutable):
     inputs: Mapping[str, Input] = field(default_factory=dict)
     exact: bool = False
 
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            time: Times,
+            states: Sequence[str],
+            values: Matrix,
+            rates: Matrix | None = ...,
+            unknown_offsets: ArrayLike | None = ...,
+            unknown_scales: ArrayLike | None = ...,
+            known_noise: Matrix | None = ...,
+            inputs: Mapping[str, Input] = ...,
+            exact: bool = ...,
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         states = self.states
         if isinstance(states, str) or not all(isinstance(name, str) for name in states):
@@ -287,7 +319,7 @@ class Recording(Immutable):
     @classmethod
     def from_frame(
         cls,
-        frame: Mapping[str, ArrayLike],
+        frame: Frame,
         time: str | None = None,
         inputs: Sequence[str] = (),
         between: str = "cubic",

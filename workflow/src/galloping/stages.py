@@ -18,7 +18,7 @@ from galloping.recording import Input, Recording, at_times
 from galloping.simulation import Simulator, Trajectory, check_inputs
 
 
-def derive(**sections: Mapping | float) -> PolynomialModel:
+def derive(**sections: Mapping[str, object] | float) -> PolynomialModel:
     """The galloping equations of one line in its wind.
 
     sections: those of a case in config/README.md, such as `wind={"speed": 14}`; what is left out
@@ -40,8 +40,7 @@ def simulate(
     """Motion of a model.
 
     initial_state: (n_states,) at time[0]. time: (n,) s, increasing. inputs: each of the model's,
-    measured or constant. To simulate many models on one library compile it once, with `Simulator`.
-    Raises ValueError for other input.
+    measured or constant. Raises ValueError for other input.
     """
     _check_model(model)
     start = checked_state(initial_state, model.states)

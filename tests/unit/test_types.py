@@ -1,0 +1,59 @@
+"""Types as a user's type checker sees them: of documented calls, and of what scripts hand over."""
+
+import ast
+import doctest
+import inspect
+import json
+import os
+import subprocess
+import sys
+from dataclasses import MISSING, fields
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+import galloping
+
+ROOT = Path(__file__).parents[2]
+SOURCE = ROOT / "workflow" / "src"
+CHECKERS = {"mypy": ["--strict", "--follow-imports", "silent", "."], "basedpyright": []}
+
+
+@pytest.mark.parametrize("name", ["Input", "PolynomialModel", "Recording"])
+def test_the_arguments_that_type_checkers_see_are_the_fields(name):
+    held = getattr(galloping, name)
+    source = ast.parse(inspect.getsource(held))
+    (init,) = (node for node in ast.walk(source) if getattr(node, "name", "") == "__init__")
+    assert [each.arg for each in init.args.args[1:]] == [field.name for field in fields(held)]
+    required = [f for f in fields(held) if {f.default, f.default_factory} == {MISSING}]
+    assert len(init.args.args) - 1 - len(init.args.defaults) == len(required)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("checker", CHECKERS)
+def test_scripts_of_users_pass(checker, tmp_path):
+    if not find_spec(checker):
+        pytest.skip(f"{checker} is not installed: make tools")
+    page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+    blocks = (block.partition("```")[0] for block in page.split("```python\n")[1:])
+    scripts = {
+        "page": "".join(blocks),
+        "examples": doctest.script_from_examples(galloping.__doc__),
+        "from_python": (ROOT / "examples" / "from_python.py").read_text(encoding="utf-8"),
+        "typed_script": Path(__file__).with_name("typed_script.py").read_text(encoding="utf-8"),
+    }
+    for name, text in scripts.items():
+        (tmp_path / f"{name}.py").write_text(text, encoding="utf-8")
+    configured = {
+        "typeCheckingMode": "standard",
+        "reportUnusedExpression": False,
+        "extraPaths": [str(SOURCE)],
+    }
+    (tmp_path / "pyrightconfig.json").write_text(json.dumps(configured))
+    done = subprocess.run(
+        [sys.executable, "-m", checker, *CHECKERS[checker]],
+        cwd=tmp_path, env=os.environ | {"MYPYPATH": str(SOURCE)}, check=False, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
