@@ -16,6 +16,7 @@
 # make lint       style checks alone
 # make bench      measured speed, in results/benchmarks.csv; OLDER=folder of results to compare with
 # make reference  take the numbers of the study and of its small version as results/reference
+# make release    a wheel and a source distribution in dist, if nothing speaks against; DRAFT=yes: all the same
 # make pages      the pages of docs/ as a site to read, in results/pages; its examples are run
 # make docs       write the key table of config/README.md again from the settings
 # make tools      what development needs beside the study: style, types, pages, clusters, a browser's driver
@@ -42,7 +43,7 @@ WHERE := $(if $(PROFILE),--workflow-profile workflow/profiles/$(PROFILE),--cores
 DIGEST := $(if $(SHA256),--sha256 '$(SHA256)')
 ALL_TESTS := $(CI)$(filter yes,$(SLOW))
 
-.PHONY: all study smoke trust reality published paper test browser repair verify publish restore prune test-faults test-slurm lint bench reference docs pages tools lock help
+.PHONY: all study smoke trust reality published paper test browser repair verify publish restore prune test-faults test-slurm lint bench reference docs pages release tools lock help
 all: study
 
 study: $(if $(PROFILE),$(TOOLS),$(MADE))
@@ -105,6 +106,9 @@ endif
 
 docs: $(MADE)
 	PYTHONPATH=workflow/src $(BIN)/python -m galloping.configuration.schema config/README.md
+
+release: $(TOOLS)
+	@$(SCRIPT)/release.py dist $(if $(filter yes,$(DRAFT)),--draft)
 
 pages: $(TOOLS)
 	@PYTHONPATH='$(CURDIR)/workflow/src' $(BIN)/python -m sphinx -q -W --keep-going docs results/pages

@@ -1,0 +1,100 @@
+"""Check and build a release, without publishing anything: release.py FOLDER [--draft].
+
+FOLDER gets the wheel and the source distribution, built from the files that git tracks. Of what an
+index shows, the README, links and pictures lead to the repository. With --draft what is still open
+is said, and built all the same.
+"""
+
+import argparse
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import yaml
+
+ROOT = Path(__file__).parents[2]
+PLACEHOLDERS = ("example.org", "The galloping authors")
+LINK = re.compile(r"(!?)(\[[^\]]*\]\()(?![a-z]+:|#)([^)]+)\)")
+DATED = re.compile(r"^## (\S+) - \d{4}-\d{2}-\d{2}$", re.MULTILINE)
+
+
+def objections(root: Path) -> Iterator[str]:
+    """What speaks against releasing the project in a folder, a line each."""
+    text = (root / "pyproject.toml").read_text(encoding="utf-8")
+    project = tomllib.loads(text)["project"]
+    citation, security = (
+        (root / name).read_text(encoding="utf-8") for name in ("CITATION.cff", "SECURITY.md")
+    )
+    for place, content in (
+        ("pyproject.toml", text), ("CITATION.cff", citation), ("SECURITY.md", security),
+    ):  # fmt: skip
+        for placeholder in PLACEHOLDERS:
+            if placeholder in content:
+                yield f"{place}: {placeholder!r} is a placeholder"
+    version = project["version"]
+    own = re.search(
+        r'__version__ = "(.+)"', (root / "workflow/src/galloping/__init__.py").read_text()
+    )
+    for place, found in (("galloping.__version__", own[1]),
+                         ("CITATION.cff", str(yaml.safe_load(citation)["version"]))):  # fmt: skip
+        if found != version:
+            yield f"{place}: {found}; pyproject.toml has {version}"
+    dated = DATED.findall((root / "CHANGELOG.md").read_text(encoding="utf-8"))
+    if version not in dated:
+        yield f"CHANGELOG.md: no entry '## {version} - DATE'"
+
+
+def with_full_links(readme: str, source: str, version: str) -> str:
+    """A README whose relative links lead to the repository, and its pictures to their bytes."""
+
+    def full(match: re.Match) -> str:
+        picture, before, target = match.groups()
+        kind = "raw" if picture else "blob"
+        return f"{picture}{before}{source}/{kind}/v{version}/{target})"
+
+    return LINK.sub(full, readme)
+
+
+def build(root: Path, folder: Path) -> subprocess.CompletedProcess:
+    """Build both distributions of the tracked files of a project into a folder."""
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    tracked = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=root, check=True, capture_output=True, text=True
+    ).stdout.split("\0")
+    with tempfile.TemporaryDirectory() as copy:
+        for name in filter(None, tracked):
+            if (root / name).is_file():
+                Path(copy, name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(root / name, Path(copy, name))
+        readme = Path(copy, "README.md")
+        text = readme.read_text(encoding="utf-8")
+        source = project["urls"]["Source"]
+        readme.write_text(with_full_links(text, source, project["version"]), encoding="utf-8")
+        return subprocess.run(
+            [sys.executable, "-m", "build", "--outdir", str(folder.resolve()), copy],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
+        )  # fmt: skip
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--draft", action="store_true")
+    given = parser.parse_args()
+    against = list(objections(ROOT))
+    print(*against, sep="\n", end="\n" * bool(against))
+    if against and not given.draft:
+        print("Nothing was built; --draft builds all the same")
+        return 1
+    done = build(ROOT, given.folder)
+    print(done.stdout if done.returncode else f"{given.folder}: built, nothing is published")
+    return done.returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())
