@@ -17,7 +17,10 @@ import galloping
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "workflow" / "src"
-CHECKERS = {"mypy": ["--strict", "--follow-imports", "silent", "."], "basedpyright": []}
+CHECKERS = {
+    "mypy": ["--strict", "--follow-imports", "silent", "."],
+    "basedpyright": ["--pythonpath", sys.executable],
+}
 
 
 @pytest.mark.parametrize("name", ["Input", "PolynomialModel", "Recording"])
