@@ -16,8 +16,8 @@ from scipy.signal import StateSpace, lsim
 from galloping import derive, simulate
 from galloping.cli import main
 from galloping.field.analysis import Field, read_field
-from galloping.field.mapping import validated
 from galloping.polynomial import PolynomialModel
+from galloping.readers.mapping import validated
 
 STATES = ("q_v", "q_w", "dq_v", "dq_w")
 RATE = 25.0  # Hz

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from galloping.field.analysis import FieldQuestion, analyse, read_field
-from galloping.field.mapping import read_mapping
+from galloping.readers.mapping import read_mapping
 from galloping.reproducibility.job import run
 from galloping.study.files import read_model
 

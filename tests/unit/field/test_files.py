@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 from scipy.signal import StateSpace, lfilter, lsim
 
-from galloping.field.file_table import FileError
-from galloping.field.mapping import MappingError, channel_of, validated
 from galloping.field.quality import QUIET, quality
-from galloping.field.read import read_series
-from galloping.field.recordings import recording
+from galloping.readers import FileError
+from galloping.readers.mapping import MappingError, channel_of, validated
+from galloping.readers.recordings import recording
+from galloping.readers.series import read_series
 
 TIME = np.arange(500) * 0.04
 V, W = np.sin(2.6 * TIME), np.cos(1.3 * TIME)

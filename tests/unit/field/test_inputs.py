@@ -17,10 +17,10 @@ import galloping
 from galloping import IdentifiedModel, Input, PolynomialModel, Recording
 from galloping.field.analysis import read_field
 from galloping.field.helps import plain_reasons
-from galloping.field.mapping import input_of, validated
 from galloping.field.objections import objected
-from galloping.field.read import read_series
-from galloping.field.units import USUAL, coefficient_unit
+from galloping.readers.mapping import input_of, validated
+from galloping.readers.series import read_series
+from galloping.readers.units import USUAL, coefficient_unit
 from galloping.recording import extrapolated
 from galloping.terms import parse
 

@@ -12,7 +12,7 @@ from lines import simulate
 from galloping import Recording, Simulator, maximum_likelihood
 from galloping import polynomial_library as library
 from galloping.field.advice import advice
-from galloping.field.recordings import PERIODS, STRETCHES, excerpts
+from galloping.field.excerpts import PERIODS, STRETCHES, excerpts
 from galloping.field.summary import hold_out, longest_period
 from galloping.identification.likelihood.verdict import REPEATS
 from galloping.identification.preparation.smoothing import shortest_period

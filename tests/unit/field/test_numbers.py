@@ -10,14 +10,14 @@ import pytest
 
 from galloping import IdentifiedModel, Recording
 from galloping.field.dynamics import Surroundings, dynamics
-from galloping.field.file_table import FileError
 from galloping.field.forecast import check_followed, forecast, held_out, with_factors
 from galloping.field.objections import difference, kept_up, objected, unmoved
-from galloping.field.recordings import parted
 from galloping.field.summary import Summary, hold_out, longest_period
 from galloping.identification.likelihood.repetition import Followed, only_repeats
 from galloping.identification.random_forces.start import wavers
 from galloping.polynomial import PolynomialModel, design_matrix, library
+from galloping.readers import FileError
+from galloping.readers.recordings import parted
 
 TERMS = library(4, 3)
 

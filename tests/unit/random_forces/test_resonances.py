@@ -10,8 +10,8 @@ from scipy.signal import butter, sosfilt
 
 import galloping
 from galloping import Recording, maximum_likelihood, polynomial_library
+from galloping.field.excerpts import by_excerpts
 from galloping.field.objections import objected
-from galloping.field.recordings import by_excerpts
 from galloping.identification.model import IdentifiedModel, Resonance
 from galloping.identification.random_forces.forced_motion import model_spectra
 

@@ -115,7 +115,7 @@ def _mapping_options(command):
 
 def _mapping(file, options):
     """The mapping that options tell; how columns are read by their names alone is said."""
-    from galloping.field.mapping import mapping_of
+    from galloping.readers.mapping import mapping_of
 
     mapping, said = mapping_of(file, options)
     if said:
@@ -251,7 +251,7 @@ def inspect(file, write_map, as_json, **mapping):
 
 def _doubts_of_written(file, path, options) -> dict[str, str]:
     """Write a mapping of a file's columns, say what it leaves open, and return that by column."""
-    from galloping.field.mapping import MappingError, proposed
+    from galloping.readers.mapping import MappingError, proposed
     from galloping.storage import write_text
 
     given = {key for key, value in options.items() if value not in (None, ())}

@@ -7,10 +7,10 @@ import numpy as np
 
 from galloping.bounds import Experiment, bound_of, information
 from galloping.field.dynamics import Surroundings
-from galloping.field.units import coefficient_unit, state_unit
 from galloping.identification.likelihood.verdict import REPEATS
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import term_name, velocity_pairs
+from galloping.readers.units import coefficient_unit, state_unit
 from galloping.recording import Recording
 
 FARTHER = 1.5  # times the largest displacement from rest that was recorded

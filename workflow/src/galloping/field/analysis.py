@@ -9,20 +9,21 @@ import numpy as np
 from galloping import __version__
 from galloping.field.csv_rows import MODEL_COLUMNS, forecast_rows, model_rows
 from galloping.field.dynamics import Dynamics, Surroundings, expected
+from galloping.field.excerpts import by_excerpts
 from galloping.field.following import Sensed
-from galloping.field.mapping import ColumnMapping
 from galloping.field.quality import JUMPS, MOVES, QUIET, SHOWN, quality
-from galloping.field.read import Series, check_apart, read_series
-from galloping.field.recordings import LEAST, SILENT, by_excerpts, input_notes, parted, recording
 from galloping.field.summary import METHODS, Summary, longest_period, summarised
 from galloping.field.terminal import SEARCHED
-from galloping.field.units import state_unit
 from galloping.field.wording import summary_text
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.problem import Coefficient
 from galloping.identification.work import limited
 from galloping.passes import part, passing
 from galloping.polynomial import Exponents, PolynomialModel, library
+from galloping.readers.mapping import ColumnMapping
+from galloping.readers.recordings import LEAST, SILENT, input_notes, parted, recording
+from galloping.readers.series import Series, check_apart, read_series
+from galloping.readers.units import state_unit
 from galloping.recording import Recording, mean_inputs
 from galloping.storage import write_json, write_rows, write_text
 from galloping.terms import known_model, parse

@@ -7,7 +7,7 @@ import numpy as np
 
 from galloping.arrays import Immutable
 from galloping.field.dynamics import Value
-from galloping.field.units import plain_unit
+from galloping.readers.units import plain_unit
 
 
 @dataclass(frozen=True, eq=False)

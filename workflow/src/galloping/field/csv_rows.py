@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from galloping.field.units import NONE, coefficient_unit
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95
 from galloping.polynomial import term_name
+from galloping.readers.units import NONE, coefficient_unit
 
 if TYPE_CHECKING:
     from galloping.field.forecast import Forecast

@@ -14,18 +14,18 @@ from galloping.field.assessment import Assessment, Cycle
 from galloping.field.following import Sensed
 from galloping.field.forecast import Forecast
 from galloping.field.quality import REPORTED_GAP, spectrum
-from galloping.field.units import meaning, plain_unit, state_unit
 from galloping.figures import parts
 from galloping.figures.style import BAND, MODEL, PAPER, SHADE, TRUE
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.forced_motion import model_spectra
 from galloping.identification.random_forces.start import on_grid
+from galloping.readers.units import meaning, plain_unit, state_unit
 from galloping.recording import Recording
 
 if TYPE_CHECKING:
-    from galloping.field.mapping import ColumnMapping
-    from galloping.field.read import Series
     from galloping.identification.model import IdentifiedModel
+    from galloping.readers.mapping import ColumnMapping
+    from galloping.readers.series import Series
 
 DPI, FONT_SIZE = 150, 8
 ROW = 1.7  # inches, of a row of panels

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from galloping.arrays import Immutable
+from galloping.field.driving import known_ahead
 from galloping.field.following import FEWEST, Following, Sensed, without_outliers
-from galloping.field.recordings import known_ahead
-from galloping.field.units import NONE
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import forced_motion as in_random_forces
 from galloping.intervals import QUANTILES_90, drawn
 from galloping.passes import passing
+from galloping.readers.units import NONE
 from galloping.recording import Input, Recording
 
 DRAWS = 100  # of models and starts: the ends of a 90 % band then scatter by a tenth of its width

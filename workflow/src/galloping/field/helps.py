@@ -7,8 +7,8 @@ from importlib.resources import files
 from typing import TYPE_CHECKING
 
 from galloping.field.quality import MOVES, QUIET, SHOWN, SIGN, SWAPPED
-from galloping.field.units import meaning
 from galloping.identification.model import IdentifiedModel
+from galloping.readers.units import meaning
 
 if TYPE_CHECKING:
     from galloping.field.summary import Summary

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from galloping.field.dynamics import Surroundings, dynamics
+from galloping.field.excerpts import excerpts
 from galloping.field.following import Following
-from galloping.field.recordings import excerpts
 from galloping.identification.likelihood.instrument import DRIFTS
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import LITTLE_TOLD, IdentifiedModel

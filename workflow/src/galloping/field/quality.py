@@ -7,12 +7,12 @@ import numpy as np
 from numpy.polynomial.legendre import Legendre, legvander
 from scipy.ndimage import maximum_filter1d, median_filter
 
-from galloping.field.units import state_unit
 from galloping.identification.preparation.screening import piled
+from galloping.readers.units import state_unit
 
 if TYPE_CHECKING:
-    from galloping.field.mapping import ColumnMapping, InputColumn
-    from galloping.field.read import Series
+    from galloping.readers.mapping import ColumnMapping, InputColumn
+    from galloping.readers.series import Series
 
 NEIGHBOURS = 5  # samples of which the median is taken
 MOVES = "shifts its mean by"

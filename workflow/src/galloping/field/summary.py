@@ -12,13 +12,12 @@ from galloping.field import dynamics as of_line
 from galloping.field import forecast as ahead
 from galloping.field.advice import Advice, advice
 from galloping.field.dynamics import Dynamics, Surroundings
+from galloping.field.excerpts import by_excerpts
 from galloping.field.following import Following, Sensed, without_outliers
 from galloping.field.forecast import Forecast, HeldOut, check_followed, deviations_of, with_factors
 from galloping.field.objections import Identify, objected
 from galloping.field.quality import PERIODS as PERIODS_HELD
 from galloping.field.quality import peaks_of, sampled, spectrum
-from galloping.field.recordings import by_excerpts
-from galloping.field.units import NONE
 from galloping.field.wording import summary_text
 from galloping.identification.inputs import checked_recordings
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
@@ -28,6 +27,7 @@ from galloping.identification.random_forces import forced_motion as in_random_fo
 from galloping.identification.random_forces.low_pass import as_modelled
 from galloping.identification.work import limited
 from galloping.passes import part, passing
+from galloping.readers.units import NONE
 from galloping.recording import Input, Recording, mean_inputs
 
 if TYPE_CHECKING:

@@ -14,6 +14,7 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined, Template
 
 from galloping.field.dynamics import ROUNDING, Dynamics, Value
+from galloping.field.excerpts import excerpts
 from galloping.field.following import Sensed, without_outliers
 from galloping.field.forecast import HeldOut
 from galloping.field.helps import (
@@ -26,12 +27,11 @@ from galloping.field.helps import (
     what_helps,
 )
 from galloping.field.quality import peaks_of, spectrum
-from galloping.field.recordings import excerpts
-from galloping.field.units import coefficient_unit, meaning, plain_unit
 from galloping.identification.likelihood.verdict import REPEATS
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.tracking import Forces
 from galloping.polynomial import term_name, velocity_pairs
+from galloping.readers.units import coefficient_unit, meaning, plain_unit
 from galloping.recording import Recording
 
 if TYPE_CHECKING:

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from galloping.field import FileError
-from galloping.field.array_files import READERS, arrays_in
-from galloping.field.columns import DATED
-from galloping.field.text_table import DECIMAL_COMMA, SAY_DECIMAL, read_text
-from galloping.field.units import named
+from galloping.readers import FileError
+from galloping.readers.array_files import READERS, arrays_in
+from galloping.readers.columns import DATED
+from galloping.readers.text_table import DECIMAL_COMMA, SAY_DECIMAL, read_text
+from galloping.readers.units import named
 
 TEXT, SHEET = (".csv", ".txt", ".tsv", ".dat", ".asc"), ".xlsx"  # of files that are read
 LARGEST = 2 * 1024**3  # bytes: a table of that size fits into the memory of a small machine

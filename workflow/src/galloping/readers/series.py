@@ -12,12 +12,12 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
-from galloping.field import FileError
-from galloping.field.file_table import FileTable, read_table
-from galloping.field.mapping import Channel, ColumnMapping, InputColumn, TimeColumn
-from galloping.field.units import UnitError, amount, factor, input_si, named, state_si, state_unit
 from galloping.identification.inputs import FEWEST
 from galloping.passes import passing
+from galloping.readers import FileError
+from galloping.readers.file_table import FileTable, read_table
+from galloping.readers.mapping import Channel, ColumnMapping, InputColumn, TimeColumn
+from galloping.readers.units import UnitError, amount, factor, input_si, named, state_si, state_unit
 from galloping.recording import INTERPOLATED, Input
 
 CODES = (  # that loggers write for a missing sample, of either sign

@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from galloping.configuration.yaml_file import read
-from galloping.field.columns import NO_UNIT, ROWS, Proposal, proposal, states_of
-from galloping.field.file_table import read_table
-from galloping.field.units import named
+from galloping.readers.columns import NO_UNIT, ROWS, Proposal, proposal, states_of
+from galloping.readers.file_table import read_table
+from galloping.readers.units import named
 from galloping.terms import parse, parse_known
 
 FAULTS = {  # where pydantic speaks of Python's types

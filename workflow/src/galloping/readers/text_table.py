@@ -12,9 +12,9 @@ from typing import BinaryIO
 import numpy as np
 import pandas as pd
 
-from galloping.field import FileError
-from galloping.field.columns import is_time, target
-from galloping.field.units import is_unit, named
+from galloping.readers import FileError
+from galloping.readers.columns import is_time, target
+from galloping.readers.units import is_unit, named
 
 HEAD = 65536  # bytes that the layout of a text table is told from
 BINARY = {  # first bytes of what is no text table, whatever its name

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from galloping.field.units import DIRECTION, ORDERS, behind, meaning, measures, named
+from galloping.readers.units import DIRECTION, ORDERS, behind, meaning, measures, named
 
 if TYPE_CHECKING:
-    from galloping.field.file_table import FileTable
+    from galloping.readers.file_table import FileTable
 
 # Stems of words, and whole words where short; English, German, and some Romance and Chinese ones.
 TIMES = {"time", "zeit", "timestamp", "uhr", "elapsed", "temps", "tiempo", "时间"}

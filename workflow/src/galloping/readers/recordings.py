@@ -1,0 +1,159 @@
+"""From the channels of a file to a recording: places, delays, gaps, and where inputs are known."""
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from galloping.identification.inputs import FEWEST
+from galloping.polynomial import velocity_pairs
+from galloping.readers.mapping import Channel, ColumnMapping
+from galloping.readers.series import Series
+from galloping.recording import INTERPOLATED, Recording
+
+# Longest periods of the motion.
+LEAST = 3  # that a part of a recording holds at least
+SILENT = 6  # that a sensor may be silent while others go on: longer, its curve is not told
+
+
+def recording(series: Series, mapping: ColumnMapping) -> Recording:
+    """The recording that identification sees.
+
+    Sensors of one quantity at m places along the span are projected on its first m sine modes, of
+    which the first is kept: q = sum_i P_1i y_i with P the inverse of sin(k pi s_i / l). A single
+    sensor is divided by sin(pi s / l). Samples of a delayed channel are moved to the times when
+    they were true. Raises ValueError where places do not tell the modes apart.
+    """
+    time, columns = series.time, list(series.values.T)
+    if any(channel.delay for channel in mapping.channels):
+        time, columns = _aligned(series, mapping)
+    n = len(mapping.states)
+    values, rates = np.full((2, len(time), n), np.nan)
+    offsets, scales = np.zeros(n, bool), np.zeros(n, bool)
+    noise = np.full((2, n), np.nan)
+    for measures in dict.fromkeys(channel.measures for channel in mapping.channels):
+        group = [k for k, channel in enumerate(mapping.channels) if channel.measures == measures]
+        channels = [mapping.channels[k] for k in group]
+        state, is_rate = mapping.target(channels[0])
+        weights = _weights(channels, mapping.span)
+        combined = np.column_stack(_together(time, [columns[k] for k in group])) @ weights
+        (rates if is_rate else values)[:, state] = combined
+        noise[int(is_rate), state] = np.linalg.norm(weights * series.noise[group])
+        (offsets if is_rate else scales)[state] |= any(
+            (channel.offset if is_rate else channel.scale) == "unknown" for channel in channels
+        )
+    return Recording(
+        time, mapping.states, values,
+        rates=rates if np.isfinite(rates).any() else None,
+        unknown_offsets=offsets, unknown_scales=scales,
+        known_noise=noise if np.isfinite(noise).any() else None,
+        inputs=series.inputs,
+    )  # fmt: skip
+
+
+def parted(recording: Recording, period: float) -> list[Recording]:
+    """The recording between gaps longer than a period of the motion, s, each part by itself.
+
+    Over such a gap nothing tells how the motion went on, nor whether the clock did. A part ends as
+    well where an input is not known, or a sensor that others outlast is silent for long. Parts of
+    fewer than FEWEST samples or LEAST are left out, but where no part is longer and the inputs are
+    known throughout. Raises ValueError where no part is left.
+    """
+    measured = np.isfinite(recording.values).any(axis=1)
+    if recording.rates is not None:
+        measured |= np.isfinite(recording.rates).any(axis=1)
+    known = (one.covered(recording.time) for one in recording.inputs.values())
+    driven = np.all([np.ones(len(measured), bool), *known], axis=0)
+    told = driven & ~_silent(recording, SILENT * period)
+    rows = np.flatnonzero(measured & told)
+    apart = np.diff(recording.time[rows]) > period
+    apart |= np.diff(np.cumsum(~told)[rows]) > 0
+    parts = np.split(rows, np.flatnonzero(apart) + 1)
+    long = [
+        slice(int(part[0]), int(part[-1]) + 1)
+        for part in parts
+        if len(part) >= FEWEST and np.ptp(recording.time[part]) >= LEAST * period
+    ]
+    if driven.all() and ((told.all() and len(parts) == 1) or not long):
+        return [recording]
+    if not long:
+        raise ValueError(
+            f"inputs: {', '.join(recording.inputs)}: nowhere are all known for {LEAST} periods "
+            f"of {period:.3g} s in which the motion is measured"
+        )
+    return [recording[own] for own in long]
+
+
+def _silent(recording: Recording, longest: float) -> np.ndarray:
+    """(n,) whether a coordinate that is measured at other times has no sample for `longest` s: of
+    itself, nor of its velocity where that is a state, or, where neither ever is, of their rates.
+    """
+    time, silent = recording.time, np.zeros(len(recording.time), bool)
+    pairs = velocity_pairs(recording.states)
+    for i in set(range(len(recording.states))) - set(pairs.values()):
+        own = [i, pairs[i]] if i in pairs else [i]
+        sampled = np.isfinite(recording.values[:, own]).any(axis=1)
+        if not sampled.any() and recording.rates is not None:
+            sampled = np.isfinite(recording.rates[:, own]).any(axis=1)
+        if sampled.any():
+            ends = np.r_[time[0], time[sampled], time[-1]]
+            before = np.clip(np.searchsorted(ends, time, side="right") - 1, 0, len(ends) - 2)
+            silent |= ~sampled & (np.diff(ends)[before] > longest)
+    return silent
+
+
+def _weights(channels: list[Channel], span: float | None) -> np.ndarray:
+    """(m,) what the sensors of one quantity are weighed with for its first mode."""
+    if all(channel.position is None for channel in channels):
+        return np.full(len(channels), 1.0 / len(channels))
+    if any(channel.position is None for channel in channels):
+        names = ", ".join(repr(channel.column) for channel in channels)
+        raise ValueError(
+            f"channels: {names} measure the same; give all of them a position, or none"
+        )
+    places = np.array([channel.position for channel in channels]) / span
+    modes = np.sin(np.pi * np.outer(places, np.arange(1, len(places) + 1)))
+    if np.linalg.cond(modes) > 1e3:
+        at = ", ".join(f"{channel.position:g}" for channel in channels)
+        raise ValueError(f"channels: sensors at {at} m do not tell {len(places)} modes apart")
+    return np.linalg.inv(modes)[0]
+
+
+def _together(time: np.ndarray, columns: list[np.ndarray]) -> list[np.ndarray]:
+    """Columns with values at the times of the first one; interpolated where theirs differ."""
+    times = [np.isfinite(column) for column in columns]
+    if all(np.count_nonzero(times[0] & own) >= 0.5 * own.sum() for own in times[1:]):
+        return columns
+    step = np.median(np.diff(time[times[0]]))
+    together = [columns[0]]
+    for column, own in zip(columns[1:], times[1:], strict=True):
+        known = time[own]
+        between = CubicSpline(known, column[own], extrapolate=False)(time)
+        after = np.minimum(np.searchsorted(known, time), len(known) - 1)
+        apart = known[after] - known[np.maximum(after - 1, 0)]
+        together.append(np.where(apart < 2.5 * step, between, np.nan))
+    return together
+
+
+def _aligned(series: Series, mapping: ColumnMapping) -> tuple[np.ndarray, list[np.ndarray]]:
+    """The channels at their own times, on the union of these times."""
+    tick = 1e-6 * np.median(np.diff(series.time))  # times that differ by rounding are the same
+    moved = [tick * np.round((series.time - c.delay) / tick) for c in mapping.channels]
+    time = np.unique(np.concatenate(moved))
+    columns = []
+    for own, values in zip(moved, series.values.T, strict=True):
+        column = np.full(len(time), np.nan)
+        column[np.searchsorted(time, own)] = values
+        columns.append(column)
+    return time, columns
+
+
+def input_notes(recording: Recording) -> list[str]:
+    """A line for each input that is not known all through the motion."""
+    time = recording.time
+    steps = np.diff(time, append=time[-1])
+    steps[steps > INTERPOLATED * np.median(steps)] = 0.0  # of the time with samples
+    return [
+        f"input {name} is not known for {steps[gone].sum():.1f} s, "
+        f"{100 * gone.mean():.2g} % of the samples: left out"
+        for name, one in recording.inputs.items()
+        if (gone := ~one.covered(time)).any()
+    ]
