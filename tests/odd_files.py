@@ -140,6 +140,26 @@ def half(write: Callable) -> Callable:
     return cut
 
 
+def workspace(path: Path) -> None:
+    """A saved workspace: single numbers and a matrix beside the columns."""
+    mat(path, t=TIME, v=V, w=W, fs=25, c__h=15.4, k__h=3529.0, data=np.column_stack([V, W]))
+
+
+def structure_array(path: Path) -> None:
+    """A structure array of MATLAB 7.3, the fields of which are references to other data sets."""
+    with h5py.File(path, "w") as file:
+        parts = [file.create_dataset(f"#refs#/{name}", data=V[None]) for name in "ab"]
+        kept = file.create_dataset("data/y", (2, 1), h5py.ref_dtype)
+        kept[:, 0] = [part.ref for part in parts]
+
+
+def sparse_rows(path: Path) -> None:
+    """A data set of 3.2 GB, of which nothing is written."""
+    with h5py.File(path, "w") as file:
+        for name in "tvw":
+            file.create_dataset(name, (400_000_000,), "f8", chunks=(1000,), compression="gzip")
+
+
 def too_large(path: Path) -> None:
     with path.open("wb") as file:
         file.truncate(LARGEST + 1)
@@ -149,7 +169,14 @@ def dated(style: str, moments: object = STAMPS) -> list[str]:
     return [format(moment, style) for moment in moments]
 
 
+ENCODER = np.degrees(V) % 360.0  # the vertical motion as an angle that starts again after a turn
 ROWS = [str(row) for row in range(1000)]
+BY_PLACE = ("--time", "1", "--unit", "1=s", *measures("2[m]", "3[m]"))
+LABVIEW = (
+    "LabVIEW Measurement\t\nSeparator\tTab\nTime\t12:00:00.0\n***End_of_Header***\t\n\t\n"
+    "Channels\t2\t\t\nDate\t2026/01/31\t2026/01/31\t\nTime\t12:00:00\t12:00:00\t\n"
+    "Y_Unit_Label\tm\tmm\t\nX_Dimension\tTime\tTime\t\n***End_of_Header***\t\t\t\n"
+)
 Content = str | bytes | Callable[[Path], None]
 NAMED = "time,vertical [m],horizontal [m]"
 PREAMBLE = "Logger DL-2000\nSerial no. 12345\nStart; 31.01.2026\n\n"
@@ -236,6 +263,57 @@ READ: dict[str, tuple[Content, tuple[str, ...]]] = {
     "metres.csv": (lines("t [s],v [m],w [m]"), (*BY_NAME, "--unit", "v=metre")),
     "counts.csv": (lines("t [s],v [counts],w [m]", v=1e3 * V), (*BY_NAME, "--unit", "v=mm")),
     "matrix_beside.mat": (of(mat, picture=np.zeros((9, 9))), PLAIN),
+    "workspace.mat": (workspace, PLAIN),
+    "no_time.csv": (table("vertical [mm],horizontal [mm]", 1e3 * V, 1e3 * W), ("--rate", "25")),
+    "frames.csv": (table("frame,vertical [mm],horizontal [m]", ROWS, 1e3 * V, W), ("--rate", "25")),
+    "frames_by_unit.csv": (table("frame,vertical [mm],horizontal [m]", ROWS, 1e3 * V, W),
+        ("--time", "frame", "--unit", "frame=0.04 s")),
+    "no_time.mat": (only(mat, {"v": V, "w": W, "fs": 25}), (*METRES, "--rate", "25")),
+    "pixels.csv": (lines("t [s],vertical [px],horizontal [m]", v=V / 0.00085),
+        ("--unit", "vertical=0.85 mm")),
+    "volts.csv": (lines("t [s],vertical [V],horizontal [m]", v=V / 0.0025),
+        ("--unit", "vertical=2.5 mm")),
+    "abbreviated.csv": (lines("Time (s),Vert. disp. phase A (mm),Lat. disp. phase A (mm)",
+        v=1e3 * V, w=1e3 * W), ()),
+    "more_abbreviated.csv": (table("t [s],Vert. pos. (cm),Hor. (cm),Long. disp. (cm)", TIME,
+        1e2 * V, 1e2 * W, V), ()),
+    "runs.csv": (lines("Time (s) Run #1,Vertical Position (m) Run #1,Trans. Position (mm) Run #1",
+        w=1e3 * W), ()),
+    "in_words.csv": (lines("time in s,vertical in mm,horizontal in m", v=1e3 * V), ()),
+    "nanoseconds.csv": (lines("timestamp,vertical [m],horizontal [m]",
+        t=(1769860800000000000 + (1e9 * TIME).astype(int)).astype(str)),
+        ("--unit", "timestamp=ns")),
+    "serial_days.csv": (lines("time,vertical [m],horizontal [m]",
+        t=[f"{46053.5 + t / 86400:.12f}" for t in TIME]), ("--unit", "time=d")),
+    "labview.txt": (LABVIEW + lines("X_Value\tv\tw\tComment", "\t", w=1e3 * W),
+        (*measures("v", "w"), "--unit", "X_Value=s")),
+    "motion_capture.csv": (
+        table("Format Version,1.23,Take Name,Take 1\n,,Marker,Marker,Marker\n,,a,a,a\n,,1,1,1\n"
+              ",,Position,Position,Position\nFrame,Time (Seconds),X,Y,Z", ROWS, TIME, W, V, TIME),
+        (*measures("Y", "X"), "--unit", "m")),
+    "motion_capture_units.csv": (
+        table("Trajectories\n25\n,,span:mid,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm", ROWS,
+              ["0"] * 1000, 1e3 * W, 1e3 * V, TIME), (*measures("Y", "X"), "--rate", "25")),
+    "catman.asc": (
+        "HBM_CATMAN_DATAFILE_40\t5010\t3\t0\t\nT0 =\t31.01.2026 12:00:00\n"
+        "NAME\tZeit\tWeg vertikal\tWeg horizontal\nUNIT\ts\tmm\tm\n"
+        + lines("COMMENT\t\t\t", "\t", ",", v=1e3 * V), ()),
+    "row_of_dates.csv": (lines("31.01.2026,31.01.2026,31.01.2026\nTime,Vertical,Horizontal\nDouble,"
+        "Double,Double\ns,m,m"), ()),
+    "units_above_names.csv": (lines("s,mm,mm\nTime,Vertical,Horizontal", v=1e3 * V, w=1e3 * W), ()),
+    "oscilloscope.csv": (table("X,CH1,CH2,Start,Increment\nSequence,Volt,Volt,0,0.04", ROWS, V, W,
+        [""] * 1000, [""] * 1000), ("--rate", "25", *measures("CH1[m]", "CH2[m]"), "--unit", "m")),
+    "row_names_of_r.txt": ("t v w\n" + "".join(f"{k + 1} {row}\n" for k, row in
+        enumerate(lines(mark=" ").splitlines()[1:])), PLAIN),
+    "two_lines_of_a_name.csv": (lines('"Time\n[s]","Vertical\n[mm]","Lateral\n[m]"', v=1e3 * V),
+        ()),
+    "trailing_tab_of_names.txt": (lines("t [s]\tv [m]\tw [m]\t", "\t"), BY_NAME),
+    "headless.txt": (lines("", " ")[1:], BY_PLACE),
+    "headless_below_a_comment.txt": ("# on a windy day\n" + lines("", "\t", ",")[1:], BY_PLACE),
+    "encoder.csv": (lines("t [s],v [deg],w [rad]", v=ENCODER), ("--states", "x,y", "--measure",
+        "x=v", "--measure", "y=w")),
+    "radians.csv": (lines("t [s],v,w", v=np.radians(ENCODER)), ("--states", "x,y", "--measure",
+        "x=v[rad]", "--measure", "y=w[1]")),
 }  # fmt: skip
 
 # name of the file: content, options, what the refusal says
@@ -299,12 +377,14 @@ REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
         ("columns 'time', 'vertical', 'horizontal', 'wind speed' have no unit",
          "add --unit time=s --unit vertical=m --unit horizontal=m --unit 'wind speed=m/s', or")),
     "capitals.csv": (lines("TIME [S],VERTICAL [M],HORIZONTAL [M]"), (),
-        ("it has 'TIME' [S], 'VERTICAL' [M], 'HORIZONTAL' [M]",)),
+        ("column 'VERTICAL' is the vertical displacement by its name, and 'M' is no unit",)),
     "more_cells.csv": (edited("2.2,1,2,3,4"), PLAIN, ("row 57 has 5 cells, the header 3",)),
     "unclosed.csv": (edited('2.2,"1,2'), PLAIN, ("row 57: a quotation mark is not closed",)),
     "footer.csv": (lines() + "END OF FILE\n", PLAIN, ("row 1002, column 't': 'END OF FILE'",)),
     "thousands.csv": (edited('2.2,"1,234.5",2'), PLAIN, ("row 57", "'1,234.5' is not")),
-    "headless.csv": (lines().partition("\n")[2], PLAIN, ("first row must name the columns",)),
+    "headless.csv": (lines().partition("\n")[2], (),
+        ("no row names the columns, which are 1 to 3",
+         "--time 1 --unit 1=s --measure 'q_v=3 [m]'")),
     "one_column.csv": ("v\n" + "\n".join(f"{v:.6f}" for v in V), PLAIN, ("one column",)),
     "packed.csv.gz": (gzip.compress(lines().encode()), PLAIN, ("files .gz are not read",)),
     "packed.csv": (gzip.compress(lines().encode()), PLAIN, ("gzip archive; unpack it",)),
@@ -324,6 +404,46 @@ REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "constant.csv": (lines(v=0 * V), PLAIN, ("'v' is 0 throughout",)),
     "short.csv": (lines(t=TIME[:50], v=V[:50], w=W[:50]), PLAIN, ("50 rows are fewer than",)),
     "equal.csv": (lines(w=V), PLAIN, ("columns 'v' and 'w' hold the same samples",)),
+    "pixels.csv": (lines("t [s],vertical [px],horizontal [m]"), (),
+        ("'vertical' is the vertical displacement by its name, and a pixel is no length",)),
+    "pixels_said.csv": (lines("t [s],v [pixel],w [m]"), BY_NAME, ("'pixel' is no length",)),
+    "volts.csv": (lines("t [s],Vertical Displacement [V],horizontal [m]"), (),
+        ("'Vertical Displacement' is the vertical displacement by its name", "unit 'V'")),
+    "quote.csv": (lines('t [s],"Vertical ["",]",horizontal [m]'.replace(",]", "]")), (),
+        ("'Vertical' is the vertical displacement by its name", "'\"' is no unit")),
+    "counts.csv": (lines("t [s],vertical [counts],horizontal [m]"), (), ("'counts' is no unit",)),
+    "inches.csv": (lines("t;vertical;horizontal\ns;Zoll;m", ";"), (), ("'Zoll' is no unit",)),
+    "other_order.csv": (lines("t [s],vertical velocity [m/s^2],horizontal [m]"), (),
+        ("'vertical velocity' is the vertical velocity by its name", "unit 'm/s^2'")),
+    "tower_of_powers.csv": (lines("t [s],v [m**9**9**9],w [m]"), BY_NAME, ("cannot be read",)),
+    "range_of_sensor.csv": (lines("t [s],v [50 mm],w [m]"), BY_NAME, ("is a number of units",)),
+    "frames.csv": (table("frame,vertical [m]", ROWS, V), (),
+        ("'frame' counts samples", "--rate 25")),
+    "rate_beside_times.csv": (lines("t [s],v [m],w [m]"), (*BY_NAME, "--time", "t", "--rate", "25"),
+        ("column 't' has the unit s and counts no samples",)),
+    "rate_of_no_count.csv": (lines(), (*PLAIN[:-2], "--time", "t", "--rate", "25"),
+        ("row 3, column 't': 0.04 is no count of samples",)),
+    "accelerations.csv": (table("time,accel_x,accel_y,accel_z", TIME, 1e3 * V, W + 9806.65, W), (),
+        ("--measure 'ddq_v=accel_z [mm/s^2]'",)),
+    "run.csv": (table("Time (s) Run #1,Position (m) Run #1", TIME, V), (),
+        ("--measure 'q_v=Position Run #1'",)),
+    "days.csv": (lines("time,vertical [m],horizontal [m]",
+        t=[f"{46053.5 + t / 86400:.12f}" for t in TIME]), (), ("--unit time=d",)),
+    "since_1970.csv": (lines("time,vertical [m],horizontal [m]", t=1.7e12 + 1e3 * TIME), (),
+        ("--unit time=ms",)),
+    "millimetres.csv": (lines("time [s],vertical,horizontal [m]", v=500 * V), (),
+        ("--unit vertical=mm",)),
+    "input.csv": (table("t [s],y [m],input", TIME, V, W), ("--states", "y", "--input", "u=input"),
+        ("--unit input=1",)),
+    "workspace.mat": (workspace, (*BY_NAME[:2], "--measure", "q_v=data"),
+        ("no column 'data'", "unlike data (1000 x 2), fs = 25, c__h = 15.4")),
+    "rate_in_workspace.mat": (only(mat, {"v": V, "w": W, "fs": 50}), (), ("--rate 50",)),
+    "structure_array.mat": (structure_array, PLAIN, ("the file holds data/y (2 x 1)",)),
+    "sparse.h5": (sparse_rows, PLAIN, ("GB of arrays are more than",)),
+    "wide.csv": (",".join("abc" for _ in range(10_001)) + "\n" + ("1," * 10_000 + "1\n") * 3, PLAIN,
+        ("10001 columns are more than 10000",)),
+    "rows_of_names.csv": (table("Marker,Marker,Marker\nPosition,Position,Position\nX,X,X", TIME, V,
+        W), (), ("rows 1, 2, 3 look like names", "keep one")),
     "coarse_clock.csv": (lines(t=np.floor(TIME)), PLAIN, ("a clock with a coarse",)),
 }  # fmt: skip
 
@@ -350,6 +470,11 @@ QUESTIONED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
         ("'acc_v' is read as the vertical acceleration ddq_v", "-9.81 m/s^2 to 9.81 m/s^2")),
     "not_used.csv": (table("t [s],vertical [m],w [m],Temp [°C]", TIME, V, W, W), (),
         ("columns that are not used: Temp",)),
+    "encoder.csv": (lines("t [s],v [deg],w [m]", v=ENCODER),
+        ("--states", "x,q_w,dq_w", "--measure", "x=v", "--measure", "q_w=w"),
+        ("column 'v' is an angle that starts again after 360, 33 times: unwrapped",)),
+    "line_break.h5": (only(hdf5, {"t [s]": TIME, "vertical [m]": V, "a\n**ok**: \x1b[31m": W}), (),
+        ("columns that are not used: a **ok**: [31m;",)),
     "complex.mat": (of(mat, z=1j * V), PLAIN,
         ("no columns of numbers or text, left out: z (1 x 1000)",)),
     "clipped.csv": (lines(v=np.clip(V, -0.3, 2)), PLAIN, ("clipped at -0.3",)),

@@ -73,6 +73,11 @@ def _mapping_options(command):
         (
             click.option("--time", "time_column", help="Column of the times; else by its name."),
             click.option(
+                "--rate", type=click.FloatRange(0, 1e9, min_open=True),
+                help="Samples per second, Hz, of a file without times: each row is a sample, or "
+                "--time names the column that counts them.",
+            ),
+            click.option(
                 "--states", help="Of another system than a span, such as x,y,z; columns have these "
                 "names, or say --measure.",
             ),
@@ -212,7 +217,7 @@ def identify(
         identified = analyse(field, question, folder)
     for one in field.series:
         if one.unused:
-            click.echo(f"{one.path.name}: {one.unused}", err=True)
+            click.echo(f"{one.path.name}: {one.unused_note}", err=True)
     if as_json:
         units = dict(field.series[0].units)
         about = {"status": identified.status, "reason": identified.reason, "output": output}
@@ -249,20 +254,22 @@ def inspect(file, write_map, as_json, **mapping):
     click.echo(json_text(report, indent=2) if as_json else report_text(report))
 
 
-def _doubts_of_written(file, path, options) -> dict[str, str]:
+def _doubts_of_written(file, path, options) -> dict:
     """Write a mapping of a file's columns, say what it leaves open, and return that by column."""
-    from galloping.readers.mapping import MappingError, proposed
+    from galloping.readers.mapping import MappingError, propose_mapping
     from galloping.storage import write_text
 
     given = {key for key, value in options.items() if value not in (None, ())}
-    if more := given - {"time_column", "decimal", "units"}:
-        raise MappingError(f"--write-map goes with --time, --unit and --decimal; not {min(more)}")
+    if more := given - {"time_column", "rate", "decimal", "units"}:
+        raise MappingError(
+            f"--write-map goes with --time, --rate, --unit and --decimal; not {min(more)}"
+        )
     if Path(path).exists():
         raise MappingError(f"{path}: exists; name another file, or remove it")
-    found = proposed(file, options)
+    found = propose_mapping(file, options)
     if not found.channels:
-        found.sure(file)  # which says why there is nothing to write
-    write_text(Path(path), found.yaml(Path(file).name, options["decimal"]))
+        found.sure_channels(file)  # which says why there is nothing to write
+    write_text(Path(path), found.yaml(Path(file).name, options["decimal"], options["rate"]))
     click.echo(f"Written {path}: {found}", err=True)
     for column, doubt in found.doubts.items():
         click.echo(f"Check {column!r} in {path}: {doubt}", err=True)

@@ -14,7 +14,7 @@ from galloping.field.following import Sensed
 from galloping.field.quality import JUMPS, MOVES, QUIET, SHOWN, quality
 from galloping.field.summary import METHODS, Summary, longest_period, summarised
 from galloping.field.terminal import SEARCHED
-from galloping.field.wording import summary_text
+from galloping.field.wording import escape_markdown, summary_text
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.problem import Coefficient
 from galloping.identification.work import limited
@@ -51,8 +51,8 @@ class Field:
         # and what comes before it
         said = dict.fromkeys((JUMPS, MOVES, SHOWN), "") | dict.fromkeys(("clipped", QUIET), "is ")
         return [
-            f"{problem['column']} of {report['file']} {said[kind]}{problem['what']}, from row "
-            f"{problem['row']} on"
+            escape_markdown(f"{problem['column']} of {report['file']} ".replace(";", ","))
+            + f"{said[kind]}{problem['what']}, from row {problem['row']} on"
             for report in self.reports
             for problem in report["problems"]
             for kind in said
@@ -74,7 +74,8 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
         parts = parted(of_file, period)
         report["notes"] += input_notes(of_file)
         if one.unused:
-            report["notes"].append(one.unused)
+            report["notes"].append(one.unused_note)
+        report["unused_motion"] = list(one.unused_motion)
         if len(parts) > 1 or len(parts[0].time) < len(of_file.time):
             kept = sum(np.ptp(each.time) for each in parts)
             report["notes"].append(
@@ -84,7 +85,8 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
             )
         recordings += parts
         names += [
-            one.path.name + (f" from {each.time[0]:.0f} s" if len(parts) > 1 else "")
+            escape_markdown(one.path.name.replace(";", ","))
+            + (f" from {each.time[0]:.0f} s" if len(parts) > 1 else "")
             for each in parts
         ]
     return Field(mapping, series, tuple(recordings), tuple(names), reports)

@@ -52,12 +52,12 @@ def draw_quality(
         fastest = max((f for one in told for f in one["dominant_frequencies_hz"]), default=np.inf)
         for channel, values in zip(mapping.channels, of_file.values.T, strict=True):
             dominant = report["channels"][channel.column]["dominant_frequencies_hz"]
-            title, label = f"{channel.column} of {report['file']}", _with_unit(channel.measures)
+            title, label = _title(channel.column, report), _with_unit(channel.measures)
             rows.append((title, label, of_file.time, values, gaps, dominant, fastest))
         for column in mapping.inputs:
             one, unit = of_file.inputs[column.name], of_file.units[column.name]
             unknown = [(a[1], b[0]) for a, b in pairwise(one.stretches)]
-            title = f"{column.column} of {report['file']}, an input"
+            title = f"{_title(column.column, report)}, an input"
             label = f"{column.name}, {unit}".removesuffix(", 1")
             rows.append((title, label, one.time, one.values, unknown, [], fastest))
     shared = len(series) == 1  # files differ in their times
@@ -95,6 +95,11 @@ def draw_quality(
         right.set_xlabel("frequency, Hz")
     parts.legend(figure, columns=2, loc="outside upper right")
     return figure
+
+
+def _title(column: str, report: dict) -> str:
+    """Name a column and its file, in which a dollar begins no formula."""
+    return f"{column} of {report['file']}".replace("$", r"\$")
 
 
 def draw_fit(recording: Recording, motions: Sequence[tuple[np.ndarray, np.ndarray]]) -> Figure:

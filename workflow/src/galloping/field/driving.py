@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from galloping.polynomial import PolynomialModel
-from galloping.readers.columns import ROWS, clock_of
 from galloping.readers.file_table import read_table
 from galloping.readers.mapping import ColumnMapping, InputColumn, TimeColumn
+from galloping.readers.proposal import ROWS, find_clock
 from galloping.readers.series import read_series
 from galloping.recording import INTERPOLATED, Input, Recording
 
@@ -34,7 +34,7 @@ def driving(
     if path is not None:
         if not left:
             raise ValueError(f"--inputs {path}: the model needs no inputs from a file")
-        clock = time or clock_of(read_table(path, None, None, ROWS), None, {})
+        clock = time or find_clock(read_table(path, None, None, ROWS), None, {})
         inputs = tuple(InputColumn(column=name) for name in left)
         mapping = ColumnMapping.model_construct(
             time=TimeColumn(column=clock), channels=(), inputs=inputs
@@ -69,6 +69,11 @@ def inputs_after(
     left = [name for name in names if name not in found]
     if path is None or not left:
         return found
+    if mapping.rate and not mapping.time:
+        raise ValueError(
+            f"{path}: is on no clock with {recording.path}, the times of which are its rows; say "
+            "which column counts samples, --time"
+        )
     others = {"channels": (), "inputs": tuple(columns[name] for name in left)}
     series = read_series(path, mapping.model_copy(update=others))
     if bool(series.start) != bool(recording.start):

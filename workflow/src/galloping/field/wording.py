@@ -62,11 +62,13 @@ def summary_text(
     """
     found, known, trial = of.found, of.dynamics, of.held_out
     problems = [
-        f"{report['file']}, {p['column']}, from row {p['row']} on: {p['what']}"
+        escape_markdown(f"{report['file']}, {p['column']}, from row {p['row']} on: {p['what']}")
         for report in reports
         for p in report["problems"]
     ]
     described = [*map(report_text, reports)] or [*map(repr, of.recordings)]
+    unused = [f"{name!r} of {report['file']}" for report in reports
+              for name in report.get("unused_motion", ())]  # fmt: skip
     of_span, units = is_span(found), units_in(reports)
     line = "the line" if of_span else "the system"
     values = {
@@ -94,7 +96,8 @@ def summary_text(
         "problems": problems,
         "helps": what_helps(of, reports),
         "beside": beside if beside and beside[1] else None,
-        "described": [re.sub(r"\n\s*", "\n  - ", text) for text in described],
+        "described": [re.sub(r"\n\s*", "\n  - ", escape_markdown(text)) for text in described],
+        "unused": escape_markdown(listed(unused)) if unused else "",
         **(_of_small(known) if known else {}),
         **(_of_trial(trial) if trial else {}),
         **_of_stretches(of.recordings, found),
@@ -104,6 +107,11 @@ def summary_text(
     text = re.sub(r"(?<=\S)( *\n {4,})+|(?<=[.:]) {2,}", " ", text)
     text = re.sub(r"^ {4,}| +$", "", text, flags=re.MULTILINE)
     return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
+
+
+def escape_markdown(text: str) -> str:
+    """Escape what would be markup: names of files and columns may hold anything."""
+    return re.sub(r"([\\`*<>\[\]|]|(?<!\w)_|_(?!\w))", r"\\\1", text)
 
 
 def report_text(report: dict) -> str:

@@ -1,15 +1,53 @@
 """Arrays by name in files of instruments: Parquet, HDF5, NetCDF, MATLAB."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
+from math import prod
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from galloping.readers import FileError
 
-def arrays_in(path: Path, suffix: str) -> Iterator[tuple]:
-    """Name, array and unit, or None, of each array in a file.
+LARGEST = 2 * 1024**3  # bytes: a table of that size fits into the memory of a small machine
+
+
+@dataclass(frozen=True)
+class StoredArray:
+    """An array in a file, which is not read yet.
+
+    Attributes
+    ----------
+    name : str
+    shape : tuple of int
+    kind : str
+        Of the NumPy dtype.
+    unit : str or None
+    load : callable
+        Reads the array.
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    kind: str
+    unit: str | None
+    load: Callable[[], np.ndarray]
+
+    @property
+    def size(self) -> int:
+        """Number of elements."""
+        return prod(self.shape)
+
+    @property
+    def is_vector(self) -> bool:
+        """Whether it has numbers, times or text along one axis at most."""
+        return sum(n != 1 for n in self.shape) <= 1 and self.kind in "fiubMmUO"
+
+
+def arrays_in(path: Path, suffix: str) -> Iterator[StoredArray]:
+    """Iterate over the arrays in a file.
 
     suffix: of READERS, for files that are no HDF5, as new ones of NetCDF and MATLAB are.
     """
@@ -18,63 +56,100 @@ def arrays_in(path: Path, suffix: str) -> Iterator[tuple]:
     return (_hdf5 if h5py.is_hdf5(path) else READERS[suffix])(path)
 
 
-def _parquet(path: Path) -> Iterator[tuple]:
-    from pyarrow import parquet
+def _parquet(path: Path) -> Iterator[StoredArray]:
+    from pyarrow import parquet, types
 
-    table = parquet.read_table(path)
-    for field, column in zip(table.schema, table.columns, strict=True):
+    with parquet.ParquetFile(path) as file:
+        rows, schema = file.metadata.num_rows, file.schema_arrow
+    # of text each word is read once, however many rows repeat it
+    texts = [field.name for field in schema if types.is_string(field.type)]
+
+    def load(place: int) -> np.ndarray:
+        table = parquet.read_table(path, columns=[schema.names[place]], read_dictionary=texts)
+        return table.column(0).to_pandas().to_numpy()
+
+    for place, field in enumerate(schema):
         unit = (field.metadata or {}).get(b"unit")
-        yield field.name, column.to_numpy(), unit and unit.decode()
+        plain = not types.is_nested(field.type)
+        yield StoredArray(
+            field.name, (rows,), "O" if plain else "V", unit and unit.decode(), partial(load, place)
+        )
 
 
-def _hdf5(path: Path) -> Iterator[tuple]:
-    """Data sets, anywhere in an HDF5 or NetCDF-4 file, by their path in it."""
+def _hdf5(path: Path) -> Iterator[StoredArray]:
+    """Data sets, anywhere in an HDF5 or NetCDF-4 file, by their path in it.
+
+    MATLAB keeps what cells and structure arrays refer to in groups that begin with `#`, and text as
+    numbers of a class `char`: neither holds columns.
+    """
     import h5py
 
     with h5py.File(path, "r") as file:
         found = []
         file.visititems(lambda name, item: found.append((name, item)))
         for name, item in found:
-            if isinstance(item, h5py.Dataset):
-                told = np.ravel(item.attrs.get("units", item.attrs.get("unit", "")))
-                unit = next(iter(told), "")
-                unit = unit.decode() if isinstance(unit, bytes) else str(unit)
-                text = h5py.check_string_dtype(item.dtype) and item.ndim == 1
-                yield name, item.asstr()[()] if text else _unpacked(item, item.attrs.get), unit
+            is_char = item.attrs.get("MATLAB_class") == b"char"
+            if not isinstance(item, h5py.Dataset) or name.startswith("#") or is_char:
+                continue
+            told = np.ravel(item.attrs.get("units", item.attrs.get("unit", "")))
+            unit = next(iter(told), "")
+            unit = unit.decode() if isinstance(unit, bytes) else str(unit)
+            text = h5py.check_string_dtype(item.dtype) and item.ndim == 1
+            load = item.asstr().__getitem__ if text else partial(_read_dataset, item)
+            kind = "O" if text else "V" if item.shape is None else item.dtype.kind
+            yield StoredArray(name, item.shape or (), kind, unit, partial(load, ()))
 
 
-def _netcdf(path: Path) -> Iterator[tuple]:
+def _read_dataset(item: Any, place: tuple) -> np.ndarray:
+    return _unpacked(item[place], item.attrs.get)
+
+
+def _netcdf(path: Path) -> Iterator[StoredArray]:
     from scipy.io import netcdf_file
 
     with netcdf_file(path, "r", mmap=False) as file:
         for name, variable in file.variables.items():
             own = variable.data.astype(variable.data.dtype.newbyteorder("="))  # as pandas wants it
             about = partial(getattr, variable)
-            yield name, _unpacked(own, about), about("units", b"").decode() or None
+            unit = about("units", b"").decode() or None
+            load = partial(_unpacked, own, about)
+            yield StoredArray(name, own.shape, own.dtype.kind, unit, load)
 
 
-def _unpacked(values: Any, about: Callable[[str, Any], Any]) -> Any:
+def _unpacked(values: Any, about: Callable[[str, Any], Any]) -> np.ndarray:
     """An array as its attributes say, by the conventions of NetCDF: what is missing, scale, offset.
 
-    values: an array, or a data set. about: a value of an attribute by name, or else the default.
+    about: a value of an attribute by name, or else the default.
     """
     gone = np.ravel([*np.ravel(about("_FillValue", [])), *np.ravel(about("missing_value", []))])
     scale = float(np.ravel(about("scale_factor", 1.0))[0])
     offset = float(np.ravel(about("add_offset", 0.0))[0])
+    values = np.asarray(values)
     if values.dtype.kind not in "iuf":
         return values
     missing = np.isin(values, gone)
     if not missing.any() and (scale, offset) == (1.0, 0.0):
         return values
-    return np.where(missing, np.nan, scale * np.asarray(values) + offset)
+    return np.where(missing, np.nan, scale * values + offset)
 
 
-def _matlab(path: Path) -> Iterator[tuple]:
-    from scipy.io import loadmat
+def _matlab(path: Path) -> Iterator[StoredArray]:
+    from scipy.io import loadmat, whosmat
 
+    check_size(sum(prod(shape) for _, shape, _ in whosmat(path)))
     for name, value in loadmat(path).items():
         if not name.startswith("__"):
-            yield name, np.asarray(value), None
+            array = np.asarray(value)
+            yield StoredArray(name, array.shape, array.dtype.kind, None, partial(np.asarray, array))
+
+
+def check_size(elements: int) -> None:
+    """Raise FileError for more elements than fit into LARGEST bytes."""
+    if 8 * elements > LARGEST:
+        raise FileError(
+            f"{8e-9 * elements:.1f} GB of arrays are more than {LARGEST / 1e9:.1f} GB; cut it in "
+            "pieces"
+        )
 
 
 READERS = {".parquet": _parquet, ".h5": _hdf5, ".hdf5": _hdf5, ".nc": _netcdf, ".mat": _matlab}

@@ -1,25 +1,28 @@
 """Columns of numbers from files of instruments: text, Excel, Parquet, HDF5, NetCDF, MATLAB."""
 
+import csv
 import io
 import json
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from numbers import Number
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 import pandas as pd
 
 from galloping.readers import FileError
-from galloping.readers.array_files import READERS, arrays_in
+from galloping.readers.array_files import LARGEST, READERS, arrays_in, check_size
 from galloping.readers.columns import DATED
-from galloping.readers.text_table import DECIMAL_COMMA, SAY_DECIMAL, read_text
-from galloping.readers.units import named
+from galloping.readers.layout import DECIMAL_COMMA, SAY_DECIMAL
+from galloping.readers.text_table import read_text
+from galloping.readers.units import NONE, named
 
 TEXT, SHEET = (".csv", ".txt", ".tsv", ".dat", ".asc"), ".xlsx"  # of files that are read
-LARGEST = 2 * 1024**3  # bytes: a table of that size fits into the memory of a small machine
+MOST_CELLS = 50_000_000  # of a sheet of Excel
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,9 @@ class FileTable:
 
     columns: (n,) arrays of floats or text by name. units: by column, where the file says them.
     first_row: number of the first row of data, as an editor counts lines. notes: one line for each
-    thing that was passed over. unclear: names that two columns have.
+    thing that was passed over. unclear: names that two columns have. scalars: single numbers beside
+    the columns, by name, as a workspace of MATLAB has them. others: shapes of arrays that are no
+    columns, by name, such as `2 x 500`.
     """
 
     path: Path
@@ -37,18 +42,33 @@ class FileTable:
     first_row: int
     notes: tuple[str, ...] = ()
     unclear: frozenset[str] = frozenset()
+    scalars: Mapping[str, float] = field(default_factory=dict)
+    others: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def is_headless(self) -> bool:
+        """Whether no row names the columns, which then have their places as names."""
+        return list(self.columns) == [str(k + 1) for k in range(len(self.columns))]
 
     def at(self, name: str) -> str:
         """Where a fault of a column is."""
         return f"{self.path}: column {name!r}"
 
+    @property
+    def content(self) -> str:
+        """In words, what the file holds: its columns with their units, and what is none."""
+        columns = [f"{name!r}" + f" [{self.unit(name)}]" * bool(self.unit(name))
+                   for name in self.columns]  # fmt: skip
+        others = [f"{name} ({shape})" for name, shape in self.others.items()]
+        others += [f"{name} = {value:g}" for name, value in self.scalars.items()]
+        more = f"; each must be a vector of its own, unlike {', '.join(others)}" if others else ""
+        return ", ".join(columns) + more
+
     def column(self, name: str) -> np.ndarray:
         """A column by its name, with or without the unit behind it. Raises FileError."""
         bare, _ = named(name)
         if bare not in self.columns:
-            raise FileError(
-                f"{self.path}: no column {bare!r}; it has {', '.join(map(repr, self.columns))}"
-            )
+            raise FileError(f"{self.path}: no column {bare!r}; it has {self.content}")
         if bare in self.unclear:
             raise FileError(f"{self.path}: two columns are named {bare!r}, with other samples")
         return self.columns[bare]
@@ -111,8 +131,7 @@ def read_table(
             content, first, more = read_text(lambda: io.BytesIO(text), ".", time, rows)
             table = _table(path, content, first, (*notes, *more))
         else:
-            content, notes = _read_arrays(path, suffix)
-            table = _table(path, content, 1, notes)
+            table = _read_arrays(path, suffix)
         if max(map(len, table.columns.values())) == 0:
             raise FileError("no rows of data")
         table.units.update(_described_units(path, table.units))
@@ -143,11 +162,18 @@ def _check_file(path: Path, suffix: str) -> None:
         )
 
 
-def _table(path: Path, content: list, first_row: int, notes: tuple[str, ...] = ()) -> FileTable:
+def _table(
+    path: Path,
+    content: list[tuple],
+    first_row: int,
+    notes: tuple[str, ...] = (),
+    scalars: Mapping[str, float] = NONE,
+    others: Mapping[str, str] = NONE,
+) -> FileTable:
     """content: header, values and unit, or None, of each column."""
     columns, units, unclear = {}, {}, set()
     for header, values, unit in content:
-        name, own = named(header)
+        name, own = named(printable(header))
         if name in columns:
             if pd.Series(values).equals(pd.Series(columns[name])):
                 notes += (f"column {name!r} is there twice, with the same samples",)
@@ -156,50 +182,89 @@ def _table(path: Path, content: list, first_row: int, notes: tuple[str, ...] = (
             continue
         columns[name] = values
         if unit or own:
-            units[name] = unit or own
-    return FileTable(path, columns, units, first_row, notes, frozenset(unclear))
+            units[name] = printable(unit or own)
+    notes = tuple(map(printable, notes))
+    return FileTable(path, columns, units, first_row, notes, frozenset(unclear), scalars, others)
+
+
+def printable(text: str) -> str:
+    """Return a text in one line, with a blank for each run of characters that do not print.
+
+    A line break in a name would write lines of its own into messages and summaries, and an escape
+    sequence would steer the terminal.
+    """
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
 def _sheet(path: Path, decimal: str | None) -> tuple[bytes, tuple[str, ...]]:
     """The longest sheet of an Excel file as CSV, and what was passed over. decimal: of texts."""
 
     def written(cell: object) -> object:
-        if decimal == "," and isinstance(cell, str) and DECIMAL_COMMA.fullmatch(cell):
-            return cell.replace(",", ".")
+        if isinstance(cell, str):
+            cell = printable(cell)
+            if decimal == "," and DECIMAL_COMMA.fullmatch(cell):
+                return cell.replace(",", ".")
         return cell.isoformat() if hasattr(cell, "isoformat") else cell
 
     try:
-        with warnings.catch_warnings(action="ignore"):  # of openpyxl, on styles and the like
-            sheets = pd.read_excel(path, sheet_name=None, header=None, dtype=object)
+        from openpyxl import load_workbook
     except ImportError:
         raise FileError(
             "Excel files need openpyxl: pip install openpyxl, or save it as CSV"
         ) from None
+    with ZipFile(path) as parts:
+        check_size(sum(part.file_size for part in parts.infolist()) // 8)
+    with warnings.catch_warnings(action="ignore"):  # of openpyxl, on styles and the like
+        book = load_workbook(path, read_only=True, data_only=True)
+        sheets = {sheet.title: _cells_of(sheet) for sheet in book.worksheets}
+    book.close()
     name = max(sheets, key=lambda title: len(sheets[title]))
-    frame = sheets[name].map(written)
+    text = io.StringIO()
+    csv.writer(text).writerows([[written(cell) for cell in row] for row in sheets[name]])
     notes = (f"of {len(sheets)} sheets the longest, {name!r}, was read",)
-    return frame.to_csv(index=False, header=False).encode(), notes if len(sheets) > 1 else ()
+    return text.getvalue().encode(), notes if len(sheets) > 1 else ()
 
 
-def _read_arrays(path: Path, suffix: str) -> tuple[list[tuple], tuple[str, ...]]:
-    """Name, values and unit, or None, of the vectors in a file of arrays; what was passed over."""
-    content, others = [], []
-    for name, array, unit in arrays_in(path, suffix):
-        vector = sum(n != 1 for n in array.shape) <= 1 and array.dtype.kind in "fiubMmUO"
-        values = np.ravel(array[()]) if vector else array
-        if values.dtype.kind == "O" and hasattr(next(iter(values), None), "isoformat"):
-            values = np.array([str(time) for time in values], object)  # of a day
-        if vector and all(isinstance(x, str | Number | None) for x in values[:1].tolist()):
-            content.append((name, values, unit))
+def _cells_of(sheet) -> list[tuple]:
+    """The rows of a sheet, without empty ones at the end. Raises FileError for too many cells."""
+    rows, count, filled = [], 0, 0
+    for row in sheet.iter_rows(values_only=True):
+        count += len(row)
+        if count > MOST_CELLS:
+            raise FileError(f"sheet {sheet.title!r} has more than {MOST_CELLS} cells")
+        rows.append(row)
+        if any(cell is not None for cell in row):
+            filled = len(rows)
+    return rows[:filled]
+
+
+def _read_arrays(path: Path, suffix: str) -> FileTable:
+    """The vectors in a file of arrays, and what else it holds."""
+    vectors, others, scalars, loaded = [], {}, {}, 0
+    for one in arrays_in(path, suffix):
+        values = None
+        if one.is_vector:
+            loaded += one.size
+            check_size(loaded)
+            values = np.ravel(one.load())
+            if values.dtype.kind == "O" and hasattr(next(iter(values), None), "isoformat"):
+                values = np.array([str(time) for time in values], object)  # of a day
+            if not all(isinstance(x, str | Number | None) for x in values[:1].tolist()):
+                values = None
+        if values is None:
+            others[printable(one.name)] = " x ".join(map(str, one.shape))
         else:
-            others.append(f"{name} ({' x '.join(map(str, array.shape))})")
-    if not content:
-        raise FileError(
-            "no column; each must be a vector of its own, and the file holds "
-            f"{', '.join(others) or 'nothing'}"
-        )
-    notes = (f"no columns of numbers or text, left out: {', '.join(others)}",) if others else ()
-    return content, notes
+            vectors.append((one.name, values, one.unit))
+    if max((len(values) for _, values, _ in vectors), default=0) > 1:
+        single = {name: values[0] for name, values, _ in vectors if len(values) == 1}
+        vectors = [each for each in vectors if len(each[1]) > 1]
+        scalars = {printable(n): float(x) for n, x in single.items() if isinstance(x, Number)}
+    if not vectors:
+        held = ", ".join(f"{name} ({shape})" for name, shape in others.items()) or "nothing"
+        raise FileError(f"no column; each must be a vector of its own, and the file holds {held}")
+    left = [f"{name} ({shape})" for name, shape in others.items()]
+    notes = (f"no columns of numbers or text, left out: {', '.join(left)}",) if left else ()
+    return _table(path, vectors, 1, notes, scalars, others)
 
 
 def _described_units(path: Path, own: Mapping[str, str]) -> dict[str, str]:
@@ -216,7 +281,7 @@ def _described_units(path: Path, own: Mapping[str, str]) -> dict[str, str]:
             for field in of.get("schema", {}).get("fields", [])
             if "unit" in field
         }
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise FileError(f"{description}: not a data package: {error}") from error
     if differ := [name for name, unit in found.items() if own.get(name, unit) != unit]:
         raise FileError(f"column {differ[0]!r} has another unit in {description.name}")

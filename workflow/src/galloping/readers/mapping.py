@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from galloping.configuration.yaml_file import read
-from galloping.readers.columns import NO_UNIT, ROWS, Proposal, proposal, states_of
 from galloping.readers.file_table import read_table
+from galloping.readers.proposal import ROWS, Proposal, propose, states_of
 from galloping.readers.units import named
 from galloping.terms import parse, parse_known
 
@@ -42,7 +42,10 @@ Texts = Annotated[  # one or several
 
 
 class TimeColumn(_Section):
-    """The column of times; unit: s, ms, min, ..., or none where the times are ISO 8601."""
+    """The column of times; unit: s, ms, min, ..., or none where the times are ISO 8601.
+
+    Beside a `rate` of the mapping it counts samples, and has no unit.
+    """
 
     column: str
     unit: str | None = None
@@ -100,12 +103,15 @@ class InputColumn(_Section):
 class ColumnMapping(_Section):
     """How to read recordings of one system from files.
 
-    states: of the system; a state named dX is the rate of X. inputs: what else drives it. span: m,
-    where channels have positions. decimal: the decimal mark of text files, by default what their
-    rows tell. library, known, random_force: as the command's options of these names.
+    time: the column of times, or with a `rate`, samples per second, that which counts samples;
+    without one every row is a sample. states: of the system; a state named dX is the rate of X.
+    inputs: what else drives it. span: m, where channels have positions. decimal: the decimal mark
+    of text files, by default what their rows tell. library, known, random_force: as the command's
+    options of these names.
     """
 
-    time: TimeColumn
+    time: TimeColumn | None = None
+    rate: float | None = Field(default=None, gt=0, le=1e9)
     states: tuple[str, ...] = Field(min_length=1, max_length=12)
     channels: tuple[Channel, ...] = Field(min_length=1)
     inputs: tuple[InputColumn, ...] = ()
@@ -129,7 +135,14 @@ class ColumnMapping(_Section):
                     raise ValueError(f"inputs: {name} is a state; name the input otherwise")
                 if names.count(name) > 1:
                     raise ValueError(f"{section}: {name} is named twice")
-        columns = [one.column for one in (self.time, *self.channels, *self.inputs)]
+        if self.time is None and self.rate is None:
+            raise ValueError("time: is missing; name its column, or say the sampling rate (rate:)")
+        if self.time and self.time.unit and self.rate:
+            raise ValueError(
+                f"rate: column {self.time.column!r} has a unit, {self.time.unit}, and counts no "
+                "samples; must have one of both"
+            )
+        columns = [one.column for one in (*self.clocks, *self.channels, *self.inputs)]
         for column in columns:
             if columns.count(column) > 1:
                 raise ValueError(f"column {column!r} is named twice")
@@ -158,6 +171,11 @@ class ColumnMapping(_Section):
         for name in names:
             if name not in self.states and tuple(names) != ("all",):
                 raise ValueError(f"{key}: {name!r}; must be all, or among {', '.join(self.states)}")
+
+    @property
+    def clocks(self) -> tuple[TimeColumn, ...]:
+        """The column of times, if there is one."""
+        return (self.time,) if self.time else ()
 
     @property
     def input_names(self) -> tuple[str, ...]:
@@ -259,11 +277,11 @@ def _by_column(texts: Iterable[str]) -> dict[str, str]:
     return dict(text.partition("=")[::2] for text in texts)
 
 
-def proposed(file: str, options: Mapping[str, Any], taken: Sequence[str] = ()) -> Proposal:
-    """How a file may be read, as of `columns.proposal`. options: as of `mapping_of`."""
+def propose_mapping(file: str, options: Mapping[str, Any], taken: Sequence[str] = ()) -> Proposal:
+    """Propose how a file may be read, as `propose` does. options: as of `mapping_of`."""
     time = options["time_column"]
     table = read_table(file, options["decimal"], time, ROWS)
-    return proposal(table, *_units(options["units"]), time, taken)
+    return propose(table, *_units(options["units"]), time, taken, options["rate"])
 
 
 def mapping_of(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, str]:
@@ -279,22 +297,21 @@ def mapping_of(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, st
     channels = [channel_of(text) for text in options["measures"]]
     driving = [input_of(text, options["between"]) for text in options["inputs"]]
     by_column, for_all = _units(options["units"])
-    found = proposed(file, options, [one["column"] for one in driving])
-    clock = found.time["column"]
-    if found.doubts.get(clock, NO_UNIT) != NO_UNIT:
-        raise MappingError(f"{file}: no column is plainly the time, say --time {clock!r} or so")
+    found = propose_mapping(file, options, [one["column"] for one in driving])
+    found.check_time(file)
     given = options["states"].split(",") if options["states"] else []
     states, channels, said = _measured(file, found, [name.strip() for name in given], channels)
     if not states:
         raise MappingError("--states: name the states of the system, such as x,y,z")
     if for_all:
         channels = [{"unit": for_all, **channel} for channel in channels]
-    time = dict(found.time)
-    _tell("unit", by_column, [time, *channels, *driving])
+    clocks = [dict(found.time)] if found.time else []
+    _tell("unit", by_column, [*clocks, *channels, *driving])
     _tell("noise", _by_column(options["noises"]), channels)
     _tell("delay", _by_column(options["delays"]), [*channels, *driving])
-    content = {"time": time, "states": states, "channels": channels, "inputs": driving}
-    return validated(content | {key: options[key] for key in ("decimal", "span")}), said
+    content = {"states": states, "channels": channels, "inputs": driving}
+    content["time"] = next(iter(clocks), None)
+    return validated(content | {key: options[key] for key in ("decimal", "span", "rate")}), said
 
 
 def _measured(
@@ -311,7 +328,7 @@ def _measured(
     if own and all(name in own or name[1:] in own for name in states):
         return states, [{"column": name, "measures": name} for name in own], ""
     if set(states) <= set(states_of(("q_v", "q_w"))):
-        sure = found.sure(file)
+        sure = found.sure_channels(file)
         return states or found.states, sure, f"{file}: {found}"
     return states, [{"column": name, "measures": name} for name in states], ""
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import combinations, pairwise
 from pathlib import Path
-from shlex import quote
 
 import numpy as np
 import pandas as pd
@@ -15,9 +14,27 @@ from numpy.lib.stride_tricks import sliding_window_view
 from galloping.identification.inputs import FEWEST
 from galloping.passes import passing
 from galloping.readers import FileError
+from galloping.readers.angles import unwrap_angle
+from galloping.readers.columns import contradicted_target, target
 from galloping.readers.file_table import FileTable, read_table
+from galloping.readers.hints import (
+    likely_input_unit,
+    likely_time_unit,
+    likely_unit,
+    unit_options,
+)
 from galloping.readers.mapping import Channel, ColumnMapping, InputColumn, TimeColumn
-from galloping.readers.units import UnitError, amount, factor, input_si, named, state_si, state_unit
+from galloping.readers.units import (
+    ORDERS,
+    UnitError,
+    amount,
+    factor,
+    input_si,
+    is_scaled,
+    named,
+    state_si,
+    state_unit,
+)
 from galloping.recording import INTERPOLATED, Input
 
 CODES = (  # that loggers write for a missing sample, of either sign
@@ -37,6 +54,7 @@ HOURS = [f"%{hours}.%f{half}" for hours, half in (("H:%M:%S", ""), ("I:%M:%S", "
 HOURS += [hours.replace(".%f", ":%f") for hours in HOURS]
 WHOLE = r"(?<![:\d])(\d\d?:\d\d:\d\d)(?![.:\d])"  # seconds, which may stand among fractions of them
 FORMS = [f"{day} {hour}" for day in DAYS for hour in HOURS] + HOURS
+TURNS = {"rad": (2.0 * np.pi,), "1": (360.0, 2.0 * np.pi)}  # of an angle, by the unit of a column
 HINTS = {  # where a column is missing, by what it is of
     TimeColumn: "--time names the column of the times (time: in a mapping)",
     InputColumn: "an input has a column of its name, or of that in --input NAME=COLUMN",
@@ -48,12 +66,32 @@ HINTS = {  # where a column is missing, by what it is of
 class Series:
     """The channels of one file on one time axis, in SI units.
 
-    path: the file. time: (n,) s since `start`, strictly increasing. start: ISO 8601 or ''.
-    noise: (n_channels,) known deviation of a sample, NaN where unknown.
-    values: (n, n_channels), NaN where missing, in the order of the mapping's channels. rows: (n,)
-    row of each sample in the file. notes: one line for each thing that was mended. inputs: by name,
-    on the same time axis; units: of them. unused: a line about columns that were left aside, or ''.
-    origin: s, the first time by the clock of the file, of dates since 1970.
+    Attributes
+    ----------
+    path : Path
+        The file.
+    time : ndarray of shape (n,)
+        s since `start`, strictly increasing.
+    start : str
+        ISO 8601 or ''.
+    values : ndarray of shape (n, n_channels)
+        NaN where missing, in the order of the mapping's channels.
+    rows : ndarray of shape (n,)
+        Row of each sample in the file.
+    notes : tuple of str
+        A line for each thing that was mended.
+    noise : ndarray of shape (n_channels,)
+        Known deviation of a sample, NaN where unknown.
+    inputs : mapping
+        By name, on the same time axis.
+    units : mapping
+        Units of the inputs, by name.
+    unused : tuple of str
+        Columns that were left aside.
+    unused_motion : tuple of str
+        Those of them that measure motion of a span, by their names.
+    origin : float
+        s, the first time by the clock of the file, of dates since 1970.
     """
 
     path: Path
@@ -65,8 +103,16 @@ class Series:
     noise: np.ndarray
     inputs: Mapping[str, Input]
     units: Mapping[str, str]
-    unused: str
+    unused: tuple[str, ...]
+    unused_motion: tuple[str, ...]
     origin: float
+
+    @property
+    def unused_note(self) -> str:
+        """A line about the columns that were left aside, '' if there are none."""
+        left = ", ".join(self.unused)
+        more = "a wind among them is named by --input U=COLUMN"
+        return f"columns that are not used: {left}; {more}" if left else ""
 
 
 def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
@@ -75,15 +121,15 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     Rows out of order are sorted, repeated ones dropped where they agree; both are noted.
     """
     passing(Path(path).name)
-    table = read_table(path, mapping.decimal, mapping.time.column)
-    for one in (mapping.time, *mapping.channels, *mapping.inputs):
+    table = read_table(path, mapping.decimal, mapping.time and mapping.time.column)
+    for one in (*mapping.clocks, *mapping.channels, *mapping.inputs):
         try:
             table.column(one.column)
         except FileError as error:
             raise FileError(f"{error}; {HINTS[type(one)]}") from None
-    times = _instants(table, mapping.time)
-    _check_units(table, mapping, times is None)
-    time, start, origin = _seconds(table, mapping, times)
+    instants = _instants(table, mapping.time) if mapping.rate is None else None
+    _check_units(table, mapping, mapping.rate is None and instants is None)
+    time, start, origin = _seconds(table, mapping, instants)
     notes, columns, units = list(table.notes), [], {}
     for one in (*mapping.channels, *mapping.inputs):
         column, codes = _without_codes(table.numbers(one.column))
@@ -99,10 +145,8 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
                 f"row {np.argmax(stuck) + table.first_row} on, were left out"
             )
         if len(column) != len(time):
-            raise FileError(
-                f"{table.at(one.column)} has {len(column)} rows, the times "
-                f"{mapping.time.column!r} have {len(time)}"
-            )
+            of = f"the times {mapping.time.column!r} have" if mapping.time else "the others have"
+            raise FileError(f"{table.at(one.column)} has {len(column)} rows, {of} {len(time)}")
         if isinstance(one, Channel):
             to_state = partial(state_si, target=one.measures)
             scale, unit = _to_si(table, one.column, one.unit, to_state)
@@ -112,7 +156,15 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
                     "without that unit"
                 )
         else:
-            scale, units[one.name] = _to_si(table, one.column, one.unit, input_si)
+            scale, unit = _to_si(table, one.column, one.unit, input_si)
+            units[one.name] = unit
+        for turn in TURNS.get(unit, ()):
+            column, n_wraps = unwrap_angle(column, turn / scale)
+            if n_wraps:
+                notes.append(
+                    f"column {one.column!r} is an angle that starts again after {turn / scale:g}, "
+                    f"{n_wraps} times: unwrapped"
+                )
         columns.append(scale * column)
     rows = np.arange(len(time)) + table.first_row
     time, values, rows, more = _in_order(table, time, np.column_stack(columns), rows)
@@ -134,12 +186,16 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
             )
     _check_distinct(table, mapping, values)
     noise = np.array([_known_noise(table, channel) for channel in mapping.channels])
-    used = {named(c.column)[0] for c in (mapping.time, *mapping.channels, *mapping.inputs)}
-    left = ", ".join(name for name in table.columns if name not in used)
-    unused = f"columns that are not used: {left}; a wind among them is named by --input U=COLUMN"
+    used = {named(c.column)[0] for c in (*mapping.clocks, *mapping.channels, *mapping.inputs)}
+    unused = tuple(name for name in table.columns if name not in used)
+    of_motion = tuple(
+        name
+        for name in unused
+        if target(name, table.unit(name)) or contradicted_target(name, table.unit(name))
+    )
     return Series(
-        table.path, time, start, values, rows, (*notes, *more), noise, inputs, units,
-        unused if left else "", origin,
+        table.path, time, start, values, rows, (*notes, *more), noise, inputs, units, unused,
+        of_motion, origin,
     )  # fmt: skip
 
 
@@ -268,10 +324,31 @@ def _instants(table: FileTable, time: TimeColumn) -> pd.DatetimeIndex | pd.Timed
     return stamps
 
 
+def _counted(table: FileTable, mapping: ColumnMapping) -> np.ndarray:
+    """Return the times of samples at the rate of a mapping, s, by their count or by their rows."""
+    if mapping.time is None:
+        first = (*mapping.channels, *mapping.inputs)[0]
+        return np.arange(len(table.column(first.column))) / mapping.rate
+    name = mapping.time.column
+    if unit := table.unit(name):
+        raise FileError(
+            f"{table.at(name)} has the unit {unit} and counts no samples; leave out the rate"
+        )
+    counts = table.numbers(name)
+    for row in np.flatnonzero(np.isfinite(counts) & (counts != np.round(counts))):
+        raise table.fault(row, name, "is no count of samples; leave out the rate")
+    return counts / mapping.rate
+
+
 def _seconds(
     table: FileTable, mapping: ColumnMapping, times: pd.Index | None
 ) -> tuple[np.ndarray, str, float]:
     """Times in s since the first, when that was, if the file says it, and on which second."""
+    if mapping.rate is not None:
+        values = _counted(table, mapping)
+        if not np.isfinite(values).any():
+            raise FileError(f"{table.at(mapping.time.column)} is empty")
+        return values - np.nanmin(values), "", float(np.nanmin(values))
     name = mapping.time.column
     if isinstance(times, pd.DatetimeIndex) and times.notna().any():
         first = times.min()
@@ -320,17 +397,25 @@ def _without_codes(values: np.ndarray) -> tuple[np.ndarray, dict[float, int]]:
 
 def _check_units(table: FileTable, mapping: ColumnMapping, of_time: bool) -> None:
     """Refuse columns without a unit, all of them in one line. of_time: whether times need one."""
-    wanted = [(mapping.time, "s")] if of_time else []
-    wanted += [(one, state_unit(one.measures)) for one in mapping.channels]
-    wanted += [(one, "m/s") for one in mapping.inputs]
-    bare = {one.column: si for one, si in wanted if not (one.unit or table.unit(one.column))}
+
+    def lacks(one: TimeColumn | Channel | InputColumn) -> bool:
+        return not (one.unit or table.unit(one.column))
+
+    bare: list[tuple[str, str]] = []
+    if of_time and lacks(mapping.time):
+        name = mapping.time.column
+        bare.append((name, likely_time_unit(table.numbers(name))))
+    for one in filter(lacks, mapping.channels):
+        values, si = table.numbers(one.column), state_unit(one.measures)
+        is_known = si in ORDERS
+        bare.append((one.column, likely_unit(ORDERS.index(si), values) if is_known else "1"))
+    bare += [(one.column, likely_input_unit(one.column)) for one in filter(lacks, mapping.inputs)]
     if bare:
-        names, several = ", ".join(map(repr, bare)), len(bare) > 1
-        options = " ".join(f"--unit {quote(f'{name}={si}')}" for name, si in bare.items())
+        names, several = ", ".join(repr(name) for name, _ in bare), len(bare) > 1
         raise FileError(
             f"{table.path}: column{'s' * several} {names} {'have' if several else 'has'} no unit; "
-            f"add {options}, or whatever they are in (unit: in a mapping), or write it behind the "
-            "column's name, in []"
+            f"add {unit_options(bare)}, or whatever they are in (unit: in a mapping), or write it "
+            "behind the column's name, in []"
         )
 
 
@@ -343,6 +428,8 @@ def _to_si(table: FileTable, column: str, said: str | None, convert: Callable):
     """
     at, own = table.at(column), table.unit(column).split(" since ")[0]
     try:
+        if not said and is_scaled(own):  # as `50 mm`, which may be the range of a sensor
+            raise UnitError(f"unit {own!r:.60} is a number of units; say what one count is")
         found = convert(said or own)
     except UnitError as error:
         raise FileError(f"{at}: {error}") from error

@@ -6,10 +6,16 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from types import MappingProxyType
 
+import numpy as np
+
+from galloping.readers.unit_definitions import DEFINITIONS, PREFIXES
+
 AMOUNT = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)?\s*(.*)", re.DOTALL)
 WITH_UNIT = re.compile(r"(?P<bare>.*\S)\s*(\[(?P<unit>[^\[\]]*)\]|[(（](?P<round>[^()（）]*)[)）])")
+WITHIN = re.compile(r"[(\[]([^()\[\]]*)[)\]]")  # a unit anywhere, as in `Position (m) Run #1`
 NONE = MappingProxyType({})
-BEHIND = re.compile(r"(?P<bare>.*[^\s,/])\s*[,/]\s*(?P<unit>[^\s,]+)")  # `v, mm` and `v / mm`
+# `v, mm`, `v / mm` and `v in mm`
+BEHIND = re.compile(r"(?P<bare>.*[^\s,/])(?:\s*[,/]\s*|\s+in\s+)(?P<unit>[^\s,]+)")
 # Of those a file may say without brackets: other words behind a comma are part of a name.
 PLAIN = {
     *(f"{prefix}m" for prefix in ("", "c", "d", "m", "µ", "μ", "u")), "s", "ms", "min", "sec",
@@ -23,6 +29,14 @@ SPELLINGS = (  # as loggers write units, and as pint reads them
     (r"(?<=[a-z0-9])[.·](?=[a-z])", "*"),
     (r"\b([cmµμu]?m)s\^-([12])", r"\1/s^\2"),  # ms^-2 is m s^-2: nothing is measured per ms^2
 )
+# What a unit may be written as: factors with one exponent each. pint evaluates Python's powers, of
+# which `m**9**9**9` never ends.
+LONGEST = 40  # characters
+FACTOR = r"(?:1|[^\W\d_][^\W\d]*|°[CF]?|%|Ω)(?:(?:\^|\*\*)?[-+]?\d{1,2}|[⁺⁻]?[⁰¹²³⁴-⁹])?"
+EXPRESSION = re.compile(rf"[\s(]*{FACTOR}(?:[\s()*/.·]+{FACTOR})*[\s)]*")
+SCALED = re.compile(r"(\d+\.?\d*(?:[eE][-+]?\d{1,3})?|\.\d+)\s*([^\W\d].*|[°%].*)")  # `0.85 mm`
+OF_TIME = "t"  # in round brackets no tonne: `x (t)` is a function of time
+PIXELS = {"px", "pix", "pixel", "pixels"}
 DIRECTION = {"q_v": "vertical", "q_w": "horizontal"}
 KIND = ("displacement", "velocity", "acceleration")
 ORDERS = ("m", "m/s", "m/s^2")  # the units of these
@@ -42,45 +56,103 @@ class UnitError(ValueError):
 def _registry():
     from pint import UnitRegistry
 
-    return UnitRegistry(autoconvert_offset_to_baseunit=True)
+    registry = UnitRegistry(None, autoconvert_offset_to_baseunit=True)
+    registry.load_definitions(DEFINITIONS.splitlines())
+    return registry
 
 
 @cache
 def _parsed(text: str):
-    """A unit of pint, from the spellings of loggers. Raises what pint raises."""
+    """Parse a unit as loggers spell it. Raises what pint raises, and ValueError for other texts."""
     import pint
 
     text = "" if text.strip() in ("1", "-", "") else text.strip()
+    if len(text) > LONGEST or (text and not EXPRESSION.fullmatch(text)):
+        raise ValueError("no product of units")
     try:
-        return _registry().parse_units(text)
+        return _with_usual_prefixes(text)
     except (pint.UndefinedUnitError, TypeError, ValueError):
         other = text.lower() if len(text) > 2 else text
         for pattern, spelling in SPELLINGS:
             other = re.sub(pattern, spelling, other)
-        return _registry().parse_units(other)
+        return _with_usual_prefixes(other)
+
+
+def _with_usual_prefixes(text: str):
+    """Parse a unit. Raises UndefinedUnitError for a prefix that the unit is not written with."""
+    import pint
+
+    parsed = _registry().parse_units(text)
+    for prefix, unit in map(_split_prefix, parsed._units):
+        if prefix and prefix not in PREFIXES.get(unit, ()):
+            raise pint.UndefinedUnitError(text)
+    return parsed
+
+
+def _split_prefix(name: str) -> tuple[str, str]:
+    """Split the name of a unit into its prefix, '' where it has none, and the rest."""
+    return _registry().parse_unit_name(name)[0][:2]
 
 
 def factor(unit: str, wanted: str) -> float:
-    """What values in `unit` are multiplied by to be in `wanted`, an SI unit.
+    """Return the factor that converts values in `unit` to `wanted`, a unit of SI.
 
-    `1` is a pure number. `g` and `mg`, of an acceleration, are of that of gravity, `g_n`: no mass
-    is one. Raises UnitError.
+    Parameters
+    ----------
+    unit : str
+        A unit of `unit_definitions`, with a number before it where one count of the instrument is
+        so much, such as `0.85 mm`. `1` is a pure number. `g`, `mg` and `G`, of an acceleration, are
+        that of gravity, `g_n`: no mass is one.
+    wanted : str
+        A unit of SI.
+
+    Raises
+    ------
+    UnitError
+        If the unit is unknown or measures something else.
     """
     if unit in USUAL and USUAL[unit][1:] == USUAL[wanted][1:]:
         return USUAL[unit][0]
     import pint
 
+    size, name = _split_scale(unit)
     try:
-        if wanted == "m/s^2" and unit in ("g", "mg"):
-            unit += "_n"
-        source = _parsed(re.sub(r"ms\^?-2", "m/s^2", unit) if wanted == "m/s^2" else unit)
-        return float(_registry().Quantity(1.0, source).to(_parsed(wanted)).magnitude)
+        if wanted == "m/s^2":
+            name = f"{name.lower()}_n" if name in ("g", "mg", "G") else name
+            name = re.sub(r"ms\^?-2", "m/s^2", name)
+        return size * float(_registry().Quantity(1.0, _parsed(name)).to(_parsed(wanted)).magnitude)
     except pint.UndefinedUnitError as error:
-        raise UnitError(f"unit {unit!r} is not known; must be such as mm, m/s^2 or g_n") from error
+        raise _unknown(unit, "mm, m/s^2 or g_n") from error
     except pint.DimensionalityError as error:
         raise UnitError(f"unit {unit!r} does not measure {wanted}") from error
     except Exception as error:  # pint's parser raises many kinds
-        raise UnitError(f"unit {unit!r} cannot be read") from error
+        raise UnitError(f"unit {unit!r:.60} cannot be read") from error
+
+
+def _split_scale(unit: str) -> tuple[float, str]:
+    """Split a unit such as `0.85 mm`, the size of one count, into its number and the unit."""
+    match = SCALED.fullmatch(unit.strip())
+    if match and (size := float(match[1])) and size < np.inf:
+        return size, match[2].strip()
+    return 1.0, unit
+
+
+def is_scaled(unit: str) -> bool:
+    """Return whether a unit has a number before it, such as `0.85 mm`."""
+    return SCALED.fullmatch(unit.strip()) is not None
+
+
+def is_pixel(unit: str) -> bool:
+    """Whether a unit is a pixel of a camera, the size of which nobody knows."""
+    return unit.casefold() in PIXELS
+
+
+def _unknown(unit: str, examples: str) -> UnitError:
+    if is_pixel(unit):
+        return UnitError(
+            f"unit {unit!r} is no length: say how many mm a pixel is, such as '0.85 mm'"
+        )
+    return UnitError(f"unit {unit!r:.60} is not known; must be such as {examples}")
 
 
 def measures(unit: str, wanted: str) -> bool:
@@ -95,22 +167,33 @@ def measures(unit: str, wanted: str) -> bool:
 
 def is_unit(text: str) -> bool:
     """Whether a text is a unit of something, such as `mm`; a number alone is none."""
+    if text in USUAL:
+        return text != "1"
+    if text[:1].isdigit():
+        return False
     try:
-        return text[:1].isalpha() and (text in USUAL or bool(_parsed(text).dimensionality))
+        return bool(_parsed(text)._units)
     except Exception:  # pint's parser raises many kinds
         return False
 
 
 @cache
 def named(header: str) -> tuple[str, str]:
-    """Name and unit of a column from its header: `v [mm]`, or `v (mm)` where that is a unit.
+    """Split a header into name and unit: `v [mm]`, or `v (mm)` where that is a unit.
 
-    As well `v, mm` and `v / mm`, of the units that displacements, accelerations and times have.
+    As well `v, mm`, `v / mm` and `v in mm`, of the units that displacements, accelerations and
+    times have, and `v (mm) left`.
     """
     header = header.strip()
     match = WITH_UNIT.fullmatch(header)
-    if match and (match["unit"] is not None or is_unit(match["round"])):
-        return match["bare"], (match["unit"] or match["round"] or "").strip()
+    if match:
+        unit = (match["unit"] or match["round"] or "").strip()
+        if match["unit"] is not None or (unit != OF_TIME and is_unit(unit)):
+            return match["bare"], unit
+    for match in WITHIN.finditer(header):
+        before, after = header[: match.start()].strip(), header[match.end() :].strip()
+        if before and after and is_unit(match[1].strip()):
+            return f"{before} {after}", match[1].strip()
     match = BEHIND.fullmatch(header)
     if match and match["unit"] in PLAIN:
         return match["bare"], match["unit"]
@@ -164,16 +247,28 @@ def input_si(unit: str) -> tuple[float, str]:
     unit += "_n" * (unit in ("g", "mg"))
     if unit in USUAL and USUAL[unit][0] == 1.0:
         return 1.0, unit
+    size, name = _split_scale(unit)
     try:
-        own = _registry().Quantity(1.0, "" if unit in ("1", "-") else unit)
+        own = _registry().Quantity(1.0, _parsed(name))
         if not own._is_multiplicative:
-            return 1.0, unit
-        base = own.to_base_units()
+            if size != 1.0:
+                raise ValueError("a number times a unit that does not begin at zero")
+            return 1.0, name
+        coherent = _without_prefixes(own.units)
+        base = own.to(coherent)
     except Exception as error:  # pint's parser raises many kinds
-        raise UnitError(f"unit {unit!r} is not known; must be such as m/s, N or 1") from error
-    if base.magnitude == 1.0:
+        raise _unknown(unit, "m/s, N or 1, which takes the numbers as they are") from error
+    if base.magnitude == 1.0 and size == 1.0:
         return 1.0, unit
-    return float(base.magnitude), f"{base.units:~C}".replace("**", "^") or "1"
+    return size * float(base.magnitude), f"{base.units:~C}".replace("**", "^") or "1"
+
+
+def _without_prefixes(units):
+    """Return the coherent unit of the same kind: of mV it is V, of km/h m/s."""
+    names = {_split_prefix(name)[1]: power for name, power in units._units.items()}
+    plain = _registry().Unit(units._units.__class__(names))
+    one = _registry().Quantity(1.0, plain).to_base_units()
+    return plain if one.magnitude == 1.0 else one.units
 
 
 def state_si(unit: str, target: str) -> tuple[float, str]:
@@ -209,5 +304,8 @@ def coefficient_unit(
 def _symbols(unit: str) -> dict[str, int]:
     if unit in USUAL and USUAL[unit][0] == 1.0:
         return dict(zip("ms", USUAL[unit][1:], strict=True))
-    parsed = _registry().parse_units(unit)
+    try:
+        parsed = _parsed(unit)
+    except Exception:  # pint's parser raises many kinds; of a model of another version
+        return {unit: 1}
     return {_registry().get_symbol(name): power for name, power in parsed._units.items()}

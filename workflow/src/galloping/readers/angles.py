@@ -1,0 +1,44 @@
+"""Angles that an encoder or a compass starts again after a full turn."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+LIKE = 4.0  # times the largest of the other steps, that a step over the end of a turn may be
+
+
+def unwrap_angle(values: NDArray[np.float64], turn: float) -> tuple[NDArray[np.float64], int]:
+    """Unwrap an angle that starts again at the end of a turn.
+
+    It does if all samples lie within one turn and reach both of its ends, and if the steps over the
+    end, a turn taken off, are like the others. A valve that opens by more than half a turn does
+    not.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n,)
+        NaN where missing.
+    turn : float
+        A full turn in the unit of the values.
+
+    Returns
+    -------
+    unwrapped : ndarray of shape (n,)
+        The angle without jumps, by whole turns moved so that its median is within half a turn of
+        zero; the values if they do not wrap.
+    n_wraps : int
+        Number of jumps that were taken off.
+    """
+    known = np.isfinite(values)
+    angle = values[known]
+    steps = np.abs(np.diff(angle))
+    jumps = steps > turn / 2.0
+    if not jumps.any() or jumps.all() or np.ptp(angle) > turn * (1.0 + 1e-9):
+        return values, 0
+    largest = steps[~jumps].max()
+    over = np.abs(turn - steps[jumps]).max()
+    if turn - np.ptp(angle) > 2.0 * largest or over > LIKE * largest:
+        return values, 0
+    unwrapped = np.unwrap(angle, period=turn)
+    found = values.copy()
+    found[known] = unwrapped - turn * np.round(np.median(unwrapped) / turn)
+    return found, int(jumps.sum())

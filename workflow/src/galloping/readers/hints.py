@@ -1,0 +1,82 @@
+"""Units and options that fit the names and values of columns, for messages that are copied."""
+
+from collections.abc import Iterable, Sequence
+from shlex import quote
+
+import numpy as np
+
+from galloping.readers.columns import words_of
+
+STANDARD_GRAVITY = 9.80665  # m/s^2
+GRAVITIES = {"m/s^2": 1.0, "mm/s^2": 1e-3, "cm/s^2": 1e-2, "g": STANDARD_GRAVITY,
+             "mg": 1e-3 * STANDARD_GRAVITY}  # fmt: skip
+CLOSE = 0.03  # to gravity, the mean of an accelerometer that feels it
+LARGEST = 20.0  # m, from the lowest to the highest point of a span that gallops
+SINCE_1970 = 3.2e8, 4.1e9  # s, from 1980 to 2100
+# The same in days: since 1900 as of spreadsheets, and since the year 0 as of MATLAB.
+IN_DAYS = ((29_221, 73_051), (723_181, 767_011))
+STEPS = 1e-5, 10.0  # s, between samples
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86_400.0}
+WINDS = {"wind", "gust", "u", "speed"}
+
+
+def likely_time_unit(times: np.ndarray) -> str:
+    """Return the unit in which times are dates of today, else in which their steps are plausible.
+
+    times: (n,) numbers.
+    """
+    times = np.unique(times[np.isfinite(times)])
+    if len(times) < 2:
+        return "s"
+    first, step = float(times[0]), float(np.median(np.diff(times)))
+    for unit, size in TIME_UNITS.items():
+        if SINCE_1970[0] <= first * size <= SINCE_1970[1] and unit != "d":
+            return unit
+    if any(low <= first <= high for low, high in IN_DAYS) and step * 86_400.0 <= STEPS[1]:
+        return "d"
+    fitting = (unit for unit, size in TIME_UNITS.items() if STEPS[0] <= step * size <= STEPS[1])
+    return next(fitting, "s")
+
+
+def likely_unit(order: int, values: np.ndarray, alike: Iterable[np.ndarray] = ()) -> str:
+    """Return a plausible unit of a motion of a span.
+
+    Parameters
+    ----------
+    order : int
+        Of the derivative: 0 of a displacement, 2 of an acceleration.
+    values : ndarray of shape (n,)
+    alike : iterable of ndarray
+        Columns of the same instrument: one of three accelerometers shows gravity as its mean.
+    """
+    if order == 1:
+        return "m/s"
+    if order == 0:
+        return "m" if _spread(values) <= LARGEST else "mm"
+    for one in (values, *alike):
+        mean = abs(np.nanmean(one)) if np.isfinite(one).any() else 0.0
+        unit = min(GRAVITIES, key=lambda unit: abs(mean * GRAVITIES[unit] / STANDARD_GRAVITY - 1.0))
+        if abs(mean * GRAVITIES[unit] / STANDARD_GRAVITY - 1.0) < CLOSE:
+            return unit
+    return "m/s^2"
+
+
+def likely_input_unit(name: str) -> str:
+    """Return m/s for a wind, else 1, by which the numbers of an input are taken as they are."""
+    return "m/s" if words_of(name) & WINDS else "1"
+
+
+def _spread(values: np.ndarray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.ptp(known)) if len(known) else 0.0
+
+
+def measure_option(target: str, column: str, unit: str = "") -> str:
+    """Return an option that says what a column measures, such as `--measure 'q_v=mid [mm]'`."""
+    text = f"{target}={column}" + f" [{unit}]" * bool(unit)
+    return "--measure " + (quote(text) if "'" in text else f"'{text}'")
+
+
+def unit_options(units: Sequence[tuple[str, str]]) -> str:
+    """Return options that say the units of columns, such as `--unit time=s --unit mid=mm`."""
+    return " ".join(f"--unit {quote(f'{name}={unit}')}" for name, unit in units)

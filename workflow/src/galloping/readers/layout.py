@@ -1,0 +1,350 @@
+"""Where the rows of a text table begin, what parts its columns, and which row names them."""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from galloping.readers import FileError
+from galloping.readers.columns import is_time, target
+from galloping.readers.units import is_unit, named
+
+MARKS = (";", "\t", ",", None)  # between columns, None white space; a comma may be a decimal one
+DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+DECIMAL_POINT = re.compile(DECIMAL_COMMA.pattern.replace(",", r"\."))
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")  # or a decimal comma: nothing tells
+INSTANT = re.compile(r"\d+[-/.:]\d+[-/.:]\d")  # how a date or a time of a day begins
+SAY_DECIMAL = "with a decimal comma say --decimal , (decimal: ',' in a mapping)"
+MOST_COLUMNS = 10_000
+MOST_JOINED = 8  # lines of one quoted cell
+ENOUGH_ROWS = 3  # of numbers in a row: fewer may stand above the header, such as numbers of markers
+# The first cell of a row about the columns, where that is not a column itself.
+LABELS = {"name", "names", "channel", "channels", "kanal", "signal", "label", "sensor", "title"}
+UNITS_LABEL = re.compile(r"(?:[xy]_)?(?:unit|einheit)\w*\W*", re.IGNORECASE)
+OF_LOGGER = {"ts", "rn"}  # Campbell's units of time stamps and record numbers
+OF_TIMES = {"s", "ms", "us", "µs", "ns", "sec"}  # as a row of units begins; `min` may be a minimum
+REMARKS = {"comment", "comments", "remark", "kommentar", "bemerkung"}  # columns that may be empty
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Layout of a text table.
+
+    Attributes
+    ----------
+    separator : str or None
+        What parts the columns; None is white space.
+    decimal : str
+        The decimal mark.
+    header, units : list
+        A name and a unit, or None, for each column; '' for a column without a name.
+    first : int
+        Index of the first row of data, rows in quotes counted once.
+    line : int
+        Number of the line where that row begins, as an editor counts.
+    notes : tuple of str
+        A line for each thing that was passed over.
+    """
+
+    separator: str | None
+    decimal: str
+    header: list[str]
+    units: list[str | None]
+    first: int
+    line: int
+    notes: tuple[str, ...]
+
+
+def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layout:
+    """Find the layout of a table from the first lines of a file.
+
+    Most rows have the same number of cells, two or more. The row of names is the row of text next
+    to the numbers whose cells all differ; where no row of text stands above the numbers, columns
+    are named by their place.
+
+    Parameters
+    ----------
+    lines : list of str
+    decimal : str or None
+        The decimal mark; by default the cells tell it.
+    time : str or None
+        The column of times, which the row of names must have.
+
+    Raises
+    ------
+    FileError
+        If no separator fits, or if it is not plain which row names the columns.
+    """
+    rows, starts = _join_quoted(lines)
+    written = [k for k, row in enumerate(rows) if row.strip(" ,;\t\r")]
+    plain = [k for k in written if not rows[k].startswith("#")]
+    if not plain:
+        raise FileError("no header")
+    separator, columns = _find_separator(rows, plain, decimal)
+    if columns > MOST_COLUMNS:
+        raise FileError(f"{columns} columns are more than {MOST_COLUMNS}")
+    cells = {k: split_cells(rows[k].lstrip("#"), separator) for k in written}
+    whole = [k for k in plain if len(cells[k]) == columns]
+    notes = []
+    if decimal is None:
+        decimal = _find_decimal(c for k in whole for c in cells[k]) if separator != "," else "."
+        if decimal == ",":
+            notes.append("commas were read as decimal marks")
+    first = _find_first_row(cells, plain, columns, decimal)
+    above = [k for k in written if first is None or k < first]
+    data = [cells[k] for k in whole if first is not None and k >= first]
+    empty = [not any(row[j] for row in data) for j in range(columns)] if data else []
+    is_numbered = [row[0] for row in data] == [str(k + 1) for k in range(len(data))]
+    fitted = {
+        k: row for k in above if (row := _fit(cells[k], columns, empty, is_numbered)) is not None
+    }
+    units_row = _find_units(fitted, cells)
+    candidates = {k: row for k, row in fitted.items() if k != units_row} or fitted
+    header = _find_header(candidates, time, decimal, starts)
+    if header is None:
+        if first is None:
+            raise FileError("no header")
+        _check_headless(cells, rows, starts, first, separator)
+        names = [str(j + 1) for j in range(columns)]
+        notes.append(f"no row names the columns: they are named by their place, 1 to {columns}")
+    else:
+        names = fitted[header]
+    if first is None:
+        first = header + 1
+    used = {header, units_row}
+    passed = [starts[k] + 1 for k in plain if k < first and k not in used]
+    notes += [f"rows before the data were left out: {len(passed)}, from row {k} on"
+              for k in passed[:1]]  # fmt: skip
+    apart = units_row not in (None, header)
+    units = _read_units(fitted[units_row]) if apart else [None] * columns
+    line = starts[first] + 1 if first < len(starts) else len(lines) + 1
+    return Layout(separator, decimal, names, units, first, line, tuple(notes))
+
+
+def split_cells(row: str, separator: str | None) -> list[str]:
+    """Split a row into cells without blanks around them; None parts at white space."""
+    if separator is None:
+        row, separator = " ".join(row.split()), " "
+    cells = csv.reader([row], delimiter=separator, skipinitialspace=True)
+    return [" ".join(cell.split()) for cell in next(cells, [])]
+
+
+def _join_quoted(lines: list[str]) -> tuple[list[str], list[int]]:
+    """Join the lines of cells in quotes; return the rows and the index of the first line of each.
+
+    A quotation mark that is not closed within MOST_JOINED lines stands for itself.
+    """
+    rows, starts, k = [], [], 0
+    while k < len(lines):
+        row, end = lines[k], k + 1
+        if row.count('"') % 2:
+            for until in range(k + 2, min(k + MOST_JOINED, len(lines)) + 1):
+                joined = " ".join(lines[k:until])
+                if joined.count('"') % 2 == 0:
+                    row, end = joined, until
+                    break
+        rows.append(row)
+        starts.append(k)
+        k = end
+    return rows, starts
+
+
+def _find_separator(
+    rows: list[str], plain: list[int], decimal: str | None
+) -> tuple[str | None, int]:
+    """Return what parts the columns, and how many there are.
+
+    It is the mark with which most rows have the same number of cells, most cells are numbers, and
+    the first whole row is a header. `csv.Sniffer` would take decimal commas for it.
+    """
+    found = []
+    for place, separator in enumerate(MARKS):
+        if separator is not None and separator == decimal:
+            continue
+        split = [split_cells(rows[k], separator) for k in plain]
+        last = split[len(split) // 2 :]
+        columns, count = Counter(map(len, last)).most_common(1)[0]
+        if columns > 1 and 2 * count > len(last):
+            cells = [cell for row in last if len(row) == columns for cell in row if cell]
+            mark = decimal or ("." if separator == "," else None)
+            share = sum(_is_number(cell, mark) for cell in cells) / max(len(cells), 1)
+            headed = any(
+                len(_without_end(row)) in (columns, columns + 1) and not _is_data(row, mark)
+                for row in split
+            )
+            found.append((round(-2 * share), not headed, place, separator, columns))
+    if not found:
+        raise FileError(
+            f"row {plain[-1] + 1}: {rows[plain[-1]]!r:.60} is one column, or rows differ; columns "
+            "must be parted by commas (without decimal commas), semicolons, tabs or blanks"
+        )
+    return min(found, key=lambda each: each[:3])[3:]
+
+
+def _find_decimal(cells: Iterable[str]) -> str:
+    """Return the decimal mark: a comma where some cells can mean nothing else, and none a point."""
+    cells = list(cells)
+    commas = [cell for cell in cells if DECIMAL_COMMA.fullmatch(cell)]
+    told = any(not THOUSANDS.fullmatch(cell) for cell in commas)
+    return "," if told and not any(map(DECIMAL_POINT.fullmatch, cells)) else "."
+
+
+def _is_number(cell: str, decimal: str | None) -> bool:
+    """Whether a cell is a number, with either decimal mark where None is given."""
+    if INSTANT.match(cell) or (decimal in (None, ",") and DECIMAL_COMMA.fullmatch(cell)):
+        return True
+    try:
+        float(cell.replace(",", ".") if decimal == "," else cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_data(row: Sequence[str], decimal: str | None) -> bool:
+    """Whether a row begins with a number or a time."""
+    first = next(filter(None, row), "0")
+    return _is_number(first, decimal) or DECIMAL_COMMA.fullmatch(first) is not None
+
+
+def _find_first_row(
+    cells: Mapping[int, list[str]], plain: Sequence[int], columns: int, decimal: str
+) -> int | None:
+    """Return the index of the first row of data, None where there is none.
+
+    It begins the first run of ENOUGH_ROWS rows, else the longest run.
+    """
+    runs: list[list[int]] = [[]]
+    for k in plain:
+        if len(cells[k]) == columns and _is_data(cells[k], decimal):
+            runs[-1].append(k)
+        elif runs[-1]:
+            runs.append([])
+    longest = max(runs, key=len)
+    found = next((run for run in runs if len(run) >= ENOUGH_ROWS), longest)
+    return found[0] if found else None
+
+
+def _fit(
+    row: Sequence[str], columns: int, empty: Sequence[bool], is_numbered: bool
+) -> list[str] | None:
+    """Return the cells of a row above the numbers, one for each column; None where they do not fit.
+
+    A trailing separator, a label before the cells, as of a row `NAME`, and a column of remarks that
+    the rows do not have are left out.
+
+    Parameters
+    ----------
+    row : sequence of str
+    columns : int
+    empty : sequence of bool
+        Of each column, whether it has no samples.
+    is_numbered : bool
+        Whether the first column numbers the rows; R gives it no name.
+    """
+    kept = _without_end(row)
+    if len(kept) == columns + 1 and _is_label(kept[0]):
+        kept = kept[1:]
+    elif len(kept) == columns + 1 and kept[-1].casefold() in REMARKS:
+        kept = kept[:-1]
+    short = columns - len(kept)
+    if not kept or short < 0:
+        return None
+    if short == 0 or len(row) == columns or (empty and all(empty[len(kept) :])):
+        return kept + [""] * short
+    return ["", *kept] if short == 1 and is_numbered else None
+
+
+def _without_end(row: Sequence[str]) -> list[str]:
+    """Return the cells of a row without empty ones at its end."""
+    kept = list(row)
+    while kept and not kept[-1]:
+        kept.pop()
+    return kept
+
+
+def _is_label(cell: str) -> bool:
+    return cell.casefold().strip(" :#=") in LABELS | REMARKS or bool(UNITS_LABEL.fullmatch(cell))
+
+
+def _find_units(fitted: Mapping[int, list[str]], cells: Mapping[int, list[str]]) -> int | None:
+    """Return the index of the row of units nearest to the numbers.
+
+    Its label says so, it begins with a unit of times, or most of its cells are units and not all
+    are names.
+    """
+
+    def is_units(k: int) -> bool:
+        if UNITS_LABEL.fullmatch(cells[k][0]):
+            return True
+        said = [bare for cell in fitted[k] if (bare := cell.strip("[]()"))]
+        if said and said[0] in OF_TIMES:
+            return True
+        units = sum(is_unit(cell) or cell.casefold() in OF_LOGGER for cell in said)
+        return _count_known(fitted[k]) < len(said) <= 2 * units
+
+    return next((k for k in sorted(fitted, reverse=True) if is_units(k)), None)
+
+
+def _read_units(row: Sequence[str]) -> list[str | None]:
+    """Return the units in a row of them, without brackets, None for a cell without one."""
+    return [None if UNITS_LABEL.fullmatch(cell) else cell.strip("[]()") or None for cell in row]
+
+
+def _count_known(row: Sequence[str]) -> int:
+    """Count the different cells of a row that a reader knows as names of columns."""
+    return sum(bool(is_time(cell) or target(cell) or named(cell)[1]) for cell in set(row))
+
+
+def _find_header(
+    candidates: Mapping[int, list[str]], time: str | None, decimal: str, starts: Sequence[int]
+) -> int | None:
+    """Return the index of the row of names, None where no row is one of text.
+
+    The row that has the column of times or, where that is not given, the row whose cells all
+    differ; of several the one with the most names that a reader knows, then the nearest to the
+    numbers. Raises FileError where several rows of text have cells that are alike.
+    """
+    if time is not None:
+        name = named(time)[0]
+        for k, row in candidates.items():
+            if name in (named(cell)[0] for cell in row):
+                return k
+    text = {
+        k: row for k, row in candidates.items() if not any(_is_number(c, decimal) for c in row if c)
+    } or {k: row for k, row in candidates.items() if not _is_data(row, decimal)}
+    if not text:
+        return None
+
+    def differs(row: Sequence[str]) -> bool:
+        kept = "\n".join(row).rstrip("\n").split("\n")
+        return len(set(kept)) == len(kept)
+
+    known = {k: _count_known(row) for k, row in text.items()}
+    best = max(text, key=lambda k: (known[k] > 1, differs(text[k]), known[k], k))
+    if len(text) > 1 and not differs(text[best]) and known[best] < 2:
+        rows = ", ".join(str(starts[k] + 1) for k in text)
+        raise FileError(
+            f"rows {rows} look like names of columns, and each has cells that are alike; keep one "
+            "of them, with a name of its own for each column"
+        )
+    return best
+
+
+def _check_headless(
+    cells: Mapping[int, list[str]],
+    rows: Sequence[str],
+    starts: Sequence[int],
+    first: int,
+    separator: str | None,
+) -> None:
+    """Raise FileError where the row next to the numbers looks like names, of another number."""
+    above, columns = cells.get(first - 1, []), len(cells[first])
+    if len(above) < 2 or rows[first - 1].startswith("#"):
+        return
+    halved = separator == "," and columns == 2 * len(above)
+    hint = f"; {SAY_DECIMAL}, and another separator between columns" if halved else ""
+    raise FileError(
+        f"row {starts[first - 1] + 1}, the header, has {len(above)} cells, row {starts[first] + 1} "
+        f"has {columns}{hint}"
+    )

@@ -1,0 +1,386 @@
+"""How a file may be read, by the names, units and values of its columns."""
+
+import json
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+
+from galloping.readers.columns import (
+    contradicted_target,
+    is_beside_motion,
+    is_count,
+    is_time,
+    target,
+    told_order,
+    words_of,
+)
+from galloping.readers.file_table import FileTable
+from galloping.readers.hints import likely_unit, measure_option, unit_options
+from galloping.readers.units import (
+    DIRECTION,
+    behind,
+    is_pixel,
+    is_unit,
+    meaning,
+    measures,
+    named,
+    state_unit,
+)
+
+ROWS = 2000  # of a text file, that its columns are told from
+APART = 0.01  # of their length, by which the times of two clocks may differ
+UP, ACROSS = ({letter, f"d{letter}", f"a{letter}", f"acc{letter}"} for letter in "zy")
+RATES = {"fs", "fsamp", "rate", "samplerate", "samplingrate", "framerate", "fps", "hz"}
+INTERVALS = {"dt", "ts", "interval"}  # s, between samples
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """What is no more than a guess about a column, or is not said.
+
+    Attributes
+    ----------
+    cause : str
+        Why the reading is in doubt; '' if only the unit is missing.
+    remedy : str
+        What to say instead, with options to copy.
+    lacks_unit : bool
+        Whether the file says no unit.
+    """
+
+    cause: str = ""
+    remedy: str = ""
+    lacks_unit: bool = False
+
+    def __str__(self) -> str:
+        return "; ".join(
+            [self.cause] * bool(self.cause) + ["the file says no unit"] * self.lacks_unit
+        )
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """How a file may be read.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        The columns of the file.
+    content : str
+        In words, what the file holds.
+    time : dict or None
+        As in a mapping; None if the times are those of rows at a rate.
+    channels : list of dict
+        As in a mapping.
+    doubts : dict
+        By column, what is no more than a guess, or is not said.
+    """
+
+    columns: tuple[str, ...]
+    content: str
+    time: dict | None
+    channels: list[dict]
+    doubts: dict[str, Doubt] = field(default_factory=dict)
+
+    @property
+    def clock(self) -> str | None:
+        """The column of times, if there is one."""
+        return self.time and self.time["column"]
+
+    @property
+    def states(self) -> list[str]:
+        """States of a span that the channels tell of."""
+        return states_of(channel["measures"] for channel in self.channels)
+
+    def check_time(self, file: str) -> None:
+        """Raise ValueError if the column of times is no more than a guess."""
+        doubt = self.doubts.get(self.clock, Doubt())
+        if doubt.cause:
+            raise ValueError(f"{file}: {doubt.cause}; {doubt.remedy}")
+
+    def sure_channels(self, file: str) -> list[dict]:
+        """Return the channels, if the names of the columns tell them. Raises ValueError."""
+        if not self.channels:
+            raise ValueError(
+                f"{file}: no column is plainly a vertical or horizontal displacement or "
+                f"acceleration; it has {self.content}; say what is measured, such as "
+                "--measure 'q_v=COLUMN [mm]'"
+            )
+        for column, doubt in self.doubts.items():
+            if doubt.cause and column != self.clock:
+                raise ValueError(f"{file}: {doubt.cause}; {doubt.remedy}")
+        return self.channels
+
+    def __str__(self) -> str:
+        read = [
+            f"{channel['column']!r} is read as the {meaning(channel['measures'])} "
+            f"{channel['measures']}"
+            for channel in self.channels
+        ]
+        return ", ".join(read + ([f"{self.clock!r} as the time"] if self.clock else []))
+
+    def _unused(self) -> list[str]:
+        used = {self.clock, *(channel["column"] for channel in self.channels)}
+        others = [name for name in self.columns if name not in used]
+        winds = [name for name in others if "wind" in " ".join(words_of(name))]
+        return [
+            *(f"not used: {name}" for name in others if name not in winds),
+            *(f"inputs: [{{name: U, column: {json.dumps(name)}}}]" for name in winds),
+        ]
+
+    def yaml(self, file: str, decimal: str | None, rate: float | None) -> str:
+        """Return the text of a mapping to check and edit."""
+
+        def line(keys: dict, more: str = "") -> str:
+            doubt = self.doubts.get(keys["column"], Doubt())
+            keys = keys | ({"unit": None} if doubt.lacks_unit else {})
+            said = ", ".join(filter(None, [more, str(doubt) and f"CHECK: {doubt}"]))
+            pairs = (f"{key}: {json.dumps(keys[key], ensure_ascii=False)}" for key in keys)
+            return f"{{{', '.join(pairs)}}}" + (f"  # {said}" if said else "")
+
+        return "\n".join(
+            [
+                f"# How the columns of {file} are read, told from their names: check each line.",
+                *([f"time: {line(self.time)}"] if self.time else []),
+                *([f"rate: {rate:g}"] if rate else []),
+                *([f"decimal: {json.dumps(decimal)}"] if decimal else []),
+                "# Displacements of the span's first mode, in m, and their rates, the velocities:",
+                f"states: [{', '.join(self.states)}]",
+                "# measures: a state, or d and a state for its rate; ddq_v is an acceleration.",
+                "# Also position (m along the span, then with span: on a line of its own),",
+                "# delay (s), noise (such as 3 mm), scale: unknown, offset: known.",
+                "channels:",
+                *(f"  - {line(each, meaning(each['measures']))}" for each in self.channels),
+                *(f"# {each}" for each in self._unused()),
+                "",
+            ]
+        )
+
+
+def states_of(targets: Iterable[str]) -> list[str]:
+    """Return the states of a span that channels tell of: displacements, then velocities."""
+    stems = {name.lstrip("d") for name in targets}
+    own = [stem for stem in DIRECTION if stem in stems]
+    return own + [f"d{stem}" for stem in own]
+
+
+def propose(
+    table: FileTable,
+    units: Mapping[str, str],
+    for_all: str | None,
+    time: str | None,
+    taken: Collection[str] = (),
+    rate: float | None = None,
+) -> Proposal:
+    """Propose how a file may be read, by what its columns are called.
+
+    Parameters
+    ----------
+    table : FileTable
+    units : mapping
+        Units that are said of columns.
+    for_all : str or None
+        Unit that is said of all columns but the times.
+    time : str or None
+        The column of times, if it is said.
+    taken : collection of str
+        Columns of something else than the motion.
+    rate : float or None
+        Samples per second; times are then those of rows, or of a column that counts samples.
+
+    Returns
+    -------
+    Proposal
+        What the names do not tell is guessed from the order of the columns, and doubted.
+
+    Raises
+    ------
+    ValueError
+        If no column can be one of times, or two are clocks that run apart.
+    """
+    doubts: dict[str, Doubt] = {}
+    clock = find_clock(table, time, doubts, rate, f"name it with --time, or {_say_rate(table)}")
+
+    def said(name: str) -> str:
+        return units.get(name) or (for_all if name != clock else "") or behind(name)
+
+    def unit_of(name: str) -> str:
+        return units.get(name) or table.unit(name) or said(name) or ""
+
+    def written(name: str, **measured: str) -> dict:
+        unit = {"unit": said(name)} if said(name) and not table.unit(name) else {}
+        return {"column": name, **measured, **unit}
+
+    length = len(table.columns[clock]) if clock else max(map(len, table.columns.values()))
+    others = [
+        name
+        for name, values in table.columns.items()
+        if name != clock and name not in taken and len(values) == length
+        if table.kind(name) != "date" and not is_time(name)
+    ]
+    channels = [
+        written(name, measures=measured)
+        for name in others
+        if (measured := target(name, unit_of(name)))
+    ]
+    for each in channels:
+        same = [c["column"] for c in channels if c["measures"] == each["measures"]]
+        if len(same) > 1:
+            cause = f"{' and '.join(map(repr, same))} are each the {meaning(each['measures'])}"
+            remedy = "say which one counts, or give each its position: "
+            remedy += measure_option(each["measures"], each["column"])
+            doubts[each["column"]] = Doubt(cause, remedy)
+    for name in others:
+        if measured := contradicted_target(name, unit_of(name)):
+            channels.append({"column": name, "measures": measured})
+            doubts[name] = _contradiction(name, measured, unit_of(name))
+    if not channels:
+        for measured, name in _guess(table, others, unit_of).items():
+            channels.append(written(name, measures=measured))
+            unit = "" if unit_of(name) else _likely(table, name, others)
+            doubts[name] = Doubt(
+                f"what column {name!r} measures is not plain, and could only be guessed from its "
+                "place among the columns",
+                f"say so, such as {measure_option(measured, name, unit)}, or check and edit the "
+                f"mapping that `galloping inspect {table.path} --write-map map.yaml` writes",
+            )
+    for name in (clock, *(each["column"] for each in channels)):
+        if name is None or unit_of(name) or (name == clock and not _needs_unit(table, name, rate)):
+            continue
+        doubt = doubts.get(name, Doubt())
+        doubts[name] = Doubt(doubt.cause, doubt.remedy, lacks_unit=True)
+    times = written(clock) if clock else None
+    return Proposal(tuple(table.columns), table.content, times, channels, doubts)
+
+
+def _needs_unit(table: FileTable, clock: str, rate: float | None) -> bool:
+    return table.kind(clock) == "number" and rate is None
+
+
+def _contradiction(name: str, measured: str, unit: str) -> Doubt:
+    """Return the doubt of a column whose unit does not fit what its name says."""
+    wanted, why = state_unit(measured), "a pixel is no length"
+    if not is_pixel(unit):
+        why = f"unit {unit!r} measures something else" if is_unit(unit) else f"{unit!r} is no unit"
+    return Doubt(
+        f"column {name!r} is the {meaning(measured)} by its name, and {why}",
+        f"say what one of its numbers is, such as {unit_options([(name, f'2.5 m{wanted}')])}, or "
+        "say with --measure which columns count",
+    )
+
+
+def _guess(table: FileTable, names: Iterable[str], unit_of) -> dict[str, str]:
+    """Guess which columns hold the motion, the vertical one first: by their axes and their place.
+
+    What never changes is no motion.
+    """
+    likely = [
+        (name, order)
+        for name in sorted(names, key=_by_axis)
+        if table.kind(name) == "number" and not is_beside_motion(name) and not is_count(name)
+        if (order := told_order(name, unit_of(name))) is not None
+        if len(pd.unique(table.columns[name])) > 1
+    ]
+    return {
+        "d" * order + stem: name for stem, (name, order) in zip(DIRECTION, likely, strict=False)
+    }
+
+
+def _likely(table: FileTable, name: str, others: Iterable[str]) -> str:
+    """Return the unit that fits a column without one."""
+    order = told_order(name, "") or 0
+    alike = [each for each in others if told_order(each, "") == order and each != name]
+    numbers = [table.numbers(each) for each in (name, *alike) if table.kind(each) == "number"]
+    return likely_unit(order, numbers[0], numbers[1:])
+
+
+def _by_axis(name: str) -> tuple[bool, bool]:
+    """Names with an upward axis z come before those with another one y, and these before others."""
+    return not words_of(name) & UP, not words_of(name) & ACROSS
+
+
+def find_clock(
+    table: FileTable,
+    said: str | None,
+    doubts: dict[str, Doubt],
+    rate: float | None = None,
+    remedy: str = "name it with --time, or add one",
+) -> str | None:
+    """Find the column of times, or at a `rate` the one that counts samples, if there is one.
+
+    Where several may be, it is the one that tells most instants apart. What is no more than a
+    guess is written to `doubts`. Raises ValueError where there is none, and where two are clocks
+    that run apart.
+    """
+    if said is not None:
+        table.column(said)
+        return named(said)[0]
+    if rate is not None:
+        counts = (name for name in table.columns if is_count(name) and _counts(table, name))
+        return next(counts, None)
+    found = [
+        name
+        for name in table.columns
+        if is_time(name) or table.kind(name) == "date" or measures(table.unit(name), "s")
+    ]
+    if not found:
+        found = [name for name in table.columns if _increases(table, name)][:1]
+        if found:
+            doubts[found[0]] = _guessed_clock(table, found[0])
+    if not found:
+        raise ValueError(f"{table.path}: no column of times; it has {table.content}; {remedy}")
+    clock = max(found, key=lambda name: len(pd.unique(table.columns[name])))
+    alike = (name for name in found if table.unit(name) == table.unit(clock) != "")
+    spans = {name: float(np.ptp(table.columns[name])) for name in alike if _increases(table, name)}
+    for name, span in spans.items():
+        if abs(span - spans.get(clock, span)) > APART * span:
+            raise ValueError(
+                f"{table.path}: the times {clock!r} and {name!r} run apart, over "
+                f"{spans[clock]:.6g} and {span:.6g}: bring all samples to one clock, or say --time"
+            )
+    return clock
+
+
+def _guessed_clock(table: FileTable, name: str) -> Doubt:
+    rate = _say_rate(table)
+    if table.is_headless:
+        last = len(table.columns)
+        return Doubt(
+            f"no row names the columns, which are 1 to {last} by their place",
+            f"say what they hold, such as --time {name} --unit {name}=s --measure 'q_v={last} [m]'"
+            + f", or {rate}" * _counts(table, name),
+        )
+    if _counts(table, name):
+        return Doubt(f"no column is plainly the time, and {name!r} counts samples", rate)
+    return Doubt("no column is plainly the time", f"say --time {name!r} or so, or {rate}")
+
+
+def _say_rate(table: FileTable) -> str:
+    return f"say the sampling rate in Hz, such as --rate {_known_rate(table)} (rate: in a mapping)"
+
+
+def _known_rate(table: FileTable) -> str:
+    """Return the sampling rate that a number of the file tells by its name, else 25."""
+    for name, value in table.scalars.items():
+        bare = "".join(words_of(name))
+        rate = value if bare in RATES else 1.0 / value if bare in INTERVALS and value else np.nan
+        if 0.0 < rate < np.inf:
+            return f"{rate:g}"
+    return "25"
+
+
+def _increases(table: FileTable, name: str) -> bool:
+    values = table.columns[name]
+    rises = values.dtype.kind in "fiu" and len(values) > 1 and np.all(np.diff(values) > 0)
+    return bool(rises) and (is_count(name) or not is_beside_motion(name))
+
+
+def _counts(table: FileTable, name: str) -> bool:
+    """Whether a column holds whole numbers that mostly rise by one."""
+    values = table.columns[name]
+    if values.dtype.kind not in "fiu" or len(values) < 2:
+        return False
+    steps = np.diff(values)
+    return bool(np.all(values == np.round(values)) and np.median(steps) == 1 and np.all(steps > 0))
