@@ -186,7 +186,7 @@ def test_a_constant_beside_a_displacement_costs_more_than_a_nonlinear_term() -> 
     """A term of the third degree costs as much as one of the second."""
     line = posed(("q", "dq"), (*PLANE, (3, 0)), prior=Prior(nonlinear=0.1))
     plain = posed(("x", "y"), PLANE, prior=Prior(nonlinear=0.1))
-    rate = line.prior.of_complexity(line.complexity) / np.log(10.0)
+    rate = line.prior_prices / np.log(10.0)
     assert np.allclose(rate, 2.0 * np.array([2, 0, 0, 1, 1, 1, 1]))
     assert np.all(plain.complexity[[0, 6]] == -1)
 

@@ -150,6 +150,13 @@ def _answered(path):
     return loaded
 
 
+def _between(path) -> dict:
+    """What inputs are between their samples, by the recordings of a model."""
+    from galloping.storage import read_json
+
+    return read_json(path).get("between", {})
+
+
 @main.command()
 @click.argument("files", nargs=-1, required=True, type=click.Path())
 @_mapping_options
@@ -310,7 +317,7 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     if not mapping["map_file"]:
         mapping["states"] = mapping["states"] or ",".join(states)
         mapping["inputs"] = mapping["inputs"] or loaded.model.inputs
-    field = read_field([file], _mapping(file, mapping))
+    field = read_field([file], _mapping(file, mapping).with_between(_between(model)))
     if field.mapping.states != states:
         raise ValueError(f"{model}: has the states {', '.join(states)}; --states must be the same")
     inputs = inputs_after(field, loaded.model.inputs, at, inputs_file)
@@ -364,7 +371,7 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
     from galloping.field.driving import driving
 
     loaded = _answered(model)
-    inputs = driving(model, loaded.model.inputs, at, inputs_file, time_column)
+    inputs = driving(model, loaded.model.inputs, at, inputs_file, time_column, _between(model))
     measured = [one.stretches[-1][1] for one in inputs.values() if not isinstance(one, float)]
     known = min(measured, default=np.inf)
     if duration and duration > known:

@@ -37,6 +37,7 @@ INTERPOLATED = 4.5
 # Points of the Gauss-Legendre quadrature between two knots: exact for products of a cubic and a
 # polynomial of degree eight.
 QUADRATURE = 6
+POINTS = 24  # of a window, at which what a polynomial leaves out of an input is looked at
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,7 +48,8 @@ class Input(Immutable):
     missing. between: what it is between samples: `zero`, as at the last one, `linear`, or `cubic`,
     a cubic spline, the default, for what was measured is mostly smooth on the scale of its
     sampling. error: relative standard deviation of an unknown constant factor on the values, such
-    as that of a calibration.
+    as that of a calibration. alternatives: what else it may be between samples, where nobody said
+    it and the motion is to tell (`identification.interpolation`); methods take the input as it is.
     Raises ValueError for anything else, in one line.
     """
 
@@ -55,6 +57,7 @@ class Input(Immutable):
     values: NDArray[np.float64]
     between: str = "cubic"
     error: float = 0.0
+    alternatives: tuple["Input", ...] = ()
 
     if TYPE_CHECKING:  # what is given may be a list; what is held is an array
 
@@ -134,6 +137,33 @@ class Input(Immutable):
                 found[inside] = self._splines[k](time[inside])
         return found
 
+    def last_sample(self, time: ArrayLike) -> NDArray[np.float64]:
+        """(n,) the last sample at or before each time, NaN before the first and where missing."""
+        place = np.searchsorted(self.time, np.asarray(time, float), side="right") - 1
+        return np.where(place < 0, np.nan, self.values[np.maximum(place, 0)])
+
+    def mean_around(self, time: ArrayLike, width: float) -> NDArray[np.float64]:
+        """(n,) means over intervals of `width` s about times, as far as it is covered there; NaN
+        where it is not covered at the time itself.
+        """
+        time = np.asarray(time, float)
+        found = np.full(time.shape, np.nan)
+        for k, (at, values) in enumerate(self._pieces):
+            inside = (time >= at[0]) & (time <= at[-1])
+            ends = np.clip(time[inside] + width * np.array([[-0.5], [0.5]]), at[0], at[-1])
+            if self.between == "cubic":
+                integral = self._splines[k].antiderivative()(ends)
+            else:
+                last = values[:-1] if self.between == "zero" else (values[:-1] + values[1:]) / 2.0
+                place = np.clip(np.searchsorted(at, ends, side="right") - 1, 0, len(at) - 2)
+                since = ends - at[place]
+                integral = np.append(0.0, np.cumsum(last * np.diff(at)))[place]
+                integral += values[place] * since
+                if self.between == "linear":
+                    integral += 0.5 * (np.diff(values) / np.diff(at))[place] * since**2
+            found[inside] = np.diff(integral, axis=0)[0] / np.diff(ends, axis=0)[0]
+        return found
+
 
 Factor = tuple[int, ...]
 
@@ -141,6 +171,20 @@ Factor = tuple[int, ...]
 def at_times(inputs: Sequence[Input], time: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n, n_inputs) values of inputs at `time` (n,), NaN where not covered."""
     return np.stack([one(time) for one in inputs], axis=1) if inputs else np.empty((len(time), 0))
+
+
+def on_grid(inputs: Sequence[Input], time: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, n_inputs) inputs at the points of a uniform grid, NaN where not covered.
+
+    Of what is held between its samples the mean over a step about the point, which has the integral
+    that moves a system, as the value at the point has not.
+    """
+    if not inputs:
+        return np.empty((len(time), 0))
+    step = float(time[1] - time[0])
+    columns = [one.mean_around(time, step) if one.between == "zero" else one(time)
+               for one in inputs]  # fmt: skip
+    return np.stack(columns, axis=1)
 
 
 def windowed(
@@ -179,6 +223,30 @@ def windowed(
         moments = np.einsum("sp,spd->sd", values, weighted)
         found[:, :, k] = np.add.reduceat(moments, first) @ _powers(degree)
     return found
+
+
+def left_out(
+    inputs: Sequence[Input],
+    factors: Sequence[Factor],
+    start: float,
+    step: float,
+    powers: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """(3, n_factors) root mean squares of what the polynomials of `windowed`, `powers`, leave out
+    of the factors, and of its first and second integral within the windows.
+    """
+    windows, n_powers, _ = powers.shape
+    place = (np.arange(POINTS) + 0.5) / POINTS
+    time = start + step * (np.arange(windows)[:, None] + place)
+    held = np.stack([extrapolated(one, time) for one in inputs])
+    found = []
+    for k, factor in enumerate(factors):
+        values = np.prod(held ** np.array(factor, float)[:, None, None], axis=0)
+        rest = values - powers[:, :, k] @ place ** np.arange(n_powers)[:, None]
+        once = np.cumsum(rest, axis=1) * step / POINTS
+        twice = np.cumsum(once, axis=1) * step / POINTS
+        found.append([np.sqrt(np.mean(each**2)) for each in (rest, once, twice)])
+    return np.array(found).T.reshape(3, len(factors))
 
 
 def extrapolated(one: Input, time: np.ndarray) -> np.ndarray:
@@ -398,6 +466,21 @@ class Recording(Immutable):
         """Whether the samples are equally spaced (to a thousandth of the spacing)."""
         steps = np.diff(self.time)
         return bool(np.ptp(steps) < 1e-3 * steps.mean())
+
+
+def typical_inputs(names: Sequence[str], recordings: Sequence[Recording]) -> dict[str, float]:
+    """Of the named inputs, a value at which to say what a model does.
+
+    It is the mean or, of an input that is held between its samples, the sample nearest to the mean,
+    for it never had another value.
+    """
+    found = mean_inputs(names, recordings)
+    for name, mean in found.items():
+        inputs = [one.inputs[name] for one in recordings]
+        if all(one.between == "zero" for one in inputs):
+            values = np.concatenate([one.values[np.isfinite(one.values)] for one in inputs])
+            found[name] = float(values[np.argmin(np.abs(values - mean))])
+    return found
 
 
 def mean_inputs(names: Sequence[str], recordings: Sequence[Recording]) -> dict[str, float]:

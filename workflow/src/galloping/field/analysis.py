@@ -1,7 +1,8 @@
 """From files to everything that is written about them: quality, model, fit, forecast, summary."""
 
+import copy
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,14 +10,20 @@ import numpy as np
 from galloping import __version__
 from galloping.field.csv_rows import MODEL_COLUMNS, forecast_rows, model_rows
 from galloping.field.dynamics import Dynamics, Surroundings, expected
-from galloping.field.excerpts import by_excerpts
+from galloping.field.excerpts import by_excerpts, excerpts
 from galloping.field.following import Sensed
 from galloping.field.quality import JUMPS, MOVES, QUIET, SHOWN, quality
 from galloping.field.summary import METHODS, Summary, longest_period, summarised
 from galloping.field.terminal import SEARCHED
 from galloping.field.wording import escape_markdown, summary_text
+from galloping.identification.inputs import asked
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.problem import Coefficient
+from galloping.identification.preparation.interpolation import (
+    choose_interpolants,
+    of_kind,
+    with_interpolants,
+)
+from galloping.identification.problem import PRIOR, Coefficient
 from galloping.identification.work import limited
 from galloping.passes import part, passing
 from galloping.polynomial import Exponents, PolynomialModel, library
@@ -24,9 +31,11 @@ from galloping.readers.mapping import ColumnMapping
 from galloping.readers.recordings import LEAST, SILENT, input_notes, parted, recording
 from galloping.readers.series import Series, check_apart, read_series
 from galloping.readers.units import state_unit
-from galloping.recording import Recording, mean_inputs
+from galloping.recording import Recording, typical_inputs
 from galloping.storage import write_json, write_rows, write_text
 from galloping.terms import known_model, parse
+
+IN_WORDS = {"zero": "held", "linear": "linear", "cubic": "smooth"}
 
 
 @dataclass(frozen=True)
@@ -42,6 +51,31 @@ class Field:
     recordings: tuple[Recording, ...]
     names: tuple[str, ...]
     reports: tuple[dict, ...]
+
+    @property
+    def between(self) -> dict[str, str]:
+        """What inputs are between their samples, by name."""
+        return {name: one.between for name, one in self.series[0].inputs.items()}
+
+    def with_interpolants(self, kinds: Mapping[str, str]) -> "Field":
+        """The recordings with what inputs are between their samples decided, and that noted."""
+        reports = copy.deepcopy(self.reports)
+        for report in reports:
+            for one in report["inputs"].values():
+                if one["between"] != kinds.get(one["name"], one["between"]):
+                    one["between"] = kinds[one["name"]]
+                    report["notes"].append(
+                        f"input {one['name']} is {IN_WORDS[one['between']]} between its samples: "
+                        "the motion tells"
+                    )
+        series = tuple(
+            replace(
+                one, inputs={n: of_kind(i, kinds.get(n, i.between)) for n, i in one.inputs.items()}
+            )
+            for one in self.series
+        )
+        recordings = tuple(with_interpolants(one, kinds) for one in self.recordings)
+        return replace(self, series=series, recordings=recordings, reports=reports)
 
     @property
     def faults(self) -> list[str]:
@@ -143,16 +177,21 @@ def analyse(
     inputs = mapping.input_names
     texts = (*mapping.known, *question.known)
     known, known_states, single = known_model(texts, mapping.states, terms, inputs)
+    coefficients = [
+        Coefficient(one.state, term, mean, one.deviation or 0.0)
+        for one in single
+        for term, mean in one.terms.items()
+    ]
+    if any(one.alternatives for one in field.recordings[0].inputs.values()):
+        stretches = excerpts(list(field.recordings))
+        problem = asked(stretches, terms, known, known_states, PRIOR, coefficients, allowed)
+        field = field.with_interpolants(choose_interpolants(problem, stretches))
     method, given = METHODS[question.method], field.recordings
     options: dict[str, object] = {}
     if forced := question.random_force or mapping.random_force:
         options["forced"] = () if forced == ("all",) else forced
-    if single:
-        options["coefficients"] = [
-            Coefficient(one.state, term, mean, one.deviation or 0.0)
-            for one in single
-            for term, mean in one.terms.items()
-        ]
+    if coefficients:
+        options["coefficients"] = coefficients
     if allowed is not None:
         options["allowed"] = allowed
     if question.method != "maximum_likelihood" and options:
@@ -174,7 +213,7 @@ def analyse(
             )  # fmt: skip
     case = None
     if beside and summary.found.status != "refused":
-        found = summary.found.at(mean_inputs(summary.found.model.inputs, given))
+        found = summary.found.at(typical_inputs(summary.found.model.inputs, given))
         case = beside[0], expected(beside[1], found, Surroundings.of(given))
     with part("write", until=1.0):
         write_outputs(folder, field, summary, case)
@@ -212,6 +251,7 @@ def write_outputs(
     identified.save(
         folder / "model.json",
         units={state: state_unit(state) for state in states} | inputs,
+        between=field.between,
         versions={"galloping": __version__},
     )
     channels = Sensed.by(field.recordings[-1]).names

@@ -11,6 +11,7 @@ from galloping.readers.file_table import read_table
 from galloping.readers.mapping import ColumnMapping, InputColumn, TimeColumn
 from galloping.readers.proposal import ROWS, find_clock
 from galloping.readers.series import read_series
+from galloping.readers.units import NONE
 from galloping.recording import INTERPOLATED, Input, Recording
 
 if TYPE_CHECKING:
@@ -21,13 +22,18 @@ ROUNDING = 1e-9  # of a range, in steps
 
 
 def driving(
-    model: str, names: Sequence[str], at: Sequence[str], path: str | None, time: str | None = None
+    model: str,
+    names: Sequence[str],
+    at: Sequence[str],
+    path: str | None,
+    time: str | None = None,
+    kinds: Mapping[str, str] = NONE,
 ) -> dict[str, Input | float]:
     """Inputs by name, held as `at` says, the others from a file, s from its first time.
 
-    model: for the message. time: the column of times. Columns have the names of the inputs, and
-    their units behind them. Raises ValueError where an input is not said, and for files that cannot
-    be read.
+    model: for the message. time: the column of times. kinds: what inputs are between samples.
+    Columns have the names of the inputs, and their units behind them. Raises ValueError where an
+    input is not said, and for files that cannot be read.
     """
     found: dict[str, Input | float] = _held(at, names)
     left = [name for name in names if name not in found]
@@ -35,7 +41,7 @@ def driving(
         if not left:
             raise ValueError(f"--inputs {path}: the model needs no inputs from a file")
         clock = time or find_clock(read_table(path, None, None, ROWS), None, {})
-        inputs = tuple(InputColumn(column=name) for name in left)
+        inputs = tuple(InputColumn(column=name, between=kinds.get(name)) for name in left)
         mapping = ColumnMapping.model_construct(
             time=TimeColumn(column=clock), channels=(), inputs=inputs
         )

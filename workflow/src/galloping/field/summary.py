@@ -28,7 +28,7 @@ from galloping.identification.random_forces.low_pass import as_modelled
 from galloping.identification.work import limited
 from galloping.passes import part, passing
 from galloping.readers.units import NONE
-from galloping.recording import Input, Recording, mean_inputs
+from galloping.recording import Input, Recording, typical_inputs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -189,7 +189,7 @@ def dynamics(
     where there is no model. Raises ValueError for other input.
     """
     given = _checked(found, recordings)
-    at = mean_inputs(found.model.inputs, given)
+    at = typical_inputs(found.model.inputs, given)
     around, rng = Surroundings.of(given), np.random.default_rng(seed)
     said = of_line.dynamics(found.at(at) if at else found, around, rng)
     return replace(said, at=at) if said and at else said

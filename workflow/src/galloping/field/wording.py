@@ -83,6 +83,7 @@ def summary_text(
         "gallop": "gallop" if of_span else "oscillate by itself",
         "gallops": "gallops" if of_span else "oscillates by itself",
         "exact": [n for n in found.model.inputs if not of.recordings[-1].inputs[n].error],
+        "held": [n for n in found.model.inputs if of.recordings[-1].inputs[n].between == "zero"],
         "odd": any("is the unit" in problem for problem in problems),
         "repeats": REPEATS in found.reason,
         "mixed": re.search(PARTS, found.reason),

@@ -6,6 +6,7 @@ from numbers import Integral
 import numpy as np
 from numpy.typing import ArrayLike
 
+from galloping.identification.aliases import without_aliases
 from galloping.identification.model import Unusable
 from galloping.identification.problem import Coefficient, Prior, Problem, posed
 from galloping.polynomial import Exponents, PolynomialModel
@@ -53,7 +54,7 @@ def asked(
     coefficients: Sequence[Coefficient] = (),
     allowed: ArrayLike | None = None,
 ) -> Problem:
-    """The problem, `posed` of recordings.
+    """The problem, `posed` of recordings, without terms that their inputs cannot tell apart.
 
     Raises ValueError where the library or what is known is not about their states and inputs, or
     `prior` is no `Prior`, and what `posed` raises.
@@ -88,7 +89,8 @@ def asked(
         raise ValueError(f"allowed: has shape {np.shape(allowed)}; must have ({n}, {len(terms)})")
     if known_states and known is None:
         raise ValueError(f"known_states: {', '.join(known_states)}; needs `known`, their equations")
-    return posed(states, terms, known, known_states, prior, inputs, coefficients, allowed)
+    problem = posed(states, terms, known, known_states, prior, inputs, coefficients, allowed)
+    return without_aliases(problem, recordings)
 
 
 def while_driven(recordings: list[Recording], inputs: tuple[str, ...]) -> list[Recording]:

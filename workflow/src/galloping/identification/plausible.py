@@ -73,7 +73,7 @@ def with_prior(problem: Problem, plausible: Plausible) -> Plausible:
     if problem.prior is None:
         return plausible
     size = plausible.supports.sum(axis=1)
-    price = plausible.supports @ problem.prior.of_complexity(problem.complexity)
+    price = plausible.supports @ problem.prior_prices
     clearly = plausible.chi2 < plausible.chi2[0] - 5.0
     is_no_tie = (size < size[0]) | (size > size[0]) & clearly
     dearer = np.where(is_no_tie, np.minimum(price - price[0], 0.0), price - price[0])

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import compress
 from math import isfinite
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,11 @@ from galloping.polynomial import (
     term_name,
     velocity_pairs,
 )
-from galloping.recording import Recording, windowed
+from galloping.recording import Recording, left_out, windowed
 from galloping.right_hand_side import System, Tables, system, tables
+
+if TYPE_CHECKING:
+    from galloping.identification.aliases import Alias
 
 
 @dataclass(frozen=True)
@@ -30,8 +33,11 @@ class Prior:
     Terms are there or not independently of each other. A linear term has the odds `term` for it, a
     constant, the simplest of all, the odds `constant`; a nonlinear term `nonlinear` times those of
     a linear one, and a constant in the equation of the rate of a displacement, which counts from
-    rest, `nonlinear` twice: among models that data cannot tell apart, the simpler one. Degrees and
-    odds have no unit, so neither the choice nor the verdict depends on those of the recording.
+    rest, `nonlinear` twice: among models that data cannot tell apart, the simpler one. Each power
+    of an input, by which a term is multiplied or divided, has the odds `power` of the term without
+    it: enough to decide between terms that fit alike, such as those of a motion at one value of the
+    input. Degrees and odds have no unit, so neither the choice nor the verdict depends on those of
+    the recording.
 
     With the likelihood the prior makes the evidence of a support. The integral over the
     coefficients of a term costs ln N in units of chi^2 for N samples of all channels (in
@@ -58,17 +64,21 @@ class Prior:
     term: float = 1.0 / 3.0
     constant: float = 0.6
     nonlinear: float = 1.0 / 20.0
+    power: float = 0.8
 
     def __post_init__(self) -> None:
-        for name in ("term", "constant", "nonlinear"):
+        for name in ("term", "constant", "nonlinear", "power"):
             value = getattr(self, name)
             if not isinstance(value, int | float) or not 0.0 < value <= 1.0:
                 raise ValueError(f"prior: {name}: {value!r:.60}; must be a number in (0, 1]")
 
-    def of_complexity(self, complexity: NDArray[np.int_]) -> NDArray[np.float64]:
-        """(n,) price of terms of a `Problem.complexity` (n,), less that of a linear term."""
+    def prices(self, complexity: NDArray[np.int_], powers: NDArray[np.int_]) -> NDArray[np.float64]:
+        """(n,) price of terms of a `Problem.complexity` (n,) with so many powers of inputs (n,),
+        less that of a linear term.
+        """
         dearer = -2.0 * np.log(self.nonlinear) * complexity
-        return np.where(complexity < 0, 2.0 * np.log(self.term / self.constant), dearer)
+        simple = np.where(complexity < 0, 2.0 * np.log(self.term / self.constant), dearer)
+        return simple - 2.0 * np.log(self.power) * powers
 
 
 PRIOR = Prior()
@@ -107,7 +117,8 @@ class Problem:
     to identify, increasing. open: (n_states, n_terms) boolean, which coefficients of the unknown
     equations are candidates. expected, precision: (n_states, n_terms) means of Gaussian priors of
     candidates and 1/variance, zero of those without. prior: of the supports; None: all are as
-    probable. inputs: names of the n_inputs inputs.
+    probable. inputs: names of the n_inputs inputs. aliases: terms that are no candidates, since the
+    recorded inputs cannot tell them from simpler ones.
     """
 
     states: tuple[str, ...]
@@ -119,6 +130,7 @@ class Problem:
     precision: np.ndarray
     prior: Prior | None
     inputs: tuple[str, ...]
+    aliases: tuple["Alias", ...] = ()
 
     @cached_property
     def candidates(self) -> np.ndarray:
@@ -149,6 +161,12 @@ class Problem:
         What inputs alone make counts as a constant.
         """
         return np.where(self.degrees == 0, np.where(self.of_velocities, 2, -1), self.degrees > 1)
+
+    @property
+    def prior_prices(self) -> np.ndarray:
+        """(n_candidates,) of `Prior.prices`."""
+        of_inputs = np.abs(np.array(self.terms)[:, len(self.states) :]).sum(axis=1)
+        return self.prior.prices(self.complexity, of_inputs[self.candidates[:, 1]])
 
     @cached_property
     def tables(self) -> Tables:
@@ -211,6 +229,19 @@ class Problem:
             inputs = [one.inputs[name] for name in self.inputs]
             powers.append(windowed(inputs, self.tables.factors, one.time[0], step, count, degree))
         return np.concatenate(powers)
+
+    def inputs_left_out(
+        self, recordings: Sequence[Recording], first: np.ndarray, step: float, powers: np.ndarray
+    ) -> np.ndarray:
+        """(3, n_factors) of `recording.left_out`, the largest of all recordings. powers: of
+        `input_factors`.
+        """
+        found = [
+            left_out([one.inputs[name] for name in self.inputs], self.tables.factors, one.time[0],
+                     step, powers[a:b])
+            for one, a, b in zip(recordings, first[:-1], first[1:], strict=True)
+        ]  # fmt: skip
+        return np.max(found, axis=0)
 
     def with_prior(
         self, information: np.ndarray, right: np.ndarray, about: np.ndarray | float = 0.0
@@ -279,8 +310,7 @@ class Problem:
         """
         if self.prior is None:
             return np.full(len(self.candidates), penalty)
-        beyond = self.prior.of_complexity(self.complexity)
-        return penalty / 2.0 - 2.0 * np.log(self.prior.term) + beyond
+        return penalty / 2.0 - 2.0 * np.log(self.prior.term) + self.prior_prices
 
     def compiled(self, free: np.ndarray, pairs: np.ndarray) -> System:
         """The equations to integrate, with the candidates' coefficients `free` (n_candidates,), and

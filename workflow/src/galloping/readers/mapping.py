@@ -76,13 +76,14 @@ class InputColumn(_Section):
     """One column of what was measured beside the motion and drives it, such as the wind.
 
     name: in the library, by default that of the column. between, error: as of `recording.Input`;
-    error may be text such as `2 %`. delay: s by which the column lags behind the time.
+    error may be text such as `2 %`, and where `between` is not said the motion tells it. delay: s
+    by which the column lags behind the time.
     """
 
     column: str
     name: str = ""
     unit: str | None = None
-    between: Literal["zero", "linear", "cubic"] = "cubic"
+    between: Literal["zero", "linear", "cubic"] | None = None
     error: float = Field(default=0.0, ge=0.0, lt=1.0)
     delay: float = Field(default=0.0, ge=-3600, le=3600)
 
@@ -171,6 +172,14 @@ class ColumnMapping(_Section):
         for name in names:
             if name not in self.states and tuple(names) != ("all",):
                 raise ValueError(f"{key}: {name!r}; must be all, or among {', '.join(self.states)}")
+
+    def with_between(self, kinds: Mapping[str, str]) -> "ColumnMapping":
+        """Return the mapping with what inputs are between samples where it does not say that."""
+        inputs = tuple(
+            one.model_copy(update={"between": one.between or kinds.get(one.name)})
+            for one in self.inputs
+        )
+        return self.model_copy(update={"inputs": inputs})
 
     @property
     def clocks(self) -> tuple[TimeColumn, ...]:

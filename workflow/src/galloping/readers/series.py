@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations, pairwise
 from pathlib import Path
@@ -35,7 +35,7 @@ from galloping.readers.units import (
     state_si,
     state_unit,
 )
-from galloping.recording import INTERPOLATED, Input
+from galloping.recording import BETWEEN, INTERPOLATED, Input
 
 CODES = (  # that loggers write for a missing sample, of either sign
     99, 999, 9999, 99999, 999999, 9999999, 99.9, 99.99, 999.9, 999.99, 999.25, 9999.9, 9999.99,
@@ -459,37 +459,44 @@ def inputs_of(
 ) -> dict[str, Input]:
     """Inputs by name, from values (n, n_inputs) at the rows of a file.
 
-    Rows between the samples of a slower instrument, empty or repeated, are no gaps and no samples.
-    What stays and then jumps anywhere is held between its samples, where the mapping does not say
-    otherwise. Raises FileError where a column holds fewer than two samples.
+    Rows between the samples of a slower instrument, empty or repeated, are no gaps and no samples,
+    unless the input is held. Where the mapping does not say what an input is between its samples,
+    it is held if it stays and then jumps anywhere, else smooth, and has the other kinds as its
+    alternatives. Raises FileError where a column holds fewer than two samples.
     """
     found = {}
     for column, own in zip(columns, values.T, strict=True):
         known = np.flatnonzero(np.isfinite(own))
         if len(known) < 2:
             raise FileError(f"{table.at(column.column)} has {len(known)} samples")
-        between = column.between
-        if "between" not in column.model_fields_set and _is_staircase(own[known]):
-            between = "zero"
-        if between != "zero":
-            known = known[_fresh(own[known])]
-        steps = np.diff(time[known])
-        kept = np.zeros(len(own), bool)
-        kept[known] = True
-        for k in np.flatnonzero(steps > INTERPOLATED * np.median(steps)):
-            kept[known[k] : known[k + 1]] = True
-        found[column.name] = Input(time[kept] - column.delay, own[kept], between, column.error)
+        kinds = {kind: _input_of(column, time, own, kind) for kind in BETWEEN}
+        likely = column.between or ("zero" if _is_staircase(own[known]) else "cubic")
+        others = () if column.between else tuple(kinds[kind] for kind in BETWEEN if kind != likely)
+        found[column.name] = replace(kinds[likely], alternatives=others)
     return found
+
+
+def _input_of(column: InputColumn, time: np.ndarray, values: np.ndarray, between: str) -> Input:
+    """An input that is held, linear or smooth between its samples. values: (n,), NaN if missing."""
+    known = np.flatnonzero(np.isfinite(values))
+    if between != "zero":
+        known = known[_fresh(values[known])]
+    steps = np.diff(time[known])
+    kept = np.zeros(len(values), bool)
+    kept[known] = True
+    for k in np.flatnonzero(steps > INTERPOLATED * np.median(steps)):
+        kept[known[k] : known[k + 1]] = True
+    return Input(time[kept] - column.delay, values[kept], between, column.error)
 
 
 def _is_staircase(values: np.ndarray) -> bool:
     """Whether values (n,) mostly stay, and jump as far as if the last one told nothing of the next:
-    such jumps are twice the variance of the values in the mean square.
+    such jumps are twice the variance of the values in the mean square. One jump is enough.
     """
     changes = values[np.append(True, np.diff(values) != 0)]
     jumps = np.diff(changes)
     stays = 2 * len(changes) < len(values)
-    return stays and len(jumps) > 1 and np.mean(jumps**2) > np.var(changes)
+    return stays and len(jumps) > 0 and np.mean(jumps**2) > np.var(changes)
 
 
 def _fresh(values: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from galloping.arrays import one_thread
+from galloping.identification.aliases import with_alias_rivals
 from galloping.identification.answers import beside_known, by, refused, with_inputs
 from galloping.identification.inputs import asked, checked_recordings, while_driven
 from galloping.identification.likelihood import free_run, starts, trajectory_fit
@@ -26,8 +27,9 @@ from galloping.identification.likelihood.verdict import Regression, agree, best_
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel, NoModel, attempt
+from galloping.identification.preparation.interpolation import held_inputs
 from galloping.identification.preparation.weak_form import Start, begin, delayed_inputs
-from galloping.identification.problem import PRIOR, Coefficient, Prior, Problem, posed
+from galloping.identification.problem import PRIOR, Coefficient, Prior, Problem
 from galloping.identification.random_forces.decision import moved_at_random, random_forces
 from galloping.identification.random_forces.start import may_be_moved_at_random
 from galloping.identification.random_forces.unmodelled import unmodelled
@@ -36,6 +38,7 @@ from galloping.identification.work import ENDED, MOST, is_spent, limited, portio
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
+HALF_A_STEP = "half of its step, as what is held between its samples"
 Outcome = IdentifiedModel | NoModel
 # Takes what an earlier search found to speak against a model; gives an outcome, and whether that is
 # sure, so that no further search is needed.
@@ -86,7 +89,8 @@ def maximum_likelihood(
     else:
         with limited(used) as work:
             found = work.doubted_if_ended(_at_some_time_scale(problem, used, start))
-    return with_inputs(beside_known(problem, found), recordings, used)
+    found = with_inputs(beside_known(problem, found), recordings, used)
+    return with_alias_rivals(problem, found)
 
 
 def _at_some_time_scale(
@@ -350,11 +354,15 @@ def _near_data(begun: Start, objection: str) -> Outcome:
 
 
 def _late(begun: Start) -> str:
-    """Which inputs are late or early, in words, and by how much; '' where none is."""
-    late = attempt(partial(delayed_inputs, begun))
-    if isinstance(late, NoModel):
-        return ""
-    return "; ".join(f"{name} is {DELAYED} the motion by {s:.2g} s" for name, s in late.items())
+    """Which inputs are late or early, in words, and by how much; '' where none is. One that is held
+    between its samples seems late by half of its step where it is taken for another.
+    """
+    held = held_inputs(begun.problem, begun.recordings)
+    late = {} if held else attempt(partial(delayed_inputs, begun))
+    clauses = [f"{name} is {DELAYED} the motion by {HALF_A_STEP}" for name in held]
+    if not isinstance(late, NoModel):
+        clauses += [f"{name} is {DELAYED} the motion by {s:.2g} s" for name, s in late.items()]
+    return "; ".join(clauses)
 
 
 def shared_evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> dict:
@@ -366,7 +374,7 @@ def shared_evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...
     def found() -> Start | None:
         if all(recording.exact for recording in recordings):
             return None
-        problem = posed(recordings[0].states, terms, inputs=tuple(recordings[0].inputs))
+        problem = asked(list(recordings), terms)
         return begin(problem, while_driven(list(recordings), problem.inputs))
 
     begun = attempt(found)

@@ -27,8 +27,12 @@ from galloping.identification.preparation.weak_form import Start, WeakFit
 from galloping.identification.selection import NOTHING_STANDS_OUT, Price, select, solve_support
 from galloping.identification.work import ENDED, is_spent
 from galloping.passes import passing
+from galloping.polynomial import design_matrix, velocity_pairs
 from galloping.recording import Recording
 
+# Of the noise, that the motion in a window may err by for what its polynomial leaves out of inputs,
+# and windows a period from which on it may err by more.
+OF_NOISE, FINEST_FOR_INPUTS = 0.1, 96
 PERIODS_PER_SEGMENT = 6  # short enough for a rough start to converge from
 CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
 MOST_PASSES = 20  # with joined segments
@@ -157,6 +161,11 @@ def prepare(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
         if problem.inputs:
             inputs = problem.input_factors(recordings, condensed.first, condensed.step)
             condensed = replace(condensed, inputs=inputs)
+            left = problem.inputs_left_out(recordings, condensed.first, condensed.step, inputs)
+            error = _error_of_inputs(begun, start, left, observed, is_rate)
+            if windows < FINEST_FOR_INPUTS and np.any(error > OF_NOISE * noise):
+                windows, length = 2 * windows, 2 * length
+                continue
         states, valid = _window_states(condensed, recordings, smoothed)
         segments = cut(condensed, length, valid)
         record = Record(problem, condensed, segments, states, floor)
@@ -171,6 +180,35 @@ def prepare(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
             return ShootingFit(record, start.free, start.support, record.starts, noise, noise)
         windows, length = 2 * windows, 2 * length
     raise FloatingPointError("the start diverges, or its time scale is too short")
+
+
+def _error_of_inputs(
+    begun: Start, start: WeakFit, left: np.ndarray, observed: np.ndarray, is_rate: np.ndarray
+) -> np.ndarray:
+    """(n_observed,) root mean square error of the solution within windows, of what their
+    polynomials leave out of the inputs, such as the steps of one that is held.
+
+    A rate errs by what is left out, the state by its integral, and what the state is the rate of by
+    the second one. No term counts for more than would make up its equation. left: as of
+    `Problem.inputs_left_out`.
+    """
+    problem, n = begun.problem, len(begun.problem.states)
+    values = np.concatenate([one.states[one.valid] for one in begun.smoothed])
+    sizes = np.sqrt(
+        np.mean(design_matrix(values, tuple(map(tuple, problem.of_states))) ** 2, axis=0)
+    )
+    coefficients = np.minimum(np.abs(start.free), begun.largest)
+    moved = np.zeros((3, n))
+    for (equation, term), coefficient in zip(problem.candidates, coefficients, strict=True):
+        factor = problem.terms[term][n:]
+        if any(factor):
+            share = coefficient * sizes[term]
+            moved[:, equation] += share * left[:, problem.tables.factors.index(factor)]
+    error = np.where(is_rate, moved[0, observed], moved[1, observed])
+    for displacement, velocity in velocity_pairs(problem.states).items():
+        own = observed == displacement
+        error[own] = np.where(is_rate[own], moved[1, velocity], moved[2, velocity])
+    return error
 
 
 def _window_states(

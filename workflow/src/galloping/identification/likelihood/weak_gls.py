@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from galloping.arrays import one_thread
+from galloping.identification.aliases import with_alias_rivals
 from galloping.identification.answers import refused, with_inputs
 from galloping.identification.inputs import asked, checked_recordings, while_driven
 from galloping.identification.likelihood.repetition import Followed
@@ -55,7 +56,7 @@ def weak_gls(
             sigma=np.array([one.noise for one in begun.smoothed]),
             chi2=fit.misfit,
         )
-        return with_inputs(found, recordings, used)
+        return with_alias_rivals(problem, with_inputs(found, recordings, used))
 
     found = attempt(search)
     return refused(problem, found.reason) if isinstance(found, NoModel) else found

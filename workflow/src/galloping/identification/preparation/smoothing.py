@@ -18,7 +18,7 @@ from scipy.linalg import solveh_banded
 
 from galloping.identification.model import Unusable
 from galloping.polynomial import velocity_pairs
-from galloping.recording import Recording, at_times
+from galloping.recording import Recording, on_grid
 
 # Of the smooth curves: the accelerations of a displacement's quintic spline are still cubic ones.
 SPLINE_DEGREE = 5
@@ -53,7 +53,7 @@ class Smooth:
     noise: (n_states,) standard deviation of a sample about the curve, NaN where not measured.
     residual: (n, n_states) samples less the curve, NaN where missing.
     valid: (n_grid,) whether samples of every curve are near, rather than in a gap.
-    inputs: (n_grid, n_inputs) those of the recording.
+    inputs: (n_grid, n_inputs) those of the recording, as of `on_grid`.
     """
 
     time: np.ndarray
@@ -125,7 +125,7 @@ def smooth(recording: Recording, period: float) -> Smooth:
         valid &= _near(recording, curve[:1], time, period)
         valid &= _away(recording, curve, time, period)
         sigma[curve[0]] = density / np.sqrt(time[1] - time[0])
-    inputs = at_times(list(recording.inputs.values()), time)
+    inputs = on_grid(list(recording.inputs.values()), time)
     return Smooth(time, states, sigma, derived, noise, residual, valid, inputs)
 
 

@@ -24,7 +24,7 @@ from galloping.identification.selection import Price, select, solve_support
 from galloping.identification.work import spend
 from galloping.passes import passing
 from galloping.polynomial import design_matrix
-from galloping.recording import Recording, extrapolated
+from galloping.recording import Recording, extrapolated, on_grid
 
 TEST_STRIDE = GRID_PER_PERIOD // 6  # steps of the grid between tests, a third of their radius
 MOST_MISFIT = 3.0  # chi^2 per row of the weak form: linearised errors explain no more
@@ -150,7 +150,7 @@ class WeakFit:
     """A fit of the weak form. free, support: (n,) candidates' coefficients and which are there.
 
     information: (n, n), right: (n,) of the normal equations, in units of the noise. misfit: chi^2
-    per row.
+    per row, of which there are `rows`.
     """
 
     free: np.ndarray
@@ -158,6 +158,7 @@ class WeakFit:
     information: np.ndarray
     right: np.ndarray
     misfit: float
+    rows: int
 
 
 def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFit:
@@ -180,7 +181,7 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
         free, _ = solve_support(information, right, support)
         coefficients = problem.coefficients(free)
     misfit = (total - float(free @ right)) / max(n_rows - int(support.sum()), 1)
-    return WeakFit(free, support, information, right, max(misfit, 0.0))
+    return WeakFit(free, support, information, right, max(misfit, 0.0), n_rows)
 
 
 def _regression(
@@ -302,8 +303,9 @@ def delayed_inputs(start: Start) -> dict[str, float]:
     def misfit(k: int, late: float) -> tuple[float, int]:
         moved = []
         for recording, one in zip(start.recordings, start.smoothed, strict=True):
-            inputs = one.inputs.copy()
-            inputs[:, k] = extrapolated(recording.inputs[problem.inputs[k]], one.time + late)
+            inputs, own = one.inputs.copy(), recording.inputs[problem.inputs[k]]
+            known = on_grid([own], one.time + late)[:, 0]
+            inputs[:, k] = np.where(np.isnan(known), extrapolated(own, one.time + late), known)
             moved.append(replace(one, inputs=inputs))
         information, right, total, rows = _regression(problem, moved, weighed)
         return total - float(solve_support(information, right, np.ones(n, bool))[0] @ right), rows

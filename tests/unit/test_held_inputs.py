@@ -1,0 +1,164 @@
+"""What inputs are between their samples, and terms that their values cannot tell apart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from field_files import run
+from held_inputs import COUNT, DAMPING, STEP, STIFFNESS, TIME, inputs, moved_by
+
+import galloping
+from galloping import IdentifiedModel, Input, Recording
+from galloping.identification.inputs import asked
+from galloping.identification.preparation.interpolation import choose_interpolants
+from galloping.intervals import drawn_with_rivals
+from galloping.polynomial import library
+from galloping.recording import typical_inputs
+from galloping.storage import read_json
+from galloping.terms import parse
+
+KINDS = ("zero", "linear", "cubic")
+STATES = ("q", "dq")
+
+
+def recorded(samples, between, said="cubic", noise=1e-3, names=("F",)):
+    """A recording whose inputs may be anything between their samples, and are taken as said."""
+    one = Input(TIME, samples, said)
+    others = tuple(replace(one, between=kind) for kind in KINDS if kind != said)
+    seen = moved_by(samples, between, noise)
+    values = np.column_stack([seen, np.full(COUNT, np.nan)])
+    given = dict.fromkeys(names, replace(one, alternatives=others))
+    return Recording(TIME, STATES, values, inputs=given)
+
+
+@pytest.mark.parametrize("said", ["zero", "cubic"])
+@pytest.mark.parametrize("noise", [1e-3, 0.03])
+@pytest.mark.parametrize("name", inputs())
+def test_the_motion_tells_what_an_input_is_between_its_samples(name, noise, said):
+    samples, between = inputs()[name]
+    recording = recorded(samples, between, said, noise)
+    problem = asked([recording], *parse("poly(q, dq; 3) + F", STATES, ("F",))[:1])
+    found = choose_interpolants(problem, [recording])["F"]
+    assert (found == "zero") == (between == "zero")
+
+
+def test_what_is_said_of_an_input_is_not_asked():
+    samples, _ = inputs()["a controller"]
+    recording = recorded(samples, "zero")
+    said = replace(recording, inputs={"F": Input(TIME, samples, "cubic")})
+    problem = asked([said], *parse("q + dq + F", STATES, ("F",))[:1])
+    assert choose_interpolants(problem, [said]) == {}
+
+
+@pytest.mark.parametrize("between", KINDS)
+def test_means_of_inputs_are_those_of_their_integrals(between):
+    rng = np.random.default_rng(1)
+    one = Input(np.cumsum(rng.uniform(0.5, 1.5, 60)), rng.standard_normal(60), between)
+    centres = np.linspace(one.time[2], one.time[-3], 41)
+    fine = centres[:, None] + 1.7 * ((np.arange(20_000) + 0.5) / 20_000 - 0.5)
+    np.testing.assert_allclose(one.mean_around(centres, 1.7), one(fine).mean(axis=1), atol=2e-4)
+
+
+def aliases(values, terms, names=("F",)):
+    """The terms that are left out, of inputs with these values (n, n_inputs)."""
+    values = np.asarray(values, float).reshape(-1, len(names))
+    rng = np.random.default_rng(1)
+    drawn = values[rng.integers(0, len(values), 400)]
+    time = np.arange(400.0)
+    given = {name: Input(time, own, "zero") for name, own in zip(names, drawn.T, strict=True)}
+    motion = rng.standard_normal((400, 2))
+    recording = Recording(time, STATES, motion, inputs=given)
+    problem = asked([recording], *parse(f"dq + {terms}", STATES, names)[:1])
+    model = galloping.PolynomialModel(STATES, problem.terms, 0.0 * problem.known, names)
+    names = dict(zip(problem.terms, model.term_names, strict=True))
+    assert not any(problem.open[one.equation, problem.terms.index(one.term)]
+                   for one in problem.aliases)  # fmt: skip
+    return {names[one.term]: {names[t]: c for t, c in one.simpler.items()}
+            for one in problem.aliases}  # fmt: skip
+
+
+def test_of_powers_of_two_values_the_simplest_are_candidates():
+    powers = "q + F + F^2 + F^3"
+    assert aliases([0, 2], powers) == {"F^2": {"F": 2.0}, "F^3": {"F": pytest.approx(4.0)}}
+    assert aliases([-1, 1], powers) == {"F^3": {"F": pytest.approx(1.0)}}  # F^2 is a constant
+    assert aliases([-1, 1], "1 + " + powers).keys() == {"F^2", "F^3"}
+    assert aliases([1, 3], powers).keys() == {"F^3"}
+    assert aliases([-1, 0, 1], powers).keys() == {"F^3"}
+    assert aliases([0, 1, 2, 5], powers) == {}
+    assert aliases([0, 2], "q + q*F + q*F^2 + F").keys() == {"q F^2"}
+    assert aliases([1, 2], "q + 1/F + F^2 + F").keys() == {"F^2"}
+    assert aliases([0, 1], "q + 1/F + F^2 + F").keys() == {"F^2"}  # not divided by zero
+
+
+def test_products_and_multiples_of_inputs_are_told_apart_by_what_was_recorded():
+    both = [[0, 0], [0, 1], [1, 0], [1, 1]]
+    assert aliases(both, "q + F + G + F*G", ("F", "G")) == {}
+    assert aliases(both[:3], "q + F + G + F*G", ("F", "G")) == {}  # never there: no term
+    assert aliases(both[:2] + both[3:], "q + F + G + F*G", ("F", "G")).keys() == {"F G"}
+    proportional = [[k, 3 * k] for k in range(9)]
+    assert aliases(proportional, "q + F + G", ("F", "G")) == {"G": {"F": pytest.approx(3.0)}}
+    smooth = np.random.default_rng(2).standard_normal((300, 2))
+    assert aliases(smooth, "poly(q, dq, F, G; 3)", ("F", "G")) == {}
+
+
+def written(path, samples, between, noise=1e-3):
+    seen = moved_by(samples, between, noise)
+    pd.DataFrame({"t [s]": TIME, "x [m]": seen, "F [N/kg]": samples}).to_csv(path, index=False)
+    return path, "--states", "q,dq", "--measure", "q=x", "--input", "F=F"
+
+
+@pytest.mark.parametrize(
+    ("name", "library"),
+    [
+        ("one step", "q + dq + F"),
+        ("a controller", "q + dq + F"),
+        pytest.param("a controller", None, marks=pytest.mark.slow),
+    ],
+)
+def test_the_command_holds_what_is_held(tmp_path, name, library):
+    samples, between = inputs()[name]
+    file = written(tmp_path / "a.csv", samples, between)
+    more = ("--library", library) if library else ()
+    run("identify", *file, *more, "--output", tmp_path / "out")
+    path = tmp_path / "out" / "model.json"
+    found = IdentifiedModel.load(path)
+    row = dict(zip(found.model.term_names, found.model.coefficients[1], strict=True))
+    errors = dict(zip(found.model.term_names, found.standard_errors[1], strict=True))
+    assert found.status == "ok" and not found.is_forced
+    assert {name for name, value in row.items() if value} == {"q", "dq", "F"}
+    for term, true in (("q", -STIFFNESS), ("dq", -DAMPING), ("F", 1.0)):
+        assert abs(row[term] - true) < 4.0 * errors[term]
+    assert read_json(path)["between"] == {"F": "zero"}
+    ahead = run("forecast", path, *file, "--duration", 1, "--at", "F=2")
+    assert len(ahead.splitlines()) == 2 + round(1.0 / STEP) - 1
+
+
+def test_at_values_that_were_never_recorded_intervals_hold_what_other_terms_say():
+    samples, between = inputs()["a square wave"]
+    recording = recorded(samples, between, "zero")
+    found = galloping.maximum_likelihood(recording, library(3, 3))
+    assert found.status in ("ok", "not identifiable") and "cannot tell F^2 from F" in found.reason
+    assert np.array(found.model.terms)[found.support.any(axis=0), 2].max() == 1
+    (at,) = typical_inputs(("F",), [recording]).values()
+    assert at in (0.0, 2.0)
+    models = drawn_with_rivals(found, np.random.default_rng(0))
+
+    def rest(model, value):
+        held = model.at({"F": value})
+        row = dict(zip(held.term_names, held.coefficients[1], strict=True))
+        return -row["1"] / row["q"]
+
+    recorded_at, between = ([rest(model, value) for model in models] for value in (2.0, 1.0))
+    np.testing.assert_allclose(recorded_at, 2.0 / STIFFNESS, rtol=0.01)
+    assert min(between) == pytest.approx(0.25 / STIFFNESS, rel=0.02)  # as by F^3
+    assert max(between) == pytest.approx(1.0 / STIFFNESS, rel=0.02)
+
+
+def test_an_input_that_was_said_to_be_smooth_and_is_held_is_named():
+    samples, _ = inputs()["a controller"]
+    recording = recorded(samples, "zero")
+    said = replace(recording, inputs={"F": Input(TIME, samples, "cubic")})
+    found = galloping.maximum_likelihood(said, parse("q + dq + F", STATES, ("F",))[0])
+    assert found.status == "approximate" and "F is delayed" in found.reason
+    assert "held between its samples" in found.reason

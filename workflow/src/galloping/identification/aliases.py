@@ -1,0 +1,170 @@
+"""Terms that recorded inputs cannot tell apart: of an input that has two values, all its powers.
+
+A term is a monomial of the states times a factor, a monomial of the inputs. At the recorded values
+some factors are linear combinations of others, exactly: F^2 is 2 F where F was 0 and 2. No
+recording of these values tells their terms apart, so the simplest is a candidate alone. Elsewhere
+the terms differ, which the rivals of the model show.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import isfinite
+
+import numpy as np
+
+from galloping.identification.model import IdentifiedModel
+from galloping.identification.problem import Problem
+from galloping.intervals import DRAWS, drawn_with_rivals
+from galloping.polynomial import Exponents, term_name
+from galloping.recording import Recording
+
+EXACT = 1e-9  # of a factor's length, beside others: what is left of it is rounding
+MOST_VALUES = 4096  # combinations of recorded values that are looked at
+SHOWN = 4  # exchanges that are said one by one
+
+
+@dataclass(frozen=True)
+class Alias:
+    """A term that equals a combination of simpler ones at all recorded values of the inputs.
+
+    Attributes
+    ----------
+    equation : int
+        Index of the state in whose equation it is.
+    term : tuple of int
+        Its exponents.
+    simpler : dict
+        Coefficients of the combination by exponents.
+    """
+
+    equation: int
+    term: Exponents
+    simpler: dict[Exponents, float]
+
+
+def without_aliases(problem: Problem, recordings: Sequence[Recording]) -> Problem:
+    """Leave out candidates that equal combinations of simpler ones at the recorded inputs.
+
+    Candidates with a prior of their own stay.
+    """
+    if not problem.inputs:
+        return problem
+    n, aliases = len(problem.states), []
+    values = _recorded_values(problem, recordings)
+    known = problem.precision > 0.0
+    may_be = problem.open.copy()
+    for equation in problem.unknown:
+        groups: dict[Exponents, list[int]] = {}
+        for j in np.flatnonzero(problem.open[equation]):
+            groups.setdefault(problem.terms[j][:n], []).append(int(j))
+        for group in groups.values():
+            group.sort(key=lambda j: (not known[equation, j], *_complexity(problem.terms[j][n:])))
+            for j, combination in _combinations(
+                group, [problem.terms[j][n:] for j in group], values
+            ):
+                if not known[equation, j]:
+                    may_be[equation, j] = False
+                    simpler = {problem.terms[k]: c for k, c in combination.items()}
+                    aliases.append(Alias(equation, problem.terms[j], simpler))
+    return replace(problem, open=may_be, aliases=tuple(aliases))
+
+
+def _recorded_values(problem: Problem, recordings: Sequence[Recording]) -> np.ndarray:
+    """Return the different combinations of values that inputs were recorded at, (n, n_inputs)."""
+    found = []
+    for one in recordings:
+        inputs = [one.inputs[name] for name in problem.inputs]
+        if len(inputs) == 1:
+            found.append(inputs[0].values[:, np.newaxis])
+        else:
+            found.append(np.column_stack([each.last_sample(one.time) for each in inputs]))
+    values = np.concatenate(found)
+    values = np.unique(values[np.isfinite(values).all(axis=1)], axis=0)
+    return values[:: -(-len(values) // MOST_VALUES)]
+
+
+def _complexity(factor: Exponents) -> tuple:
+    """Sort key: fewer powers come first, then fewer inputs, multiplication before division."""
+    powers = [abs(e) for e in factor]
+    return sum(powers), np.count_nonzero(powers), sum(e < 0 for e in factor), factor[::-1]
+
+
+def _combinations(
+    places: Sequence[int], factors: Sequence[Exponents], values: np.ndarray
+) -> list[tuple[int, dict[int, float]]]:
+    """Return the factors that are combinations of earlier ones at all values, each with these.
+
+    A product with an infinite value, of a division by zero, is no combination.
+    """
+    found, kept, columns = [], [], np.empty((len(values), 0))
+    for place, factor in zip(places, factors, strict=True):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            column = np.prod(values ** np.array(factor, float), axis=1)
+        size = float(np.linalg.norm(column))
+        if not isfinite(size) or size == 0.0:
+            continue
+        column = column / size
+        combination = np.linalg.lstsq(columns, column, rcond=None)[0] if kept else np.empty(0)
+        if np.linalg.norm(column - columns @ combination) < EXACT * np.sqrt(1 + len(kept)):
+            own = {
+                k: float(c * size / scale)
+                for (k, scale), c in zip(kept, combination, strict=True)
+                if abs(c) > EXACT
+            }
+            found.append((place, own))
+        else:
+            kept.append((place, size))
+            columns = np.column_stack([columns, column])
+    return found
+
+
+def with_alias_rivals(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
+    """Add the models that have other terms and are the same at all recorded values of the inputs.
+
+    In each of them one alias stands for a term of the model that it contains. All are as probable
+    as the model itself, so that intervals at values that were not recorded hold what they say.
+    """
+    model = identified.model
+    if not problem.aliases or identified.status == "refused" or not len(identified.covariance):
+        return identified
+    index = {term: j for j, term in enumerate(model.terms)}
+    exchanges = [
+        (alias, term)
+        for alias in problem.aliases
+        for term in alias.simpler
+        if identified.support[alias.equation, index[term]]
+    ]
+    if not exchanges:
+        return identified
+    rng = np.random.default_rng(0)
+    drawn, rivals = drawn_with_rivals(identified, rng), []
+    for k in range(max(DRAWS, len(exchanges))):
+        alias, term = exchanges[k % len(exchanges)]
+        coefficients = drawn[k % len(drawn)].coefficients.copy()
+        row = coefficients[alias.equation]
+        share = row[index[term]] / alias.simpler[term]
+        for other, coefficient in alias.simpler.items():
+            row[index[other]] -= share * coefficient
+        row[index[term]] = 0.0
+        row[index[alias.term]] += share
+        rivals.append(coefficients)
+    others = len(exchanges)  # with the model itself, each as probable
+    share = (others + identified.rival_share) / (others + 1.0)
+    copies = round(len(rivals) * identified.rival_share / others)
+    rivals += [identified.rivals[k % len(identified.rivals)] for k in range(copies)]
+    reason = "; ".join(filter(None, [identified.reason, _words(problem, identified, exchanges)]))
+    return replace(identified, rivals=np.array(rivals), rival_share=share, reason=reason)
+
+
+def _words(
+    problem: Problem, identified: IdentifiedModel, exchanges: Sequence[tuple[Alias, Exponents]]
+) -> str:
+    """Say which terms could be others."""
+    names = identified.model.names
+    parts = dict.fromkeys(
+        f"{term_name(alias.term, names)} from {term_name(term, names)} in "
+        f"d({problem.states[alias.equation]})/dt"
+        for alias, term in exchanges
+    )
+    several = ", ".join(list(parts)[:SHOWN])
+    return f"the recorded values of {', '.join(problem.inputs)} cannot tell {several}"

@@ -1,0 +1,144 @@
+"""What inputs are between their samples, where nobody said it: held, linear or smooth.
+
+A controller holds its output until the next sample, and a wind goes on smoothly. Taken for smooth,
+an input that is held seems late by half of its step. The misfit of the weak form tells, by all
+candidate terms, so that no model is needed that nearly follows.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from galloping.identification.inputs import while_driven
+from galloping.identification.model import NoModel, attempt
+from galloping.identification.preparation.screening import prepared
+from galloping.identification.preparation.smoothing import Smooth
+from galloping.identification.preparation.weak_form import weak_fit
+from galloping.identification.problem import Problem
+from galloping.recording import Input, Recording, extrapolated
+
+# Of the misfit beyond the noise, that another interpolant takes away at least. An input that is
+# late by less than 0.3 of its step is not taken for held then: its misfit, which is quadratic in
+# the delay, falls by less.
+LEAST_FALL = 1.0 / 3.0
+FINER = 8  # steps, in a step of the grid, over which inputs are averaged exactly
+
+
+def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> dict[str, str]:
+    """Choose what each input is between its samples, as of `Input.between`.
+
+    Parameters
+    ----------
+    problem : Problem
+    recordings : sequence of Recording
+
+    Returns
+    -------
+    dict
+        By the name of each input that has alternatives: the input as it is, unless an alternative
+        takes LEAST_FALL of the misfit beyond the noise away, and more than the price of a term.
+    """
+    undecided = [
+        name for name in problem.inputs if any(one.inputs[name].alternatives for one in recordings)
+    ]
+    chosen = {name: recordings[0].inputs[name].between for name in undecided}
+    if not undecided:
+        return {}
+    used = attempt(lambda: while_driven(list(recordings), problem.inputs))
+    start = used if isinstance(used, NoModel) else attempt(lambda: prepared(used))
+    if isinstance(start, NoModel):
+        return chosen
+    cleaned, smoothed, _ = start
+    penalty = 2.0 * np.log(sum(one.samples for one in cleaned))
+    for name in undecided:
+        fits = {}
+        for kind in (chosen[name], *_kinds(recordings, name)):
+            curves = [
+                _with_inputs(one, curve, problem, {**chosen, name: kind})
+                for one, curve in zip(used, smoothed, strict=True)
+            ]
+            fit = attempt(lambda curves=curves: weak_fit(problem, curves, penalty))
+            if not isinstance(fit, NoModel):
+                fits[kind] = fit
+        now = fits.get(chosen[name])
+        best = min(fits, key=lambda kind: fits[kind].misfit, default=chosen[name])
+        if now is not None:
+            least = max(penalty / now.rows, LEAST_FALL * (now.misfit - 1.0))
+            if now.misfit - fits[best].misfit <= least:
+                continue
+        chosen[name] = best
+    return chosen
+
+
+def held_inputs(problem: Problem, recordings: Sequence[Recording]) -> list[str]:
+    """Return the names of inputs that are held between their samples, and were said not to be."""
+    if all(one.inputs[name].between == "zero" for one in recordings for name in problem.inputs):
+        return []
+    asked = []
+    for one in recordings:
+        inputs = {
+            name: replace(each, alternatives=(replace(each, between="zero", alternatives=()),))
+            for name, each in one.inputs.items()
+        }
+        asked.append(replace(one, inputs=inputs))
+    kinds = choose_interpolants(problem, asked)
+    return [
+        name for name, kind in kinds.items() if kind == "zero" != recordings[0].inputs[name].between
+    ]
+
+
+def _kinds(recordings: Sequence[Recording], name: str) -> list[str]:
+    return [one.between for one in recordings[0].inputs[name].alternatives]
+
+
+def of_kind(one: Input, kind: str) -> Input:
+    """Return an input with what it is between its samples decided."""
+    found = {each.between: each for each in (*one.alternatives, one)}
+    return replace(found.get(kind, one), alternatives=())
+
+
+def with_interpolants(recording: Recording, kinds: Mapping[str, str]) -> Recording:
+    """Return a recording with what its inputs are between their samples decided, by name."""
+    inputs = {
+        name: of_kind(one, kinds[name]) if name in kinds else one
+        for name, one in recording.inputs.items()
+    }
+    return replace(recording, inputs=inputs)
+
+
+def _with_inputs(
+    recording: Recording, curve: Smooth, problem: Problem, kinds: Mapping[str, str]
+) -> Smooth:
+    """Return smooth curves with their inputs, as kinds say, made ready for the integrals of tests.
+
+    A value at a point of the grid is the integral of the input with a kernel about it: the sum over
+    the grid with any smooth function is then the integral of the product, to the third order in the
+    step of the grid, whatever the input does between the points. An input that the library divides
+    by stays within its range, beyond which a kernel leads beside a jump.
+    """
+    step = (curve.time[1] - curve.time[0]) / FINER
+    reach = 2 * FINER  # of the kernel
+    count = (len(curve.time) - 1) * FINER + 2 * reach
+    fine = curve.time[0] + step * (np.arange(count) - reach + 0.5)
+    kernel = _cubic_kernel((np.arange(2 * reach) - reach + 0.5) / FINER) / FINER
+    columns = []
+    for k, name in enumerate(problem.inputs, start=len(problem.states)):
+        one = recording.inputs[name]
+        one = of_kind(one, kinds.get(name, one.between))
+        means = one.mean_around(fine, step)
+        means = np.where(np.isfinite(means), means, extrapolated(one, fine))
+        values = sliding_window_view(means, 2 * reach)[::FINER] @ kernel
+        divides = any(term[k] < 0 for term in problem.terms)
+        columns.append(np.clip(values, means.min(), means.max()) if divides else values)
+    return replace(curve, inputs=np.column_stack(columns))
+
+
+def _cubic_kernel(x: np.ndarray) -> np.ndarray:
+    """Cubic convolution: samples of any quadratic, summed with it, give the quadratic back (R. G.
+    Keys, IEEE Trans. Acoust. Speech Signal Process. 29, 1981).
+    """
+    x = np.abs(x)
+    near, far = (1.5 * x - 2.5) * x**2 + 1.0, ((-0.5 * x + 2.5) * x - 4.0) * x + 2.0
+    return np.where(x < 1.0, near, np.where(x < 2.0, far, 0.0))
