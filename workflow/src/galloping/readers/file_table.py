@@ -4,11 +4,13 @@ import csv
 import io
 import json
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from numbers import Number
 from pathlib import Path
+from typing import TypeVar
 from zipfile import ZipFile
 
 import numpy as np
@@ -19,8 +21,9 @@ from galloping.readers.array_files import LARGEST, READERS, arrays_in, check_siz
 from galloping.readers.columns import DATED
 from galloping.readers.layout import DECIMAL_COMMA, SAY_DECIMAL
 from galloping.readers.text_table import read_text
-from galloping.readers.units import NONE, named
+from galloping.readers.units import NONE, UnitError, is_scaled, named
 
+Converted = TypeVar("Converted")
 TEXT, SHEET = (".csv", ".txt", ".tsv", ".dat", ".asc"), ".xlsx"  # of files that are read
 MOST_CELLS = 50_000_000  # of a sheet of Excel
 
@@ -76,6 +79,30 @@ class FileTable:
     def unit(self, name: str) -> str:
         """The unit that the file states for a column, or ''."""
         return self.units.get(named(name)[0], "")
+
+    def convert(
+        self, name: str, said: str | None, convert: Callable[[str], Converted]
+    ) -> Converted:
+        """Return what `convert` makes of the unit of a column.
+
+        That is the unit that is said, or that of the file, which must not differ. What is said
+        counts where it is `1`, which takes numbers as they are, and where the file has another name
+        than that of a unit, such as `counts`. Raises FileError.
+        """
+        own = self.unit(name).split(" since ")[0]
+        try:
+            if not said and is_scaled(own):  # as `50 mm`, which may be the range of a sensor
+                raise UnitError(f"unit {own!r:.60} is a number of units; say what one count is")
+            found = convert(said or own)
+        except UnitError as error:
+            raise FileError(f"{self.at(name)}: {error}") from error
+        with suppress(UnitError):
+            if said not in (None, "1") and own and convert(own) != found:
+                raise FileError(
+                    f"{self.at(name)} is in {own} by the file and in {said} by the mapping; must "
+                    "be the same"
+                )
+        return found
 
     def kind(self, name: str) -> str:
         """What a column holds, by its first cell: `number`, `date` (or a time of a day), `text`."""

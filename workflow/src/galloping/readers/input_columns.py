@@ -1,0 +1,71 @@
+"""What drives the motion, from columns of a file to functions of time."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from galloping.readers import FileError
+from galloping.readers.file_table import FileTable
+from galloping.readers.mapping import InputColumn
+from galloping.recording import BETWEEN, INTERPOLATED, Input
+
+HELD = 2  # rows, that a logger repeats a slower sample for at least
+
+
+def inputs_of(
+    table: FileTable, columns: Sequence[InputColumn], time: np.ndarray, values: np.ndarray
+) -> dict[str, Input]:
+    """Inputs by name, from values (n, n_inputs) at the rows of a file.
+
+    Rows between the samples of a slower instrument, empty or repeated, are no gaps and no samples,
+    unless the input is held. Where the mapping does not say what an input is between its samples,
+    it is held if it stays and then jumps anywhere, else smooth, and has the other kinds as its
+    alternatives. Raises FileError where a column holds fewer than two samples.
+    """
+    found = {}
+    for column, own in zip(columns, values.T, strict=True):
+        known = np.flatnonzero(np.isfinite(own))
+        if len(known) < 2:
+            raise FileError(f"{table.at(column.column)} has {len(known)} samples")
+        kinds = {kind: _input_of(column, time, own, kind) for kind in BETWEEN}
+        likely = column.between or ("zero" if _is_staircase(own[known]) else "cubic")
+        others = () if column.between else tuple(kinds[kind] for kind in BETWEEN if kind != likely)
+        found[column.name] = replace(kinds[likely], alternatives=others)
+    return found
+
+
+def _input_of(column: InputColumn, time: np.ndarray, values: np.ndarray, between: str) -> Input:
+    """An input that is held, linear or smooth between its samples. values: (n,), NaN if missing."""
+    known = np.flatnonzero(np.isfinite(values))
+    if between != "zero":
+        known = known[_fresh(values[known])]
+    steps = np.diff(time[known])
+    kept = np.zeros(len(values), bool)
+    kept[known] = True
+    for k in np.flatnonzero(steps > INTERPOLATED * np.median(steps)):
+        kept[known[k] : known[k + 1]] = True
+    return Input(time[kept] - column.delay, values[kept], between, column.error)
+
+
+def _is_staircase(values: np.ndarray) -> bool:
+    """Whether values (n,) mostly stay, and jump as far as if the last one told nothing of the next:
+    such jumps are twice the variance of the values in the mean square. One jump is enough.
+    """
+    changes = values[np.append(True, np.diff(values) != 0)]
+    jumps = np.diff(changes)
+    stays = 2 * len(changes) < len(values)
+    return stays and len(jumps) > 0 and np.mean(jumps**2) > np.var(changes)
+
+
+def _fresh(values: np.ndarray) -> np.ndarray:
+    """(n,) boolean: the samples of a slower instrument that a logger did not merely repeat.
+
+    All where values do not stay for a fixed number of rows.
+    """
+    fresh = np.append(True, np.diff(values) != 0)
+    runs = np.diff(np.flatnonzero(fresh))
+    if len(runs) < HELD or np.median(runs) < HELD:
+        return np.ones(len(values), bool)
+    regular = runs % np.median(runs) == 0
+    return fresh if regular.mean() > 0.9 else np.ones(len(values), bool)

@@ -1,0 +1,158 @@
+"""Times of samples: from dates, numbers with a unit, or a count of samples to seconds in order."""
+
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+
+from galloping.identification.inputs import FEWEST
+from galloping.readers import FileError
+from galloping.readers.file_table import FileTable
+from galloping.readers.mapping import ColumnMapping, TimeColumn
+from galloping.readers.units import factor
+
+DAYS = (
+    "%d.%m.%Y", "%d.%m.%y", "%Y/%m/%d", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%m-%d-%Y", "%m/%d/%y",
+    "%d/%m/%y", "%d-%b-%Y",
+)  # fmt: skip
+HOURS = [f"%{hours}.%f{half}" for hours, half in (("H:%M:%S", ""), ("I:%M:%S", " %p"))]
+HOURS += [hours.replace(".%f", ":%f") for hours in HOURS]
+WHOLE = r"(?<![:\d])(\d\d?:\d\d:\d\d)(?![.:\d])"  # seconds, which may stand among fractions of them
+FORMS = [f"{day} {hour}" for day in DAYS for hour in HOURS] + HOURS
+
+
+def find_instants(
+    table: FileTable, time: TimeColumn
+) -> pd.DatetimeIndex | pd.TimedeltaIndex | None:
+    """Dates or times of a day of a file; None where they, or most of a column of text, are numbers.
+
+    Raises FileError where a day cannot be told from a month, and for what is no time.
+    """
+    name, column = time.column, table.column(time.column)
+    if column.dtype.kind in "mM":
+        return pd.Index(column)
+    if column.dtype.kind not in "OUT" or time.unit is not None:
+        return None
+    text = pd.Series(column).astype("string").str.strip().str.replace(",", ".")
+    text = text.str.replace(WHOLE, r"\1.0", regex=True)
+    if pd.to_numeric(text, errors="coerce").notna().sum() >= text.notna().sum() / 2:
+        return None
+    first = text.dropna()[:1]
+    found = [pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")]
+    if found[0].isna().all():
+        forms = [form for form in FORMS
+                 if pd.to_datetime(first, format=form, errors="coerce").notna().all()]  # fmt: skip
+        found += [pd.to_datetime(text, format=form, errors="coerce") for form in forms]
+    most = max(stamps.notna().sum() for stamps in found)
+    found = [stamps for stamps in found if stamps.notna().sum() == most]
+    strange = np.flatnonzero(text.notna() & found[0].isna())
+    if len(strange):
+        what = "is neither a number nor a time, such as 2026-01-31T12:00:00.04"
+        raise table.fault(strange[0], name, what)
+    if any(not (stamps - stamps.min()).equals(found[0] - found[0].min()) for stamps in found):
+        raise table.fault(0, name, "may be day or month first; write dates as 2026-01-31")
+    stamps = pd.DatetimeIndex(found[0])
+    if ":" in first.iloc[0][:3]:  # without a date: they go on after midnight
+        days = np.cumsum(np.diff(stamps, prepend=stamps[:1]) < -pd.Timedelta(hours=12))
+        stamps += pd.to_timedelta(days, "D")
+    return stamps
+
+
+def seconds_of(
+    table: FileTable, mapping: ColumnMapping, times: pd.Index | None
+) -> tuple[np.ndarray, str, float]:
+    """Times in s since the first, when that was, if the file says it, and on which second."""
+    if mapping.rate is not None:
+        values = _counted(table, mapping)
+        if not np.isfinite(values).any():
+            raise FileError(f"{table.at(mapping.time.column)} is empty")
+        return values - np.nanmin(values), "", float(np.nanmin(values))
+    name = mapping.time.column
+    if isinstance(times, pd.DatetimeIndex) and times.notna().any():
+        first = times.min()
+        seconds = np.asarray((times - first).total_seconds(), float)
+        return seconds, first.isoformat(), first.timestamp()
+    if isinstance(times, pd.TimedeltaIndex):
+        values = times.total_seconds().to_numpy(float)
+    elif times is not None:
+        values = np.full(len(times), np.nan)
+    else:
+        values = table.numbers(name) * table.convert(
+            name, mapping.time.unit, partial(factor, wanted="s")
+        )
+    if not np.isfinite(values).any():
+        raise FileError(f"{table.at(name)} is empty")
+    return values - np.nanmin(values), "", float(np.nanmin(values))
+
+
+def _counted(table: FileTable, mapping: ColumnMapping) -> np.ndarray:
+    """Return the times of samples at the rate of a mapping, s, by their count or by their rows."""
+    if mapping.time is None:
+        first = (*mapping.channels, *mapping.inputs)[0]
+        return np.arange(len(table.column(first.column))) / mapping.rate
+    name = mapping.time.column
+    if unit := table.unit(name):
+        raise FileError(
+            f"{table.at(name)} has the unit {unit} and counts no samples; leave out the rate"
+        )
+    counts = table.numbers(name)
+    for row in np.flatnonzero(np.isfinite(counts) & (counts != np.round(counts))):
+        raise table.fault(row, name, "is no count of samples; leave out the rate")
+    return counts / mapping.rate
+
+
+def put_in_order(
+    table: FileTable, time: np.ndarray, values: np.ndarray, rows: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
+    """Times, values and rows with times that increase, and a note of each thing that was mended."""
+    notes = []
+    timeless = ~np.isfinite(time)
+    if timeless.any():
+        notes.append(f"{timeless.sum()} rows without a time were left out, row {rows[timeless][0]}")
+        time, values, rows = time[~timeless], values[~timeless], rows[~timeless]
+    if (moved := _restarted(time)) is not None:
+        back = rows[np.flatnonzero(np.diff(time) < 0)[0] + 1]
+        notes.append(
+            f"the clock starts again in row {back}: what follows is a recording of its own"
+        )
+        time = moved
+    late = np.flatnonzero(np.diff(time) < 0) + 1
+    if len(late):
+        notes.append(f"{len(late)} times go back, first in row {rows[late[0]]}: sorted")
+        order = np.argsort(time, kind="stable")
+        time, values, rows = time[order], values[order], rows[order]
+    again = np.flatnonzero(np.diff(time) == 0) + 1
+    if len(again):
+        of_time = pd.DataFrame(values).groupby(time)
+        differ = of_time.nunique().gt(1).any(axis=1)
+        strange = again[differ[time[again]]]
+        if len(strange):
+            raise FileError(
+                f"{table.path}: row {rows[strange[0]]}: a time that was there before, with other "
+                "values: a clock with a coarse step, where each row needs a time of its own, or "
+                "two recordings, where each needs a file of its own"
+            )
+        notes.append(f"{len(again)} repeated rows were dropped, first row {rows[again[0]]}")
+        values = of_time.first().to_numpy()
+        time, rows = (np.delete(each, again) for each in (time, rows))
+    return time, values, rows, notes
+
+
+def _restarted(time: np.ndarray) -> np.ndarray | None:
+    """Times (n,) of a file in which the clock starts again, the parts one after the other.
+
+    Between two parts there is a gap as long as all before. None where the clock does not start
+    again: where rows are out of order, or parts that do not overlap.
+    """
+    edges = [0, *(np.flatnonzero(np.diff(time) < 0) + 1), len(time)]
+    parts = [time[a:b] for a, b in pairwise(edges)]
+    ordered = sorted(parts, key=lambda part: part[0])
+    overlap = any(after[0] <= before[-1] for before, after in pairwise(ordered))
+    if not overlap or min(map(len, parts)) < FEWEST:
+        return None
+    moved = [parts[0]]
+    for part in parts[1:]:
+        end = moved[-1][-1]
+        moved.append(part - part[0] + end + (end - time[0]))
+    return np.concatenate(moved)
