@@ -1,5 +1,8 @@
 """Files are written whole or not at all, with the same bytes for the same content."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -43,6 +46,38 @@ def test_a_folder_is_written_whole_or_not_at_all(tmp_path, place, end):
         assert not end and (tmp_path / place / "a").read_text() == "new"
         assert (tmp_path / "old" / "mine").read_text() == "mine"
         assert files(tmp_path / place) == (["a", "mine"] if place == "old" else ["a"])
+
+
+WAITING = """
+import sys, time
+from galloping.storage import replacing_folder
+with replacing_folder(sys.argv[1]) as folder:
+    (folder / "a").write_text("half")
+    print("begun", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_what_a_killed_process_left_is_removed_and_what_another_writes_is_not(tmp_path):
+    def begun():
+        command = [sys.executable, "-c", WAITING, str(tmp_path / "out")]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        assert process.stdout.readline() == "begun\n"
+        return process
+
+    killed, working = begun(), begun()
+    killed.kill()
+    killed.wait()
+    assert len(files(tmp_path)) == 2
+    (tmp_path / ".partial-1-other").mkdir()
+    with replacing_folder(tmp_path / "out") as folder:
+        mine = folder.name
+        assert files(tmp_path) == sorted([".partial-1-other", f".partial-{working.pid}-out", mine])
+    working.kill()
+    working.wait()
+    with replacing_folder(tmp_path / "new"):
+        pass
+    assert files(tmp_path) == [".partial-1-other", f".partial-{working.pid}-out", "new", "out"]
 
 
 def test_rows(tmp_path):

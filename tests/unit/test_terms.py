@@ -1,5 +1,6 @@
 """The grammar of libraries and of what is known."""
 
+import re
 from itertools import product
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 from galloping import derive
+from galloping.identification.problem import Coefficient
 from galloping.polynomial import PolynomialModel, design_matrix, library, term_name
 from galloping.terms import known_model, parse, parse_known
 
@@ -148,3 +150,30 @@ def test_model_on_another_library():
     assert model(x) == pytest.approx(np.array([[16.5, 24.0]]))
     assert model.on_library(library(2, 3))(x) == pytest.approx(model(x))
     assert model.support.sum() == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("poly(q, dq, U, V; 12)", "1820 terms are too many; at most 600"),
+        ("((1 + q + dq + U)^12)^12", "651 terms are too many"),
+        ("(1 + q)^12 * (1 + dq)^12 * (1 + U)^12", "terms are too many"),
+        ("((((q^12)^12)^12)^12)^12", "a power of 24 is more than 12"),
+        ("(" * 3000 + "q" + ")" * 3000, "brackets within each other"),
+        ("q" * 20_000, "20000 characters are more than 10000"),
+        ("poly(q; " + "9" * 5000 + ")", "must be a whole number up to 12"),
+        ("*".join(["q"] * 3000), "a power of 13 is more than 12"),
+    ],
+)
+def test_what_would_take_long_is_refused_before_any_work(text, said):
+    with pytest.raises(ValueError, match=re.escape(said)) as fault:
+        parse(text, ("q", "dq"), ("U", "V"))
+    assert "\n" not in str(fault.value) and len(str(fault.value)) < 300
+
+
+@pytest.mark.parametrize(
+    ("mean", "deviation"), [(1.0, 1e-200), (0.0, 1e-200), (1.0, 1e200), (1e300, 1.0), (1.0, 1e-10)]
+)
+def test_what_is_known_can_be_squared(mean, deviation):
+    with pytest.raises(ValueError, match=r"coefficient: (mean|deviation)"):
+        Coefficient("q", (1,), mean, deviation)

@@ -139,6 +139,19 @@ def test_an_interruption_inside_compiled_code_is_one(monkeypatch, model):
     assert run("show", model, code=130) == "Interrupted\n"
 
 
+def test_an_identification_that_is_ended_leaves_nothing(tmp_path):
+    process = subprocess.Popen(
+        [*COMMAND, "identify", SPAN, *MAP, "--output", tmp_path / "out"],
+        stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert any("% done" in line for line in process.stderr)  # in the midst of it
+    assert any(tmp_path.iterdir())
+    process.terminate()
+    process.communicate()
+    assert process.returncode == 128 + signal.SIGTERM
+    assert not any(tmp_path.iterdir())
+
+
 def test_ctrl_c_ends_an_identification_in_one_line(tmp_path):
     process = subprocess.Popen(
         [*COMMAND, "identify", SPAN, *MAP, "--output", tmp_path / "out"],

@@ -1,6 +1,7 @@
 """The command `galloping`: from files to models, from models to motions."""
 
 import gc
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
@@ -23,6 +24,8 @@ class _OneLine(click.Group):
     """Errors of input end in one line and exit code 1, interruptions in one line and 130."""
 
     def invoke(self, context: click.Context) -> object:
+        with suppress(ValueError):  # of another thread than the first
+            signal.signal(signal.SIGTERM, _end)  # so that nothing unfinished is left
         try:
             return super().invoke(context)
         except (KeyboardInterrupt, SystemError) as error:
@@ -40,9 +43,19 @@ class _OneLine(click.Group):
                 with suppress(OSError):  # else what is left in it fails once more at the end
                     sys.stdout.close()
             said = f"{what}: {error.strerror}" if what else str(error)
-            raise click.ClickException(said) from error
+            raise click.ClickException(_printable(said)) from error
         except ValueError as error:
-            raise click.ClickException(str(error)) from error
+            raise click.ClickException(_printable(str(error))) from error
+
+
+def _printable(text: str) -> str:
+    """Lines of text, without what steers a terminal: a file may have it in its name."""
+    return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
+
+
+def _end(number: int, _: object) -> None:
+    """End as by an exception, when a signal asks for it."""
+    sys.exit(128 + number)
 
 
 def _interrupted(error: BaseException | None) -> bool:

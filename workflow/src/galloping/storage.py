@@ -1,6 +1,7 @@
 """Files that are written whole or not at all, with the same bytes for the same content."""
 
 import csv
+import glob
 import json
 import os
 import shutil
@@ -40,15 +41,22 @@ def replacing_folder(path: str | os.PathLike) -> Iterator[Path]:
     """A temporary folder, the files of which are in `path` when the block ends without error.
 
     A folder that does not exist comes into being whole; in one that does, each file takes the place
-    of its namesake, and all others stay. Raises OSError, naming the folder, where it cannot be
-    written, before the block begins or when it ends; nothing is left behind then.
+    of its namesake, and all others stay. What a process that was killed left of the same folder is
+    removed. Raises OSError, naming the folder, where it cannot be written, before the block begins
+    or when it ends; nothing is left behind then.
     """
     place = Path(path).resolve()
     parent = place if place.is_dir() else place.parent
     partial = parent / f"{partial_prefix()}{place.name}"
     made = [folder for folder in (parent, *parent.parents) if not folder.exists()]
+    claim = None
     try:
         partial.mkdir(parents=True)
+        claim = _claim(partial)
+        for left in parent.glob(f"{PARTIAL}*-{glob.escape(place.name)}"):
+            if left != partial and (other := _claim(left)) is not None:
+                shutil.rmtree(left, ignore_errors=True)
+                os.close(other)
         yield partial
         if place.is_dir():
             for file in partial.iterdir():
@@ -59,9 +67,29 @@ def replacing_folder(path: str | os.PathLike) -> Iterator[Path]:
         raise OSError(f"{path}: cannot be written: {error.strerror or error}") from error
     finally:
         shutil.rmtree(partial, ignore_errors=True)
+        if claim is not None:
+            os.close(claim)
         for folder in made:
             if folder.is_dir() and not any(folder.iterdir()):
                 folder.rmdir()
+
+
+def _claim(folder: Path) -> int | None:
+    """Lock a folder as long as this process lives, or until the descriptor is closed.
+
+    None where another process has it, and where system or file system know no locks.
+    """
+    try:
+        import fcntl  # not on Windows
+    except ImportError:
+        return None
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        return None
+    return descriptor
 
 
 def write_arrays(path: str | os.PathLike, **arrays: np.ndarray) -> None:

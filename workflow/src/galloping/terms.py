@@ -17,7 +17,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations_with_replacement
-from math import isfinite
+from math import comb, isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,7 +63,10 @@ EXPECTED = {  # by terminal; others are not worth a word
     "NAME": "a name", "NUMBER": "a number", "RPAR": ")", "SEMICOLON": "; and a degree",
     "EQUAL": "=", "COLON": ":", "COMMA": "a comma",
 }  # fmt: skip
-HIGHEST = 12  # power of a factor, and degree of `poly`
+HIGHEST = 12  # power of a name in a term, and degree of `poly`
+# A text within these bounds is read in a moment, whatever it says.
+MOST_CHARACTERS, DEEPEST = 10_000, 50  # of a text, and of brackets within brackets
+MOST_TERMS = 600  # that a text multiplies out to
 STRUCTURE = 3  # degree of the elastic forces of `wind`
 
 Sum = dict[Exponents, float]  # coefficients by term
@@ -164,6 +167,14 @@ class _Sentence:
     def tree(self) -> Tree:
         from lark.exceptions import UnexpectedInput
 
+        if len(self.text) > MOST_CHARACTERS:
+            said = f"{len(self.text)} characters are more than {MOST_CHARACTERS}"
+            raise ValueError(f"{self.kind} {self.text:.60}...: {said}")
+        depth = 0
+        for place, character in enumerate(self.text):
+            depth += (character == "(") - (character == ")")
+            if depth > DEEPEST:
+                raise self.fault(place, f"more than {DEEPEST} brackets within each other")
         try:
             return _grammar().parse(self.text, start=self.kind)
         except UnexpectedInput as error:
@@ -180,7 +191,25 @@ class _Sentence:
 
     def fault(self, place: int | Token, said: str) -> ValueError:
         place = getattr(place, "start_pos", place)
-        return ValueError(f"{self.kind} {self.text!r}, character {place + 1}: {said}")
+        text = self.text if len(self.text) < 200 else f"{self.text:.60}..."
+        return ValueError(f"{self.kind} {text!r}, character {place + 1}: {said}")
+
+    def times(self, left: Sum, right: Sum, place: Token | None) -> Sum:
+        """The product of two sums. Raises ValueError for too many terms or too high a power."""
+        result: Sum = {}
+        for one, a in left.items():
+            for other, b in right.items():
+                term = tuple(m + n for m, n in zip(one, other, strict=True))
+                result[term] = result.get(term, 0.0) + a * b
+            self.check_count(len(result), place)
+        highest = max(max(map(abs, term)) for term in result)
+        if highest > HIGHEST:
+            raise self.fault(place or 0, f"a power of {highest} is more than {HIGHEST}")
+        return result
+
+    def check_count(self, terms: int, place: Token | None) -> None:
+        if terms > MOST_TERMS:
+            raise self.fault(place or 0, f"{terms} terms are too many; at most {MOST_TERMS}")
 
     def of_equations(self) -> Iterator[tuple[int, Sum]]:
         """The terms that a library has in each equation that it is about."""
@@ -226,6 +255,7 @@ class _Sentence:
                 raise self.fault(sign, "a library is a sum, and signs are found; must be +")
             for term, value in self.product(product, equation).items():
                 total[term] = total.get(term, 0.0) + (-value if sign == "-" else value)
+            self.check_count(len(total), None)
         return dict.fromkeys(total, 1.0) if self.kind == "library" else total
 
     def product(self, tree: Tree, equation: int) -> Sum:
@@ -236,7 +266,8 @@ class _Sentence:
                 said = "a number is not understood here; it stands first, or behind * or /"
                 raise self.fault(factor.children[0], said)
             by = self.factor(factor, equation)
-            result = _times(result, self.inverse(by, sign) if sign == "/" else by)
+            by = self.inverse(by, sign) if sign == "/" else by
+            result = self.times(result, by, sign)
         return result
 
     def factor(self, tree: Tree, equation: int) -> Sum:
@@ -252,6 +283,7 @@ class _Sentence:
         if tree.data == "poly":
             *names, degree = tree.children
             places, most = [self.name(each) for each in names], self.power(degree)
+            self.check_count(comb(len(places) + most, most), degree)
             return {self.monomial(own): 1.0 for own in _chosen(places, most)}
         if tree.data == "wind" or (name == "wind" and "wind" not in self.states + self.inputs):
             return self.wind(name, equation, tree.data == "wind")
@@ -264,12 +296,12 @@ class _Sentence:
             own = self.inverse(own, sign)
         result = {(0,) * len(self.states + self.inputs): 1.0}
         for _ in range(power):
-            result = _times(result, own)
+            result = self.times(result, own, digits)
         return result
 
     def power(self, digits: Token) -> int:
-        if not digits.isdigit() or int(digits) > HIGHEST:
-            said = f"{digits.value} is not allowed; must be a whole number up to {HIGHEST}"
+        if not digits.isdigit() or len(digits) > 4 or int(digits) > HIGHEST:
+            said = f"{digits.value:.20} is not allowed; must be a whole number up to {HIGHEST}"
             raise self.fault(digits, said)
         return int(digits)
 
@@ -330,12 +362,3 @@ def _chosen(places: Sequence[int], degree: int) -> Iterator[tuple[int, ...]]:
     """The factors of every monomial up to a degree, in the order of `polynomial.library`."""
     for power in range(degree + 1):
         yield from combinations_with_replacement(places, power)
-
-
-def _times(left: Sum, right: Sum) -> Sum:
-    result: Sum = {}
-    for one, a in left.items():
-        for other, b in right.items():
-            term = tuple(m + n for m, n in zip(one, other, strict=True))
-            result[term] = result.get(term, 0.0) + a * b
-    return result

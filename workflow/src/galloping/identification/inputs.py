@@ -12,6 +12,7 @@ from galloping.identification.problem import Coefficient, Prior, Problem, posed
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
+MOST_CANDIDATES = 600  # terms of all equations: moves of three of them are then within memory
 FEWEST = 100  # samples: fewer hold no oscillation that could be told from noise
 
 
@@ -90,6 +91,11 @@ def asked(
     if known_states and known is None:
         raise ValueError(f"known_states: {', '.join(known_states)}; needs `known`, their equations")
     problem = posed(states, terms, known, known_states, prior, inputs, coefficients, allowed)
+    if (count := len(problem.candidates)) > MOST_CANDIDATES:
+        raise ValueError(
+            f"library: {len(terms)} terms in {len(problem.unknown)} equations are {count} "
+            f"candidates; at most {MOST_CANDIDATES} can be told apart"
+        )
     return without_aliases(problem, recordings)
 
 

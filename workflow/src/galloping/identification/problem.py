@@ -82,6 +82,8 @@ class Prior:
 
 
 PRIOR = Prior()
+LARGEST = 1e100  # of what is known of a coefficient: squares are finite
+SMALLEST = 1e-9  # deviation of what is known, in its mean: less is rounding
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,8 @@ class Coefficient:
 
     state: in whose equation the coefficient stands. term: exponents of its term. mean, deviation:
     of its Gaussian prior, in the coefficient's unit; a deviation of zero fixes the coefficient.
-    Raises ValueError where they are not finite or the deviation is below zero.
+    Raises ValueError where they are not finite or beyond what can be squared, and where the
+    deviation is below zero, or so small that it fixes the coefficient.
     """
 
     state: str
@@ -101,10 +104,18 @@ class Coefficient:
     def __post_init__(self) -> None:
         for name in ("mean", "deviation"):
             value = getattr(self, name)
-            sound = isinstance(value, int | float) and isfinite(value)
+            sound = isinstance(value, int | float) and isfinite(value) and abs(value) <= LARGEST
             if not sound or (name == "deviation" and value < 0.0):
-                allowed = "a finite number" + (" >= 0" if name == "deviation" else "")
-                raise ValueError(f"coefficient: {name}: {value!r:.60}; must be {allowed}")
+                allowed = "a number" + (" from 0" if name == "deviation" else "")
+                raise ValueError(
+                    f"coefficient: {name}: {value!r:.60}; must be {allowed} up to {LARGEST:g}"
+                )
+        least = max(SMALLEST * abs(self.mean), 1.0 / LARGEST)
+        if 0.0 < self.deviation < least:
+            raise ValueError(
+                f"coefficient: deviation: {self.deviation!r:.60}; must be 0, which fixes it, or at "
+                f"least {least:.2g}"
+            )
 
 
 @dataclass(frozen=True)
