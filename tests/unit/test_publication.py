@@ -50,13 +50,13 @@ def here(tmp_path, monkeypatch):
     return folder
 
 
-def zipped(path, *entries):
+def zipped(path, *entries, method=zipfile.ZIP_DEFLATED):
     """A zip of (name, content), names as they are."""
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+    with zipfile.ZipFile(path, "w", method) as file:
         for name, content in entries:
             entry = zipfile.ZipInfo("x")
             entry.filename = entry.orig_filename = name
-            file.writestr(entry, content, zipfile.ZIP_DEFLATED)
+            file.writestr(entry, content, method)
     return path.read_bytes()
 
 
@@ -77,6 +77,10 @@ REFUSED = [
     (bomb, UNSOUND, 100),
     (lambda p: zipped(p, ("a", "1"))[:-30], UNSOUND, 0),
     (lambda p: b"no zip" * 100, UNSOUND, 0),
+    (lambda p: zipped(p, ("a", "1" * 99), method=zipfile.ZIP_LZMA), "method 14; must be", 0),
+    (lambda p: zipped(p, ("a", "1" * 99), method=zipfile.ZIP_BZIP2), "method 12; must be", 0),
+    (lambda p: zipped(p, ("a" * 300, "1")), UNSOUND, 0),
+    (lambda p: zipped(p, ("a/" * 3000 + "a", "1")), UNSOUND, 10**9),
 ]
 
 

@@ -26,7 +26,7 @@ from galloping.publication.archive import (
 from galloping.publication.archive import restore as restored
 from galloping.publication.publishing import ALLOWABLE, NotPublishable
 from galloping.publication.publishing import publish as published
-from galloping.reproducibility.lock import Obstacle, locked, make_command
+from galloping.reproducibility.lock import Obstacle, check_places, locked, make_command
 from galloping.reproducibility.plan import planning
 from galloping.reproducibility.receipts import digest, inspect, receipts, remember
 from galloping.reproducibility.repair import audit, remove
@@ -60,10 +60,13 @@ def main() -> None:
         command.add_argument("--configfile", nargs="+", default=[])
     given = vars(parser.parse_args())
     try:
-        configured(["config/config.yaml", *given["configfile"]])  # Snakemake would say less
+        settings = configured(["config/config.yaml", *given["configfile"]])
+        check_places(settings.results)  # Snakemake would say less of both
         given.pop("run")(**given)
     except (ConfigurationError, Obstacle) as error:
         sys.exit(str(error))
+    except OSError as error:
+        sys.exit(f"{error.filename or 'results'}: {error.strerror or error}")
 
 
 @contextmanager

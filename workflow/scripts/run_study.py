@@ -51,6 +51,7 @@ def main(*arguments: str) -> int:
     known, _ = parser.parse_known_args(options)
     check_cores(known.cores)
     files, repair = known.configfile, make_command(known.configfile, "repair")
+    results = "results"
     try:
         settings = configured(["config/config.yaml", *files])
         results = settings.results
@@ -75,12 +76,18 @@ def main(*arguments: str) -> int:
                 print(f"{told}; run it again to go on.", file=sys.stderr)
             elif not sys.stdout.isatty():
                 words = Path(results, SAID).read_text(encoding="utf-8", errors="replace")
-                print(*words.splitlines()[-LAST_WORDS:], sep="\n", file=sys.stderr)
+                last = [line for line in words.splitlines() if line.strip()][-LAST_WORDS:]
+                if "\nTraceback " in words:
+                    said = Path(results, SAID)
+                    last = [f"Snakemake stopped: {last[-1]} ({said}); `{repair}` may mend it"]
+                print(*last, sep="\n", file=sys.stderr)
             return status
     except (ConfigurationError, Obstacle) as error:
         sys.exit(str(error))
     except Killed:
         sys.exit(killed(repair))
+    except OSError as error:
+        sys.exit(f"{error.filename or results}: {error.strerror or error}")
 
 
 def announced(

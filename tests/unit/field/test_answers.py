@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import re
 import signal
 import subprocess
 from dataclasses import replace
@@ -208,6 +209,11 @@ NO_MODEL = [  # what is in the file, and what the one line says
     (lambda model: model.replace(b"-6.76", b"NaN"), "not all are finite"),
     (lambda model: model.replace(b"-6.76", b'"nan"'), "not all are finite"),
     (lambda model: model.replace(b"-6.76", b'"inf"'), "not all are finite"),
+    (lambda _: b"[" * 100_000, "not an identified model"),
+    (lambda model: model.replace(b'"dq_v"', b'"q\\n**ok**"'), "must be names that print"),
+    (lambda model: model.replace(b'"dq_v"', b'"q_v"'), "a name is there twice"),
+    (lambda model: re.sub(rb"\[\s*0,\s*1\s*\]", b"[0, 9e99]", model), "must be whole exponents"),
+    (lambda model: re.sub(rb"\[\s*0,\s*1\s*\]", b"[0, -1]", model), "must be 0 or more"),
 ]
 
 

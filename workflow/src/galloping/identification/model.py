@@ -54,6 +54,8 @@ RANGE = ("_low", "_high")  # behind the name of an input: diagnostics, its range
 LITTLE_TOLD = 0.8
 # Ratio, of a motion that swings: at it a swing falls to a seventh in a period.
 MOST_DAMPING = 0.3
+LONGEST_NAME = 100  # characters, of a state or an input in a file
+MOST_POWER = 64  # of a state or an input in a term of a file
 BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
 
 
@@ -334,8 +336,13 @@ class IdentifiedModel(Immutable):
             content = read_json(path)
             if not isinstance(content, dict):
                 raise TypeError("must be a mapping of keys")
-            states, inputs = tuple(content["states"]), tuple(content["inputs"])
+            states, inputs = _names(content["states"]), _names(content["inputs"])
             terms = tuple(map(tuple, content["terms"]))
+            powers = [e for term in terms for e in term]
+            if not terms or any(type(e) is not int or abs(e) > MOST_POWER for e in powers):
+                raise ValueError(f"terms: must be whole exponents up to {MOST_POWER}")
+            if any(e < 0 for term in terms for e in term[: len(states)]):
+                raise ValueError("terms: exponents of states must be 0 or more")
             model = PolynomialModel(states, terms, _array(content["coefficients"]), inputs)
             status, shapes = content["status"], _shapes(*model.coefficients.shape)
             shapes["covariance"] = (len(content["covariance"]),) * 2
@@ -361,8 +368,22 @@ class IdentifiedModel(Immutable):
             )
         except KeyError as error:
             raise ValueError(f"{path}: not an identified model: no key {error}") from None
-        except (AttributeError, TypeError, ValueError) as error:
-            raise ValueError(f"{path}: not an identified model: {error}") from None
+        except (AttributeError, TypeError, ValueError, ArithmeticError, RecursionError) as error:
+            cause = " ".join(str(error).split())[:200]
+            raise ValueError(f"{path}: not an identified model: {cause}") from None
+
+
+def _names(content: object) -> tuple[str, ...]:
+    """Names of states or inputs. Raises ValueError for anything else."""
+    names = tuple(content)
+    if not all(
+        isinstance(name, str) and name.isprintable() and 0 < len(name) <= LONGEST_NAME
+        for name in names
+    ):
+        raise ValueError(f"{names!r:.60}: must be names that print, in one line")
+    if len(set(names)) < len(names):
+        raise ValueError(f"{names!r:.60}: a name is there twice")
+    return names
 
 
 def _latex(state: str, states: tuple[str, ...]) -> str:

@@ -4,6 +4,7 @@ them: whether one is whole and agrees with a study here, and its results put in 
 A manifest has the SHA-256 of every file of a folder, in the format of `sha256sum --check`.
 """
 
+import errno
 import os
 import re
 import stat
@@ -40,11 +41,14 @@ MAX_SIZE = 4 * 2**30  # bytes, of all files together
 
 EARLIEST = (1980, 1, 1, 0, 0, 0)  # the time that every entry has; a zip knows none before
 PLAIN = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+=-]*(/[A-Za-z0-9_][A-Za-z0-9_.+=-]*)*")
+METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 # what is raised for what is no zip file, a broken one, or one in which a file is a folder too
 UNSOUND = (
     zipfile.BadZipFile, zlib.error, struct.error, EOFError, ValueError, RuntimeError,
-    FileExistsError, NotADirectoryError, IsADirectoryError,
+    FileExistsError, NotADirectoryError, IsADirectoryError, ArithmeticError, LookupError,
+    MemoryError, AttributeError, TypeError,
 )  # fmt: skip
+OF_NAME = (errno.EINVAL, errno.ENAMETOOLONG, errno.EOVERFLOW)  # or of a place in the archive
 
 
 class NotRestorable(Exception):
@@ -98,9 +102,19 @@ def unpack(archive: Path, folder: Path) -> None:
                         f"{archive}: {entry.orig_filename!r} is not a plain path (letters, digits "
                         "and _.+=-, with '/', no part beginning with a dot)"
                     )
+                if entry.compress_type not in METHODS:
+                    raise NotRestorable(
+                        f"{archive}: {entry.orig_filename} is compressed by method "
+                        f"{entry.compress_type}; must be stored or deflated"
+                    )
             content.extractall(folder)  # of each entry never more than declared
     except UNSOUND as error:
-        raise NotRestorable(f"{archive}: not a sound zip file ({error})") from None
+        cause = " ".join(str(error).split())[:200]
+        raise NotRestorable(f"{archive}: not a sound zip file ({cause})") from None
+    except OSError as error:
+        if error.errno not in OF_NAME:
+            raise
+        raise NotRestorable(f"{archive}: not a sound zip file ({error.strerror})") from None
 
 
 def write_manifest(folder: Path) -> None:

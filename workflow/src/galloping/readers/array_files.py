@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from galloping.readers import FileError
+from galloping.readers.matlab_elements import check_elements
 
 LARGEST = 2 * 1024**3  # bytes: a table of that size fits into the memory of a small machine
 
@@ -61,19 +62,21 @@ def _parquet(path: Path) -> Iterator[StoredArray]:
 
     with parquet.ParquetFile(path) as file:
         rows, schema = file.metadata.num_rows, file.schema_arrow
+    check_size(rows * len(schema))
     # of text each word is read once, however many rows repeat it
     texts = [field.name for field in schema if types.is_string(field.type)]
 
+    @cache
+    def table() -> Any:
+        return parquet.read_table(path, read_dictionary=texts)
+
     def load(place: int) -> np.ndarray:
-        table = parquet.read_table(path, columns=[schema.names[place]], read_dictionary=texts)
-        return table.column(0).to_pandas().to_numpy()
+        return table().column(place).to_pandas().to_numpy()
 
     for place, field in enumerate(schema):
         unit = (field.metadata or {}).get(b"unit")
-        plain = not types.is_nested(field.type)
-        yield StoredArray(
-            field.name, (rows,), "O" if plain else "V", unit and unit.decode(), partial(load, place)
-        )
+        kind = "V" if types.is_nested(field.type) else "O"
+        yield StoredArray(field.name, (rows,), kind, unit and unit.decode(), partial(load, place))
 
 
 def _hdf5(path: Path) -> Iterator[StoredArray]:
@@ -136,6 +139,7 @@ def _unpacked(values: Any, about: Callable[[str, Any], Any]) -> np.ndarray:
 def _matlab(path: Path) -> Iterator[StoredArray]:
     from scipy.io import loadmat, whosmat
 
+    check_elements(path, LARGEST)
     check_size(sum(prod(shape) for _, shape, _ in whosmat(path)))
     for name, value in loadmat(path).items():
         if not name.startswith("__"):

@@ -4,7 +4,7 @@ import csv
 import io
 import json
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -26,6 +26,8 @@ from galloping.readers.units import NONE, UnitError, is_scaled, named
 Converted = TypeVar("Converted")
 TEXT, SHEET = (".csv", ".txt", ".tsv", ".dat", ".asc"), ".xlsx"  # of files that are read
 MOST_CELLS = 50_000_000  # of a sheet of Excel
+MOST_TEXT = 100_000_000  # characters of a column
+SHOWN, LONGEST = 12, 60  # columns that a message names, and characters of a name
 
 
 @dataclass(frozen=True)
@@ -60,18 +62,20 @@ class FileTable:
     @property
     def content(self) -> str:
         """In words, what the file holds: its columns with their units, and what is none."""
-        columns = [f"{name!r}" + f" [{self.unit(name)}]" * bool(self.unit(name))
-                   for name in self.columns]  # fmt: skip
-        others = [f"{name} ({shape})" for name, shape in self.others.items()]
-        others += [f"{name} = {value:g}" for name, value in self.scalars.items()]
-        more = f"; each must be a vector of its own, unlike {', '.join(others)}" if others else ""
-        return ", ".join(columns) + more
+        columns = [
+            f"{name!r:.{LONGEST}}" + (f" [{unit:.{LONGEST}}]" if (unit := self.unit(name)) else "")
+            for name in self.columns
+        ]
+        others = [f"{name:.{LONGEST}} ({shape})" for name, shape in self.others.items()]
+        others += [f"{name:.{LONGEST}} = {value:g}" for name, value in self.scalars.items()]
+        more = f"; each must be a vector of its own, unlike {enumerated(others)}" if others else ""
+        return enumerated(columns) + more
 
     def column(self, name: str) -> np.ndarray:
         """A column by its name, with or without the unit behind it. Raises FileError."""
         bare, _ = named(name)
         if bare not in self.columns:
-            raise FileError(f"{self.path}: no column {bare!r}; it has {self.content}")
+            raise FileError(f"{self.path}: no column {bare!r:.{LONGEST}}; it has {self.content}")
         if bare in self.unclear:
             raise FileError(f"{self.path}: two columns are named {bare!r}, with other samples")
         return self.columns[bare]
@@ -214,6 +218,12 @@ def _table(
     return FileTable(path, columns, units, first_row, notes, frozenset(unclear), scalars, others)
 
 
+def enumerated(parts: Sequence[str]) -> str:
+    """Return parts with commas, those beyond the SHOWN first ones counted alone."""
+    more = f" and {len(parts) - SHOWN} more" if len(parts) > SHOWN else ""
+    return ", ".join(parts[:SHOWN]) + more
+
+
 def printable(text: str) -> str:
     """Return a text in one line, with a blank for each run of characters that do not print.
 
@@ -276,7 +286,7 @@ def _read_arrays(path: Path, suffix: str) -> FileTable:
             values = np.ravel(one.load())
             if values.dtype.kind == "O" and hasattr(next(iter(values), None), "isoformat"):
                 values = np.array([str(time) for time in values], object)  # of a day
-            if not all(isinstance(x, str | Number | None) for x in values[:1].tolist()):
+            if not _is_plain(values):
                 values = None
         if values is None:
             others[printable(one.name)] = " x ".join(map(str, one.shape))
@@ -287,11 +297,22 @@ def _read_arrays(path: Path, suffix: str) -> FileTable:
         vectors = [each for each in vectors if len(each[1]) > 1]
         scalars = {printable(n): float(x) for n, x in single.items() if isinstance(x, Number)}
     if not vectors:
-        held = ", ".join(f"{name} ({shape})" for name, shape in others.items()) or "nothing"
-        raise FileError(f"no column; each must be a vector of its own, and the file holds {held}")
-    left = [f"{name} ({shape})" for name, shape in others.items()]
-    notes = (f"no columns of numbers or text, left out: {', '.join(left)}",) if left else ()
+        held = enumerated([f"{name:.{LONGEST}} ({shape})" for name, shape in others.items()])
+        raise FileError(
+            f"no column; each must be a vector of its own, and the file holds {held or 'nothing'}"
+        )
+    left = [f"{name:.{LONGEST}} ({shape})" for name, shape in others.items()]
+    notes = (f"no columns of numbers or text, left out: {enumerated(left)}",) if left else ()
     return _table(path, vectors, 1, notes, scalars, others)
+
+
+def _is_plain(values: np.ndarray) -> bool:
+    """Whether a vector begins with a number or a text, and has no endless texts."""
+    if values.dtype.kind == "O":
+        texts = (len(x) for x in values.tolist() if isinstance(x, str))
+        if sum(texts) > MOST_TEXT:
+            return False
+    return all(isinstance(x, str | Number | None) for x in values[:1].tolist())
 
 
 def _described_units(path: Path, own: Mapping[str, str]) -> dict[str, str]:

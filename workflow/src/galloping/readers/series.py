@@ -14,7 +14,7 @@ from galloping.passes import passing
 from galloping.readers import FileError
 from galloping.readers.angles import unwrap_angle
 from galloping.readers.columns import contradicted_target, target
-from galloping.readers.file_table import FileTable, read_table
+from galloping.readers.file_table import LONGEST, FileTable, enumerated, read_table
 from galloping.readers.hints import (
     likely_input_unit,
     likely_time_unit,
@@ -99,7 +99,7 @@ class Series:
     @property
     def unused_note(self) -> str:
         """A line about the columns that were left aside, '' if there are none."""
-        left = ", ".join(self.unused)
+        left = enumerated([f"{name:.{LONGEST}}" for name in self.unused])
         more = "a wind among them is named by --input U=COLUMN"
         return f"columns that are not used: {left}; {more}" if left else ""
 

@@ -19,6 +19,14 @@ FULL = 1 << 20  # bytes: with less, Snakemake cannot even keep its records
 PATIENCE = 5.0  # s
 
 
+# Of the results and of the working folder; a test holds them against the rules.
+FOLDERS = (
+    "assessment", "benchmarks", "bounds", "figures", "identified", "logs", "models", "oracles",
+    "paper", "reconstructions", "recordings", "reproduction", "scores", "sweeps",
+    "tables", "trajectories", "trials",
+)  # fmt: skip
+
+
 class Obstacle(RuntimeError):
     """What keeps work on a study from starting; the message says what to do, in one line."""
 
@@ -36,6 +44,7 @@ def locked(results: str, repair: str, *, repairing: bool = False) -> Iterator[in
     was killed in it, or if the disk is full or read-only. After Killed, or if this process is
     killed, only a repair may lock the study.
     """
+    check_places(results)
     check_disk(results)
     if others := snakemakes(Path.cwd()):
         raise Obstacle(_busy(others[0].pid))
@@ -65,6 +74,17 @@ def check_disk(results: str) -> None:
             raise Obstacle(f"{place} is read-only: make it writable and run again.")
         if shutil.disk_usage(place).free < FULL:
             raise Obstacle(f"The disk of {place} is full: free some space and run again.")
+
+
+def check_places(results: str) -> None:
+    """Raises Obstacle for a file where a folder belongs, and for a folder where a file does."""
+    own = Path(results)
+    folders = (Path(".snakemake"), *reversed(own.parents), own, *(own / name for name in FOLDERS))
+    files = (Path(".snakemake", "digests.json"), own / MARK, own / "report.html")
+    wrong = [(path, "file", "folder") for path in folders if path.exists() and not path.is_dir()]
+    wrong += [(path, "folder", "file") for path in files if path.is_dir()]
+    for path, found, wanted in wrong:
+        raise Obstacle(f"{path} is a {found} where a {wanted} belongs: move it away and run again.")
 
 
 def killed(repair: str) -> str:

@@ -157,6 +157,10 @@ def _with_dag(
             act(workflow.dag(DAGSettings(forceall=force, force_incomplete=True)))
         except WorkflowError as error:
             sys.exit(str(error))
+        except (OSError, ValueError, TypeError, LookupError, AttributeError) as error:
+            cause = f"{type(error).__name__}: {error}".splitlines()[0]
+            sys.exit(f"Snakemake cannot work with its records in .snakemake ({cause}): remove them "
+                     "and repair the study")  # fmt: skip
 
 
 def outlook(plan: Plan, known: Mapping[str, Receipt], cores: int | None) -> Iterator[str]:
@@ -203,8 +207,11 @@ def _duration(
     ]
     if not times:
         origin = Path(plan.settings.get("reference", ""), "origin.json")
-        minutes = read_json(origin).get("core_minutes") if origin.exists() else None
-        if not minutes:
+        try:
+            minutes = read_json(origin)["core_minutes"]
+        except (OSError, ValueError, TypeError, LookupError):
+            minutes = None
+        if type(minutes) not in (int, float):
             return "for the first time: how long is not known yet"
         return f"for the first time: the reference took a core {duration_in_words(60 * minutes)}"
     least = "at least " if len(times) < len(jobs) else ""

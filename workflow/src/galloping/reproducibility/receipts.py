@@ -82,9 +82,26 @@ def write_receipt(receipt: Receipt) -> None:
 def read_receipt(path: str | Path) -> Receipt | None:
     """The receipt of a file, or None if it has none that can be read."""
     try:
-        return Receipt(**read_json(receipt_path(path)))
-    except (OSError, ValueError, TypeError):
+        receipt = Receipt(**read_json(receipt_path(path)))
+    except (OSError, ValueError, TypeError, RecursionError):
         return None
+    return receipt if _is_sound(receipt) else None
+
+
+def _is_sound(receipt: Receipt) -> bool:
+    """Whether the values of a receipt have their types: an editor may have damaged it."""
+    by_name = (receipt.wildcards, receipt.inputs)
+    texts = (receipt.path, receipt.rule, receipt.log, receipt.sha256, receipt.finished)
+    return (
+        all(isinstance(text, str) for text in texts)
+        and all(
+            isinstance(one, dict) and all(isinstance(value, str) for value in one.values())
+            for one in by_name
+        )
+        and isinstance(receipt.settings, dict)
+        and all(type(number) in (int, float) for number in (receipt.size, receipt.seconds))
+        and isinstance(receipt.kept, bool)
+    )
 
 
 def grows(path: str | Path, settings: Mapping, key: str) -> bool:
@@ -160,8 +177,20 @@ def _state(path: str) -> list[int] | None:
 
 
 def _seen() -> dict[str, dict[str, list]]:
-    """By study, which may lie in the folder of another, and path."""
+    """By study, which may lie in the folder of another, and path. What is damaged is left out."""
     try:
-        return read_json(SEEN)
-    except (OSError, ValueError):
+        content = read_json(SEEN)
+    except (OSError, ValueError, RecursionError):
         return {}
+    studies = content.items() if isinstance(content, dict) else ()
+    return {
+        study: {path: state for path, state in of.items() if _is_state(state)}
+        for study, of in studies
+        if isinstance(of, dict)
+    }
+
+
+def _is_state(state: object) -> bool:
+    """Whether a value is what `_state` gives, with a digest."""
+    types = [type(each) for each in state] if isinstance(state, list) else []
+    return types == [int, int, int, int, str]

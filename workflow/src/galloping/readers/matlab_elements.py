@@ -1,0 +1,49 @@
+"""Whether a MAT-file of level 5 is made of known elements, before a reader that trusts it reads it.
+
+SciPy's reader takes the type of an element from the file and looks it up without asking whether
+there is such a type: a damaged file ends the process, without a message.
+"""
+
+import struct
+import zlib
+from pathlib import Path
+
+HEADER = 128  # bytes
+MATRIX, COMPRESSED = 14, 15
+VALUES = {1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 16, 17, 18}  # numbers and texts
+DEEPEST = 32  # arrays within each other
+
+
+def check_elements(path: Path, largest: int) -> None:
+    """Raise ValueError for a file with an element that does not exist or does not fit.
+
+    Files of level 4 are left to the reader. largest: bytes that a compressed element may have.
+    """
+    content = memoryview(path.read_bytes())
+    order = {b"IM": "<", b"MI": ">"}.get(bytes(content[HEADER - 2 : HEADER]))
+    if order:
+        _check(content[HEADER:], order, largest, 0)
+
+
+def _check(content: memoryview, order: str, largest: int, depth: int) -> None:
+    if depth > DEEPEST:
+        raise ValueError(f"arrays more than {DEEPEST} deep")
+    place = 0
+    while place + 8 <= len(content):
+        kind, size = struct.unpack_from(f"{order}II", content, place)
+        place += 8
+        if kind >> 16:  # a small element, within its tag
+            kind, size, end = kind & 0xFFFF, 0, place
+        else:
+            end = place + size + (-size % 8 if kind != COMPRESSED else 0)
+        if place + size > len(content):
+            raise ValueError(f"an element of {size} bytes where {len(content) - place} are left")
+        inner = content[place : place + size]
+        if kind == COMPRESSED:
+            unpacked = zlib.decompressobj().decompress(inner, largest)
+            _check(memoryview(unpacked), order, largest, depth + 1)
+        elif kind == MATRIX:
+            _check(inner, order, largest, depth + 1)
+        elif kind not in VALUES:
+            raise ValueError(f"an element of type {kind}")
+        place = end
