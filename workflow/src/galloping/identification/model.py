@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import Immutable, checked_state, increasing
-from galloping.polynomial import Exponents, PolynomialModel, merged, with_error
+from galloping.functions import from_plain, plain
+from galloping.polynomial import Exponents, PolynomialModel, latex_factors, merged, with_error
 from galloping.recording import Input
 from galloping.storage import read_json, write_json
 
@@ -304,11 +305,7 @@ class IdentifiedModel(Immutable):
             parts = []
             for j in np.flatnonzero(row):
                 number = with_error(row[j], errors[j]).replace("±", r"\pm")
-                factors = [
-                    factor if power == 1 else f"{factor}^{{{power}}}"
-                    for factor, power in zip(names, self.model.terms[j], strict=True)
-                    if power
-                ]
+                factors = latex_factors(self.model.terms[j], names, _power_of_ten)
                 parts.append(r" \, ".join([_power_of_ten(number), *factors]))
             right = " + ".join(parts) or "0"
             lines.append(rf"\frac{{\mathrm{{d}} {name}}}{{\mathrm{{d}} t}} &= {right}")
@@ -321,7 +318,8 @@ class IdentifiedModel(Immutable):
         about: further plain values, such as units, which `load` leaves aside.
         """
         of = self.model
-        content = {"states": of.states, "inputs": of.inputs, "terms": of.terms}
+        terms = [plain(term) for term in of.terms]
+        content = {"states": of.states, "inputs": of.inputs, "terms": terms}
         own = {"coefficients": of.coefficients} | self._held()
         del own["model"]
         content |= {name: _plain(value) for name, value in own.items()}
@@ -335,7 +333,7 @@ class IdentifiedModel(Immutable):
             if not isinstance(content, dict):
                 raise TypeError("must be a mapping of keys")
             states, inputs = tuple(content["states"]), tuple(content["inputs"])
-            terms = tuple(map(tuple, content["terms"]))
+            terms = tuple(map(from_plain, content["terms"]))
             model = PolynomialModel(states, terms, _array(content["coefficients"]), inputs)
             status, shapes = content["status"], _shapes(*model.coefficients.shape)
             shapes["covariance"] = (len(content["covariance"]),) * 2
