@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.model import RANGE, IdentifiedModel
+from galloping.identification.model import BY_TERM, RANGE, IdentifiedModel
 from galloping.identification.problem import Problem
 from galloping.intervals import QUANTILES_90
-from galloping.polynomial import term_name
+from galloping.polynomial import exponents_of, has_functions, term_name
 from galloping.recording import Recording
 
 GUSTS = ", such as gusts"  # of forces besides a model, but where the wind was measured
@@ -27,6 +27,25 @@ def by(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:
 def refused(problem: Problem, reason: str) -> IdentifiedModel:
     """The answer where there is no model: status `refused`, with the reason."""
     return IdentifiedModel.refused(problem.states, problem.terms, reason, problem.inputs)
+
+
+def on_terms_of(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
+    """What was identified with some of the terms of the problem, on all of them."""
+    places = [problem.terms.index(term) for term in identified.model.terms]
+
+    def spread(values: np.ndarray, elsewhere: float) -> np.ndarray:
+        """(..., n_terms) values, `elsewhere` of the terms that were left out."""
+        whole = np.full((*values.shape[:-1], len(problem.terms)), elsewhere)
+        whole[..., places] = values
+        return whole
+
+    coefficients = spread(identified.model.coefficients, 0.0)
+    return replace(
+        identified,
+        model=replace(identified.model, terms=problem.terms, coefficients=coefficients),
+        rivals=spread(identified.rivals, 0.0),
+        **{name: spread(getattr(identified, name), np.nan) for name in BY_TERM},
+    )
 
 
 def beside_known(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
@@ -102,13 +121,14 @@ def laws_untold(
     about: diagnostics, with the ranges.
     """
     model, n = identified.model, len(identified.model.states)
-    of_states, of_inputs = np.hsplit(np.array(model.terms), [n])
+    of_states, of_inputs = np.hsplit(exponents_of(model.terms, len(model.names)), [n])
+    plain = ~np.array([has_functions(term) for term in model.terms])
     powers = np.prod(np.array(sizes) ** of_inputs, axis=1)
     found = np.where(identified.support, model.coefficients * powers, 0.0)
     unseen = np.where(identified.support, 0.0, np.nan_to_num(identified.detection_limits * powers))
     untold = []
     for k, state in enumerate(model.states):
-        alike = np.all(of_states == np.eye(n)[k], axis=1)
+        alike = np.all(of_states == np.eye(n)[k], axis=1) & plain
         size, most = abs(found[:, alike]).sum(axis=1), unseen[:, alike].max(axis=1, initial=0.0)
         untold += [
             f"{state} in d({model.states[i]})/dt"

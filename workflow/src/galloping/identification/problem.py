@@ -16,6 +16,8 @@ from galloping.polynomial import (
     PolynomialModel,
     alone,
     design_matrix,
+    exponents_of,
+    n_exponents,
     term_name,
     velocity_pairs,
 )
@@ -101,13 +103,13 @@ class Coefficient:
 class Problem:
     """dx/dt = C theta(x, u), with some of C known and the others to be identified.
 
-    states: names of the n_states states. terms: exponents of the n_terms candidate monomials, in
-    the states and then in the inputs. known: (n_states, n_terms), the coefficients of the known
-    equations and the single ones that are fixed, zero elsewhere. unknown: indices of the equations
-    to identify, increasing. open: (n_states, n_terms) boolean, which coefficients of the unknown
-    equations are candidates. expected, precision: (n_states, n_terms) means of Gaussian priors of
-    candidates and 1/variance, zero of those without. prior: of the supports; None: all are as
-    probable. inputs: names of the n_inputs inputs.
+    states: names of the n_states states. terms: exponents of the n_terms candidates, in the states
+    and then in the inputs, with their functions. known: (n_states, n_terms), the coefficients of
+    the known equations and the single ones that are fixed, zero elsewhere. unknown: indices of the
+    equations to identify, increasing. open: (n_states, n_terms) boolean, which coefficients of the
+    unknown equations are candidates. expected, precision: (n_states, n_terms) means of Gaussian
+    priors of candidates and 1/variance, zero of those without. prior: of the supports; None: all
+    are as probable. inputs: names of the n_inputs inputs.
     """
 
     states: tuple[str, ...]
@@ -129,12 +131,16 @@ class Problem:
     @cached_property
     def of_states(self) -> np.ndarray:
         """(n_terms, n_states) exponents of the states in each term."""
-        return np.array(self.terms)[:, : len(self.states)]
+        return exponents_of(self.terms, len(self.states))
 
     @cached_property
     def degrees(self) -> np.ndarray:
-        """(n_candidates,) degree of each term in the states."""
-        return self.of_states.sum(axis=1)[self.candidates[:, 1]]
+        """(n_candidates,) degree of each term in the states; each function counts as a state, and a
+        term with any is of the second degree at least.
+        """
+        functions = np.array([len(term) - len(self.names) for term in self.terms])
+        degree = self.of_states.sum(axis=1) + functions
+        return np.where(functions > 0, np.maximum(degree, 2), degree)[self.candidates[:, 1]]
 
     @cached_property
     def of_velocities(self) -> np.ndarray:
@@ -175,6 +181,13 @@ class Problem:
         values = {name: change(getattr(self, name)) for name in by_term}
         return replace(self, terms=tuple(terms), **values)
 
+    def without(self, left_out: Callable[[Exponents], bool]) -> Self:
+        """The problem without some terms."""
+        kept = np.array([not left_out(term) for term in self.terms])
+        if kept.all():
+            return self
+        return self.by_term(lambda values: values[:, kept], list(compress(self.terms, kept)))
+
     def named(self, candidates: Sequence[int]) -> str:
         """Some candidates in words, '' of none."""
         return " with ".join(
@@ -190,7 +203,8 @@ class Problem:
         """(n_candidates,) boolean: the candidates of a support, and those that differ from one of
         them in powers of inputs alone.
         """
-        names = [(i, *self.of_states[j]) for i, j in self.candidates]
+        n, m = len(self.states), len(self.names)
+        names = [(i, *self.terms[j][:n], *self.terms[j][m:]) for i, j in self.candidates]
         found = set(compress(names, support))
         return np.array([name in found for name in names])
 
@@ -313,7 +327,7 @@ def posed(
     where what is known is outside of the library, or nothing is left to find.
     """
     rows = np.zeros((len(states), len(terms)))
-    inputs = tuple(inputs)[: len(terms[0]) - len(states)]
+    inputs = tuple(inputs)[: n_exponents(terms[0]) - len(states)]
     index = {term: j for j, term in enumerate(terms)}
     pairs = velocity_pairs(states)
     for i, velocity in pairs.items():
@@ -334,7 +348,9 @@ def posed(
         if one.state not in states or states.index(one.state) not in unknown:
             sought = ", ".join(states[i] for i in unknown)
             raise ValueError(f"coefficients: {one.state!r}; must be an unknown equation: {sought}")
-        name = one.term if len(one.term) != len(terms[0]) else term_name(one.term, states + inputs)
+        names = states + inputs
+        alike = n_exponents(one.term) == len(names)
+        name = term_name(one.term, names) if alike else one.term
         if one.term not in index:
             raise ValueError(f"coefficients: {name}: not in the library")
         place = states.index(one.state), index[one.term]

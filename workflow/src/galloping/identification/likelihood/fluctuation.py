@@ -24,6 +24,7 @@ from galloping.identification.problem import Problem
 from galloping.identification.selection import select, solve_support
 from galloping.identification.work import is_spent
 from galloping.passes import passing
+from galloping.polynomial import exponents_of
 
 # Parts of a stretch in which coefficients are constant: a tenth of the correlation. Measured: with
 # ten parts the slow mode seems to fluctuate as well.
@@ -63,9 +64,10 @@ def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray
     """
     record, problem = fit.record, fit.record.problem
     equation, term = problem.candidates.T
-    exponents = np.array(problem.terms)[term]
+    exponents = exponents_of(problem.terms, len(problem.names))[term]
     of_rate = exponents[:, np.unique(equation)].sum(axis=1) == 1
-    rates = np.flatnonzero((np.abs(exponents).sum(axis=1) == 1) & of_rate)
+    linear = (np.abs(exponents).sum(axis=1) == 1) & (problem.degrees == 1)
+    rates = np.flatnonzero(linear & of_rate)
     misfit = white_misfit(record, fit.linear.residual)
     excess = _excess(record, misfit)
     windows = np.diff(record.segments.first)

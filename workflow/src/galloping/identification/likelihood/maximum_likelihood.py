@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from galloping.arrays import one_thread
-from galloping.identification.answers import beside_known, by, refused, with_inputs
+from galloping.identification.answers import beside_known, by, on_terms_of, refused, with_inputs
 from galloping.identification.inputs import asked, checked_recordings, while_driven
 from galloping.identification.likelihood import free_run, starts, trajectory_fit
 from galloping.identification.likelihood.derivative_fit import derivative_fit
@@ -120,7 +120,9 @@ def _at_time_scale(
     begun, told = starts.rescaled(first, recordings, share)
     searches = [partial(_follow, begun), partial(_near, begun)]
     if share == 1.0 and may_be_moved_at_random(first):
-        follows = not starts.rests_at_zero(first) and trajectory_fit.follows_in_segments(first)
+        follows = problem.tables.n_kinks or (  # beside kinks a start may miss the model
+            not starts.rests_at_zero(first) and trajectory_fit.follows_in_segments(first)
+        )
         searches.insert(1 if follows else 0, partial(_in_forces, first))
     found = _first_of(searches, recordings)
     if isinstance(found, NoModel):
@@ -169,7 +171,7 @@ def _from_any_rest(begun: Start, search: Callable[[Start], Outcome]) -> Outcome:
             found.append(by([name], outcome))
         if agree(found) or is_spent():
             break
-    return starts.with_constants(begun.problem, best_of(found)) if found else objections[0]
+    return on_terms_of(begun.problem, best_of(found)) if found else objections[0]
 
 
 def _followed(begun: Start) -> Outcome:
@@ -230,8 +232,11 @@ def _followed(begun: Start) -> Outcome:
 def _joined(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit | None:
     """The fit of the first start that settles, else of the first that follows the data, else of
     the first that can be integrated; None where none can.
+
+    Beside kinks chi^2 has several minima: where a motion sticks, no slope leads to another. There a
+    start counts as settled only if its residuals show nothing, and the best of the others is taken.
     """
-    best = None
+    best, has_kinks = None, begun.problem.tables.n_kinks > 0
     for name, terms, dear in starts.starts_of_terms(begun):
         free = trajectory_fit.free_fit(begun, terms)
         if free is None:
@@ -243,11 +248,22 @@ def _joined(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit | Non
             # a model of fewer terms can have the same limit cycle
             told = unseen_mixtures(joined.step.information, largest) < joined.step.fit.support.sum()
             joined = replace(joined, settled=told)
-        if joined.settled:
+        if joined.settled and not (has_kinks and _shows_misfit(begun, joined)):
             return joined
         if best is None or (best.objection and not joined.objection):
             best = joined
+        elif has_kinks and not joined.objection and joined.misfit < best.misfit:
+            best = joined
     return best
+
+
+def _shows_misfit(begun: Start, joined: trajectory_fit.JoinedFit) -> bool:
+    """Whether the residuals of a settled fit show that it is not the model."""
+    remaining = attempt(partial(_remaining, begun, joined.step.fit))
+    condensed = joined.step.fit.record.condensed
+    return isinstance(remaining, NoModel) or bool(
+        remaining[1].objection(condensed.names(begun.problem.states))
+    )
 
 
 def _remaining(begun: Start, fit: ShootingFit) -> tuple[np.ndarray, Residue]:

@@ -78,6 +78,11 @@ class JoinedFit:
     settled: bool
     objection: str
 
+    @property
+    def misfit(self) -> float:
+        """chi^2 per row of the last fit."""
+        return self.step.fit.misfit
+
 
 def free_fit(begun: Start, start: WeakFit) -> Step | None:
     """The last step of a fit in which each segment has a first state of its own. Segments are
@@ -153,7 +158,8 @@ def prepare(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
     for _ in range(MOST_HALVINGS):
         if is_spent():
             raise FloatingPointError(ENDED)
-        condensed = condense(times, sampled, observed, period / windows, is_rate, known)
+        kinked = problem.tables.n_kinks > 0
+        condensed = condense(times, sampled, observed, period / windows, is_rate, known, kinked)
         if problem.inputs:
             inputs = problem.input_factors(recordings, condensed.first, condensed.step)
             condensed = replace(condensed, inputs=inputs)

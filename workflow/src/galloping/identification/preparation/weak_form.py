@@ -44,6 +44,9 @@ def whitened_weak_form(
     phi, slope = _bump(smooth)
     n_states = len(problem.states)
     usable = np.all(sliding_window_view(smooth.valid, len(phi))[::TEST_STRIDE], axis=1)
+    if problem.tables.n_kinks:
+        decided = _tested(_undecided(problem, smooth)[:, None], phi)[:, 0] < 0.5 * phi.sum()
+        usable = usable & decided if np.any(usable & decided) else usable
     # no row where a curve and its own derivative say the same
     told = {i for i in range(n_states) if smooth.derived[i] >= 0 or np.any(smooth.derived == i)}
     keep = [i for i in range(n_states) if i in problem.unknown or i not in told]
@@ -66,6 +69,20 @@ def whitened_weak_form(
         flat = rows.reshape(len(rows), -1).T
         white, _ = lapack.dtbtrs(factor, flat, uplo="L", overwrite_b=1)
     return white[:, :-1], white[:, -1]
+
+
+def _undecided(problem: Problem, smooth: Smooth) -> np.ndarray:
+    """(n_grid,) share, 0 or 1, of a point in which noise hides the sign of an argument with a kink,
+    as at rest: there terms that jump are noise, which errors that are linearised do not show.
+    """
+    own = smooth.derived >= 0
+    pace = 2.0 * np.pi / (GRID_PER_PERIOD * (smooth.time[1] - smooth.time[0]))
+    sigma = np.where(own, pace * smooth.sigma[smooth.derived], smooth.sigma)
+    hidden = np.zeros(len(smooth.time))
+    for weights, offset in problem.tables.arguments[: problem.tables.n_kinks]:
+        noise = np.sqrt(np.sum((np.array(weights) * np.where(weights, sigma, 0.0)) ** 2))
+        hidden[np.abs(smooth.states @ weights + offset) < 2.0 * noise] = 1.0
+    return hidden
 
 
 def _bump(smooth: Smooth) -> tuple[np.ndarray, np.ndarray]:
