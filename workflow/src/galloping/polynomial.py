@@ -23,6 +23,8 @@ from galloping.modes import Modes
 
 # of the states and then of the inputs; behind them the functions that multiply these powers
 Exponents = tuple[int | Function, ...]
+# on a coefficient: its equation and term, and the least and greatest number that it may be
+Bound = tuple[int, Exponents, float, float]
 
 
 def library(n_states: int, degree: int) -> tuple[Exponents, ...]:

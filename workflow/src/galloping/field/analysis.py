@@ -1,7 +1,8 @@
 """From files to everything that is written about them: quality, model, fit, forecast, summary."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,7 @@ from galloping.passes import part, passing
 from galloping.polynomial import Exponents, PolynomialModel, library
 from galloping.recording import Recording, mean_inputs
 from galloping.storage import write_json, write_rows, write_text
-from galloping.terms import known_model, parse
+from galloping.terms import Bounds, Known, known_model, parse
 
 
 @dataclass(frozen=True)
@@ -145,11 +146,7 @@ def analyse(
     if forced := question.random_force or mapping.random_force:
         options["forced"] = () if forced == ("all",) else forced
     if single:
-        options["coefficients"] = [
-            Coefficient(one.state, term, mean, one.deviation or 0.0)
-            for one in single
-            for term, mean in one.terms.items()
-        ]
+        options["coefficients"] = list(chain.from_iterable(map(coefficients_of, single)))
     if allowed is not None:
         options["allowed"] = allowed
     if question.method != "maximum_likelihood" and options:
@@ -177,6 +174,15 @@ def analyse(
         write_outputs(folder, field, summary, case)
         write_figures(folder, field, summary)
     return summary.found
+
+
+def coefficients_of(known: Known | Bounds) -> Iterator[Coefficient]:
+    """What is known of single coefficients, as an identification takes it."""
+    if isinstance(known, Bounds):
+        yield Coefficient(known.state, known.term, lower=known.lower, upper=known.upper)
+    else:
+        for term, mean in known.terms.items():
+            yield Coefficient(known.state, term, mean, known.deviation or 0.0)
 
 
 def check_telling(series: Sequence[Series], terms: Sequence[Exponents], n_states: int) -> None:

@@ -8,13 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from galloping.identification.model import BY_TERM, RANGE, IdentifiedModel
-from galloping.identification.problem import Problem
+from galloping.identification.problem import MOST_SURPRISE, Problem
 from galloping.intervals import QUANTILES_90
 from galloping.polynomial import exponents_of, has_functions, term_name
 from galloping.recording import Recording
 
 GUSTS = ", such as gusts"  # of forces besides a model, but where the wind was measured
-MOST_SURPRISE = 4.0  # deviations; by chance once in 16,000
 
 
 def by(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:
@@ -50,11 +49,13 @@ def on_terms_of(problem: Problem, identified: IdentifiedModel) -> IdentifiedMode
 
 def beside_known(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
     """The model, not `ok` where recordings alone would put a coefficient MOST_SURPRISE deviations
-    from what was known of it, or further: then what was known is wrong, or the model is.
+    from what was known of it, or further, or where it is out of bounds: then what was known is
+    wrong, or the model is.
 
     The estimate is the mean of both, weighted by their precisions. Its distance from what was known
     has the variance of what was known, less the variance of the estimate.
     """
+    identified = replace(identified, bounds=problem.bounds)
     found, mean = identified.model.coefficients, problem.expected
     with np.errstate(invalid="ignore", divide="ignore"):
         deviation = problem.precision**-0.5
@@ -65,6 +66,11 @@ def beside_known(problem: Problem, identified: IdentifiedModel) -> IdentifiedMod
         f"{found[i, j]:.3g}, and {mean[i, j]:.3g} ± {deviation[i, j]:.2g}"
         for i, j in np.argwhere(surprise > MOST_SURPRISE)
     ]
+    for i, term, least, most in problem.bounds:  # of models that are found without them
+        j = problem.terms.index(term)
+        if np.nan_to_num(found[i, j]) and not least <= found[i, j] <= most:
+            name = f"{term_name(term, problem.names)} in d({problem.states[i]})/dt"
+            denied.append(f"{name} is {found[i, j]:.3g}, and {least:.3g} to {most:.3g}")
     if not denied:
         return identified
     clause = f"the recording contradicts what was known: {', '.join(denied)} was said"

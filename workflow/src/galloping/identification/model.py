@@ -13,7 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import Immutable, checked_state, increasing
 from galloping.functions import from_plain, plain
-from galloping.polynomial import Exponents, PolynomialModel, latex_factors, merged, with_error
+from galloping.polynomial import (
+    Bound,
+    Exponents,
+    PolynomialModel,
+    latex_factors,
+    merged,
+    with_error,
+)
 from galloping.recording import Input
 from galloping.storage import read_json, write_json
 
@@ -142,6 +149,7 @@ class IdentifiedModel(Immutable):
     are dx = f(x) dt + dW; zero where nothing but the start moves the model. slow_forces: the same
     of what drives forces that decay at rates, 1/s, `slow_rate_dX` of the diagnostics. resonances:
     of what is moved so in more modes than it has coordinates.
+    bounds: of coefficients, that were known: equation, term, least and greatest.
     An array that is not given is NaN of its shape. All of them are read-only; models that are equal
     in everything are equal, and have the same hash.
     Raises ValueError for a status that is none of these.
@@ -166,6 +174,7 @@ class IdentifiedModel(Immutable):
     forces: NDArray[np.float64] = None
     slow_forces: NDArray[np.float64] = None
     resonances: tuple[Resonance, ...] = ()
+    bounds: tuple[Bound, ...] = ()
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:
@@ -321,8 +330,9 @@ class IdentifiedModel(Immutable):
         terms = [plain(term) for term in of.terms]
         content = {"states": of.states, "inputs": of.inputs, "terms": terms}
         own = {"coefficients": of.coefficients} | self._held()
-        del own["model"]
+        del own["model"], own["bounds"]
         content |= {name: _plain(value) for name, value in own.items()}
+        content["bounds"] = [[i, plain(term), *map(_plain, ends)] for i, term, *ends in self.bounds]
         write_json(path, content | {"known": [int(i) for i in self.known]} | about)
 
     @classmethod
@@ -351,6 +361,10 @@ class IdentifiedModel(Immutable):
                     for name, value in content["diagnostics"].items()
                 },
                 further_modes=tuple(FurtherMode(**mode) for mode in content["further_modes"]),
+                bounds=tuple(
+                    (int(i), from_plain(term), float(least), float(most))
+                    for i, term, least, most in content.get("bounds", ())
+                ),
                 resonances=tuple(
                     Resonance(**{k: tuple(v) if isinstance(v, list) else v for k, v in one.items()})
                     for one in content["resonances"]

@@ -252,8 +252,8 @@ def _joined(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit | Non
             return joined
         if best is None or (best.objection and not joined.objection):
             best = joined
-        elif has_kinks and not joined.objection and joined.misfit < best.misfit:
-            best = joined
+        elif has_kinks and not joined.objection:
+            best = min(best, joined, key=lambda one: one.misfit)
     return best
 
 

@@ -18,7 +18,6 @@ from galloping.identification.preparation.weak_form import (
     rough_fit,
     weak_fit,
 )
-from galloping.identification.selection import select, solve_support
 from galloping.recording import Recording
 
 TIME_SCALES = (1.0, 1 / 2, 1 / 4)  # of the period that the spectrum shows
@@ -77,9 +76,8 @@ def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
     rough, problem = rough_fit(begun), begun.problem
 
     def best(support: np.ndarray, prices: np.ndarray) -> WeakFit:
-        about = problem.chosen_about()
-        chosen = select(rough.information, rough.right, [support], prices, about)
-        free, _ = solve_support(rough.information, rough.right, chosen)
+        chosen = problem.select(rough.information, rough.right, [support], prices)
+        free, _ = problem.solve(rough.information, rough.right, chosen)
         return replace(rough, free=free, support=chosen)
 
     yield "weak form" if rough is begun.fit else "weak form of a telling stretch", rough, 1.0

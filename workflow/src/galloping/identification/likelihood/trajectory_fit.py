@@ -24,7 +24,7 @@ from galloping.identification.likelihood.shooting import (
 from galloping.identification.preparation.rate_channels import channel_noise, channels
 from galloping.identification.preparation.smoothing import Smooth
 from galloping.identification.preparation.weak_form import Start, WeakFit
-from galloping.identification.selection import NOTHING_STANDS_OUT, Price, select, solve_support
+from galloping.identification.selection import NOTHING_STANDS_OUT, Price
 from galloping.identification.work import ENDED, is_spent
 from galloping.passes import passing
 from galloping.recording import Recording
@@ -287,7 +287,7 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
     # solved for the change: on a long chain, rounding of the coefficients outweighs their noise
     free = np.where(support, fit.free, 0.0)
     rest = right + information @ (fit.free - free)
-    free = free + solve_support(information, rest, support)[0]
+    free = free + record.problem.solve(information, rest, support, free)[0]
     change = free - fit.free
     starts = quadratic.moved(change, fit.starts)
     record = replace(record, segments=segments)
@@ -309,5 +309,5 @@ def _chosen(
     fit: ShootingFit, information: np.ndarray, right: np.ndarray, price: Price
 ) -> np.ndarray:
     """The best support found, from all candidates and from the terms of the fit."""
-    tried, about = [np.ones(len(fit.support), bool), fit.support], fit.record.problem.chosen_about
-    return select(information, right, tried, price, about(fit.free))
+    tried = [np.ones(len(fit.support), bool), fit.support]
+    return fit.record.problem.select(information, right, tried, price, fit.free)

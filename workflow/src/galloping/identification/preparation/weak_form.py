@@ -20,7 +20,7 @@ from galloping.identification.preparation.rate_channels import without_offsets
 from galloping.identification.preparation.screening import prepared
 from galloping.identification.preparation.smoothing import GRID_PER_PERIOD, Smooth
 from galloping.identification.problem import Problem, largest
-from galloping.identification.selection import Price, select, solve_support
+from galloping.identification.selection import Price, solve_support
 from galloping.identification.work import spend
 from galloping.passes import passing
 from galloping.polynomial import design_matrix
@@ -191,10 +191,10 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
         *system, total, n_rows = _regression(problem, smoothed, coefficients)
         information, right = problem.with_prior(*system)
         if coefficients is not None:
-            support = select(information, right, [every], penalty, problem.chosen_about())
+            support = problem.select(information, right, [every], penalty)
         if not np.any(np.diag(information)):
             raise Unusable("no stretch of a period of the recordings is free of gaps")
-        free, _ = solve_support(information, right, support)
+        free, _ = problem.solve(information, right, support)
         coefficients = problem.coefficients(free)
     misfit = (total - float(free @ right)) / max(n_rows - int(support.sum()), 1)
     return WeakFit(free, support, information, right, max(misfit, 0.0))
