@@ -73,7 +73,7 @@ def faults(fit: ShootingFit, penalty: float) -> list[Fault]:
 
     own = linear(fit.support)
     quadratic = eliminate(own, segments, fit.starts)
-    scores = [_score(quadratic.information, quadratic.right, test.mixture) for test in tests]
+    scores = [score(quadratic.information, quadratic.right, test.mixture) for test in tests]
     tested = [replace(test, z=z) for test, z in zip(tests, scores, strict=True)]
     tested += _gaps(own, fit) + _variances(fit, residual, rates)
     limit = -ndtri(5e-3 / 2.0 / len(tested))
@@ -184,7 +184,7 @@ def _parameters(
     return np.array(entries, int).reshape(-1, 2), columns, tests
 
 
-def _score(information: np.ndarray, right: np.ndarray, mixture: np.ndarray) -> float:
+def score(information: np.ndarray, right: np.ndarray, mixture: np.ndarray) -> float:
     """z of a mixture of the last parameters, the others at their best; 0 where they imitate it."""
     information, right = _mixed(information, right, mixture)
     change, covariance = solve_support(information, right, np.arange(len(right)) < len(right) - 1)
@@ -214,7 +214,7 @@ def _beside(quadratic: Eliminated, fit: ShootingFit, test: Fault) -> float:
     if len(here.out):
         more[here.out[np.argmax(here.additions())]] = True
     kept = np.append(more, np.ones(len(test.mixture), bool))
-    return _score(quadratic.information[np.ix_(kept, kept)], quadratic.right[kept], test.mixture)
+    return score(quadratic.information[np.ix_(kept, kept)], quadratic.right[kept], test.mixture)
 
 
 def _instead(quadratic: Eliminated, fit: ShootingFit, test: Fault, penalty: float) -> float:

@@ -19,6 +19,7 @@ from galloping.identification.inputs import asked, checked_recordings, while_dri
 from galloping.identification.likelihood import free_run, starts, trajectory_fit
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.instrument import DELAYED, FORCES, faults
+from galloping.identification.likelihood.missing_terms import missing_kind
 from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.residual_tests import MOST_COLOUR, Residue, residue
 from galloping.identification.likelihood.shooting import Segments, ShootingFit, residuals
@@ -303,14 +304,26 @@ def _objection(fit: ShootingFit, shown: Residue, penalty: float) -> tuple[str, b
     if objection:
         excess = float(np.sum(shown.excess / fit.sigma**2))
         causes = [fault for fault in causes if fault.explains(excess)]
-    objection = "; ".join(filter(None, [*[fault.cause for fault in causes[:1]], objection]))
-    return objection, bool(causes) and not causes[0].or_model
+    is_fault = bool(causes) and not causes[0].or_model
+    named = _missing(fit, penalty) if objection and not is_fault else ""
+    named = [named] if named else [fault.cause for fault in causes[:1]]
+    return "; ".join(filter(None, [*named, objection])), is_fault
+
+
+def _missing(fit: ShootingFit, penalty: float) -> str:
+    """The kind of term that explains most of what a fit leaves, in words; '' where none does, or no
+    work is left.
+    """
+    found = "" if is_spent() else attempt(partial(missing_kind, fit, penalty))
+    return "" if isinstance(found, NoModel) else found
 
 
 def _causes_of_none(fit: ShootingFit, penalty: float) -> list[str]:
     """Why no model may follow the whole recording, in words; nothing where no work is left."""
     if is_spent():
         return []
+    if named := _missing(fit, penalty):
+        return [named]
     over = np.maximum(1.0 - (fit.reference / fit.sigma) ** 2, 0.0)
     excess = float(np.sum(fit.record.condensed.rows * over))
     named = [fault.cause for fault in faults(fit, penalty) if fault.explains(excess)][:1]
