@@ -384,15 +384,43 @@ def _settle(x, inputs, theta, parent, factor, rates, rate_values, u, modes, fres
 
 
 @njit(cache=True, error_model="numpy")
-def _begin(x, inputs, theta, parent, factor, rates, rate_values, u, modes, fresh, signals):
-    """The modes of arguments with a kink where a motion begins, in place."""
+def _cross(s, n_columns, before, after, weights):
+    """Take sensitivities across a kink. before, after: (n_states,) rates of the states."""
+    pace = 0.0
+    for i in range(len(before)):
+        pace += weights[i] * before[i]
+    for c in range(n_columns if pace != 0.0 else 0):
+        early = 0.0
+        for i in range(len(before)):
+            early += weights[i] * s[0, i, c]
+        for i in range(len(before)):
+            s[0, i, c] += (after[i] - before[i]) * early / pace
+
+
+@njit(cache=True, error_model="numpy")
+def _begin(
+    x, s, n_columns, inputs, theta, parent, factor, rates, rate_values, u, modes, fresh, signals
+):
+    """The modes of arguments with a kink where a motion begins, in place; sensitivities by a start
+    that sticks are of what it comes to from beside.
+    """
     for kink in range(len(modes)):
         argument = signals.offsets[kink]
         for i in range(signals.weights.shape[1]):
             argument += signals.weights[kink, i] * x[0, i]
         modes[kink], fresh[kink] = np.sign(argument), 0
     if len(modes):
-        _settle(x, inputs, theta, parent, factor, rates, rate_values, u, modes, fresh, signals)
+        after = _settle(
+            x, inputs, theta, parent, factor, rates, rate_values, u, modes, fresh, signals
+        )
+        if s is not None and n_columns:
+            for kink in np.flatnonzero(modes == 0.0):
+                modes[kink], before = 1.0, np.zeros(len(after))
+                _functions(0, x, u, modes, signals)
+                _monomials(0, x, inputs, theta, parent, factor)
+                _rate(0, theta, rates, rate_values, before)
+                _cross(s, n_columns, before, after, signals.weights[kink])
+                modes[kink] = 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -441,20 +469,6 @@ def _pass(
     after = _settle(x, driven, theta, parent, factor, rates, rate_values, u, modes, fresh, signals)
     if s is not None:
         _cross(s, n_columns, before, after, signals.weights[kink])
-
-
-@njit(cache=True, error_model="numpy")
-def _cross(s, n_columns, before, after, weights):
-    """Take sensitivities across a kink. before, after: (n_states,) rates of the states."""
-    pace = 0.0
-    for i in range(len(before)):
-        pace += weights[i] * before[i]
-    for c in range(n_columns if pace != 0.0 else 0):
-        early = 0.0
-        for i in range(len(before)):
-            early += weights[i] * s[0, i, c]
-        for i in range(len(before)):
-            s[0, i, c] += (after[i] - before[i]) * early / pace
 
 
 @njit(cache=True, error_model="numpy")
@@ -543,8 +557,8 @@ def propagate(
                 s[0, i, n_columns - n_states + i] = 1.0
         if signals is not None and first[g] < first[g + 1]:
             _begin(
-                x, inputs[first[g]], theta, parent, factor, rates, rate_values, u, modes, fresh,
-                signals,
+                x, s, n_columns, inputs[first[g]], theta, parent, factor, rates, rate_values, u,
+                modes, fresh, signals,
             )  # fmt: skip
         for w in range(first[g], first[g + 1]):
             begin, driven = 0.0, inputs[w]
@@ -794,7 +808,10 @@ def _solve(
     """
     row, start, n_states = 0, time[0], states.shape[1]
     if signals is not None:
-        _begin(x, inputs, theta, parent, factor, rates, rate_values, u, modes, fresh, signals)
+        _begin(
+            x, s, flat.shape[1] // n_states, inputs, theta, parent, factor, rates, rate_values, u,
+            modes, fresh, signals,
+        )  # fmt: skip
     for _ in range(most):
         _jets(
             x, inputs, theta, len(x) - 1, h, n_states, parent, factor, rates, rate_values, u, modes,

@@ -163,6 +163,30 @@ def known_model(
     return PolynomialModel(states, terms, coefficients, inputs), tuple(equations), tuple(single)
 
 
+def parse_model(text: str, inputs: Sequence[str] = ()) -> PolynomialModel:
+    """A model from its equations, one of each state with `;` between them.
+
+    Parameters
+    ----------
+    text : such as `q = dq; dq = -9.81 sin(q) - 0.1 dq`; states are what is left of the =
+    inputs : names of what drives the model
+
+    Raises
+    ------
+    ValueError
+        If an equation cannot be read, or a state has two.
+    """
+    texts, inputs = text.split(";"), tuple(inputs)
+    heads = [re.sub(r"^d\s*\(|\)\s*/\s*dt$", "", own.partition("=")[0].strip()) for own in texts]
+    states = tuple(head.strip() for head in heads)
+    known = [parse_known(own, states, inputs) for own in texts]
+    for own, said in zip(known, texts, strict=True):
+        if isinstance(own, Bounds) or own.deviation is not None:
+            raise ValueError(f"{said.strip()!r}: must be an equation, such as 'q = dq'")
+    terms = tuple(dict.fromkeys(term for own in known for term in own.terms))
+    return known_model(texts, states, terms, inputs)[0]
+
+
 def place(term: Exponents, terms: Sequence[Exponents], names: Sequence[str]) -> int:
     """Index of a term in a library. Raises ValueError where it is not there."""
     if term not in terms:
