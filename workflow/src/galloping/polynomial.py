@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain, combinations_with_replacement, compress
 from math import floor, isfinite, log10, prod
@@ -277,6 +277,25 @@ class PolynomialModel(Immutable):
         """
         present = compress(self.terms, self.support.any(axis=0))
         return self.on_library(tuple(present) or self.terms[:1])
+
+    def without_dry_friction(self) -> PolynomialModel:
+        """This model without terms that have a sign of velocities, which hold any position near its
+        position of rest.
+        """
+        velocities = set(velocity_pairs(self.states).values())
+
+        def is_friction(term: Exponents) -> bool:
+            return any(
+                own.name == "sign"
+                and own.offset == 0.0
+                and {k for k, weight in enumerate(own.weights) if weight} <= velocities
+                for own in term[len(self.names) :]
+            )
+
+        friction = np.array([is_friction(term) for term in self.terms])
+        if not friction.any():
+            return self
+        return replace(self, coefficients=np.where(friction, 0.0, self.coefficients))
 
     def on_library(self, terms: tuple[Exponents, ...]) -> PolynomialModel:
         """This model, written in another library.

@@ -11,7 +11,7 @@ from galloping.arrays import Immutable
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Factor, Input, windowed
 from galloping.right_hand_side import system, tables
-from galloping.taylor import ORDER, Ending, Samples, integrate, solve
+from galloping.taylor import Ending, at_points, integrate, solve
 
 # Far beyond any span's clearance: a model that gets here has lost its limit cycle. Of a system in
 # other units, such as mV, so it has where it is as many times as far as it began.
@@ -223,15 +223,7 @@ def solve_driven(
     while (windows := max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-9)))) <= most:
         place = (time - time[0]) / step
         window = np.minimum(place.astype(np.int64), windows - 1)
-        row = np.arange(len(time)) - np.searchsorted(window, window)
-        powers = np.zeros((windows, n_states, row.max() + 1, ORDER + 1))
-        powers[window, :, row] = ((place - window)[:, None] ** np.arange(ORDER + 1))[:, None]
-        samples = None
-        if table.n_kinks:
-            basis = np.zeros((len(time), n_states, row.max() + 1))
-            basis[np.arange(len(time)), :, row] = 1.0
-            offsets = np.searchsorted(window, np.arange(windows + 1))
-            samples = Samples(offsets, place - window, basis, np.zeros(n_states, np.int64))
+        powers, samples, row = at_points(compiled, window, place - window, windows, n_states)
         with np.errstate(all="ignore"):
             found, slopes, _, _, truncation = integrate(
                 compiled, step, np.array([0, windows]), start[None], powers, np.arange(n_states),

@@ -662,6 +662,27 @@ def integrate(
     return predictions, derivatives, ends, end_derivatives, relative
 
 
+def at_points(
+    compiled: System, window: np.ndarray, tau: np.ndarray, windows: int, n_states: int
+) -> tuple[np.ndarray, Samples | None, np.ndarray]:
+    """Functionals of steps that are the states at points of time.
+
+    window: (n,) the step of each point, non-decreasing. tau: (n,) its time in the step, 0 to 1.
+    Returns what `integrate` takes for it, functionals of all states (windows, n_states, n_rows,
+    ORDER + 1) and samples, and of each point (n,) its row.
+    """
+    row = np.arange(len(window)) - np.searchsorted(window, window)
+    functionals = np.zeros((windows, n_states, row.max() + 1, ORDER + 1))
+    functionals[window, :, row] = (tau[:, None] ** np.arange(ORDER + 1))[:, None]
+    if compiled.signals is None or not compiled.signals.n_kinks:
+        return functionals, None, row
+    basis = np.zeros((len(window), n_states, row.max() + 1))
+    basis[np.arange(len(window)), :, row] = 1.0
+    offsets = np.searchsorted(window, np.arange(windows + 1))
+    samples = Samples(offsets, np.asarray(tau, float), basis, np.zeros(n_states, np.int64))
+    return functionals, samples, row
+
+
 # --- steps as long as double precision allows ---
 
 

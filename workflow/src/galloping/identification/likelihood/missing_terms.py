@@ -19,7 +19,7 @@ from galloping.identification.problem import Problem
 from galloping.identification.selection import solve_support
 from galloping.polynomial import Exponents, alone, design_matrix, term_name, velocity_pairs
 from galloping.recording import powers_of_legendre
-from galloping.taylor import ORDER, Samples, integrate
+from galloping.taylor import at_points, integrate
 
 # Times in a window at which a force is known, and degree of its polynomial over a window.
 POINTS, DEGREE = 10, 5
@@ -97,13 +97,9 @@ def _forces(fit: ShootingFit, terms: tuple[Exponents, ...]) -> np.ndarray:
     condensed, problem = record.condensed, record.problem
     nodes, weights = leggauss(POINTS)
     places, windows = (nodes + 1.0) / 2.0, len(condensed.targets)
-    powers = np.tile(places[:, None] ** np.arange(ORDER + 1), (windows, n_states, 1, 1))
-    samples = None
-    if problem.tables.n_kinks:
-        basis = np.tile(np.eye(POINTS)[:, None], (windows, n_states, 1))
-        offsets = POINTS * np.arange(windows + 1)
-        samples = Samples(offsets, np.tile(places, windows), basis, np.zeros(n_states, np.int64))
     compiled = problem.compiled(fit.free, problem.candidates[:0])
+    window = np.repeat(np.arange(windows), POINTS)
+    powers, samples, _ = at_points(compiled, window, np.tile(places, windows), windows, n_states)
     states, *_ = integrate(
         compiled, condensed.step, record.segments.first, fit.starts, powers, np.arange(n_states),
         condensed.inputs, False, samples,

@@ -8,7 +8,7 @@ that they share with others makes them informative.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Self
 
 import numpy as np
@@ -23,7 +23,7 @@ from galloping.identification.problem import Problem, largest
 from galloping.identification.selection import Price, solve_support
 from galloping.identification.work import spend
 from galloping.passes import passing
-from galloping.polynomial import design_matrix
+from galloping.polynomial import alone, design_matrix, term_name
 from galloping.recording import Recording, extrapolated
 
 TEST_STRIDE = GRID_PER_PERIOD // 6  # steps of the grid between tests, a third of their radius
@@ -260,12 +260,28 @@ class Start:
 
 def begin(problem: Problem, recordings: list[Recording], share: float = 1.0) -> Start:
     """The start of an identification from recordings, at a share of their shortest period, as in
-    `prepared`. Raises Unusable where there is none.
+    `prepared`. Raises Unusable where there is none, or a term is not finite on the way.
     """
     cleaned, smoothed, period = prepared(recordings, share)
+    _check_functions(problem, smoothed)
     penalty = 2.0 * np.log(sum(recording.samples for recording in cleaned))
     fit, samples = weak_fit(problem, smoothed, penalty), sum(one.samples for one in recordings)
     return Start(problem, cleaned, smoothed, period, penalty, fit, samples)
+
+
+def _check_functions(problem: Problem, smoothed: list[Smooth]) -> None:
+    """Raise Unusable for a function of states that is not finite along the curves."""
+    for one, own in product(smoothed, problem.tables.functions):
+        states = one.states[one.valid]
+        argument = own.argument(states)
+        name = term_name((*alone(-1, len(problem.states)), own), problem.states)
+        if own.name == "inverse" and len(argument) and argument.min() <= 0.0 <= argument.max():
+            about = own.argument_text(problem.states)
+            raise Unusable(f"{name} is not finite: the recorded motion takes {about} through zero")
+        with np.errstate(over="ignore"):
+            finite = np.isfinite(own(states)).all()
+        if not finite:
+            raise Unusable(f"{name} leaves the range of numbers along the recorded motion")
 
 
 def rough_fit(start: Start) -> WeakFit:
