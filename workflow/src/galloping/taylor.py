@@ -285,7 +285,8 @@ def _hold(k, s, slides, signs, stuck, scale, signals):
 
 @njit(cache=True, error_model="numpy")
 def _first_negative(series):
-    """The least time in [0, 1] from which a polynomial is below zero, 2 where it never is.
+    """The least time in [0, 1] from which a polynomial is below zero, 2 where it never is or is not
+    finite.
 
     series: (order+1,) its coefficients. It is bounded by its Bernstein coefficients on ever smaller
     intervals (G. Farin, Curves and Surfaces for CAGD, 2002, ch. 6), so that no root is passed by.
@@ -297,13 +298,15 @@ def _first_negative(series):
         heap[0, i] = 0.0
         for k in range(i + 1):
             heap[0, i] += series[k] * BINOMIALS[i, k] / BINOMIALS[n - 1, k]
+        if not abs(heap[0, i]) < np.inf:
+            return 2.0
     places[0], widths[0], top = 0.0, 1.0, 0
     while top >= 0:
         here = heap[top]
         if here.min() >= 0.0:
             top -= 1
             continue
-        if widths[top] < 0.5**most or not np.isfinite(here).all():
+        if widths[top] < 0.5**most:
             return places[top]
         after = heap[top + 1]  # the left half, looked at first; the right one stays
         for level in range(n):

@@ -22,6 +22,7 @@ from galloping.identification.likelihood.instrument import DELAYED, FORCES, faul
 from galloping.identification.likelihood.missing_terms import missing_kind
 from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.residual_tests import MOST_COLOUR, Residue, residue
+from galloping.identification.likelihood.several_minima import refined
 from galloping.identification.likelihood.shooting import Segments, ShootingFit, residuals
 from galloping.identification.likelihood.verdict import Regression, agree, best_of, judged
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
@@ -244,6 +245,8 @@ def _joined(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit | Non
             continue
         unseen = unseen_mixtures(free.information, largest) > 0
         joined = trajectory_fit.join(free, begun.price, dear, unseen)
+        if has_kinks and (joined.settled or joined.misfit < trajectory_fit.CLOSE):
+            joined = refined(joined, begun.price)
         joined = replace(joined, path=(name, *free.path(begun.period), *joined.path))
         if dear > 1.0 and joined.settled and unseen:
             # a model of fewer terms can have the same limit cycle

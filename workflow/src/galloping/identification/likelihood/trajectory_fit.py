@@ -292,17 +292,22 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
     starts = quadratic.moved(change, fit.starts)
     record = replace(record, segments=segments)
     moved = replace(fit, record=record, free=free, support=support, starts=starts)
-    squares, rows = linear.squares * fit.sigma**2, record.condensed.rows
-    share = moved.parameters / max(np.count_nonzero(squares), 1)
-    # a fifth of the rows at least: what many parameters follow exactly would seem to have no noise,
-    # or a variance below zero; not critical
-    sigma = np.maximum(np.sqrt(squares / np.maximum(rows - share, 0.2 * rows + 1.0)), record.floor)
-    moved = replace(moved, sigma=sigma, chi2=float(np.sum(squares / fit.reference**2)))
+    moved = with_noise(moved, linear.squares * fit.sigma**2)
     decrement = float(change @ information @ change)
     # a state may be zero wherever segments end, but for rounding
     size = np.maximum(abs(linear.ends).max(axis=0), ROUNDING * abs(record.states).max(axis=0))
     gap = float(np.max(quadratic.gap / (size + np.finfo(float).tiny)))
     return Step(fit, moved, information, right - information @ change, decrement, gap)
+
+
+def with_noise(fit: ShootingFit, squares: np.ndarray) -> ShootingFit:
+    """The fit with the noise and chi^2 of sums of squared residuals (n_recordings, n_observed)."""
+    rows, floor = fit.record.condensed.rows, fit.record.floor
+    share = fit.parameters / max(np.count_nonzero(squares), 1)
+    # a fifth of the rows at least: what many parameters follow exactly would seem to have no noise,
+    # or a variance below zero; not critical
+    sigma = np.maximum(np.sqrt(squares / np.maximum(rows - share, 0.2 * rows + 1.0)), floor)
+    return replace(fit, sigma=sigma, chi2=float(np.sum(squares / fit.reference**2)))
 
 
 def _chosen(
