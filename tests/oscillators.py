@@ -13,16 +13,16 @@ LIBRARIES = {
     "drag": "poly(q, dq; 3) + |dq| dq",
     "dry friction": "poly(q, dq; 3) + sign(dq)",
 }
-LEVEL, PERIODS = 0.05, 20
+LEVEL, PERIODS = 0.05, 30
 
 
 def drawn(kind: str, rng: np.random.Generator) -> tuple[PolynomialModel, np.ndarray, np.ndarray]:
-    """A system of a kind on its library, a start, and times of 20 periods.
+    """A system of a kind on its library, a start, and times of 30 periods.
 
     The unit of time is any from 1e-3 to 1e3, that of length too, except of an angle.
     """
     omega, size = 10.0 ** rng.uniform(-3.0, 3.0, 2)
-    count = int(rng.integers(400, 2000))
+    count = int(rng.integers(1000, 3000))
     if kind == "pendulum":
         size = rng.uniform(1.5, 2.8)
         own = f"dq = {-(omega**2)} sin(q) - {omega * rng.uniform(0.005, 0.05)} dq"

@@ -484,7 +484,7 @@ def _read(samples, w, begin, end, length, x, s, observed, n_columns, predictions
     at = np.zeros(order + 1)
     for n in range(samples.offsets[w], samples.offsets[w + 1]):
         tau = samples.tau[n]
-        if not begin <= tau < end:
+        if not tau < end or (tau < begin and begin > 0.0):  # by rounding tau may be below zero
             continue
         place = (tau - begin) / (1.0 - begin)
         for o in range(len(observed)):

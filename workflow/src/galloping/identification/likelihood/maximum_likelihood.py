@@ -245,7 +245,7 @@ def _joined(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit | Non
             continue
         unseen = unseen_mixtures(free.information, largest) > 0
         joined = trajectory_fit.join(free, begun.price, dear, unseen)
-        if has_kinks and (joined.settled or joined.misfit < trajectory_fit.CLOSE):
+        if has_kinks:
             joined = refined(joined, begun.price)
         joined = replace(joined, path=(name, *free.path(begun.period), *joined.path))
         if dear > 1.0 and joined.settled and unseen:

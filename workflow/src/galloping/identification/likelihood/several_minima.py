@@ -20,18 +20,20 @@ from galloping.identification.likelihood.shooting import (
     residuals,
 )
 from galloping.identification.likelihood.trajectory_fit import (
+    CLOSE,
     CONVERGED,
     JoinedFit,
     Step,
     with_noise,
 )
 from galloping.identification.model import NoModel, attempt
-from galloping.identification.selection import Price, solve_support
+from galloping.identification.selection import NOTHING_STANDS_OUT, Price, solve_support
 from galloping.identification.work import is_spent
 from galloping.intervals import normal
 from galloping.taylor import at_points, integrate
 
 MOST_STEPS, MOST_HALVINGS = 12, 7
+MOST_CHOICES = 5  # of terms, each by the quadratic model of the least minimum before
 DRAWS = 40  # of models from which other minima are looked for
 STILL = 1e-9  # of the greatest argument of a kink: what is less sticks
 LOWER = 1.0  # of chi^2, by which another minimum must be lower
@@ -40,26 +42,41 @@ LOWER = 1.0  # of chi^2, by which another minimum must be lower
 def refined(joined: JoinedFit, price: Price) -> JoinedFit:
     """The fit at the least minimum that is found, with the terms that are best there.
 
-    joined: of segments in chains. It is returned as it is if its motion diverges.
+    It is looked for from where segments were joined and, where that leads to none that follows the
+    data, from where they were free. joined: returned as it is where neither does.
     """
-    step = joined.step
-    try:
-        linear = linearise(step.fit)
-        segments = chained(linear, step.fit.record.segments)
-        fit, settled = replace(step.fit, record=replace(step.fit.record, segments=segments)), False
-        for _ in range(5):
-            step = _least(fit)
-            problem, about = step.fit.record.problem, step.fit.free
-            tried = [np.ones(len(about), bool), step.fit.support]
-            support = problem.select(step.information, step.right, tried, price, about)
-            settled = np.array_equal(support, step.fit.support)
-            if settled or not support.any() or is_spent():
-                break
-            fit = replace(step.fit, support=support, free=np.where(support, about, 0.0))
-    except FloatingPointError:
-        return joined
-    path = (*joined.path, "least of several minima")
-    return JoinedFit(joined.free, step, path, settled, "" if settled else joined.objection)
+    for step in (joined.step, joined.free):
+        found = attempt(partial(_settled, step, price))
+        if not isinstance(found, NoModel) and found.fit.misfit < CLOSE:
+            return JoinedFit(
+                joined.free, found, (*joined.path, "least of several minima"), True, ""
+            )
+    return joined
+
+
+def _settled(step: Step, price: Price) -> Step:
+    """The last step to the least minimum whose terms are the best there. Raises FloatingPointError
+    where the motion diverges, or terms come and go.
+    """
+    record = step.fit.record
+    record = replace(record, segments=chained(linearise(step.fit), record.segments))
+    support = _chosen(step, price)
+    for _ in range(MOST_CHOICES):
+        if not support.any() or is_spent():
+            break
+        free = np.where(support, step.fit.free, 0.0)
+        step = _least(replace(step.fit, record=record, support=support, free=free))
+        support = _chosen(step, price)
+        if np.array_equal(support, step.fit.support):
+            return step
+    raise FloatingPointError(NOTHING_STANDS_OUT)
+
+
+def _chosen(step: Step, price: Price) -> np.ndarray:
+    """(n,) the best terms by the quadratic model of a step."""
+    about, problem = step.fit.free, step.fit.record.problem
+    tried = [np.ones(len(about), bool), step.fit.support]
+    return problem.select(step.information, step.right, tried, price, about)
 
 
 def _least(fit: ShootingFit) -> Step:
