@@ -308,7 +308,7 @@ def _objection(fit: ShootingFit, shown: Residue, penalty: float) -> tuple[str, b
         excess = float(np.sum(shown.excess / fit.sigma**2))
         causes = [fault for fault in causes if fault.explains(excess)]
     is_fault = bool(causes) and not causes[0].or_model
-    named = _missing(fit, penalty) if objection and not is_fault else ""
+    named = _missing(fit, penalty) if (objection or causes) and not is_fault else ""
     named = [named] if named else [fault.cause for fault in causes[:1]]
     return "; ".join(filter(None, [*named, objection])), is_fault
 
