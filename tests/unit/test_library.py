@@ -218,7 +218,7 @@ likely(recording(), TERMS, forced=("dx",)) | random force: 'dx'; must be among q
 likely(recording(), TERMS, coefficients=[known("q")]) | coefficients: 'q'; must be an unknown
 likely(recording(), TERMS, coefficients=[known("dq", (0, 2))]) | coefficients: dq^2: not in the
 likely([DRIVEN, recording()], GUSTY.terms) | recordings: item 1 lacks the input U of the first
-known("dq", (1, 0), -1) | coefficient: deviation: -1; must be a finite number >= 0
+known("dq", (1, 0), -1) | coefficient: deviation: -1; must be a number from 0 up to 1e+100
 galloping.Prior(term=0.0) | prior: term: 0.0; {ODDS}
 galloping.Prior(constant=-1.0) | prior: constant: -1.0; {ODDS}
 galloping.Prior(nonlinear=1.5) | prior: nonlinear: 1.5; {ODDS}

@@ -212,7 +212,7 @@ NO_MODEL = [  # what is in the file, and what the one line says
     (lambda _: b"[" * 100_000, "not an identified model"),
     (lambda model: model.replace(b'"dq_v"', b'"q\\n**ok**"'), "must be names that print"),
     (lambda model: model.replace(b'"dq_v"', b'"q_v"'), "a name is there twice"),
-    (lambda model: re.sub(rb"\[\s*0,\s*1\s*\]", b"[0, 9e99]", model), "must be whole exponents"),
+    (lambda model: re.sub(rb"\[\s*0,\s*1\s*\]", b"[0, 9e99]", model), "must be whole numbers"),
     (lambda model: re.sub(rb"\[\s*0,\s*1\s*\]", b"[0, -1]", model), "must be 0 or more"),
 ]
 

@@ -18,10 +18,10 @@ from galloping.identification.selection import Price, solve_support
 PRICE = Price(*np.ones((3, 8)))
 
 
-def fit(misfit=10.0, support=(), place=0.0, segments=1, periods=6.0):
+def fit(misfit=10.0, support=(), place=0.0, segments=1, periods=6.0, select=None):
     """All of its coefficients are `place`, and its misfit is chi^2 of one row."""
     condensed = SimpleNamespace(rows=np.ones(1))
-    problem = SimpleNamespace(chosen_about=lambda free: free)
+    problem = SimpleNamespace(select=select)
     record = SimpleNamespace(problem=problem, condensed=condensed, stretch=periods)
     chosen = np.isin(np.arange(8), support)
     starts, noise = np.zeros((segments, 1)), np.ones((1, 1))
@@ -89,8 +89,7 @@ def test_chains_grow_while_terms_change_and_terms_are_kept_in_the_last_passes(mo
         return np.isin(np.arange(8), 1)
 
     monkeypatch.setattr(trajectory_fit, "guarded_step", guarded_step)
-    monkeypatch.setattr(trajectory_fit, "select", select)
-    begun = fit(1.0, [0, 2], segments=1000)
+    begun = fit(1.0, [0, 2], segments=1000, select=select)
     joined = trajectory_fit.join(step(begun, begun), PRICE, 1.0, unseen)
     assert tried == [[list(range(8)), [0, 2]]]  # from all terms and from those before
     assert longest[:5] == [4, 16, 64, 256, 1024]

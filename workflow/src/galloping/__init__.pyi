@@ -17,6 +17,7 @@ from galloping.recording import Input, Recording
 from galloping.simulation import Simulator, Trajectory
 from galloping.stages import cramer_rao_bound, derive, measure, simulate
 from galloping.terms import parse as library
+from galloping.terms import parse_model
 
 __version__: str
 __all__ = [
@@ -43,6 +44,7 @@ __all__ = [
     "library",
     "maximum_likelihood",
     "measure",
+    "parse_model",
     "polynomial_library",
     "progress",
     "simulate",

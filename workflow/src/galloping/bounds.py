@@ -12,6 +12,7 @@ from galloping.simulation import (
     EQUAL_STEPS,
     check_inputs,
     first_step,
+    holding,
     most_steps,
     solve_driven,
 )
@@ -123,6 +124,8 @@ def weighted_sensitivities(
     rates = model.jacobian(states, driving) @ moved
     theta = design_matrix(beside(states, driving), model.terms)
     rates[:, free[:, 0], np.arange(len(free))] += theta[:, free[:, 1]]
+    held = holding(model, states, driving)
+    rates = rates if held is None else held @ rates
     return np.concatenate([weighted, rates / experiment.rate_sigma[:, None]], axis=1)
 
 

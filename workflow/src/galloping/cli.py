@@ -68,7 +68,7 @@ def _interrupted(error: BaseException | None) -> bool:
 @click.group(cls=_OneLine, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="galloping")
 def main() -> None:
-    """Models of galloping lines, and of other polynomial systems, from recordings.
+    """Models of galloping lines, and of other oscillators, from recordings.
 
     Begin with: galloping identify FILE --output DIR
 
@@ -176,7 +176,8 @@ def _between(path) -> dict:
 @click.option("--degree", type=click.IntRange(1, 5), help="Highest degree of the terms; else 3.")
 @click.option(
     "--library", multiple=True, metavar="TERMS",
-    help="Candidate terms, such as 'poly(q_v, dq_v; 3) + U*dq_v', or wind: the quasi-static law.",
+    help="Candidate terms, such as 'poly(q_v, dq_v; 3) + U*dq_v + |dq_v| dq_v', with functions "
+    "sin, cos, exp, sign, abs or bars, and quotients; or wind: the quasi-static law.",
 )  # fmt: skip
 @click.option(
     "--method", type=click.Choice(["maximum_likelihood", "weak_gls"]),
@@ -185,7 +186,8 @@ def _between(path) -> dict:
 @click.option(
     "--known", multiple=True, metavar="EQUATION",
     help="What is known, in SI units: an equation, such as 'dq_w = -9.2 q_w - 0.03 dq_w', or a "
-    "coefficient, 'dq_v: U*dq_v = 0.02', with its deviation where it is not sure: '+- 0.005'.",
+    "coefficient, 'dq_v: U*dq_v = 0.02', with its deviation where it is not sure: '+- 0.005'; or "
+    "bounds of one, 'dq_v: dq_v < 0'.",
 )  # fmt: skip
 @click.option("--random-force", "random_force", metavar="COORDINATES",
               help="Such as q_v,q_w, or all: what unmeasured random forces move; else the motion "

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from galloping.polynomial import PolynomialModel
+from galloping.polynomial import Bound, PolynomialModel
 
 QUANTILES_90 = (0.05, 0.95)
 QUANTILES_95 = (0.025, 0.975)
@@ -32,6 +32,7 @@ class Identified(Protocol):
     covariance: np.ndarray  # (n_support, n_support), in the order of np.argwhere(support)
     rivals: np.ndarray  # (n_rivals, n_states, n_terms) coefficients
     rival_share: float  # how probable it is that one of them, or one like them, is right
+    bounds: tuple[Bound, ...]
 
     @property
     def support(self) -> np.ndarray: ...
@@ -55,7 +56,16 @@ def drawn(
     if len(identified.covariance):
         mean = model.coefficients[support]
         coefficients[:, support] = normal(mean, identified.covariance, count, rng)
-    return [replace(model, coefficients=each) for each in coefficients]
+    return [replace(model, coefficients=within_bounds(identified, each)) for each in coefficients]
+
+
+def within_bounds(identified: Identified, coefficients: np.ndarray) -> np.ndarray:
+    """Coefficients (n_states, n_terms), those beyond their bounds at the nearest one."""
+    for equation, term, least, most in identified.bounds:
+        if term in identified.model.terms:
+            place = equation, identified.model.terms.index(term)
+            coefficients[place] = np.clip(coefficients[place], least, most)
+    return coefficients
 
 
 def drawn_with_rivals(
@@ -70,7 +80,8 @@ def drawn_with_rivals(
         return [identified.model]
     models = drawn(identified, rng, count)
     for k in np.flatnonzero(rng.random(count) < identified.rival_share):
-        models[k] = replace(identified.model, coefficients=rng.choice(identified.rivals))
+        rival = within_bounds(identified, np.array(rng.choice(identified.rivals)))
+        models[k] = replace(identified.model, coefficients=rival)
     return models
 
 

@@ -1,12 +1,14 @@
-"""Polynomial first-order systems dx/dt = C theta(x, u): the form of every model in this project.
+"""First-order systems dx/dt = C theta(x, u): the form of every model in this project.
 
-States x; inputs u, known functions of time, where a model has any.
+States x; inputs u, known functions of time, where a model has any. Terms are monomials of both, and
+may have elementary functions of states as further factors (see `functions`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain, combinations_with_replacement, compress
 from math import floor, isfinite, log10, prod
@@ -17,9 +19,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import Immutable, Matrix
+from galloping.functions import FUNCTIONS, Function, derivatives, n_exponents
 from galloping.modes import Modes
 
-Exponents = tuple[int, ...]
+# of the states and then of the inputs; behind them the functions that multiply these powers
+Exponents = tuple[int | Function, ...]
+# on a coefficient: its equation and term, and the least and greatest number that it may be
+Bound = tuple[int, Exponents, float, float]
 
 
 def library(n_states: int, degree: int) -> tuple[Exponents, ...]:
@@ -53,25 +59,56 @@ def velocity_pairs(states: tuple[str, ...]) -> dict[int, int]:
     return {i: index[f"d{name}"] for i, name in enumerate(states) if f"d{name}" in index}
 
 
+def exponents_of(terms: Sequence[Exponents], count: int) -> NDArray[np.int64]:
+    """(n_terms, count) exponents with which terms begin, without their functions."""
+    return np.array([term[:count] for term in terms], np.int64).reshape(-1, count)
+
+
+def has_functions(term: Exponents) -> bool:
+    """Whether a term has a factor that is no power."""
+    return bool(term) and isinstance(term[-1], Function)
+
+
 def term_name(exponents: Exponents, names: tuple[str, ...]) -> str:
-    """Name of a monomial as pysindy prints it: `1`, `q_v`, `q_v q_w^2`; or `dq_v^3/U`.
+    """Name of a term as pysindy prints it: `1`, `q_v`, `q_v q_w^2`; or `dq_v^3/U`, `|dq| dq`.
 
     names: of the states and, where exponents are of inputs too, of those.
     """
-    factors = [f"{s}^{e}" if e > 1 else s for s, e in zip(names, exponents, strict=True) if e > 0]
-    below = [
-        f"/{s}^{-e}" if e < -1 else f"/{s}" for s, e in zip(names, exponents, strict=True) if e < 0
-    ]
-    return (" ".join(factors) or "1") + "".join(below)
+    own = Counter(exponents[len(names) :])
+    powers = [(f.text(names), e) for f, e in own.items() if f.name != "inverse"]
+    powers += zip(names, exponents, strict=False)
+    below = [(s, -e) for s, e in powers if e < 0]
+    for f, e in own.items():
+        if f.name == "inverse":
+            argument = f.argument_text(names)
+            below.append((argument if f.state is not None else f"({argument})", e))
+    factors = [f"{s}^{e}" if e > 1 else s for s, e in powers if e > 0]
+    return (" ".join(factors) or "1") + "".join(f"/{s}^{e}" if e > 1 else f"/{s}" for s, e in below)
+
+
+def latex_factors(term: Exponents, names: Sequence[str], number: Callable[[str], str]) -> list[str]:
+    """The factors of a term as LaTeX.
+
+    names: of states and inputs, as LaTeX. number: makes LaTeX of a printed number.
+    """
+    powers = [(name, power) for name, power in zip(names, term, strict=False) if power]
+    for function, power in Counter(term[len(names) :]).items():
+        about = function.argument_text(names, lambda value: number(f"{value:.6g}"))
+        factor = FUNCTIONS[function.name].latex.format(about)
+        powers.append((factor if power == 1 else rf"\left({factor}\right)", power))
+    return [factor if power == 1 else f"{factor}^{{{power}}}" for factor, power in powers]
 
 
 def design_matrix(x: np.ndarray, terms: tuple[Exponents, ...]) -> np.ndarray:
-    """Monomials `terms` at the states `x`.
+    """Terms at the states `x`.
 
     x: (n, n_states), or of states and inputs, whose exponents may be negative. Returns (n,
     n_terms). Each monomial costs one product, of a state with a monomial of one degree less where
     that one is in the library.
     """
+    functions, terms = separated(terms)
+    if functions:
+        x = np.column_stack([x, *(own(x) for own in functions)])
     theta = np.empty((len(x), len(terms)), order="F")
     for j, (last, lower) in enumerate(products(terms)):
         if last is None:
@@ -83,6 +120,20 @@ def design_matrix(x: np.ndarray, terms: tuple[Exponents, ...]) -> np.ndarray:
         else:
             np.multiply(theta[:, lower], x[:, last], out=theta[:, j])
     return theta
+
+
+@cache
+def separated(
+    terms: tuple[Exponents, ...],
+) -> tuple[tuple[Function, ...], tuple[tuple[int, ...], ...]]:
+    """The functions of terms, and the terms as exponents, those of the functions last."""
+    functions = tuple(sorted({own for term in terms for own in term if isinstance(own, Function)}))
+    if not functions:
+        return (), terms
+    count = n_exponents(terms[0])
+    return functions, tuple(
+        (*term[:count], *(term[count:].count(own) for own in functions)) for term in terms
+    )
 
 
 @cache
@@ -101,16 +152,17 @@ def products(terms: tuple[Exponents, ...]) -> tuple[tuple[int | None, int | None
 
 @cache
 def slopes(terms: tuple[Exponents, ...], n_states: int) -> tuple[tuple, ...]:
-    """The derivative of each term by each state, itself an exponent times a term.
+    """The derivative of each term by each state, a sum of numbers times terms.
 
-    By state: places of the terms that have the state, its exponents in these, and the exponents of
-    what is left of each when the state is divided out once.
+    By state: places of the terms that have a derivative, the numbers, and the terms of the
+    derivatives. That of a power is its exponent times what is left when the state is divided out
+    once; a term with functions may have several, one after the other.
     """
-    exponents, found = np.array(terms), []
+    found = []
     for k in range(n_states):
-        places = np.flatnonzero(exponents[:, k])
-        lower = exponents[places] - (np.arange(exponents.shape[1]) == k)
-        found.append((places, exponents[places, k], tuple(map(tuple, lower.tolist()))))
+        rows = [(j, *part) for j, term in enumerate(terms) for part in derivatives(term, k)]
+        places, factors, lower = zip(*rows, strict=True) if rows else ((), (), ())
+        found.append((np.array(places, int), np.array(factors), lower))
     return tuple(found)
 
 
@@ -118,9 +170,9 @@ def slopes(terms: tuple[Exponents, ...], n_states: int) -> tuple[tuple, ...]:
 class PolynomialModel(Immutable):
     """dx/dt = coefficients @ theta(x, u).
 
-    states: names of the n_states states. terms: exponents of the n_terms monomials, in the states
-    and then in the inputs. coefficients: (n_states, n_terms), SI units. inputs: names of the
-    n_inputs inputs. Raises ValueError where they have another shape.
+    states: names of the n_states states. terms: exponents of the n_terms terms, in the states and
+    then in the inputs, and their functions. coefficients: (n_states, n_terms), SI units. inputs:
+    names of the n_inputs inputs. Raises ValueError where they have another shape.
     """
 
     states: tuple[str, ...]
@@ -149,8 +201,11 @@ class PolynomialModel(Immutable):
                 f"coefficients: shape {self.coefficients.shape}, expected "
                 f"({len(self.states)}, {len(self.terms)})"
             )
-        if any(len(term) != len(self.names) for term in self.terms):
+        if any(n_exponents(term) != len(self.names) for term in self.terms):
             raise ValueError(f"terms: must have {len(self.names)} exponents, of states and inputs")
+        functions, _ = separated(self.terms)
+        if any(len(own.weights) != len(self.states) for own in functions):
+            raise ValueError(f"terms: functions must have {len(self.states)} weights, of states")
 
     def __repr__(self) -> str:
         driven = f" driven by {', '.join(self.inputs)}" if self.inputs else ""
@@ -233,6 +288,25 @@ class PolynomialModel(Immutable):
         """
         present = compress(self.terms, self.support.any(axis=0))
         return self.on_library(tuple(present) or self.terms[:1])
+
+    def without_dry_friction(self) -> PolynomialModel:
+        """This model without terms that have a sign of velocities, which hold any position near its
+        position of rest.
+        """
+        velocities = set(velocity_pairs(self.states).values())
+
+        def is_friction(term: Exponents) -> bool:
+            return any(
+                own.name == "sign"
+                and own.offset == 0.0
+                and {k for k, weight in enumerate(own.weights) if weight} <= velocities
+                for own in term[len(self.names) :]
+            )
+
+        friction = np.array([is_friction(term) for term in self.terms])
+        if not friction.any():
+            return self
+        return replace(self, coefficients=np.where(friction, 0.0, self.coefficients))
 
     def on_library(self, terms: tuple[Exponents, ...]) -> PolynomialModel:
         """This model, written in another library.

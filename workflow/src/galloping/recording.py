@@ -221,7 +221,7 @@ def windowed(
     for k, factor in enumerate(factors):
         values = np.prod(held ** np.array(factor, float)[:, None, None], axis=0)
         moments = np.einsum("sp,spd->sd", values, weighted)
-        found[:, :, k] = np.add.reduceat(moments, first) @ _powers(degree)
+        found[:, :, k] = np.add.reduceat(moments, first) @ powers_of_legendre(degree)
     return found
 
 
@@ -262,7 +262,7 @@ def extrapolated(one: Input, time: np.ndarray) -> np.ndarray:
 
 
 @cache
-def _powers(degree: int) -> NDArray[np.float64]:
+def powers_of_legendre(degree: int) -> NDArray[np.float64]:
     """(degree + 1, degree + 1): shifted Legendre polynomials as rows of powers on [0, 1]."""
     rows = np.zeros((degree + 1, degree + 1))
     for k in range(degree + 1):

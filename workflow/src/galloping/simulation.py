@@ -3,15 +3,22 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
 
 from galloping.arrays import Immutable
-from galloping.polynomial import Exponents, PolynomialModel
+from galloping.polynomial import (
+    Exponents,
+    PolynomialModel,
+    beside,
+    design_matrix,
+    separated,
+)
 from galloping.recording import Factor, Input, windowed
 from galloping.right_hand_side import system, tables
-from galloping.taylor import ORDER, Ending, integrate, solve
+from galloping.taylor import Ending, at_points, integrate, solve
 
 # Far beyond any span's clearance: a model that gets here has lost its limit cycle. Of a system in
 # other units, such as mV, so it has where it is as many times as far as it began.
@@ -168,6 +175,56 @@ def time_grid(duration: float, sampling_rate: float) -> np.ndarray:
     return np.arange(round(duration * sampling_rate) + 1) / sampling_rate
 
 
+# --- rates of motions that stick ---
+
+
+STILL = 1e-9  # of the greatest argument of a sign in a motion: what is less sticks, if it can
+
+
+def rates_of(
+    model: PolynomialModel, states: NDArray[np.float64], driving: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """(n, n_states) rates along a motion (n, n_states); what sticks does not accelerate.
+
+    driving: (n, n_inputs) of a model with inputs.
+    """
+    rates, held = model(states, driving), holding(model, states, driving)
+    return rates if held is None else np.einsum("nij,nj->ni", held, rates)
+
+
+def holding(
+    model: PolynomialModel, states: NDArray[np.float64], driving: NDArray[np.float64] | None = None
+) -> NDArray[np.float64] | None:
+    """(n, n_states, n_states) by which the rates along a motion, and their derivatives, are
+    multiplied so that what sticks to the zero of a sign stays there; None for a model without one.
+    """
+    both, n, places = beside(states, driving), len(model.states), len(model.names)
+    signs = [own for own in separated(model.terms)[0] if own.name == "sign"]
+    if not signs:
+        return None
+    weights = np.array([own.weights for own in signs])
+    arguments = np.abs(np.stack([own.argument(states) for own in signs], axis=1))
+    still = arguments <= STILL * arguments.max(axis=0)
+    of_signs = np.zeros((len(states), n, len(signs)))
+    for k, own in enumerate(signs):
+        has = [own in term[places:] for term in model.terms]
+        left = tuple(
+            tuple(factor for factor in term if factor is not own and factor != own)
+            for term in compress(model.terms, has)
+        )
+        of_signs[:, :, k] = design_matrix(both, left) @ model.coefficients[:, has].T
+    held, rates = np.tile(np.eye(n), (len(states), 1, 1)), model(states, driving)
+    for row in np.flatnonzero(still.any(axis=1)):
+        own = still[row]
+        balance = weights[own] @ of_signs[row][:, own]
+        if np.linalg.matrix_rank(balance) == len(balance):
+            change = np.linalg.solve(balance, weights[own])
+            sign = [np.sign(one.argument(states[row : row + 1])[0]) for one in compress(signs, own)]
+            if np.all(np.abs(sign - change @ rates[row]) <= 1.0):
+                held[row] -= of_signs[row][:, own] @ change
+    return held
+
+
 # --- models with inputs: equal steps, halved until they are accurate ---
 
 
@@ -223,13 +280,12 @@ def solve_driven(
     while (windows := max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-9)))) <= most:
         place = (time - time[0]) / step
         window = np.minimum(place.astype(np.int64), windows - 1)
-        row = np.arange(len(time)) - np.searchsorted(window, window)
-        powers = np.zeros((windows, n_states, row.max() + 1, ORDER + 1))
-        powers[window, :, row] = ((place - window)[:, None] ** np.arange(ORDER + 1))[:, None]
+        powers, samples, row = at_points(compiled, window, place - window, windows, n_states)
         with np.errstate(all="ignore"):
             found, slopes, _, _, truncation = integrate(
                 compiled, step, np.array([0, windows]), start[None], powers, np.arange(n_states),
                 _over_windows(tuple(inputs), table.factors, time[0], step, windows), wanted,
+                samples,
             )  # fmt: skip
         states, moved = found[window, :, row], slopes[window, :, row]
         near = np.all(np.abs(states) < FAR, axis=1)

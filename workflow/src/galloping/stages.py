@@ -15,7 +15,7 @@ from galloping.physics.galerkin import coefficients
 from galloping.physics.galerkin import model as equations_of
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Input, Recording, at_times
-from galloping.simulation import Simulator, Trajectory, check_inputs
+from galloping.simulation import Simulator, Trajectory, check_inputs, rates_of
 
 
 def derive(**sections: Mapping[str, object] | float) -> PolynomialModel:
@@ -88,7 +88,7 @@ def measure(
         )
     given = check_inputs(model, inputs or {}, motion.time)
     driving = at_times(list(given.values()), motion.time)
-    rates = model(motion.states, driving)
+    rates = rates_of(model, motion.states, driving)
     measured = Motion(model.states, motion.time, motion.states, rates)
     replicates = recordings_of(
         [measured], protocol=protocol, level=amount, relative=relative, samples=len(motion.time),

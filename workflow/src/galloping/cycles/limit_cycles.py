@@ -20,7 +20,7 @@ from galloping.cycles.family import Family
 from galloping.polynomial import PolynomialModel
 from galloping.right_hand_side import system, tables
 from galloping.simulation import Simulator
-from galloping.taylor import ORDER, integrate
+from galloping.taylor import at_points, integrate
 
 # --- where a motion ends up ---
 
@@ -278,13 +278,14 @@ class CycleProblem(continuation.BranchProblem):
 def _turn(compiled, start: np.ndarray, period: float, steps: int) -> tuple:
     """One period from `start` (n,): states at even phases, their derivatives by the parameter
     and the start, the same of the end, and the truncation error."""
-    n, places = len(start), np.arange(max(1, PHASES // steps))[:, np.newaxis]
-    powers = (places / len(places)) ** np.arange(ORDER + 1)
-    powers = np.broadcast_to(powers, (steps, n, *powers.shape)).copy()
+    n, places = len(start), np.arange(max(1, PHASES // steps))
+    window = np.repeat(np.arange(steps), len(places))
+    tau = np.tile(places / len(places), steps)
+    powers, samples, _ = at_points(compiled, window, tau, steps, n)
     with np.errstate(all="ignore"):
         states, moved, end, end_moved, truncation = integrate(
             compiled, period / steps, np.array([0, steps]), start[np.newaxis], powers,
-            np.arange(n), np.zeros((steps, 1, 0)), True,
+            np.arange(n), np.zeros((steps, 1, 0)), True, samples,
         )  # fmt: skip
     states, moved = (of.swapaxes(1, 2).reshape(-1, n, *of.shape[3:]) for of in (states, moved))
     return states, moved, end[0], end_moved[0], truncation

@@ -1,8 +1,9 @@
 """From files to everything that is written about them: quality, model, fit, forecast, summary."""
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,7 @@ from galloping.readers.series import Series, check_apart, read_series
 from galloping.readers.units import state_unit
 from galloping.recording import Recording, typical_inputs
 from galloping.storage import write_json, write_rows, write_text
-from galloping.terms import known_model, parse
+from galloping.terms import Bounds, Known, known_model, parse
 
 IN_WORDS = {"zero": "held", "linear": "linear", "cubic": "smooth"}
 
@@ -177,11 +178,7 @@ def analyse(
     inputs = mapping.input_names
     texts = (*mapping.known, *question.known)
     known, known_states, single = known_model(texts, mapping.states, terms, inputs)
-    coefficients = [
-        Coefficient(one.state, term, mean, one.deviation or 0.0)
-        for one in single
-        for term, mean in one.terms.items()
-    ]
+    coefficients = list(chain.from_iterable(map(coefficients_of, single)))
     if any(one.alternatives for one in field.recordings[0].inputs.values()):
         stretches = excerpts(list(field.recordings))
         problem = asked(stretches, terms, known, known_states, PRIOR, coefficients, allowed)
@@ -219,6 +216,15 @@ def analyse(
         write_outputs(folder, field, summary, case)
         write_figures(folder, field, summary)
     return summary.found
+
+
+def coefficients_of(known: Known | Bounds) -> Iterator[Coefficient]:
+    """What is known of single coefficients, as an identification takes it."""
+    if isinstance(known, Bounds):
+        yield Coefficient(known.state, known.term, lower=known.lower, upper=known.upper)
+    else:
+        for term, mean in known.terms.items():
+            yield Coefficient(known.state, term, mean, known.deviation or 0.0)
 
 
 def check_telling(series: Sequence[Series], terms: Sequence[Exponents], n_states: int) -> None:

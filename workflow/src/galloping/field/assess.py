@@ -30,7 +30,7 @@ from galloping.field.following import simulator_of
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import drawn_with_rivals, of_draws
 from galloping.passes import passing
-from galloping.polynomial import PolynomialModel, velocity_pairs
+from galloping.polynomial import PolynomialModel, exponents_of, has_functions, velocity_pairs
 
 KICK = 1e-2  # of the size of the motion, from an equilibrium
 BEYOND = 2.5  # sizes of the motion: how far from its middle equilibria are looked for
@@ -133,9 +133,10 @@ def _slowed(found: IdentifiedModel, first: Mapping[str, float], seed: int) -> _S
     omega = found.model.at(first).small_motions(start).omega
     fast = float(np.max(omega) / (2 * np.pi * USUAL))
     fast = 1.0 if ALIKE[0] < fast < ALIKE[1] or not fast > 0 else fast
+    fast = 1.0 if any(map(has_functions, found.model.terms)) else fast  # of a time in their unit
     size = np.ones(len(found.model.states))
     size[list(velocity_pairs(found.model.states).values())] = fast
-    powers = np.array(found.model.terms)[:, : len(size)]
+    powers = exponents_of(found.model.terms, len(size))
     factors = np.prod(size**powers, axis=1) / (size[:, np.newaxis] * fast)
     draws = drawn_with_rivals(found, np.random.default_rng(seed))
     model, *draws = (

@@ -26,6 +26,7 @@ def model_rows(identified: IdentifiedModel, units: Mapping[str, str] = NONE) -> 
     of inputs, by name.
     """
     model, rows = identified.model, []
+    bounds = {(i, term): ends for i, term, *ends in identified.bounds}
     inputs = {name: units.get(name, "") for name in model.inputs}
     for i, state in enumerate(model.states):
         for j, term in enumerate(model.terms):
@@ -36,6 +37,7 @@ def model_rows(identified: IdentifiedModel, units: Mapping[str, str] = NONE) -> 
                 continue
             known = i in identified.known
             half = NORMAL_95 * error if present else limit
+            least, most = bounds.get((i, term), (-np.inf, np.inf))
             rows.append(
                 {
                     "equation": state,
@@ -43,8 +45,8 @@ def model_rows(identified: IdentifiedModel, units: Mapping[str, str] = NONE) -> 
                     "coefficient": float(value),
                     "unit": coefficient_unit(state, term, model.names, inputs),
                     "standard_error": float(error) if present else np.nan,
-                    "low": float(value - half),
-                    "high": float(value + half),
+                    "low": float(max(value - half, least)),
+                    "high": float(min(value + half, most)),
                     "verdict": "known" if known else "present" if present else "absent",
                 }
             )

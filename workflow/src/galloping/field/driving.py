@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from galloping.polynomial import PolynomialModel
 from galloping.readers.file_table import read_table
 from galloping.readers.mapping import ColumnMapping, InputColumn, TimeColumn
 from galloping.readers.proposal import ROWS, find_clock
 from galloping.readers.series import read_series
 from galloping.readers.units import NONE
-from galloping.recording import INTERPOLATED, Input, Recording
+from galloping.recording import Input
 
 if TYPE_CHECKING:
     from galloping.field.analysis import Field
@@ -131,53 +130,3 @@ def held_at(texts: Sequence[str], inputs: Sequence[str]) -> dict[str, float | np
             raise ValueError(f"--at {text}: must be 2 to {MOST_VALUES} values")
         found[name] = low + step[0] * np.arange(count)
     return found
-
-
-def known_ahead(
-    model: PolynomialModel,
-    recording: Recording,
-    time: np.ndarray,
-    ahead: Mapping[str, Input | float],
-) -> Recording:
-    """The recording with the inputs of a model known up to the end of `time`, s.
-
-    ahead: by name, what they are after the recording: measured, or a constant. Raises ValueError
-    where one is not known.
-    """
-    inputs = dict(recording.inputs)
-    for name in model.inputs:
-        if name not in inputs:
-            raise ValueError(f"recording: has no input {name}, which drives the model")
-        if name in ahead:
-            inputs[name] = _continued(name, inputs[name], ahead[name], recording.time[-1], time[-1])
-        elif not inputs[name].covered(time).all():
-            held = np.nanmean(inputs[name].values)
-            raise ValueError(
-                f"the model is driven by {name}: say what it is after the recording, in a file "
-                f"(--inputs FILE) or held (--at {name}={held:.3g})"
-            )
-    return replace(recording, inputs=inputs)
-
-
-def _continued(name: str, past: Input, ahead: Input | float, end: float, until: float) -> Input:
-    """An input up to `end`, s, and what it is from then on: its samples are as close as before."""
-    kept = past.time <= end
-    step = float(np.median(np.diff(past.time)))
-    time = np.arange(past.time[kept][-1] + step, until + 2 * step, step)
-    if isinstance(ahead, Input):
-        values = ahead(time)
-        known = np.isfinite(values)
-        late = (time < ahead.stretches[0][0]) & (time < end + INTERPOLATED * step)
-        beyond = time > until
-        if not known.any() or not np.all(known | late | beyond):
-            first, last = ahead.stretches[0][0], ahead.stretches[-1][1]
-            raise ValueError(
-                f"input {name} is known from {first:g} to {last:g} s after the recording, with "
-                f"{len(ahead.stretches) - 1} gaps; it is needed from {end:g} to {until:g} s"
-            )
-        values = np.interp(time, time[known], values[known])
-    else:
-        values = np.full(len(time), float(ahead))
-    return replace(
-        past, time=np.append(past.time[kept], time), values=np.append(past.values[kept], values)
-    )

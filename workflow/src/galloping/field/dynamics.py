@@ -72,7 +72,10 @@ class Surroundings(Immutable):
 
 
 def zero_of(model: PolynomialModel, start: np.ndarray) -> OptimizeResult:
-    """The search for an equilibrium from a state (n_states,): `x`, `success`, and `fun` there."""
+    """The search for an equilibrium from a state (n_states,): `x`, `success`, and `fun` there; the
+    middle of those at which dry friction holds the motion.
+    """
+    model = model.without_dry_friction()
     return root(
         lambda x: model(x[np.newaxis])[0], start,
         jac=lambda x: model.jacobian(x[np.newaxis])[0], tol=ROUNDING,

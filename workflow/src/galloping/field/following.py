@@ -15,7 +15,7 @@ from galloping.identification.preparation.smoothing import (
 )
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Input, Recording, at_times
-from galloping.simulation import Simulator
+from galloping.simulation import Simulator, rates_of
 
 ITERATIONS = 4  # of Gauss-Newton on the start, which is nearly linear over a few periods
 NEARBY = 2  # of them, from a start that is near
@@ -127,7 +127,7 @@ class Following:
         """(n, n_sensed) of a motion (n, n_states)."""
         if not self.sensed.rates:
             return states
-        rates = model(states, at_times(list(self._inputs.values()), time))
+        rates = rates_of(model, states, at_times(list(self._inputs.values()), time))
         return np.hstack([states, rates[:, self.sensed.rates]])
 
     def begin(self, rows: slice) -> np.ndarray | None:

@@ -7,14 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from galloping.arrays import Immutable
-from galloping.field.driving import known_ahead
 from galloping.field.following import FEWEST, Following, Sensed, without_outliers
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import forced_motion as in_random_forces
 from galloping.intervals import QUANTILES_90, drawn
 from galloping.passes import passing
+from galloping.polynomial import PolynomialModel
 from galloping.readers.units import NONE
-from galloping.recording import Input, Recording
+from galloping.recording import INTERPOLATED, Input, Recording
 
 DRAWS = 100  # of models and starts: the ends of a 90 % band then scatter by a tenth of its width
 FOLLOWS = 1.3  # chi^2 per sample of a start that is right
@@ -80,7 +80,7 @@ def forecast(
     factors = np.array([identified.diagnostics.get(f"{WIDER}{name}", 1.0) for name in sensed.names])
     if np.isinf(factors).any():
         raise ValueError(f"the model gives no forecast: {USELESS}")
-    recording = known_ahead(identified.model, without_outliers(recording), time, inputs)
+    recording = _known_ahead(identified.model, without_outliers(recording), time, inputs)
     follow = Following(identified, recording)
     sigma = follow.sigma
     if identified.is_forced:
@@ -294,3 +294,53 @@ def _missed(follow: Following, ahead: np.ndarray, window: float) -> np.ndarray:
     most = np.maximum(np.sqrt(2.0) * deviations_of(values), missed[-1])
     later = np.maximum(ahead / centres[-1], 1.0)[:, np.newaxis]
     return np.where(later > 1.0, np.minimum(inside * later, most), inside)
+
+
+def _known_ahead(
+    model: PolynomialModel,
+    recording: Recording,
+    time: np.ndarray,
+    ahead: Mapping[str, Input | float],
+) -> Recording:
+    """The recording with the inputs of a model known up to the end of `time`, s.
+
+    ahead: by name, what they are after the recording: measured, or a constant. Raises ValueError
+    where one is not known.
+    """
+    inputs = dict(recording.inputs)
+    for name in model.inputs:
+        if name not in inputs:
+            raise ValueError(f"recording: has no input {name}, which drives the model")
+        if name in ahead:
+            inputs[name] = _continued(name, inputs[name], ahead[name], recording.time[-1], time[-1])
+        elif not inputs[name].covered(time).all():
+            held = np.nanmean(inputs[name].values)
+            raise ValueError(
+                f"the model is driven by {name}: say what it is after the recording, in a file "
+                f"(--inputs FILE) or held (--at {name}={held:.3g})"
+            )
+    return replace(recording, inputs=inputs)
+
+
+def _continued(name: str, past: Input, ahead: Input | float, end: float, until: float) -> Input:
+    """An input up to `end`, s, and what it is from then on: its samples are as close as before."""
+    kept = past.time <= end
+    step = float(np.median(np.diff(past.time)))
+    time = np.arange(past.time[kept][-1] + step, until + 2 * step, step)
+    if isinstance(ahead, Input):
+        values = ahead(time)
+        known = np.isfinite(values)
+        late = (time < ahead.stretches[0][0]) & (time < end + INTERPOLATED * step)
+        beyond = time > until
+        if not known.any() or not np.all(known | late | beyond):
+            first, last = ahead.stretches[0][0], ahead.stretches[-1][1]
+            raise ValueError(
+                f"input {name} is known from {first:g} to {last:g} s after the recording, with "
+                f"{len(ahead.stretches) - 1} gaps; it is needed from {end:g} to {until:g} s"
+            )
+        values = np.interp(time, time[known], values[known])
+    else:
+        values = np.full(len(time), float(ahead))
+    return replace(
+        past, time=np.append(past.time[kept], time), values=np.append(past.values[kept], values)
+    )

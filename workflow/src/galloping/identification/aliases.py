@@ -1,9 +1,9 @@
 """Terms that recorded inputs cannot tell apart: of an input that has two values, all its powers.
 
-A term is a monomial of the states times a factor, a monomial of the inputs. At the recorded values
-some factors are linear combinations of others, exactly: F^2 is 2 F where F was 0 and 2. No
-recording of these values tells their terms apart, so the simplest is a candidate alone. Elsewhere
-the terms differ, which the rivals of the model show.
+A term is a product of powers and functions of states, times a factor, a monomial of the inputs. At
+the recorded values some factors are linear combinations of others, exactly: F^2 is 2 F where F was
+0 and 2. No recording of these values tells their terms apart, so the simplest is a candidate alone.
+Elsewhere the terms differ, which the rivals of the model show.
 """
 
 from collections.abc import Sequence
@@ -45,23 +45,27 @@ class Alias:
 def without_aliases(problem: Problem, recordings: Sequence[Recording]) -> Problem:
     """Leave out candidates that equal combinations of simpler ones at the recorded inputs.
 
-    Candidates with a prior of their own stay.
+    Candidates with a prior or bounds of their own stay.
     """
     if not problem.inputs:
         return problem
     n, aliases = len(problem.states), []
+    of_inputs = slice(n, n + len(problem.inputs))
     values = _recorded_values(problem, recordings)
     known = problem.precision > 0.0
+    for equation, term, *_ in problem.bounds:
+        known[equation, problem.terms.index(term)] = True
     may_be = problem.open.copy()
     for equation in problem.unknown:
         groups: dict[Exponents, list[int]] = {}
         for j in np.flatnonzero(problem.open[equation]):
-            groups.setdefault(problem.terms[j][:n], []).append(int(j))
+            term = problem.terms[j]
+            of_states = (*term[:n], *term[of_inputs.stop :])
+            groups.setdefault(of_states, []).append(int(j))
         for group in groups.values():
-            group.sort(key=lambda j: (not known[equation, j], *_complexity(problem.terms[j][n:])))
-            for j, combination in _combinations(
-                group, [problem.terms[j][n:] for j in group], values
-            ):
+            factors = {j: problem.terms[j][of_inputs] for j in group}
+            group.sort(key=lambda j: (not known[equation, j], *_complexity(factors[j])))
+            for j, combination in _combinations(group, [factors[j] for j in group], values):
                 if not known[equation, j]:
                     may_be[equation, j] = False
                     simpler = {problem.terms[k]: c for k, c in combination.items()}

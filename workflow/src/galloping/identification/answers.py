@@ -7,14 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.model import RANGE, IdentifiedModel
-from galloping.identification.problem import Problem
+from galloping.identification.model import BY_TERM, RANGE, IdentifiedModel
+from galloping.identification.problem import MOST_SURPRISE, Problem
 from galloping.intervals import QUANTILES_90
-from galloping.polynomial import term_name
+from galloping.polynomial import exponents_of, has_functions, term_name
 from galloping.recording import Recording
 
 GUSTS = ", such as gusts"  # of forces besides a model, but where the wind was measured
-MOST_SURPRISE = 4.0  # deviations; by chance once in 16,000
 
 
 def by(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:
@@ -29,13 +28,34 @@ def refused(problem: Problem, reason: str) -> IdentifiedModel:
     return IdentifiedModel.refused(problem.states, problem.terms, reason, problem.inputs)
 
 
+def on_terms_of(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
+    """What was identified with some of the terms of the problem, on all of them."""
+    places = [problem.terms.index(term) for term in identified.model.terms]
+
+    def spread(values: np.ndarray, elsewhere: float) -> np.ndarray:
+        """(..., n_terms) values, `elsewhere` of the terms that were left out."""
+        whole = np.full((*values.shape[:-1], len(problem.terms)), elsewhere)
+        whole[..., places] = values
+        return whole
+
+    coefficients = spread(identified.model.coefficients, 0.0)
+    return replace(
+        identified,
+        model=replace(identified.model, terms=problem.terms, coefficients=coefficients),
+        rivals=spread(identified.rivals, 0.0),
+        **{name: spread(getattr(identified, name), np.nan) for name in BY_TERM},
+    )
+
+
 def beside_known(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
     """The model, not `ok` where recordings alone would put a coefficient MOST_SURPRISE deviations
-    from what was known of it, or further: then what was known is wrong, or the model is.
+    from what was known of it, or further, or where it is out of bounds: then what was known is
+    wrong, or the model is.
 
     The estimate is the mean of both, weighted by their precisions. Its distance from what was known
     has the variance of what was known, less the variance of the estimate.
     """
+    identified = replace(identified, bounds=problem.bounds)
     found, mean = identified.model.coefficients, problem.expected
     with np.errstate(invalid="ignore", divide="ignore"):
         deviation = problem.precision**-0.5
@@ -46,6 +66,11 @@ def beside_known(problem: Problem, identified: IdentifiedModel) -> IdentifiedMod
         f"{found[i, j]:.3g}, and {mean[i, j]:.3g} ± {deviation[i, j]:.2g}"
         for i, j in np.argwhere(surprise > MOST_SURPRISE)
     ]
+    for i, term, least, most in problem.bounds:  # of models that are found without them
+        j = problem.terms.index(term)
+        if np.nan_to_num(found[i, j]) and not least <= found[i, j] <= most:
+            name = f"{term_name(term, problem.names)} in d({problem.states[i]})/dt"
+            denied.append(f"{name} is {found[i, j]:.3g}, and {least:.3g} to {most:.3g}")
     if not denied:
         return identified
     clause = f"the recording contradicts what was known: {', '.join(denied)} was said"
@@ -102,13 +127,14 @@ def laws_untold(
     about: diagnostics, with the ranges.
     """
     model, n = identified.model, len(identified.model.states)
-    of_states, of_inputs = np.hsplit(np.array(model.terms), [n])
+    of_states, of_inputs = np.hsplit(exponents_of(model.terms, len(model.names)), [n])
+    plain = ~np.array([has_functions(term) for term in model.terms])
     powers = np.prod(np.array(sizes) ** of_inputs, axis=1)
     found = np.where(identified.support, model.coefficients * powers, 0.0)
     unseen = np.where(identified.support, 0.0, np.nan_to_num(identified.detection_limits * powers))
     untold = []
     for k, state in enumerate(model.states):
-        alike = np.all(of_states == np.eye(n)[k], axis=1)
+        alike = np.all(of_states == np.eye(n)[k], axis=1) & plain
         size, most = abs(found[:, alike]).sum(axis=1), unseen[:, alike].max(axis=1, initial=0.0)
         untold += [
             f"{state} in d({model.states[i]})/dt"

@@ -6,6 +6,7 @@ from numbers import Integral
 import numpy as np
 from numpy.typing import ArrayLike
 
+from galloping.functions import Function, n_exponents
 from galloping.identification.aliases import without_aliases
 from galloping.identification.model import Unusable
 from galloping.identification.problem import Coefficient, Prior, Problem, posed
@@ -68,9 +69,11 @@ def asked(
     if not isinstance(terms, list | tuple) or not terms:
         raise ValueError(f"terms: {terms!r:.60}; {hint}")
     for term in terms:
-        sound = isinstance(term, tuple) and len(term) == len(terms[0])
-        sound = sound and len(term) in (n, n + len(inputs))
-        sound = sound and all(isinstance(e, Integral) for e in term)
+        exponents = [e for e in term if not isinstance(e, Function)] if term else ()
+        sound = isinstance(term, tuple) and len(exponents) == n_exponents(terms[0])
+        sound = sound and len(exponents) in (n, n + len(inputs))
+        sound = sound and all(isinstance(e, Integral) for e in term[: len(exponents)])
+        sound = sound and all(len(own.weights) == n for own in term[len(exponents) :])
         if not sound or not all(e >= 0 for e in term[:n]):
             raise ValueError(f"terms: {term!r:.60}; {hint}")
     for name, value, kind in (("known", known, PolynomialModel), ("prior", prior, Prior)):

@@ -6,13 +6,22 @@ import os
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from itertools import chain
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import Immutable, checked_state, increasing
-from galloping.polynomial import Exponents, PolynomialModel, merged, with_error
+from galloping.functions import from_plain, n_exponents, plain
+from galloping.polynomial import (
+    Bound,
+    Exponents,
+    PolynomialModel,
+    latex_factors,
+    merged,
+    with_error,
+)
 from galloping.recording import Input
 from galloping.storage import read_json, write_json
 
@@ -143,6 +152,7 @@ class IdentifiedModel(Immutable):
     are dx = f(x) dt + dW; zero where nothing but the start moves the model. slow_forces: the same
     of what drives forces that decay at rates, 1/s, `slow_rate_dX` of the diagnostics. resonances:
     of what is moved so in more modes than it has coordinates.
+    bounds: of coefficients, that were known: equation, term, least and greatest.
     An array that is not given is NaN of its shape. All of them are read-only; models that are equal
     in everything are equal, and have the same hash.
     Raises ValueError for a status that is none of these.
@@ -167,6 +177,7 @@ class IdentifiedModel(Immutable):
     forces: NDArray[np.float64] = None
     slow_forces: NDArray[np.float64] = None
     resonances: tuple[Resonance, ...] = ()
+    bounds: tuple[Bound, ...] = ()
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:
@@ -306,11 +317,7 @@ class IdentifiedModel(Immutable):
             parts = []
             for j in np.flatnonzero(row):
                 number = with_error(row[j], errors[j]).replace("±", r"\pm")
-                factors = [
-                    factor if power == 1 else f"{factor}^{{{power}}}"
-                    for factor, power in zip(names, self.model.terms[j], strict=True)
-                    if power
-                ]
+                factors = latex_factors(self.model.terms[j], names, _power_of_ten)
                 parts.append(r" \, ".join([_power_of_ten(number), *factors]))
             right = " + ".join(parts) or "0"
             lines.append(rf"\frac{{\mathrm{{d}} {name}}}{{\mathrm{{d}} t}} &= {right}")
@@ -323,10 +330,12 @@ class IdentifiedModel(Immutable):
         about: further plain values, such as units, which `load` leaves aside.
         """
         of = self.model
-        content = {"states": of.states, "inputs": of.inputs, "terms": of.terms}
+        terms = [plain(term) for term in of.terms]
+        content = {"states": of.states, "inputs": of.inputs, "terms": terms}
         own = {"coefficients": of.coefficients} | self._held()
-        del own["model"]
+        del own["model"], own["bounds"]
         content |= {name: _plain(value) for name, value in own.items()}
+        content["bounds"] = [[i, plain(term), *map(_plain, ends)] for i, term, *ends in self.bounds]
         write_json(path, content | {"known": [int(i) for i in self.known]} | about)
 
     @classmethod
@@ -337,11 +346,11 @@ class IdentifiedModel(Immutable):
             if not isinstance(content, dict):
                 raise TypeError("must be a mapping of keys")
             states, inputs = _names(content["states"]), _names(content["inputs"])
-            terms = tuple(map(tuple, content["terms"]))
-            powers = [e for term in terms for e in term]
-            if not terms or any(type(e) is not int or abs(e) > MOST_POWER for e in powers):
+            terms = tuple(map(from_plain, content["terms"]))
+            powers = [term[: n_exponents(term)] for term in terms]
+            if not terms or any(type(e) is not int or abs(e) > MOST_POWER for e in chain(*powers)):
                 raise ValueError(f"terms: must be whole exponents up to {MOST_POWER}")
-            if any(e < 0 for term in terms for e in term[: len(states)]):
+            if any(e < 0 for own in powers for e in own[: len(states)]):
                 raise ValueError("terms: exponents of states must be 0 or more")
             model = PolynomialModel(states, terms, _array(content["coefficients"]), inputs)
             status, shapes = content["status"], _shapes(*model.coefficients.shape)
@@ -360,6 +369,10 @@ class IdentifiedModel(Immutable):
                     for name, value in content["diagnostics"].items()
                 },
                 further_modes=tuple(FurtherMode(**mode) for mode in content["further_modes"]),
+                bounds=tuple(
+                    (int(i), from_plain(term), float(least), float(most))
+                    for i, term, least, most in content.get("bounds", ())
+                ),
                 resonances=tuple(
                     Resonance(**{k: tuple(v) if isinstance(v, list) else v for k, v in one.items()})
                     for one in content["resonances"]

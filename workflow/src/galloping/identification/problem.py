@@ -10,12 +10,15 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from galloping.identification.selection import Price
+from galloping.identification.selection import Price, select, solve_support
 from galloping.polynomial import (
+    Bound,
     Exponents,
     PolynomialModel,
     alone,
     design_matrix,
+    exponents_of,
+    n_exponents,
     term_name,
     velocity_pairs,
 )
@@ -88,48 +91,76 @@ SMALLEST = 1e-9  # deviation of what is known, in its mean: less is rounding
 
 @dataclass(frozen=True)
 class Coefficient:
-    """What is known of one coefficient before any recording.
+    """What is known of one coefficient before any recording, in the coefficient's unit.
 
-    state: in whose equation the coefficient stands. term: exponents of its term. mean, deviation:
-    of its Gaussian prior, in the coefficient's unit; a deviation of zero fixes the coefficient.
-    Raises ValueError where they are not finite or beyond what can be squared, and where the
-    deviation is below zero, or so small that it fixes the coefficient.
+    Parameters
+    ----------
+    state : in whose equation the coefficient is
+    term : exponents of its term, and functions
+    mean, deviation : of its Gaussian prior; a deviation of zero fixes the coefficient. Without a
+        mean there is no such prior.
+    lower, upper : bounds; a coefficient whose bounds are on one side of zero is always there
+
+    Raises
+    ------
+    ValueError
+        If mean or deviation are not finite or beyond what can be squared, the deviation is below
+        zero or so small that it fixes the coefficient, no number is between the bounds, or nothing
+        is known.
     """
 
     state: str
     term: Exponents
-    mean: float
+    mean: float | None = None
     deviation: float = 0.0
+    lower: float = -np.inf
+    upper: float = np.inf
 
     def __post_init__(self) -> None:
         for name in ("mean", "deviation"):
             value = getattr(self, name)
             sound = isinstance(value, int | float) and isfinite(value) and abs(value) <= LARGEST
+            sound = sound or (name == "mean" and value is None)
             if not sound or (name == "deviation" and value < 0.0):
                 allowed = "a number" + (" from 0" if name == "deviation" else "")
                 raise ValueError(
                     f"coefficient: {name}: {value!r:.60}; must be {allowed} up to {LARGEST:g}"
                 )
-        least = max(SMALLEST * abs(self.mean), 1.0 / LARGEST)
+        least = max(SMALLEST * abs(self.mean or 0.0), 1.0 / LARGEST)
         if 0.0 < self.deviation < least:
             raise ValueError(
                 f"coefficient: deviation: {self.deviation!r:.60}; must be 0, which fixes it, or at "
                 f"least {least:.2g}"
             )
+        if not self.lower < self.upper:
+            ends = f"{self.lower!r:.60}, {self.upper!r:.60}"
+            raise ValueError(f"coefficient: lower, upper: {ends}; must be numbers that increase")
+        if self.mean is None and not self.is_bounded:
+            raise ValueError("coefficient: must have a mean or a bound")
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether it has a bound."""
+        return self.lower > -np.inf or self.upper < np.inf
+
+
+# Of bounds and of what is known of a coefficient: by how many deviations a recording may be beyond
+# it. By chance once in 16,000.
+MOST_SURPRISE = 4.0
 
 
 @dataclass(frozen=True)
 class Problem:
     """dx/dt = C theta(x, u), with some of C known and the others to be identified.
 
-    states: names of the n_states states. terms: exponents of the n_terms candidate monomials, in
-    the states and then in the inputs. known: (n_states, n_terms), the coefficients of the known
-    equations and the single ones that are fixed, zero elsewhere. unknown: indices of the equations
-    to identify, increasing. open: (n_states, n_terms) boolean, which coefficients of the unknown
-    equations are candidates. expected, precision: (n_states, n_terms) means of Gaussian priors of
-    candidates and 1/variance, zero of those without. prior: of the supports; None: all are as
-    probable. inputs: names of the n_inputs inputs. aliases: terms that are no candidates, since the
-    recorded inputs cannot tell them from simpler ones.
+    states: names of the n_states states. terms: exponents of the n_terms candidates, in the states
+    and then in the inputs, with their functions. known: (n_states, n_terms), the coefficients of
+    the known equations and the single ones that are fixed, zero elsewhere. unknown: indices of the
+    equations to identify, increasing. open: (n_states, n_terms) boolean, which coefficients of the
+    unknown equations are candidates. expected, precision: (n_states, n_terms) means of Gaussian
+    priors of candidates and 1/variance, zero of those without. prior: of the supports; None: all
+    are as probable. inputs: names of the n_inputs inputs. bounds: of coefficients. aliases: terms
+    that are no candidates, since the recorded inputs cannot tell them from simpler ones.
     """
 
     states: tuple[str, ...]
@@ -141,6 +172,7 @@ class Problem:
     precision: np.ndarray
     prior: Prior | None
     inputs: tuple[str, ...]
+    bounds: tuple[Bound, ...] = ()
     aliases: tuple["Alias", ...] = ()
 
     @cached_property
@@ -152,12 +184,16 @@ class Problem:
     @cached_property
     def of_states(self) -> np.ndarray:
         """(n_terms, n_states) exponents of the states in each term."""
-        return np.array(self.terms)[:, : len(self.states)]
+        return exponents_of(self.terms, len(self.states))
 
     @cached_property
     def degrees(self) -> np.ndarray:
-        """(n_candidates,) degree of each term in the states."""
-        return self.of_states.sum(axis=1)[self.candidates[:, 1]]
+        """(n_candidates,) degree of each term in the states; each function counts as a state, and a
+        term with any is of the second degree at least.
+        """
+        functions = np.array([len(term) - len(self.names) for term in self.terms])
+        degree = self.of_states.sum(axis=1) + functions
+        return np.where(functions > 0, np.maximum(degree, 2), degree)[self.candidates[:, 1]]
 
     @cached_property
     def of_velocities(self) -> np.ndarray:
@@ -176,7 +212,8 @@ class Problem:
     @property
     def prior_prices(self) -> np.ndarray:
         """(n_candidates,) of `Prior.prices`."""
-        of_inputs = np.abs(np.array(self.terms)[:, len(self.states) :]).sum(axis=1)
+        powers = exponents_of(self.terms, len(self.names))[:, len(self.states) :]
+        of_inputs = np.abs(powers).sum(axis=1)
         return self.prior.prices(self.complexity, of_inputs[self.candidates[:, 1]])
 
     @cached_property
@@ -204,6 +241,13 @@ class Problem:
         values = {name: change(getattr(self, name)) for name in by_term}
         return replace(self, terms=tuple(terms), **values)
 
+    def without(self, left_out: Callable[[Exponents], bool]) -> Self:
+        """The problem without some terms."""
+        kept = np.array([not left_out(term) for term in self.terms])
+        if kept.all():
+            return self
+        return self.by_term(lambda values: values[:, kept], list(compress(self.terms, kept)))
+
     def named(self, candidates: Sequence[int]) -> str:
         """Some candidates in words, '' of none."""
         return " with ".join(
@@ -219,7 +263,8 @@ class Problem:
         """(n_candidates,) boolean: the candidates of a support, and those that differ from one of
         them in powers of inputs alone.
         """
-        names = [(i, *self.of_states[j]) for i, j in self.candidates]
+        n, m = len(self.states), len(self.names)
+        names = [(i, *self.terms[j][:n], *self.terms[j][m:]) for i, j in self.candidates]
         found = set(compress(names, support))
         return np.array([name in found for name in names])
 
@@ -268,12 +313,80 @@ class Problem:
         """Entries of `values`, (n_states, n_terms), for the candidates, or for `pairs` (n, 2)."""
         return values[tuple((self.candidates if pairs is None else pairs).T)]
 
+    @cached_property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n_candidates,) least and greatest coefficients that the bounds allow."""
+        lower, upper = np.full((2, len(self.candidates)), [[-np.inf], [np.inf]])
+        places = {(i, self.terms[j]): k for k, (i, j) in enumerate(self.candidates)}
+        for equation, term, least, most in self.bounds:
+            if (equation, term) in places:
+                k = places[equation, term]
+                lower[k], upper[k] = least, most
+        return lower, upper
+
     def chosen_about(self, about: np.ndarray | float = 0.0) -> np.ndarray:
         """`about` for `selection.whiten`, by which coefficients with a prior are always chosen:
         terms are chosen that are far from zero, and these are moved 1e4 deviations of their prior.
         """
         root = np.sqrt(self.of_candidates(self.precision))
         return about + np.divide(1e4, root, out=np.zeros(len(root)), where=root > 0.0)
+
+    def select(
+        self,
+        information: np.ndarray,
+        right: np.ndarray,
+        starts: list[np.ndarray],
+        price: Price | np.ndarray | float,
+        about: np.ndarray | float = 0.0,
+        among: np.ndarray | slice = slice(None),
+    ) -> np.ndarray:
+        """The best support of a regression on candidates, (n,) boolean, as `selection.select`.
+
+        about: (n,) coefficients at which `right` is measured. among: indices of the candidates. A
+        term that would have a coefficient beyond its bounds is left out, unless these leave out
+        zero: then it is always there.
+        """
+        apart = self.chosen_about()[among]
+        if not self.bounds:
+            return select(information, right, starts, price, about + apart)
+        lower, upper = (ends[among] for ends in self.box)
+        must, out = (lower > 0.0) | (upper < 0.0), np.zeros(len(right), bool)
+        root = np.sqrt(np.where(must & (apart == 0.0), np.diag(information), 0.0))
+        apart = apart + np.divide(1e4, root, out=np.zeros(len(root)), where=root > 0.0)
+        about = np.broadcast_to(about, right.shape)
+        while True:
+            tried = [own & ~out for own in starts]
+            support = select(information, right, tried, price, about + np.where(out, 0.0, apart))
+            change, _ = solve_support(information, right, support)
+            k, _ = _farthest_out(about + change, support & ~must, lower, upper)
+            if k < 0:
+                return support | must
+            out[k] = True
+            right = right + information[:, k] * about[k]
+            information, about = information.copy(), about.copy()
+            information[k] = information[:, k] = right[k] = about[k] = 0.0
+
+    def solve(
+        self,
+        information: np.ndarray,
+        right: np.ndarray,
+        support: np.ndarray,
+        about: np.ndarray | float = 0.0,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The least chi^2 of a support within the bounds, as `selection.solve_support`.
+
+        about: (n,) coefficients at which `right` is measured. Returns how far the best coefficients
+        are from these (n,), and their covariance (n_support, n_support) without bounds.
+        """
+        change, covariance = solve_support(information, right, support)
+        free, put = support.copy(), np.zeros(len(right))
+        while self.bounds:
+            k, value = _farthest_out(about + change, free, *self.box)
+            if k < 0:
+                break
+            free[k], put[k] = False, value - np.broadcast_to(about, right.shape)[k]
+            change, _ = solve_support(information, right - information @ put, free)
+        return np.where(free, change, put), covariance
 
     def of_model(self, covariance: np.ndarray, support: np.ndarray) -> np.ndarray:
         """The covariance of all terms that a model has in the unknown equations, fixed ones without
@@ -334,6 +447,18 @@ class Problem:
         return PolynomialModel(self.states, self.terms, self.coefficients(free), self.inputs)
 
 
+def _farthest_out(
+    values: np.ndarray, among: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> tuple[int, float]:
+    """Which of some values is farthest beyond its bounds, as a share of it, and the nearest number
+    within; -1 where all are within. among: (n,) boolean.
+    """
+    within = np.clip(values, lower, upper)
+    off = np.where(among, np.abs(values - within), 0.0)
+    k = int(np.argmax(off / np.maximum(np.abs(values), np.finfo(float).tiny)))
+    return (k, float(within[k])) if off[k] > 0.0 else (-1, 0.0)
+
+
 def posed(
     states: tuple[str, ...],
     terms: tuple[Exponents, ...],
@@ -354,7 +479,7 @@ def posed(
     where what is known is outside of the library, or nothing is left to find.
     """
     rows = np.zeros((len(states), len(terms)))
-    inputs = tuple(inputs)[: len(terms[0]) - len(states)]
+    inputs = tuple(inputs)[: n_exponents(terms[0]) - len(states)]
     index = {term: j for j, term in enumerate(terms)}
     pairs = velocity_pairs(states)
     for i, velocity in pairs.items():
@@ -371,25 +496,37 @@ def posed(
         raise ValueError(f"the equations of {every} are all known; none is left to find")
     where = np.ones(rows.shape, bool) if allowed is None else np.array(allowed, bool)
     expected, precision = np.zeros((2, *rows.shape))
+    bounds: list[Bound] = []
     for one in coefficients:
         if one.state not in states or states.index(one.state) not in unknown:
             sought = ", ".join(states[i] for i in unknown)
             raise ValueError(f"coefficients: {one.state!r}; must be an unknown equation: {sought}")
-        name = one.term if len(one.term) != len(terms[0]) else term_name(one.term, states + inputs)
+        names = states + inputs
+        alike = n_exponents(one.term) == len(names)
+        name = term_name(one.term, names) if alike else one.term
         if one.term not in index:
             raise ValueError(f"coefficients: {name}: not in the library")
         place = states.index(one.state), index[one.term]
         if not where[place]:
             raise ValueError(f"coefficients: {name} of {one.state}: said twice, or not allowed")
+        if one.is_bounded:
+            bounds.append((place[0], one.term, float(one.lower), float(one.upper)))
         if one.deviation:
             expected[place], precision[place] = one.mean, one.deviation**-2.0
-        else:
+        elif one.mean is not None:
             rows[place], where[place] = one.mean, False
+    for i, term, least, most in bounds:
+        place = i, index[term]
+        about = expected[place] if precision[place] else rows[place]
+        if (precision[place] or not where[place]) and not least <= about <= most:
+            name = f"{term_name(term, states + inputs)} of {states[i]}"
+            raise ValueError(f"coefficients: {name}: {about:g} is out of its bounds")
     if not where[list(unknown)].any():
         raise ValueError("every coefficient is known; none is left to find")
     return Problem(
-        tuple(states), tuple(terms), rows, unknown, where, expected, precision, prior, inputs
-    )
+        tuple(states), tuple(terms), rows, unknown, where, expected, precision, prior, inputs,
+        tuple(bounds),
+    )  # fmt: skip
 
 
 def largest(problem: Problem, values: np.ndarray, rates: np.ndarray) -> np.ndarray:

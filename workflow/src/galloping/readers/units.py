@@ -286,12 +286,17 @@ def coefficient_unit(
 ) -> str:
     """SI unit of a term's coefficient in the equation of a state, such as m^-1 s^-2, or `1`.
 
-    names: of states and inputs, as many as exponents. inputs: the unit of each, '' where it is not
-    known: it then stands as [U].
+    exponents: of a term, with its functions. names: of states and inputs. inputs: the unit of each,
+    '' where it is not known: it then stands as [U].
     """
     _, metres, seconds = USUAL[state_unit(state)]
     powers = Counter(m=metres, s=seconds - 1)
-    for name, power in zip(names, exponents, strict=True):
+    factors = list(zip(names, exponents, strict=False))
+    degree = {"abs": 1, "inverse": -1}  # the value of another function is a pure number
+    for function in exponents[len(names) :]:
+        first = next(k for k, weight in enumerate(function.weights) if weight)
+        factors.append((names[first], degree.get(function.name, 0)))
+    for name, power in factors:
         if power and name in inputs:
             own = _symbols(inputs[name]) if inputs[name] else {f"[{name}]": 1}
         else:

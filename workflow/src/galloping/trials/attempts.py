@@ -13,6 +13,7 @@ from galloping.intervals import NORMAL_95
 from galloping.measurement import Motion, noises_of, recordings_of
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
+from galloping.simulation import rates_of
 
 FAR = 4.0  # standard errors beyond which a coefficient is wrong
 
@@ -66,7 +67,7 @@ def deviations_at_the_bound(attempt: Attempt, states: np.ndarray) -> np.ndarray:
 
 
 def _motion(true: PolynomialModel, time: np.ndarray, states: np.ndarray) -> Motion:
-    return Motion(true.states, time, states, true(states))
+    return Motion(true.states, time, states, rates_of(true, states))
 
 
 def fits(

@@ -1,15 +1,16 @@
 """Sufficient statistics of a recording on short windows, where states are almost quadratic."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numba import njit
 
 from galloping.identification.work import spend
 from galloping.right_hand_side import System
-from galloping.taylor import ORDER, integrate
+from galloping.taylor import ORDER, Samples, integrate
 
 # Three projections a window hold all that samples tell of a motion that turns by a twelfth of a
 # period in it; Taylor series of `taylor.ORDER` are then good to TRUNCATION, relative to each state:
@@ -32,7 +33,8 @@ class Condensed:
     remainder: (n_recordings, n_observed) sum of squares of the samples outside the projections.
     known_noise: (n_recordings, n_observed) deviation of a sample where known, NaN else.
     inputs: (n_windows, n_powers, n_factors) factors of the inputs over each window (see
-    `Problem.input_factors`), without inputs (n_windows, 1, 0).
+    `Problem.input_factors`), without inputs (n_windows, 1, 0). samples: of which the projections
+    are sums, kept where the terms of a library have kinks, else None.
     """
 
     step: float
@@ -46,6 +48,7 @@ class Condensed:
     remainder: np.ndarray
     known_noise: np.ndarray
     inputs: np.ndarray
+    samples: Samples | None = None
 
     def names(self, states: Sequence[str]) -> list[str]:
         """What each channel measures: a state, or d and the name of one."""
@@ -56,16 +59,24 @@ class Condensed:
         self, compiled: System, first: np.ndarray, starts: np.ndarray, sensitive: bool
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
         """`taylor.integrate` over segments between the windows `first` (n_segments + 1,)."""
-        own = slice(first[0], first[-1])
+        own, samples = slice(first[0], first[-1]), self.samples
+        if samples is not None:
+            samples = samples._replace(offsets=samples.offsets[first[0] : first[-1] + 1])
         found = integrate(
             compiled, self.step, first - first[0], starts, self.functionals[own], self.observed,
-            self.inputs[own], sensitive,
+            self.inputs[own], sensitive, samples,
         )  # fmt: skip
         windows, columns = first[-1] - first[0], found[1].shape[3]
         moved = len(set(map(tuple, compiled.jacobian[:, :2].tolist())))
         products = moved * ORDER**2 / 2 + self.functionals[0, ..., 0].size * ORDER
         spend(2.3e-10 * windows * (columns * products + 3 * ORDER**2 * len(compiled.parent)))
         return found
+
+    def of_rates(self) -> Self:
+        """What projections of rates of what is measured depend on, in place of itself."""
+        samples = self.samples and self.samples._replace(order=self.samples.order + 1)
+        shifted = of_rates(self.functionals, self.step)
+        return replace(self, functionals=shifted, samples=samples)
 
     def squares(self, residual: np.ndarray) -> np.ndarray:
         """(n_recordings, n_observed) sums of squares of residuals, as `targets`."""
@@ -128,13 +139,14 @@ def of_rates(functionals: np.ndarray, step: float) -> np.ndarray:
 
 
 @njit(cache=True)
-def _project(tau, values, offsets, longest, functionals, targets, counts, rows, remainder):
+def _project(tau, values, offsets, longest, functionals, targets, counts, rows, remainder, kept):
     """Fill the statistics of one recording, in place, as in `Condensed`.
 
     tau: (n,) times in their windows, 0 to 1. values: (n, n_observed). offsets: (n_windows + 1,)
     first sample of each window. longest: samples of the fullest window; to find it here would
-    compile for five seconds longer. The basis is orthonormal on a window's samples: Legendre-like,
-    by Gram-Schmidt, twice for its rounding.
+    compile for five seconds longer. kept: (n, n_observed, n_rows), to be filled with the basis, or
+    None where it is not needed. The basis is orthonormal on a window's samples: Legendre-like, by
+    Gram-Schmidt, twice for its rounding.
     """
     n_windows, n_observed, n_rows, n_powers = functionals.shape
     basis = np.empty((n_rows, longest))
@@ -149,6 +161,10 @@ def _project(tau, values, offsets, longest, functionals, targets, counts, rows, 
                     sample[n] = values[i, o]
                     n += 1
             counts[o] += n
+            if kept is not None:
+                here = offsets[w] + np.flatnonzero(
+                    np.isfinite(values[offsets[w] : offsets[w + 1], o])
+                )
             used = 0
             for degree in range(min(n_rows, n)):
                 size = 0.0
@@ -182,6 +198,9 @@ def _project(tau, values, offsets, longest, functionals, targets, counts, rows, 
                         power *= point[i]
                 targets[w, o, b] = dot
                 remainder[o] -= dot**2
+                if kept is not None:
+                    for i in range(n):
+                        kept[here[i], o, b] = basis[b, i]
             rows[o] += used
 
 
@@ -192,11 +211,12 @@ def condense(
     step: float,
     is_rate: np.ndarray,
     known_noise: np.ndarray,
+    keep_samples: bool = False,
 ) -> Condensed:
     """Condense recordings that measure the same channels.
 
     times: per recording (n,), s, increasing. values: per recording (n, n_observed), NaN where a
-    sample is missing. The others as in `Condensed`.
+    sample is missing. keep_samples: whether terms have kinks. The others as in `Condensed`.
     """
     windows = [max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-6))) for time in times]
     first = np.concatenate([[0], np.cumsum(windows)])
@@ -206,18 +226,27 @@ def condense(
     targets = np.zeros((first[-1], n_observed, PROJECTIONS))
     counts, rows = np.zeros((2, len(times), n_observed), np.int64)
     remainder = np.zeros((len(times), n_observed))
+    kept, begins = [], []
     for r, (time, value) in enumerate(zip(times, values, strict=True)):
         scaled = (time - time[0]) / step
         window = np.minimum((scaled + 1e-9).astype(np.int64), windows[r] - 1)
         offsets = np.searchsorted(window, np.arange(windows[r] + 1))
         span = slice(first[r], first[r + 1])
+        basis = np.zeros((*value.shape, PROJECTIONS)) if keep_samples else None
         _project(
             scaled - window, np.ascontiguousarray(value, dtype=float), offsets,
             int(np.diff(offsets).max()), functionals[span], targets[span], counts[r], rows[r],
-            remainder[r],
+            remainder[r], basis,
         )  # fmt: skip
+        kept.append((scaled - window, basis))
+        begins.append(offsets[:-1] + sum(map(len, times[:r])))
     functionals[:, is_rate] = of_rates(functionals[:, is_rate], step)
+    samples = None
+    if keep_samples:
+        tau, basis = map(np.concatenate, zip(*kept, strict=True))
+        offsets = np.append(np.concatenate(begins), len(tau))
+        samples = Samples(offsets, tau, basis, is_rate.astype(np.int64))
     return Condensed(
         step, first, observed, is_rate, functionals, targets, counts, rows,
-        np.maximum(remainder, 0.0), known_noise, np.zeros((len(targets), 1, 0)),
+        np.maximum(remainder, 0.0), known_noise, np.zeros((len(targets), 1, 0)), samples,
     )  # fmt: skip

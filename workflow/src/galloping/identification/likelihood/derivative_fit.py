@@ -10,7 +10,7 @@ from galloping.identification.likelihood.residual_tests import RESIDUAL_RATE
 from galloping.identification.likelihood.verdict import Near, Regression, approximate, judged
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.problem import Problem, largest
-from galloping.identification.selection import added_deviation, select, solve_support
+from galloping.identification.selection import added_deviation
 from galloping.polynomial import design_matrix
 from galloping.recording import Recording, at_times
 
@@ -28,7 +28,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     """
     n = len(problem.candidates)
     information, right = problem.with_prior(np.zeros((n, n)), np.zeros(n))
-    support, about = np.zeros(n, bool), problem.chosen_about()
+    support = np.zeros(n, bool)
     sigma = np.full((len(recordings), len(problem.states)), np.nan)
     values = [
         np.hstack([one.values, at_times(list(one.inputs.values()), one.time)]) for one in recordings
@@ -61,10 +61,10 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         whole = np.ones(len(block), bool)
         own = information[np.ix_(block, block)]
         price = problem.price(2.0 * np.log(samples), size).of(block)
-        support[block] = select(own, right[block], [whole], price, about[block])
+        support[block] = problem.select(own, right[block], [whole], price, among=block)
         count += samples
     penalty = 2.0 * np.log(count / len(problem.unknown))  # of an equation's samples, on average
-    free, covariance = solve_support(information, right, support)
+    free, covariance = problem.solve(information, right, support)
     misfit = max(squares - float(free @ right), 0.0)
     fitted = {
         "initial_states": np.array([recording.values[0] for recording in recordings]),

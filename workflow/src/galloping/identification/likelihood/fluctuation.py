@@ -21,9 +21,9 @@ from galloping.identification.likelihood.weak_constraint import (
     white_misfit,
 )
 from galloping.identification.problem import Problem
-from galloping.identification.selection import select, solve_support
 from galloping.identification.work import is_spent
 from galloping.passes import passing
+from galloping.polynomial import exponents_of
 
 # Parts of a stretch in which coefficients are constant: a tenth of the correlation. Measured: with
 # ten parts the slow mode seems to fluctuate as well.
@@ -46,8 +46,8 @@ def chosen(
     recording about one mean wind hardly tells these apart, and to leave one of them out would claim
     a law for other winds. price: of each term, in units of chi^2.
     """
-    tried, about = [np.ones(len(right), bool), support], problem.chosen_about()
-    return problem.alike(select(information, right, tried, price, about))
+    tried = [np.ones(len(right), bool), support]
+    return problem.alike(problem.select(information, right, tried, price))
 
 
 def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray] | None:
@@ -63,9 +63,10 @@ def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray
     """
     record, problem = fit.record, fit.record.problem
     equation, term = problem.candidates.T
-    exponents = np.array(problem.terms)[term]
+    exponents = exponents_of(problem.terms, len(problem.names))[term]
     of_rate = exponents[:, np.unique(equation)].sum(axis=1) == 1
-    rates = np.flatnonzero((np.abs(exponents).sum(axis=1) == 1) & of_rate)
+    linear = (np.abs(exponents).sum(axis=1) == 1) & (problem.degrees == 1)
+    rates = np.flatnonzero(linear & of_rate)
     misfit = white_misfit(record, fit.linear.residual)
     excess = _excess(record, misfit)
     windows = np.diff(record.segments.first)
@@ -101,7 +102,7 @@ def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray
             right = solved.right + solved.information @ fine.free
             if not settling and 0 < passed < passes - 1:
                 support = chosen(problem, solved.information, right, support, penalty)
-            free, covariance = solve_support(solved.information, right, support)
+            free, covariance = problem.solve(solved.information, right, support)
             change = free - fine.free
             jump = jump_covariance(parts, wider, solved, change, jumping)
             step = solved.moved(change)

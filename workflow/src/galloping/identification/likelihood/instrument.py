@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from galloping.identification.answers import GUSTS
-from galloping.identification.likelihood.condense import PROJECTIONS, of_rates
+from galloping.identification.likelihood.condense import PROJECTIONS
 from galloping.identification.likelihood.elimination import Eliminated, eliminate
 from galloping.identification.likelihood.shooting import (
     Linearised,
@@ -64,8 +64,7 @@ def faults(fit: ShootingFit, penalty: float) -> list[Fault]:
     """
     problem, condensed, segments = fit.record.problem, fit.record.condensed, fit.record.segments
     residual, _ = residuals(fit.record, fit.free, fit.starts)
-    shifted = replace(condensed, functionals=of_rates(condensed.functionals, condensed.step))
-    rates = replace(fit.record, condensed=shifted).predictions(fit.free, fit.starts)
+    rates = replace(fit.record, condensed=condensed.of_rates()).predictions(fit.free, fit.starts)
     wider, late = _delayed_inputs(fit)
     entries, columns, tests = _parameters(fit.record, rates, late)
 
@@ -74,7 +73,7 @@ def faults(fit: ShootingFit, penalty: float) -> list[Fault]:
 
     own = linear(fit.support)
     quadratic = eliminate(own, segments, fit.starts)
-    scores = [_score(quadratic.information, quadratic.right, test.mixture) for test in tests]
+    scores = [score(quadratic.information, quadratic.right, test.mixture) for test in tests]
     tested = [replace(test, z=z) for test, z in zip(tests, scores, strict=True)]
     tested += _gaps(own, fit) + _variances(fit, residual, rates)
     limit = -ndtri(5e-3 / 2.0 / len(tested))
@@ -106,13 +105,14 @@ def _delayed_inputs(fit: ShootingFit) -> tuple[ShootingFit, list[Late]]:
     problem, condensed = fit.record.problem, fit.record.condensed
     coefficients, powers = problem.coefficients(fit.free), condensed.inputs
     n, extra = len(problem.states), len(problem.inputs)
-    terms, late = [(*term, *[0] * extra) for term in problem.terms], []
+    own = n + extra
+    terms, late = [(*term[:own], *[0] * extra, *term[own:]) for term in problem.terms], []
     slopes = np.zeros_like(powers)
     slopes[:, :-1] = powers[:, 1:] * np.arange(1, powers.shape[1])[:, None] / condensed.step
     columns = [powers]
     for k, name in enumerate(problem.inputs):
         own = [term for term in problem.terms if term[n + k]]
-        if not own or any(np.count_nonzero(term[n:]) > 1 for term in own):
+        if not own or any(np.count_nonzero(term[n : n + extra]) > 1 for term in own):
             continue
         pairs, weights = [], []
         for i, j in np.argwhere(coefficients):
@@ -120,8 +120,8 @@ def _delayed_inputs(fit: ShootingFit) -> tuple[ShootingFit, list[Late]]:
                 moved = {n + k: power - 1, n + extra + k: 1}
                 slope = tuple(moved.get(place, e) for place, e in enumerate(terms[j]))
                 if slope not in terms:
-                    factor = problem.tables.factors.index(problem.terms[j][n:])
-                    if all(slope[n:] != term[n:] for term in terms):
+                    factor = problem.tables.factors.index(problem.terms[j][n : n + extra])
+                    if all(slope[n : n + 2 * extra] != term[n : n + 2 * extra] for term in terms):
                         columns.append(slopes[:, :, factor : factor + 1] / power)
                     terms.append(slope)
                 pairs.append((i, terms.index(slope)))
@@ -184,7 +184,7 @@ def _parameters(
     return np.array(entries, int).reshape(-1, 2), columns, tests
 
 
-def _score(information: np.ndarray, right: np.ndarray, mixture: np.ndarray) -> float:
+def score(information: np.ndarray, right: np.ndarray, mixture: np.ndarray) -> float:
     """z of a mixture of the last parameters, the others at their best; 0 where they imitate it."""
     information, right = _mixed(information, right, mixture)
     change, covariance = solve_support(information, right, np.arange(len(right)) < len(right) - 1)
@@ -214,7 +214,7 @@ def _beside(quadratic: Eliminated, fit: ShootingFit, test: Fault) -> float:
     if len(here.out):
         more[here.out[np.argmax(here.additions())]] = True
     kept = np.append(more, np.ones(len(test.mixture), bool))
-    return _score(quadratic.information[np.ix_(kept, kept)], quadratic.right[kept], test.mixture)
+    return score(quadratic.information[np.ix_(kept, kept)], quadratic.right[kept], test.mixture)
 
 
 def _instead(quadratic: Eliminated, fit: ShootingFit, test: Fault, penalty: float) -> float:

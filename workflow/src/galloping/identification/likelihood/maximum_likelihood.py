@@ -15,13 +15,15 @@ from numpy.typing import ArrayLike
 
 from galloping.arrays import one_thread
 from galloping.identification.aliases import with_alias_rivals
-from galloping.identification.answers import beside_known, by, refused, with_inputs
+from galloping.identification.answers import beside_known, by, on_terms_of, refused, with_inputs
 from galloping.identification.inputs import asked, checked_recordings, while_driven
 from galloping.identification.likelihood import free_run, starts, trajectory_fit
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.instrument import DELAYED, FORCES, faults
+from galloping.identification.likelihood.missing_terms import missing_kind
 from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.residual_tests import MOST_COLOUR, Residue, residue
+from galloping.identification.likelihood.several_minima import refined
 from galloping.identification.likelihood.shooting import Segments, ShootingFit, residuals
 from galloping.identification.likelihood.verdict import Regression, agree, best_of, judged
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
@@ -124,7 +126,9 @@ def _at_time_scale(
     begun, told = starts.rescaled(first, recordings, share)
     searches = [partial(_follow, begun), partial(_near, begun)]
     if share == 1.0 and may_be_moved_at_random(first):
-        follows = not starts.rests_at_zero(first) and trajectory_fit.follows_in_segments(first)
+        follows = problem.tables.n_kinks or (  # beside kinks a start may miss the model
+            not starts.rests_at_zero(first) and trajectory_fit.follows_in_segments(first)
+        )
         searches.insert(1 if follows else 0, partial(_in_forces, first))
     found = _first_of(searches, recordings)
     if isinstance(found, NoModel):
@@ -173,7 +177,7 @@ def _from_any_rest(begun: Start, search: Callable[[Start], Outcome]) -> Outcome:
             found.append(by([name], outcome))
         if agree(found) or is_spent():
             break
-    return starts.with_constants(begun.problem, best_of(found)) if found else objections[0]
+    return on_terms_of(begun.problem, best_of(found)) if found else objections[0]
 
 
 def _followed(begun: Start) -> Outcome:
@@ -234,24 +238,40 @@ def _followed(begun: Start) -> Outcome:
 def _joined(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit | None:
     """The fit of the first start that settles, else of the first that follows the data, else of
     the first that can be integrated; None where none can.
+
+    Beside kinks chi^2 has several minima: where a motion sticks, no slope leads to another. There a
+    start counts as settled only if its residuals show nothing, and the best of the others is taken.
     """
-    best = None
+    best, has_kinks = None, begun.problem.tables.n_kinks > 0
     for name, terms, dear in starts.starts_of_terms(begun):
         free = trajectory_fit.free_fit(begun, terms)
         if free is None:
             continue
         unseen = unseen_mixtures(free.information, largest) > 0
         joined = trajectory_fit.join(free, begun.price, dear, unseen)
+        if has_kinks:
+            joined = refined(joined, begun.price)
         joined = replace(joined, path=(name, *free.path(begun.period), *joined.path))
         if dear > 1.0 and joined.settled and unseen:
             # a model of fewer terms can have the same limit cycle
             told = unseen_mixtures(joined.step.information, largest) < joined.step.fit.support.sum()
             joined = replace(joined, settled=told)
-        if joined.settled:
+        if joined.settled and not (has_kinks and _shows_misfit(begun, joined)):
             return joined
         if best is None or (best.objection and not joined.objection):
             best = joined
+        elif has_kinks and not joined.objection:
+            best = min(best, joined, key=lambda one: one.misfit)
     return best
+
+
+def _shows_misfit(begun: Start, joined: trajectory_fit.JoinedFit) -> bool:
+    """Whether the residuals of a settled fit show that it is not the model."""
+    remaining = attempt(partial(_remaining, begun, joined.step.fit))
+    condensed = joined.step.fit.record.condensed
+    return isinstance(remaining, NoModel) or bool(
+        remaining[1].objection(condensed.names(begun.problem.states))
+    )
 
 
 def _remaining(begun: Start, fit: ShootingFit) -> tuple[np.ndarray, Residue]:
@@ -291,14 +311,26 @@ def _objection(fit: ShootingFit, shown: Residue, penalty: float) -> tuple[str, b
     if objection:
         excess = float(np.sum(shown.excess / fit.sigma**2))
         causes = [fault for fault in causes if fault.explains(excess)]
-    objection = "; ".join(filter(None, [*[fault.cause for fault in causes[:1]], objection]))
-    return objection, bool(causes) and not causes[0].or_model
+    is_fault = bool(causes) and not causes[0].or_model
+    named = _missing(fit, penalty) if (objection or causes) and not is_fault else ""
+    named = [named] if named else [fault.cause for fault in causes[:1]]
+    return "; ".join(filter(None, [*named, objection])), is_fault
+
+
+def _missing(fit: ShootingFit, penalty: float) -> str:
+    """The kind of term that explains most of what a fit leaves, in words; '' where none does, or no
+    work is left.
+    """
+    found = "" if is_spent() else attempt(partial(missing_kind, fit, penalty))
+    return "" if isinstance(found, NoModel) else found
 
 
 def _causes_of_none(fit: ShootingFit, penalty: float) -> list[str]:
     """Why no model may follow the whole recording, in words; nothing where no work is left."""
     if is_spent():
         return []
+    if named := _missing(fit, penalty):
+        return [named]
     over = np.maximum(1.0 - (fit.reference / fit.sigma) ** 2, 0.0)
     excess = float(np.sum(fit.record.condensed.rows * over))
     named = [fault.cause for fault in faults(fit, penalty) if fault.explains(excess)][:1]

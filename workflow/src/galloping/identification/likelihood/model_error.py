@@ -266,7 +266,7 @@ def _iterate(
         right, support = solved.right + solved.information @ fit.free, fit.support
         if passed < choosing:
             support = chosen(record.problem, solved.information, right, support, price)
-        free, _ = solve_support(solved.information, right, support)
+        free, _ = record.problem.solve(solved.information, right, support)
         change = free - fit.free
         starts = solved.moved(change, fit.starts)
         jump = jump_covariance(record, fit.linear, solved, 0.0 * change, record.followed)

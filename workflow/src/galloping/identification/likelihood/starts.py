@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.model import BY_TERM, IdentifiedModel
 from galloping.identification.preparation.rate_channels import scaled, scales_told
 from galloping.identification.preparation.smoothing import undisplaced
 from galloping.identification.preparation.weak_form import (
@@ -19,8 +18,6 @@ from galloping.identification.preparation.weak_form import (
     rough_fit,
     weak_fit,
 )
-from galloping.identification.problem import Problem
-from galloping.identification.selection import select, solve_support
 from galloping.recording import Recording
 
 TIME_SCALES = (1.0, 1 / 2, 1 / 4)  # of the period that the spectrum shows
@@ -56,7 +53,7 @@ def positions_of_rest(begun: Start) -> Iterator[tuple[str, Start]]:
     study's line lies 0.15 deviations from rest, and on its accelerations starts that are 0.0 to 0.1
     deviations off always lead to the model. Raises what `weak_fit` raises.
     """
-    problem = _without_constants(begun.problem)
+    problem = begun.problem.without(lambda term: not any(term))  # which nothing moves
     units = 0.2 * np.eye(len(problem.states))[sorted(state for state, _ in _undisplaced(begun))]
     offsets = (0.0 * units[0], *units, *-units)
     for k, offset in enumerate(offsets, 1):
@@ -69,31 +66,6 @@ def positions_of_rest(begun: Start) -> Iterator[tuple[str, Start]]:
         yield name, replace(begun, problem=problem, smoothed=curves, fit=fit)
 
 
-def _without_constants(problem: Problem) -> Problem:
-    """The problem without terms that neither states nor inputs move."""
-    moving = np.any(problem.terms, axis=1)
-    terms = [term for term in problem.terms if any(term)]
-    return problem.by_term(lambda values: values[:, moving], terms)
-
-
-def with_constants(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
-    """What was identified without constants, on the terms of the problem."""
-
-    def spread(values: np.ndarray, elsewhere: float) -> np.ndarray:
-        """(..., n_terms) values of the terms without constants, `elsewhere` for the constants."""
-        whole = np.full((*values.shape[:-1], len(problem.terms)), elsewhere)
-        whole[..., np.any(problem.terms, axis=1)] = values
-        return whole
-
-    coefficients = spread(identified.model.coefficients, 0.0)
-    return replace(
-        identified,
-        model=replace(identified.model, terms=problem.terms, coefficients=coefficients),
-        rivals=spread(identified.rivals, 0.0),
-        **{name: spread(getattr(identified, name), np.nan) for name in BY_TERM},
-    )
-
-
 def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
     """Name and terms of each start, in order, and how dear its terms are at first (see `join`).
 
@@ -104,9 +76,8 @@ def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
     rough, problem = rough_fit(begun), begun.problem
 
     def best(support: np.ndarray, prices: np.ndarray) -> WeakFit:
-        about = problem.chosen_about()
-        chosen = select(rough.information, rough.right, [support], prices, about)
-        free, _ = solve_support(rough.information, rough.right, chosen)
+        chosen = problem.select(rough.information, rough.right, [support], prices)
+        free, _ = problem.solve(rough.information, rough.right, chosen)
         return replace(rough, free=free, support=chosen)
 
     yield "weak form" if rough is begun.fit else "weak form of a telling stretch", rough, 1.0

@@ -24,7 +24,7 @@ from galloping.identification.likelihood.shooting import (
 from galloping.identification.preparation.rate_channels import channel_noise, channels
 from galloping.identification.preparation.smoothing import Smooth
 from galloping.identification.preparation.weak_form import Start, WeakFit
-from galloping.identification.selection import NOTHING_STANDS_OUT, Price, select, solve_support
+from galloping.identification.selection import NOTHING_STANDS_OUT, Price
 from galloping.identification.work import ENDED, is_spent
 from galloping.passes import passing
 from galloping.polynomial import design_matrix, velocity_pairs
@@ -81,6 +81,11 @@ class JoinedFit:
     path: tuple[str, ...]
     settled: bool
     objection: str
+
+    @property
+    def misfit(self) -> float:
+        """chi^2 per row of the last fit."""
+        return self.step.fit.misfit
 
 
 def free_fit(begun: Start, start: WeakFit) -> Step | None:
@@ -157,7 +162,8 @@ def prepare(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
     for _ in range(MOST_HALVINGS):
         if is_spent():
             raise FloatingPointError(ENDED)
-        condensed = condense(times, sampled, observed, period / windows, is_rate, known)
+        kinked = problem.tables.n_kinks > 0
+        condensed = condense(times, sampled, observed, period / windows, is_rate, known, kinked)
         if problem.inputs:
             inputs = problem.input_factors(recordings, condensed.first, condensed.step)
             condensed = replace(condensed, inputs=inputs)
@@ -319,17 +325,12 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
     # solved for the change: on a long chain, rounding of the coefficients outweighs their noise
     free = np.where(support, fit.free, 0.0)
     rest = right + information @ (fit.free - free)
-    free = free + solve_support(information, rest, support)[0]
+    free = free + record.problem.solve(information, rest, support, free)[0]
     change = free - fit.free
     starts = quadratic.moved(change, fit.starts)
     record = replace(record, segments=segments)
     moved = replace(fit, record=record, free=free, support=support, starts=starts)
-    squares, rows = linear.squares * fit.sigma**2, record.condensed.rows
-    share = moved.parameters / max(np.count_nonzero(squares), 1)
-    # a fifth of the rows at least: what many parameters follow exactly would seem to have no noise,
-    # or a variance below zero; not critical
-    sigma = np.maximum(np.sqrt(squares / np.maximum(rows - share, 0.2 * rows + 1.0)), record.floor)
-    moved = replace(moved, sigma=sigma, chi2=float(np.sum(squares / fit.reference**2)))
+    moved = with_noise(moved, linear.squares * fit.sigma**2)
     decrement = float(change @ information @ change)
     # a state may be zero wherever segments end, but for rounding
     size = np.maximum(abs(linear.ends).max(axis=0), ROUNDING * abs(record.states).max(axis=0))
@@ -337,9 +338,19 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
     return Step(fit, moved, information, right - information @ change, decrement, gap)
 
 
+def with_noise(fit: ShootingFit, squares: np.ndarray) -> ShootingFit:
+    """The fit with the noise and chi^2 of sums of squared residuals (n_recordings, n_observed)."""
+    rows, floor = fit.record.condensed.rows, fit.record.floor
+    share = fit.parameters / max(np.count_nonzero(squares), 1)
+    # a fifth of the rows at least: what many parameters follow exactly would seem to have no noise,
+    # or a variance below zero; not critical
+    sigma = np.maximum(np.sqrt(squares / np.maximum(rows - share, 0.2 * rows + 1.0)), floor)
+    return replace(fit, sigma=sigma, chi2=float(np.sum(squares / fit.reference**2)))
+
+
 def _chosen(
     fit: ShootingFit, information: np.ndarray, right: np.ndarray, price: Price
 ) -> np.ndarray:
     """The best support found, from all candidates and from the terms of the fit."""
-    tried, about = [np.ones(len(fit.support), bool), fit.support], fit.record.problem.chosen_about
-    return select(information, right, tried, price, about(fit.free))
+    tried = [np.ones(len(fit.support), bool), fit.support]
+    return fit.record.problem.select(information, right, tried, price, fit.free)

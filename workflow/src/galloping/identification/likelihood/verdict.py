@@ -17,7 +17,7 @@ from galloping.identification.plausible import (
     unconditional_errors,
     with_prior,
 )
-from galloping.identification.problem import Problem
+from galloping.identification.problem import MOST_SURPRISE, Problem
 from galloping.identification.selection import (
     NOTHING_STANDS_OUT,
     Whitened,
@@ -99,13 +99,15 @@ def judged(
     `IdentifiedModel`.
     """
     support, penalty = regression.support, regression.penalty
-    free, covariance = solve_support(regression.information, regression.right, support)
-    free = free + regression.about
+    information, right, about = regression.information, regression.right, regression.about
+    free, covariance = problem.solve(information, right, support, about)
+    free = free + about
     reason, told = NOTHING_STANDS_OUT, ""
-    errors = added_deviation(regression.information, support)
+    errors = added_deviation(information, support)
     if support.any():
-        about = problem.chosen_about(regression.about)
-        whitened = whiten(regression.information, regression.right, about)
+        ruled_out, contradiction = beyond_bounds(problem, regression)
+        allowed = np.where(np.logical_or.outer(ruled_out, ruled_out), 0.0, information)
+        whitened = whiten(allowed, np.where(ruled_out, 0.0, right), problem.chosen_about(about))
         plausible = plausible_supports(whitened, support)
         believed = with_prior(problem, plausible)
         limits = detection_limits(unconditional_errors(believed, errors), support, penalty)
@@ -116,7 +118,7 @@ def judged(
         missing = hidden(asked, regression.largest, most, "may be missing: the data would not show")
         questions = open_questions(problem, whitened, believed)
         mixed = unseen_mixture(regression.information, regression.largest)
-        reason = "; ".join(filter(None, [doubt, questions, missing, mixed]))
+        reason = "; ".join(filter(None, [contradiction, doubt, questions, missing, mixed]))
         told = hidden(limits, regression.largest, MOST_HIDDEN, "would not show, were it")
         share, rival = _rival(problem, plausible)
         if problem.prior and share > MOST_RIVAL_WEIGHT:
@@ -175,6 +177,31 @@ def _rivals(problem: Problem, regression: Regression, believed: Plausible) -> di
         kept[own] += normal(change[own], covariance, 1, rng)[0]
         drawn.append(problem.coefficients(kept))
     return {"rivals": np.array(drawn), "rival_share": share}
+
+
+def beyond_bounds(problem: Problem, regression: Regression) -> tuple[np.ndarray, str]:
+    """The absent terms that would come with a coefficient beyond its bounds, (n,) boolean, and one
+    line on coefficients that the recording alone would put there for certain, '' where there is
+    none.
+    """
+    ruled_out, clauses = np.zeros(len(regression.support), bool), []
+    lower, upper = problem.box
+    for k in np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)):
+        among = regression.support.copy()
+        among[k] = True
+        change, covariance = solve_support(regression.information, regression.right, among)
+        value = (change + regression.about)[k]
+        off = abs(value - np.clip(value, lower[k], upper[k]))
+        ruled_out[k] = off > 0.0 and not regression.support[k]
+        error = np.sqrt(covariance[among[:k].sum(), among[:k].sum()])
+        if off > MOST_SURPRISE * error > 0.0:
+            said = f"above {lower[k]:.3g}" if value < lower[k] else f"below {upper[k]:.3g}"
+            clauses.append(
+                f"{problem.named([k])} is {value:.3g} ± {error:.2g}, and {said} was said"
+            )
+    if not clauses:
+        return ruled_out, ""
+    return ruled_out, f"the recording contradicts what was known: {', '.join(clauses)}"
 
 
 def agree(found: list[IdentifiedModel]) -> bool:

@@ -8,7 +8,7 @@ that they share with others makes them informative.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Self
 
 import numpy as np
@@ -20,10 +20,10 @@ from galloping.identification.preparation.rate_channels import without_offsets
 from galloping.identification.preparation.screening import prepared
 from galloping.identification.preparation.smoothing import GRID_PER_PERIOD, Smooth
 from galloping.identification.problem import Problem, largest
-from galloping.identification.selection import Price, select, solve_support
+from galloping.identification.selection import Price, solve_support
 from galloping.identification.work import spend
 from galloping.passes import passing
-from galloping.polynomial import design_matrix
+from galloping.polynomial import alone, design_matrix, term_name
 from galloping.recording import Recording, extrapolated, on_grid
 
 TEST_STRIDE = GRID_PER_PERIOD // 6  # steps of the grid between tests, a third of their radius
@@ -44,6 +44,9 @@ def whitened_weak_form(
     phi, slope = _bump(smooth)
     n_states = len(problem.states)
     usable = np.all(sliding_window_view(smooth.valid, len(phi))[::TEST_STRIDE], axis=1)
+    if problem.tables.n_kinks:
+        decided = _tested(_undecided(problem, smooth)[:, None], phi)[:, 0] < 0.5 * phi.sum()
+        usable = usable & decided if np.any(usable & decided) else usable
     # no row where a curve and its own derivative say the same
     told = {i for i in range(n_states) if smooth.derived[i] >= 0 or np.any(smooth.derived == i)}
     keep = [i for i in range(n_states) if i in problem.unknown or i not in told]
@@ -66,6 +69,20 @@ def whitened_weak_form(
         flat = rows.reshape(len(rows), -1).T
         white, _ = lapack.dtbtrs(factor, flat, uplo="L", overwrite_b=1)
     return white[:, :-1], white[:, -1]
+
+
+def _undecided(problem: Problem, smooth: Smooth) -> np.ndarray:
+    """(n_grid,) share, 0 or 1, of a point in which noise hides the sign of an argument with a kink,
+    as at rest: there terms that jump are noise, which errors that are linearised do not show.
+    """
+    own = smooth.derived >= 0
+    pace = 2.0 * np.pi / (GRID_PER_PERIOD * (smooth.time[1] - smooth.time[0]))
+    sigma = np.where(own, pace * smooth.sigma[smooth.derived], smooth.sigma)
+    hidden = np.zeros(len(smooth.time))
+    for weights, offset in problem.tables.arguments[: problem.tables.n_kinks]:
+        noise = np.sqrt(np.sum((np.array(weights) * np.where(weights, sigma, 0.0)) ** 2))
+        hidden[np.abs(smooth.states @ weights + offset) < 2.0 * noise] = 1.0
+    return hidden
 
 
 def _bump(smooth: Smooth) -> tuple[np.ndarray, np.ndarray]:
@@ -175,10 +192,10 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
         *system, total, n_rows = _regression(problem, smoothed, coefficients)
         information, right = problem.with_prior(*system)
         if coefficients is not None:
-            support = select(information, right, [every], penalty, problem.chosen_about())
+            support = problem.select(information, right, [every], penalty)
         if not np.any(np.diag(information)):
             raise Unusable("no stretch of a period of the recordings is free of gaps")
-        free, _ = solve_support(information, right, support)
+        free, _ = problem.solve(information, right, support)
         coefficients = problem.coefficients(free)
     misfit = (total - float(free @ right)) / max(n_rows - int(support.sum()), 1)
     return WeakFit(free, support, information, right, max(misfit, 0.0), n_rows)
@@ -244,12 +261,28 @@ class Start:
 
 def begin(problem: Problem, recordings: list[Recording], share: float = 1.0) -> Start:
     """The start of an identification from recordings, at a share of their shortest period, as in
-    `prepared`. Raises Unusable where there is none.
+    `prepared`. Raises Unusable where there is none, or a term is not finite on the way.
     """
     cleaned, smoothed, period = prepared(recordings, share)
+    _check_functions(problem, smoothed)
     penalty = 2.0 * np.log(sum(recording.samples for recording in cleaned))
     fit, samples = weak_fit(problem, smoothed, penalty), sum(one.samples for one in recordings)
     return Start(problem, cleaned, smoothed, period, penalty, fit, samples)
+
+
+def _check_functions(problem: Problem, smoothed: list[Smooth]) -> None:
+    """Raise Unusable for a function of states that is not finite along the curves."""
+    for one, own in product(smoothed, problem.tables.functions):
+        states = one.states[one.valid]
+        argument = own.argument(states)
+        name = term_name((*alone(-1, len(problem.states)), own), problem.states)
+        if own.name == "inverse" and len(argument) and argument.min() <= 0.0 <= argument.max():
+            about = own.argument_text(problem.states)
+            raise Unusable(f"{name} is not finite: the recorded motion takes {about} through zero")
+        with np.errstate(over="ignore"):
+            finite = np.isfinite(own(states)).all()
+        if not finite:
+            raise Unusable(f"{name} leaves the range of numbers along the recorded motion")
 
 
 def rough_fit(start: Start) -> WeakFit:

@@ -5,12 +5,12 @@ linear, the likelihood of the samples is exact. Here is decided which motion is 
 random forces, and which of its modes are modelled; the fit itself is made in `model_in_forces`.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from itertools import chain
 
 from galloping.arrays import one_thread
-from galloping.identification.answers import beside_known, by, refused, with_inputs
+from galloping.identification.answers import beside_known, by, on_terms_of, refused, with_inputs
 from galloping.identification.inputs import while_driven
 from galloping.identification.model import IdentifiedModel, NoModel, attempt
 from galloping.identification.preparation.screening import prepared
@@ -25,9 +25,9 @@ from galloping.identification.random_forces.several_modes import (
     with_split_mode,
 )
 from galloping.identification.random_forces.start import wavers
-from galloping.identification.random_forces.verdict_in_forces import FinalFit, judged
+from galloping.identification.random_forces.verdict_in_forces import judged
 from galloping.identification.work import ENDED, MOST, limited
-from galloping.polynomial import velocity_pairs
+from galloping.polynomial import has_functions, velocity_pairs
 from galloping.recording import Recording
 
 # s, of a trial beside inputs, and without: what takes more was mostly another motion.
@@ -48,7 +48,7 @@ def random_forces(
     places = forced_equations(problem, forced)
 
     def find(recordings: list[Recording], period: float, besides: int) -> IdentifiedModel | NoModel:
-        return _identified(partial(fit_in_forces, problem, recordings, period, places, besides))
+        return _identified(problem, recordings, period, places, besides)
 
     def search() -> IdentifiedModel | NoModel:
         recordings = while_driven(given, problem.inputs)
@@ -65,10 +65,16 @@ def random_forces(
     return found
 
 
-def _identified(search: Callable[[], FinalFit | NoModel]) -> IdentifiedModel | NoModel:
-    """The model of the fit that a search finds."""
-    found = attempt(search)
-    return found if isinstance(found, NoModel) else judged(found)
+def _identified(problem: Problem, *question: object) -> IdentifiedModel | NoModel:
+    """The model of `fit_in_forces`, which takes no terms with functions.
+
+    question: the other arguments of that.
+    """
+    polynomial, places = problem.without(has_functions), list(map(has_functions, problem.terms))
+    if problem.known[:, places].any() or problem.precision[:, places].any():
+        return NoModel("random forces beside known terms with functions are not modelled")
+    found = attempt(partial(fit_in_forces, polynomial, *question))
+    return found if isinstance(found, NoModel) else on_terms_of(problem, judged(found))
 
 
 def _of_some_modes(
@@ -184,9 +190,8 @@ def _on_trial(
             will_do = near or (for_lack_of_others and left.partly)
             return "" if will_do else left.in_words(channels.names)
 
-        question = problem, recordings, period, problem.unknown, besides
-        may_be_slow = wavers(recordings, period)
-        return _identified(partial(fit_in_forces, *question, may_be_slow, doubt))
+        question = recordings, period, problem.unknown, besides
+        return _identified(problem, *question, wavers(recordings, period), doubt)
 
 
 def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]:

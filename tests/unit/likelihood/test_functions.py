@@ -1,0 +1,141 @@
+"""Terms that are no polynomials, and bounds of coefficients, in identification."""
+
+import numpy as np
+import pytest
+from identification_cases import noisy
+from oscillators import LIBRARIES, recorded
+
+from galloping import (
+    Coefficient,
+    IdentifiedModel,
+    Recording,
+    library,
+    maximum_likelihood,
+    parse_model,
+    polynomial_library,
+    simulate,
+)
+from galloping.identification.likelihood import trajectory_fit
+from galloping.identification.likelihood.missing_terms import missing_kind
+from galloping.identification.preparation.weak_form import begin
+from galloping.identification.problem import PRIOR, posed
+from galloping.identification.selection import unseen_mixtures
+
+DESIGN, REPORTING = 20261128, 20261129  # only the former was looked at while the method was made
+STATES = ("q", "dq")
+
+
+def errors(found, true, free, std):
+    """Of the terms to be found, in standard deviations of the bound."""
+    at = tuple(free.T)
+    return (found.model.coefficients[at] - true.coefficients[at]) / std
+
+
+@pytest.mark.parametrize("kind", LIBRARIES)
+def test_an_oscillator_is_found_with_the_right_library(kind, tmp_path):
+    true, recording, free, std = recorded(kind, DESIGN, 0)
+    found = maximum_likelihood(recording, true.terms)
+    assert np.array_equal(np.argwhere(found.support), free)
+    assert np.abs(errors(found, true, free, std)).max() < 4.0
+    found.save(tmp_path / "model.json")
+    assert IdentifiedModel.load(tmp_path / "model.json") == found
+    ahead = simulate(found.model, recording.values[0], recording.time)
+    left = recording.values - ahead.states
+    assert ahead.status == "ok" and np.all(left.std(axis=0) < 0.1 * recording.values.std(axis=0))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", LIBRARIES)
+def test_oscillators_are_found_with_errors_near_the_bound(kind):
+    squares, ok = [], 0
+    for replicate in range(20):
+        true, recording, free, std = recorded(kind, REPORTING, replicate)
+        found = maximum_likelihood(recording, true.terms)
+        if np.array_equal(np.argwhere(found.support), free):
+            squares.append(np.mean(errors(found, true, free, std) ** 2))
+            ok += found.status == "ok"
+    assert len(squares) >= 18
+    assert np.sqrt(np.mean(squares)) <= 1.3
+    assert ok >= 14
+
+
+@pytest.mark.parametrize(("kind", "named"), [("pendulum", "sin(q)"), ("drag", "|dq| dq"),
+                                             ("dry friction", "sign(dq)")])  # fmt: skip
+def test_the_kind_of_term_that_a_polynomial_library_lacks_is_named(kind, named):
+    _, recording, *_ = recorded(kind, REPORTING, 0)
+    assert named in kind_lacking(recording)
+
+
+def test_no_kind_of_term_is_named_beside_a_right_library():
+    true = parse_model("q = dq; dq = -q + 0.3 dq - 0.3 q^2 dq")
+    time = np.linspace(0.0, 60.0, 1201)
+    states = simulate(true, (0.1, 0.0), time).states
+    assert kind_lacking(noisy(true, states, time, 0.05, 4)) == ""
+
+
+def kind_lacking(recording):
+    """What a cubic library lacks to follow a recording."""
+    begun = begin(posed(STATES, polynomial_library(2, 3), prior=PRIOR), [recording])
+    free = trajectory_fit.free_fit(begun, begun.fit)
+    unseen = unseen_mixtures(free.information, begun.largest) > 0
+    joined = trajectory_fit.join(free, begun.price, 1.0, unseen)
+    return missing_kind(joined.step.fit, begun.penalty)
+
+
+def test_a_quotient_of_what_crosses_zero_is_refused_with_the_divisor():
+    true = parse_model("q = dq; dq = -4 q - 0.05 dq")
+    time = np.linspace(0.0, 20.0, 401)
+    recording = noisy(true, simulate(true, (1.0, 0.0), time).states, time, 0.02, 1)
+    terms, _ = library("q + dq + 1/(q - 0.5)", STATES)
+    found = maximum_likelihood(recording, terms)
+    assert found.status == "refused" and "1/(q - 0.5)" in found.reason
+    terms, _ = library("q + dq + 1/(q - 5)", STATES)
+    assert maximum_likelihood(recording, terms).support.sum() == 2
+
+
+# --- bounds ---
+
+
+TRUE = parse_model("q = dq; dq = -4 q - 0.05 dq - 0.5 q^3")
+TIME = np.linspace(0.0, 20.0, 401)
+CUBIC, BOUNDED = polynomial_library(2, 3), {"q": (1, 0), "dq": (0, 1)}
+
+
+def bounded(**bounds):
+    """What is identified with bounds of q or dq in the equation of dq."""
+    recording = noisy(TRUE, simulate(TRUE, (1.0, 0.0), TIME).states, TIME, 0.05, 1)
+    known = [
+        Coefficient("dq", BOUNDED[name], lower=low, upper=high)
+        for name, (low, high) in bounds.items()
+    ]
+    return maximum_likelihood(recording, CUBIC, coefficients=known)
+
+
+def test_bounds_that_hold_change_nothing_and_are_kept_with_the_model(tmp_path):
+    free, found = bounded(), bounded(dq=(-1.0, 0.0), q=(-10.0, 0.0))
+    assert found.model == free.model and found.status == free.status
+    found.save(tmp_path / "model.json")
+    loaded = IdentifiedModel.load(tmp_path / "model.json")
+    assert loaded == found and loaded.bounds == ((1, (0, 1), -1.0, 0.0), (1, (1, 0), -10.0, 0.0))
+
+
+def test_a_coefficient_stays_within_its_bounds():
+    found = bounded(q=(-3.95, 0.0))
+    column = CUBIC.index((1, 0))
+    assert found.model.coefficients[1, column] >= -3.95
+    assert "contradicts" not in found.reason
+    wrong = bounded(dq=(0.0, np.inf))  # it gains energy, says who sets the bound
+    assert not wrong.support[1, CUBIC.index((0, 1))] and wrong.status != "ok"
+
+
+def test_bounds_are_checked():
+    for wrong in ({}, {"lower": 1.0, "upper": 1.0}, {"lower": np.nan}):
+        with pytest.raises(ValueError, match="coefficient: "):
+            Coefficient("dq", (0, 1), **wrong)
+    recording = Recording(TIME, STATES, np.zeros((len(TIME), 2)))
+    for pair in (
+        [Coefficient("dq", (0, 1), 0.1, upper=0.0)],
+        [Coefficient("dq", (0, 1), 0.1, 0.01), Coefficient("dq", (0, 1), upper=0.0)],
+    ):
+        with pytest.raises(ValueError, match=r"out of its bounds|said twice"):
+            maximum_likelihood(recording, CUBIC, coefficients=pair)

@@ -1,0 +1,208 @@
+"""Elementary functions of states: factors of a term beside powers of states and inputs.
+
+A term is a tuple: exponents of the states, exponents of the inputs, and then the functions that
+multiply them, in order. `|dq| dq` of the states q and dq is `(0, 1, Function("abs", (0.0, 1.0)))`.
+Arguments and products have one spelling: sin(-q) is -sin(q), |2 q| is 2 |q|, q sign(q) is |q|. So
+equal terms are equal tuples.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import exp, isfinite
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What is known of an elementary function.
+
+    evaluate: the function of arrays. derivative: by its argument, a number times a product of
+    functions of the same argument. text, latex: how it is written about its argument.
+    """
+
+    evaluate: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    derivative: tuple[float, tuple[str, ...]]
+    text: str
+    latex: str
+
+
+FUNCTIONS = {
+    "sin": Kind(np.sin, (1.0, ("cos",)), "sin({})", r"\sin\left({}\right)"),
+    "cos": Kind(np.cos, (-1.0, ("sin",)), "cos({})", r"\cos\left({}\right)"),
+    "exp": Kind(np.exp, (1.0, ("exp",)), "exp({})", r"\mathrm{{e}}^{{{}}}"),
+    "abs": Kind(np.abs, (1.0, ("sign",)), "|{}|", r"\left|{}\right|"),
+    "sign": Kind(np.sign, (0.0, ()), "sign({})", r"\operatorname{{sgn}}\left({}\right)"),
+    "inverse": Kind(np.reciprocal, (-1.0, ("inverse", "inverse")), "1/({})", r"\frac{{1}}{{{}}}"),
+}
+KINKED = ("abs", "sign")  # not differentiable where the argument is zero
+MOST_EXPONENT = 700.0  # of exp, beyond which it is no number
+
+
+class Function(NamedTuple):
+    """An elementary function of an affine combination of the states.
+
+    name: one of FUNCTIONS. weights: (n_states,) of the states, not all zero. offset: added to them.
+    `function` makes one with the argument in its one spelling.
+    """
+
+    name: str
+    weights: tuple[float, ...]
+    offset: float = 0.0
+
+    def argument(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n,) of states (n, n_states or more)."""
+        own = [k for k, weight in enumerate(self.weights) if weight]
+        return x[:, own] @ np.array([self.weights[k] for k in own]) + self.offset
+
+    def __call__(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n,) values at states (n, n_states or more)."""
+        return FUNCTIONS[self.name].evaluate(self.argument(x))
+
+    @property
+    def state(self) -> int | None:
+        """Index of the state that is the whole argument, None where that is more than a state."""
+        own = [k for k, weight in enumerate(self.weights) if weight]
+        plain = len(own) == 1 and self.weights[own[0]] == 1.0 and self.offset == 0.0
+        return own[0] if plain else None
+
+    def derivative(self, state: int) -> tuple[float, tuple[Function, ...]]:
+        """The derivative by a state: a number times a product of functions."""
+        factor, names = FUNCTIONS[self.name].derivative
+        return factor * self.weights[state], tuple(self._replace(name=name) for name in names)
+
+    def text(self, names: Sequence[str]) -> str:
+        """As the grammar of libraries reads it. names: of the states."""
+        return FUNCTIONS[self.name].text.format(self.argument_text(names))
+
+    def argument_text(
+        self, names: Sequence[str], number: Callable[[float], str] | None = None
+    ) -> str:
+        """The argument in words.
+
+        names: of the states. number: writes a number; by default to its last digit.
+        """
+        number = number or (lambda value: repr(value).removesuffix(".0"))
+        parts = [
+            (weight, name if abs(weight) == 1.0 else f"{number(abs(weight))} {name}")
+            for name, weight in zip(names, self.weights, strict=False)
+            if weight
+        ]
+        if self.offset:
+            parts.append((self.offset, number(abs(self.offset))))
+        (first, said), *others = parts
+        signed = (f" {'-' if value < 0.0 else '+'} {part}" for value, part in others)
+        return f"{'-' if first < 0.0 else ''}{said}{''.join(signed)}"
+
+
+def function(name: str, weights: Sequence[float], offset: float = 0.0) -> tuple[float, Function]:
+    """A function in its one spelling, and the number by which it is multiplied then.
+
+    Parameters
+    ----------
+    name : one of FUNCTIONS
+    weights : (n_states,) of the states in the argument
+    offset : added to them
+
+    Returns
+    -------
+    factor, function : their product is the function that was asked for
+
+    Raises
+    ------
+    ValueError
+        If there is no function of that name, or the argument is not finite or has no state.
+    """
+    if name not in FUNCTIONS:
+        raise ValueError(f"function: {name!r:.60}; must be one of {', '.join(FUNCTIONS)}")
+    weights, offset = tuple(map(float, weights)), float(offset)
+    said = f"function: {name} of {weights} + {offset:g}; must be finite, with a state"
+    if not all(map(isfinite, (*weights, offset))) or not any(weights):
+        raise ValueError(said)
+    first, factor, unit = next(filter(None, weights)), 1.0, 1.0
+    if name in ("abs", "sign", "inverse"):
+        unit = first
+        factor = {"abs": abs(first), "sign": np.sign(first), "inverse": 1.0 / first}[name]
+    elif name in ("sin", "cos") and first < 0.0:
+        unit = -1.0
+        factor = -1.0 if name == "sin" else 1.0
+    elif name == "exp":
+        factor, offset = exp(offset) if offset < MOST_EXPONENT else np.inf, 0.0
+    if not 0.0 < abs(factor) < np.inf:
+        raise ValueError(said)
+    # zero added: the negative zero is another spelling
+    weights = tuple(weight / unit + 0.0 for weight in weights)
+    return float(factor), Function(name, weights, offset / unit + 0.0)
+
+
+def plain(term: Sequence) -> list:
+    """A term as JSON has it, its functions as mappings."""
+    return [own._asdict() if isinstance(own, Function) else own for own in term]
+
+
+def from_plain(factors: Sequence) -> tuple:
+    """The term that `plain` made. Raises ValueError, KeyError or TypeError for anything else."""
+    n = sum(not isinstance(own, Mapping) for own in factors)
+    if not all(isinstance(own, int) for own in factors[:n]):
+        raise ValueError(f"terms: {factors!r:.60}; must be whole numbers and then functions")
+    made = [function(own["name"], own["weights"], own["offset"]) for own in factors[n:]]
+    if any(factor != 1.0 for factor, _ in made):
+        raise ValueError(f"terms: {factors[n:]!r:.60}; not in the one spelling of an argument")
+    return in_one_spelling(factors[:n], [own for _, own in made])
+
+
+def n_exponents(term: Sequence[object]) -> int:
+    """How many exponents a term begins with."""
+    return sum(not isinstance(factor, Function) for factor in term)
+
+
+def in_one_spelling(exponents: Sequence[int], functions: Sequence[Function]) -> tuple:
+    """The term that is a product of powers and functions.
+
+    sign(u)^2 is 1, |u|/u is sign(u); of a state u alone, u sign(u) is |u|, |u|^2 is u^2, u/u is 1.
+    """
+    exponents, counts = list(exponents), Counter(functions)
+    for argument in dict.fromkeys((own.weights, own.offset) for own in functions):
+        made = {name: Function(name, *argument) for name in ("sign", "abs", "inverse")}
+        sign, size, inverse = (counts.pop(own, 0) for own in made.values())
+        if (state := made["sign"].state) is not None:
+            odd, power = (sign + size) % 2, exponents[state] + size
+            cancelled = min(power, inverse)
+            power, inverse = power - cancelled, inverse - cancelled
+            size = int(odd and power > 0)
+            sign, exponents[state] = odd - size, power - size
+        else:
+            ratio = min(size, inverse)
+            sign, size, inverse = (sign + ratio) % 2, size - ratio, inverse - ratio
+        counts.update(dict(zip(made.values(), (sign, size, inverse), strict=True)))
+    return (*exponents, *sorted(counts.elements()))
+
+
+def times(left: Sequence, right: Sequence) -> tuple:
+    """The product of two terms with the same number of exponents."""
+    n = n_exponents(left)
+    exponents = tuple(a + b for a, b in zip(left[:n], right[:n], strict=True))
+    functions = (*left[n:], *right[n:])
+    return in_one_spelling(exponents, functions) if functions else exponents
+
+
+def derivatives(term: Sequence, state: int) -> list[tuple[float, tuple]]:
+    """The derivative of a term by a state: a sum of numbers times terms."""
+    n = n_exponents(term)
+    exponents, functions = term[:n], term[n:]
+    found = []
+    if exponents[state]:
+        lower = [e - (k == state) for k, e in enumerate(exponents)]
+        found.append((exponents[state], in_one_spelling(lower, functions)))
+    for own, count in Counter(functions).items():
+        factor, instead = own.derivative(state)
+        if factor:
+            others = list(functions)
+            others.remove(own)
+            found.append((count * factor, in_one_spelling(exponents, (*others, *instead))))
+    return found

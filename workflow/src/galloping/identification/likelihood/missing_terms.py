@@ -1,0 +1,113 @@
+"""Which kind of term a library lacks, told by what its best model leaves.
+
+A term that is no polynomial, such as dry friction, is a force that is known along the motion of a
+fit. Score tests (C. R. Rao, 1948) ask by how much chi^2 falls with each of a few such forces beside
+all terms of the library.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss, legvander
+
+from galloping.functions import Function
+from galloping.identification.likelihood.elimination import eliminate
+from galloping.identification.likelihood.instrument import score
+from galloping.identification.likelihood.shooting import HUGE, ShootingFit, linearise
+from galloping.identification.problem import Problem
+from galloping.identification.selection import solve_support
+from galloping.polynomial import Exponents, alone, design_matrix, term_name, velocity_pairs
+from galloping.recording import powers_of_legendre
+from galloping.taylor import at_points, integrate
+
+# Times in a window at which a force is known, and degree of its polynomial over a window.
+POINTS, DEGREE = 10, 5
+# Share of what the best model of the library leaves, beyond the noise, that a force explains if it
+# is named: with more of it other causes were named.
+EXPLAINED = 0.5
+
+
+def missing_kind(fit: ShootingFit, penalty: float) -> str:
+    """One line on the kind of term that explains most of what a fit leaves, '' where none does.
+
+    fit: in its chains. penalty: 2 ln N of N samples. Raises FloatingPointError where the fit
+    diverges.
+    """
+    record, problem = fit.record, fit.record.problem
+    kinds = [kind for kind in _kinds(problem) if kind[1] not in problem.terms]
+    if not kinds:
+        return ""
+    n, extra = len(problem.candidates), len(kinds)
+    forces, given = _forces(fit, tuple(term for _, term in kinds)), record.condensed.inputs
+    given = np.pad(given, ((0, 0), (0, DEGREE + 1 - given.shape[1]), (0, 0)))
+    signals = np.concatenate([given, forces], axis=2)
+    names = tuple(f"force {k}" for k in range(extra))
+    places = len(problem.names)
+    terms = [(*term[:places], *[0] * extra, *term[places:]) for term in problem.terms]
+    terms += [alone(places + k, places + extra) for k in range(extra)]
+    padding = ((0, 0), (0, extra))
+    wider = replace(
+        problem.by_term(lambda values: np.pad(values, padding), terms),
+        inputs=(*problem.inputs, *names),
+    )
+    condensed = replace(record.condensed, inputs=signals)
+    wide = replace(
+        fit, sigma=fit.reference, record=replace(record, problem=wider, condensed=condensed)
+    )
+    entries = [(i, len(problem.terms) + k) for k, (i, _) in enumerate(kinds)]
+    linear = linearise(wide, np.vstack([problem.candidates, entries]))
+    left = eliminate(linear, record.segments, fit.starts)
+    among = np.arange(n + extra) < n
+    change, _ = solve_support(left.information, left.right, among)
+    chi2 = float(linear.squares.sum()) - left.fall - float(change @ left.right)
+    falls = [
+        score(left.information[np.ix_(own, own)], left.right[own], np.ones(1)) ** 2
+        for own in (np.append(among[:n], np.arange(extra) == k) for k in range(extra))
+    ]
+    best = int(np.argmax(falls))
+    excess = chi2 - float(np.sum(record.condensed.rows))
+    if falls[best] < max(2.0 * penalty, EXPLAINED * excess):
+        return ""
+    equation, term = kinds[best]
+    alike = [other for i, other in kinds if i == equation and other[-1][1:] == term[-1][1:]]
+    said = " or ".join(term_name(own, problem.names) for own in alike)
+    return f"a term such as {said} is missing in d({problem.states[equation]})/dt"
+
+
+def _kinds(problem: Problem) -> Iterator[tuple[int, Exponents]]:
+    """Terms that are looked for, each with its equation: drag and friction along a velocity, or
+    what bends or breaks a stiffness along a displacement.
+    """
+    n, pairs = len(problem.states), velocity_pairs(problem.states)
+    none = (0,) * len(problem.names)
+    for equation in problem.unknown:
+        for state in range(n):
+            unit = tuple(float(k == state) for k in range(n))
+            own = alone(state, len(problem.names))
+            yield equation, (*own, Function("abs", unit))
+            yield equation, (*none, Function("sin" if state in pairs else "sign", unit))
+
+
+def _forces(fit: ShootingFit, terms: tuple[Exponents, ...]) -> np.ndarray:
+    """(n_windows, DEGREE + 1, n_terms) terms along the motion of a fit, each as the polynomial over
+    a window that is nearest in the mean square, by powers of the time.
+    """
+    record, n_states = fit.record, fit.starts.shape[1]
+    condensed, problem = record.condensed, record.problem
+    nodes, weights = leggauss(POINTS)
+    places, windows = (nodes + 1.0) / 2.0, len(condensed.targets)
+    compiled = problem.compiled(fit.free, problem.candidates[:0])
+    window = np.repeat(np.arange(windows), POINTS)
+    powers, samples, _ = at_points(compiled, window, np.tile(places, windows), windows, n_states)
+    states, *_ = integrate(
+        compiled, condensed.step, record.segments.first, fit.starts, powers, np.arange(n_states),
+        condensed.inputs, False, samples,
+    )  # fmt: skip
+    states = states.transpose(0, 2, 1).reshape(-1, n_states)
+    if not np.all(np.abs(states) < HUGE):
+        raise FloatingPointError("the model diverges within a segment")
+    plain = tuple((*term[:n_states], *term[len(problem.names) :]) for term in terms)
+    values = design_matrix(states, plain).reshape(windows, POINTS, -1)
+    project = legvander(nodes, DEGREE) * weights[:, None] * (np.arange(DEGREE + 1) + 0.5)
+    return np.einsum("pd,dk,wpt->wkt", project, powers_of_legendre(DEGREE), values)

@@ -1,0 +1,219 @@
+"""The least of several minima of chi^2, as models with kinks have.
+
+Where a motion sticks it no longer depends on its beginning, and where it just does not stick, or
+turns once more, chi^2 has a kink of its own: Gauss-Newton steps go to and fro across it, or end in
+a minimum beside the least one. So steps are shortened until chi^2 of the whole motion falls, and
+other minima are looked for in the range that is left by what was recorded before it stuck.
+"""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from galloping.identification.likelihood.elimination import Matched, chained, eliminate
+from galloping.identification.likelihood.shooting import (
+    HUGE,
+    Segments,
+    ShootingFit,
+    linearise,
+    residuals,
+)
+from galloping.identification.likelihood.trajectory_fit import (
+    CLOSE,
+    CONVERGED,
+    JoinedFit,
+    Step,
+    with_noise,
+)
+from galloping.identification.model import NoModel, attempt
+from galloping.identification.selection import NOTHING_STANDS_OUT, Price, solve_support
+from galloping.identification.work import is_spent
+from galloping.intervals import normal
+from galloping.taylor import at_points, integrate
+
+MOST_STEPS, MOST_HALVINGS = 12, 7
+MOST_CHOICES = 5  # of terms, each by the quadratic model of the least minimum before
+DRAWS = 40  # of models from which other minima are looked for
+STILL = 1e-9  # of the greatest argument of a kink: what is less sticks
+LOWER = 1.0  # of chi^2, by which another minimum must be lower
+
+
+def refined(joined: JoinedFit, price: Price) -> JoinedFit:
+    """The fit at the least minimum that is found, with the terms that are best there.
+
+    It is looked for from where segments were joined and, where that leads to none that follows the
+    data, from where they were free. joined: returned as it is where neither does.
+    """
+    for step in (joined.step, joined.free):
+        found = attempt(partial(_settled, step, price))
+        if not isinstance(found, NoModel) and found.fit.misfit < CLOSE:
+            return JoinedFit(
+                joined.free, found, (*joined.path, "least of several minima"), True, ""
+            )
+    return joined
+
+
+def _settled(step: Step, price: Price) -> Step:
+    """The last step to the least minimum whose terms are the best there. Raises FloatingPointError
+    where the motion diverges, or terms come and go.
+    """
+    record = step.fit.record
+    record = replace(record, segments=chained(linearise(step.fit), record.segments))
+    support = _chosen(step, price)
+    for _ in range(MOST_CHOICES):
+        if not support.any() or is_spent():
+            break
+        free = np.where(support, step.fit.free, 0.0)
+        step = _least(replace(step.fit, record=record, support=support, free=free))
+        support = _chosen(step, price)
+        if np.array_equal(support, step.fit.support):
+            return step
+    raise FloatingPointError(NOTHING_STANDS_OUT)
+
+
+def _chosen(step: Step, price: Price) -> np.ndarray:
+    """(n,) the best terms by the quadratic model of a step."""
+    about, problem = step.fit.free, step.fit.record.problem
+    tried = [np.ones(len(about), bool), step.fit.support]
+    return problem.select(step.information, step.right, tried, price, about)
+
+
+def _least(fit: ShootingFit) -> Step:
+    """The last step to the least minimum that is found with the terms of a fit."""
+    best = _descend(fit)
+    for _ in range(3):
+        found = best
+        for start in _beside(best.fit):
+            if is_spent():
+                break
+            tried = _descend(start)
+            found = tried if tried.fit.chi2 < found.fit.chi2 - LOWER else found
+        if found is best:
+            break
+        best = found
+    return best
+
+
+def _descend(fit: ShootingFit) -> Step:
+    """Steps with the terms of a fit, each so short that chi^2 falls.
+
+    The quadratic model of the last step is about the fit that it leads to; where no step is short
+    enough, as at a kink, its slope counts as zero.
+    """
+    fit = _matched(fit)
+    for _ in range(MOST_STEPS):
+        quadratic = _quadratic(fit)
+        change = _change(fit, quadratic)
+        starts, share, better = quadratic.moved(change), 1.0, None
+        for _ in range(MOST_HALVINGS):
+            moved = replace(fit, free=fit.free + share * change, starts=fit.starts + share * starts)
+            tried = attempt(partial(_matched, moved))
+            if not isinstance(tried, NoModel) and tried.chi2 < fit.chi2:
+                better = tried
+                break
+            share /= 2.0
+        fall = 0.0 if better is None else fit.chi2 - better.chi2
+        before, fit = fit, better or fit
+        if fall < CONVERGED or is_spent():
+            break
+    quadratic = _quadratic(fit)
+    change = _change(fit, quadratic)
+    decrement = float(change @ quadratic.information @ change)
+    right = quadratic.right
+    if decrement > CONVERGED:  # at a kink
+        right = right - quadratic.information @ change
+    return Step(before, fit, quadratic.information, right, decrement, float(quadratic.gap.max()))
+
+
+def _quadratic(fit: ShootingFit) -> Matched:
+    return eliminate(linearise(fit), fit.record.segments, fit.starts)
+
+
+def _change(fit: ShootingFit, quadratic: Matched) -> np.ndarray:
+    """(n,) the Gauss-Newton step of the coefficients."""
+    problem, right = fit.record.problem, quadratic.right
+    return problem.solve(quadratic.information, right, fit.support, fit.free)[0]
+
+
+def _matched(fit: ShootingFit) -> ShootingFit:
+    """The fit with all segments of a chain where the motion from its first state leads, its noise,
+    and chi^2 of that motion. Raises FloatingPointError where it diverges.
+    """
+    record, segments = fit.record, fit.record.segments
+    bounds = segments.bounds
+    begins = bounds[:-1]
+    whole = Segments(segments.first[bounds], segments.recording[begins], np.arange(len(begins)))
+    left, _ = residuals(replace(record, segments=whole), fit.free, fit.starts[begins])
+    starts = _states(fit)[segments.first[:-1]]
+    return with_noise(replace(fit, starts=starts), record.condensed.squares(left))
+
+
+def _states(fit: ShootingFit) -> np.ndarray:
+    """(n_windows, n_states) where windows begin, of the motion from the first state of each chain.
+    Raises FloatingPointError where it diverges.
+    """
+    record, bounds = fit.record, fit.record.segments.bounds
+    problem, condensed, n = record.problem, record.condensed, fit.starts.shape[1]
+    compiled = problem.compiled(fit.free, problem.candidates[:0])
+    window = np.arange(len(condensed.targets))
+    functionals, samples, _ = at_points(compiled, window, 0.0 * window, len(window), n)
+    states, *_ = integrate(
+        compiled, condensed.step, record.segments.first[bounds], fit.starts[bounds[:-1]],
+        functionals, np.arange(n), condensed.inputs, False, samples,
+    )  # fmt: skip
+    if not np.all(np.abs(states) < HUGE):
+        raise FloatingPointError("the model diverges over the recording")
+    return states[:, :, 0]
+
+
+def _beside(fit: ShootingFit) -> list[ShootingFit]:
+    """Fits from which other minima may be reached, the best first; none where nothing sticks.
+
+    What is recorded before a motion sticks has one minimum, and leaves a range in which the least
+    one is: models are drawn from it.
+    """
+    moving = _while_moving(fit)
+    if moving is None:
+        return []
+    step = _descend(moving)
+    quadratic, free = _quadratic(step.fit), step.fit.free
+    _, covariance = solve_support(step.information, np.zeros(len(free)), fit.support)
+    changes = np.zeros((1 + DRAWS, len(free)))
+    changes[1:, fit.support] = normal(
+        np.zeros(len(covariance)), covariance, DRAWS, np.random.default_rng(0)
+    )
+    found = []
+    for change in changes:
+        starts = quadratic.moved(change, step.fit.starts)
+        moved = replace(fit, free=free + change, starts=starts)
+        tried = attempt(partial(_matched, moved))
+        if not isinstance(tried, NoModel):
+            found.append(tried)
+    return sorted(found, key=lambda own: own.chi2)[:3]
+
+
+def _while_moving(fit: ShootingFit) -> ShootingFit | None:
+    """The fit to the windows in which nothing sticks; None where these are all, or too few."""
+    record, condensed = fit.record, fit.record.condensed
+    states, segments = _states(fit), record.segments
+    stuck = np.zeros(len(states), bool)
+    for weights, offset in record.problem.tables.arguments[: record.problem.tables.n_kinks]:
+        argument = np.abs(states @ weights + offset)
+        still = argument < STILL * argument.max()
+        stuck |= still & np.append(still[1:], True)
+    shown = condensed.present.any(axis=(1, 2))
+    if not np.any(stuck & shown) or np.sum(~stuck & shown) < 0.1 * np.sum(shown):
+        return None
+    functionals = np.where(stuck[:, None, None, None], 0.0, condensed.functionals)
+    samples = condensed.samples
+    held = np.repeat(stuck, np.diff(samples.offsets))
+    rows = np.add.reduceat(functionals.any(axis=3).sum(axis=2), condensed.first[:-1])
+    cut = replace(
+        condensed,
+        functionals=functionals,
+        targets=np.where(stuck[:, None, None], 0.0, condensed.targets),
+        samples=samples._replace(basis=np.where(held[:, None, None], 0.0, samples.basis)),
+        rows=rows,
+    )
+    return replace(fit, record=replace(record, condensed=cut, segments=segments))
