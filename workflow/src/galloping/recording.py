@@ -62,7 +62,12 @@ class Input(Immutable):
     if TYPE_CHECKING:  # what is given may be a list; what is held is an array
 
         def __init__(
-            self, time: Times, values: ArrayLike, between: str = ..., error: float = ...
+            self,
+            time: Times,
+            values: ArrayLike,
+            between: str = ...,
+            error: float = ...,
+            alternatives: tuple["Input", ...] = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:

@@ -157,7 +157,6 @@ def _signs(term: Exponents) -> Iterator[tuple[Function, Exponents]]:
 # --- what the compiled integrator reads ---
 
 CODES = {name: code for code, name in enumerate(FUNCTIONS)}
-SIN, COS, EXP, ABS, SIGN, INVERSE = CODES.values()
 
 
 class Signals(NamedTuple):

@@ -30,18 +30,15 @@ from numpy.typing import NDArray
 
 from galloping.polynomial import PolynomialModel
 from galloping.right_hand_side import (
-    ABS,
-    COS,
-    EXP,
-    INVERSE,
-    SIGN,
-    SIN,
     System,
     system,
     tables,
     without_idle_monomials,
     workspace,
 )
+
+# As `right_hand_side.CODES`: compiled functions read no constants of other modules.
+SIN, COS, EXP, ABS, SIGN, INVERSE = range(6)
 
 ORDER = 12  # of the series in time
 # Order of the series, and the size of the last terms kept, relative to the greatest.
