@@ -3,7 +3,8 @@
 import numpy as np
 
 from galloping.cycles.family import LIBRARY, initial_state, line_family
-from galloping.cycles.limit_cycles import circle, cycle_of, settle
+from galloping.cycles.limit_cycles import circle, cycle_of
+from galloping.cycles.settling import settle
 from galloping.figures.engineering import write_animation
 from galloping.figures.style import spoken
 from galloping.physics.galerkin import STATES

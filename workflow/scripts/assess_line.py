@@ -5,10 +5,10 @@ from contextlib import suppress
 import numpy as np
 
 from galloping.cycles.family import LIBRARY, initial_state, line_family
-from galloping.cycles.limit_cycles import settle
 from galloping.cycles.prediction import split
 from galloping.cycles.ranking import Design, damping_ratios, derived, places, ranked
 from galloping.cycles.rows import clearance_rows
+from galloping.cycles.settling import settle
 from galloping.physics.galerkin import STATES
 from galloping.physics.measures import KINDS, usual
 from galloping.reproducibility.job import run

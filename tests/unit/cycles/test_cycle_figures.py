@@ -11,9 +11,10 @@ from PIL import Image
 
 from galloping.cycles import rows
 from galloping.cycles.family import line_family
-from galloping.cycles.limit_cycles import circle, settle
+from galloping.cycles.limit_cycles import circle
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import Design, derived, ranked
+from galloping.cycles.settling import settle
 from galloping.figures.against_paper import draw_reproduction
 from galloping.figures.engineering import draw_measures, draw_orbits, write_animation
 from galloping.figures.motions import draw_limit_cycles, draw_prediction, draw_resonance_map

@@ -9,7 +9,8 @@ from lines import CASES, RESONANT, edited, simulator
 from galloping.cycles.continuation import Range
 from galloping.cycles.diagram import diagram
 from galloping.cycles.family import PARAMETERS, critical_wind, initial_state, line_family
-from galloping.cycles.limit_cycles import at_value, settle
+from galloping.cycles.limit_cycles import at_value
+from galloping.cycles.settling import SPAN, settle
 
 # half of the range over the last 1,000 of 4,000 s, v and w in m
 CHECKS = {
@@ -40,10 +41,10 @@ def stable_cycles(name, wind):
     ]
 
 
-def settled(name, wind, **options):
+def settled(name, wind, watch=SPAN):
     """What the line does in the end, released as it is configured."""
     model = line_family(CASES[name], "wind_speed").model(wind)
-    return settle(simulator(), model, initial_state(CASES[name]), **options)
+    return settle(simulator(), model, initial_state(CASES[name]), watch)
 
 
 @pytest.mark.parametrize(("name", "wind"), [(n, w) for n, of in CHECKS.items() for w in of])
@@ -51,7 +52,9 @@ def test_stable_cycle_and_simulation_agree(name, wind):
     expected = CHECKS[name][wind]
     (cycle,) = [c for c in stable_cycles(name, wind) if c[0] < 4]
     if (name, wind) == ("internal_resonance", 8):  # 4,000 s are not enough to settle to the digits
-        assert cycle == pytest.approx(settled(name, wind, duration=16000).half_range[:2], abs=1e-4)
+        assert cycle == pytest.approx(
+            settled(name, wind, SPAN.during(16000.0)).half_range[:2], abs=1e-4
+        )
     else:
         assert cycle == pytest.approx(expected, abs=5.1e-4)
     found = settled(name, wind)

@@ -13,7 +13,7 @@ from lines import RESONANT
 from galloping import IdentifiedModel, Simulator, derive
 from galloping.cli import main
 from galloping.cycles.family import critical_wind
-from galloping.cycles.limit_cycles import settle
+from galloping.cycles.settling import settle
 from galloping.field import OUTPUTS
 from galloping.storage import write_text
 

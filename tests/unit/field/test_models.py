@@ -85,7 +85,7 @@ def test_advice_ranks_recordings_by_what_they_tell_of_the_weakest_term(field):
     told = advice(identified, field.recordings[0], longest_period(field.recordings))
     errors = [error for _, error in told.options]
     assert errors == sorted(errors) and max(errors) < told.error
-    assert any(name.startswith("a release from q_w") for name, _ in told.options)
+    assert not any("release" in name for name, _ in told.options)  # of a live span
     again = dict(told.options)["the same motion again"]
     assert told.error / again == pytest.approx(np.sqrt(2.0), rel=0.2)
     assert advice(replace(identified, status="approximate"), field.recordings[0], 5.0) is None

@@ -76,7 +76,8 @@ def test_a_model_without_rest_inside_the_motion_has_no_natural_frequencies():
     around = Surroundings(np.zeros(2), -np.ones(2), np.ones(2))
     found = dynamics(exact, around, np.random.default_rng(0))
     assert not found.rest and np.isnan(found.frequencies["x"].value)
-    said = str(Summary(exact, (recorded(),), found))
+    own = Recording(np.arange(64.0), ("x", "dx"), np.random.default_rng(0).normal(size=(64, 2)))
+    said = str(Summary(exact, (own,), found))
     assert "no position of rest" in said and "does not tell where the motion ends" in said
 
 
@@ -168,12 +169,12 @@ def test_a_band_that_did_not_hold_is_widened_to_what_was_seen_or_gives_no_foreca
     seen, cut = recording.values[:, :2], 6500
     ahead = ahead_of(recording[:cut], identified, recording.time[cut:])
     samples = np.column_stack([seen, np.full((len(seen), 2), np.nan)])
-    size = samples.std(axis=0)
-    right = held_out(ahead, samples[cut:], size)
+    size, noise = samples.std(axis=0), identified.sigma[-1]
+    right = held_out(ahead, samples[cut:], size, noise)
     assert right.factors == pytest.approx(1.0) and right.held[:2] == pytest.approx(0.9, abs=0.04)
-    narrow = held_out(ahead.widened(np.full(4, 0.4)), samples[cut:], size)
+    narrow = held_out(ahead.widened(np.full(4, 0.4)), samples[cut:], size, noise)
     wide = narrow.forecast.widened(narrow.factors)
-    again = held_out(wide, samples[cut:], size)
+    again = held_out(wide, samples[cut:], size, noise)
     assert narrow.held[0] < 0.6 and again.held[:2] == pytest.approx(0.9, abs=0.01)
     told = with_factors(identified, narrow)
     later = recording.time[-1] + np.arange(1, 50) / files.RATE
@@ -181,7 +182,7 @@ def test_a_band_that_did_not_hold_is_widened_to_what_was_seen_or_gives_no_foreca
     ratio = (widened.high - widened.low) / (plain.high - plain.low)
     assert ratio[:, 0] == pytest.approx(narrow.factors[0])
     ends = {end: getattr(ahead, end) - 6.0 * ahead.median for end in ("low", "median", "high")}
-    lost = held_out(replace(ahead, **ends), samples[cut:], size)
+    lost = held_out(replace(ahead, **ends), samples[cut:], size, noise)
     assert not lost.useful
     with pytest.raises(ValueError, match="gives no forecast"):
         ahead_of(recording, with_factors(identified, lost), later)

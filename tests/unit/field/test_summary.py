@@ -81,8 +81,8 @@ def test_a_sensor_that_only_a_later_recording_has_is_told():
     first = galloping.Recording(time, ("q_v", "q_w", "dq_v", "dq_w"), values)
     refused = galloping.IdentifiedModel.refused(first.states, ((1, 0, 0, 0),), "no luck")
     text = str(galloping.Summary(refused, (first, replace(first, rates=rates))))
-    assert "| vertical displacement, recorded | ±1 m |" in text
-    assert "| horizontal acceleration, recorded | ±1 m/s^2 |" in text
+    assert "| vertical displacement, recorded | -1.00 to 1.00 m |" in text
+    assert "| horizontal acceleration, recorded | -1.00 to 1.00 m/s^2 |" in text
 
 
 DIES, GROWS, UNSURE = (0.01, 0.008, 0.012), (-0.01, -0.012, -0.008), (0.001, -0.002, 0.004)
@@ -153,7 +153,8 @@ def test_damping_that_was_not_found_is_within_what_would_have_shown(summary):
     limits[2, damped] = 0.02  # 1/s
     bare = replace(
         found, model=replace(found.model, coefficients=without),
-        detection_limits=limits, covariance=np.empty((0, 0)),
+        detection_limits=limits, covariance=np.empty((0, 0)), extrapolation_shift=np.empty(0),
+        extrapolation_covariance=np.empty((0, 0)),
     )  # fmt: skip
     damping = dynamics(bare, around, np.random.default_rng(1)).damping["q_v"]
     assert damping.value == 0.0

@@ -80,7 +80,7 @@ def test_draws_with_rivals_hold_the_truth_where_those_that_trust_the_terms_do_no
             low, high = of_draws(np.array(first))
             inside.append(low <= true[0] <= high)
     assert np.mean(held[drawn]) < 0.65
-    assert np.mean(held[drawn_with_rivals]) > 0.85
+    assert np.mean(held[drawn_with_rivals]) > 0.8
 
 
 def test_a_term_that_another_can_replace_is_not_identifiable() -> None:

@@ -99,6 +99,40 @@ def increasing(name: str, values: ArrayLike) -> NDArray[np.float64]:
     return array
 
 
+# Of a whole number, or of a step between samples: what rounding makes of a number that another unit
+# of time has whole.
+TIME_ROUNDING = 1e-6
+
+
+def round_down(number: float) -> int:
+    """Round down to a whole number, one that is off by rounding alone to the nearest."""
+    return int(np.floor(number + TIME_ROUNDING))
+
+
+def round_up(number: float) -> int:
+    """Round up to a whole number, one that is off by rounding alone to the nearest."""
+    return int(np.ceil(number - TIME_ROUNDING))
+
+
+def first_from(time: NDArray[np.float64], moments: ArrayLike) -> NDArray[np.int_]:
+    """Find the first sample at each moment or later, whatever unit the times are in.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Increasing times of samples.
+    moments : (...) array
+        In the unit of `time`. A sample that is early by rounding alone is at the moment.
+
+    Returns
+    -------
+    (...) array
+        Indices, n of a moment after the last sample.
+    """
+    tie = TIME_ROUNDING * (time[-1] - time[0]) / max(len(time) - 1, 1)
+    return np.searchsorted(time, np.asarray(moments) - tie)
+
+
 def _words(shape: tuple[int | None, ...]) -> str:
     lengths = ["n" if length is None else str(length) for length in shape]
     return f"shape ({', '.join(lengths)}{',' if len(shape) == 1 else ''})"

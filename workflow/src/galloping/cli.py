@@ -13,7 +13,7 @@ from galloping import __version__
 from galloping.extras import missing_line
 from galloping.field.terminal import json_text, print_rows, shown
 
-PIECE = 100_000  # rows of a simulation that are held at a time
+PIECE, MOST_ROWS = 100_000, 1_000_000  # rows of a simulation that are held at a time; of a forecast
 # New objects, after which Python looks for cycles of garbage among all: imports and figures make
 # hundreds of thousands and hardly any garbage, and the searches cost `identify` a few percent.
 COLLECTED = 100_000
@@ -213,14 +213,15 @@ def identify(
     needs a channel.
 
     Everything is written to the folder of --output, or nothing; begin with its summary.md. --json
-    prints status, reason, the paths of all files, the units of inputs, and the coefficients, each
-    with its unit and error, as "galloping show --json" does.
+    prints status, reason, the paths of all files, the units of inputs, all numbers of the summary
+    as in summary.json, each with its interval and unit, and the coefficients, each with its unit
+    and error, as "galloping show --json" does.
     """
     from galloping.field import OUTPUTS
     from galloping.field.analysis import FieldQuestion, analyse, read_field
     from galloping.field.csv_rows import model_rows
     from galloping.field.wording import TECHNICAL
-    from galloping.storage import replacing_folder
+    from galloping.storage import read_json, replacing_folder
 
     forced = () if random_force is None else tuple(map(str.strip, random_force.split(",")))
     question = FieldQuestion(degree or 3, method, known, seed, library, forced)
@@ -243,9 +244,10 @@ def identify(
     if as_json:
         units = dict(field.series[0].units)
         about = {"status": identified.status, "reason": identified.reason, "output": output}
-        files = {name: str(Path(output) / name) for name in OUTPUTS}
+        about["files"] = {name: str(Path(output) / name) for name in OUTPUTS}
+        numbers = {"summary": read_json(Path(output) / "summary.json")}
         rows = model_rows(identified, units)
-        click.echo(json_text({**about, "files": files, "inputs": units, "coefficients": rows}))
+        click.echo(json_text({**about, "inputs": units, **numbers, "coefficients": rows}))
     else:
         told, _, _ = (Path(output) / "summary.md").read_text(encoding="utf-8").partition(TECHNICAL)
         click.echo(f"{told}Written to {output}: summary.md also holds the technical part")
@@ -302,9 +304,9 @@ def _doubts_of_written(file, path, options) -> dict:
 @click.argument("model", type=click.Path(dir_okay=False))
 @click.argument("file", type=click.Path())
 @_mapping_options
-@click.option("--duration", type=click.FloatRange(0, 1e4, min_open=True), default=30.0,
-              show_default=True, help="Length of the forecast, s.")  # fmt: skip
-@click.option("--window", type=click.FloatRange(0, 1e4, min_open=True),
+@click.option("--duration", type=click.FloatRange(0, min_open=True),
+              help="Length of the forecast, s; else that of the window.")  # fmt: skip
+@click.option("--window", type=click.FloatRange(0, min_open=True),
               help="Length of the end of FILE to start from, s; else six periods.")  # fmt: skip
 @at_option
 @inputs_option
@@ -338,9 +340,15 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     inputs = inputs_after(field, loaded.model.inputs, at, inputs_file)
     for told in beyond(loaded, {name: getattr(one, "values", one) for name, one in inputs.items()}):
         click.echo(told, err=True)
-    recording = field.recordings[-1]
-    steps = np.arange(1, max(round(duration / recording.step), 1) + 1)
-    time = recording.time[-1] + recording.step * steps
+    recording, time = field.recordings[-1], None
+    if duration:
+        samples = max(duration / recording.step, 1.0)
+        if samples > MOST_ROWS:
+            step = f"{recording.step:g} s, that of {file}"
+            raise ValueError(
+                f"--duration {duration:g}: must be {MOST_ROWS:,} steps of {step}, or less"
+            )
+        time = recording.time[-1] + recording.step * np.arange(1, round(samples) + 1)
     with shown():
         ahead = forecast_from(loaded, recording, time, window=window, inputs=inputs, seed=seed)
     print_rows(forecast_rows(ahead), as_json)
@@ -367,9 +375,13 @@ def show(model, latex, as_json):
 
 @main.command()
 @click.argument("model", type=click.Path(dir_okay=False))
-@click.option("--duration", type=click.FloatRange(0, 1e6, min_open=True),
-              help="s; 300, or as long as the inputs.")  # fmt: skip
-@click.option("--rate", type=click.FloatRange(0, 1e4, min_open=True), default=25.0, help="Hz.")
+@click.option(
+    "--duration",
+    type=click.FloatRange(0, min_open=True),
+    help="s; else 60 periods of the slowest small motion, or as long as the inputs.",
+)
+@click.option("--rate", type=click.FloatRange(0, min_open=True),
+              help="Hz; else 60 samples in a period of the fastest small motion.")  # fmt: skip
 @click.option("--initial", help="Initial state, numbers with commas; else that of the recording.")
 @at_option
 @inputs_option
@@ -383,7 +395,7 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
     """
     import numpy as np
 
-    from galloping.field.driving import driving
+    from galloping.field.driving import driving, usual_sampling
 
     loaded = _answered(model)
     inputs = driving(model, loaded.model.inputs, at, inputs_file, time_column, _between(model))
@@ -391,7 +403,6 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
     known = min(measured, default=np.inf)
     if duration and duration > known:
         raise ValueError(f"--duration {duration:g}: {inputs_file} ends {known:g} s after its begin")
-    duration = duration or min(known, 300.0)
     states = loaded.model.states
     if initial:
         try:
@@ -405,6 +416,8 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
         start = loaded.initial_states[0]
     else:
         raise ValueError(f"{model}: holds no initial state; say --initial")
+    usual, often = usual_sampling(loaded.model, start, inputs)
+    duration, rate = duration or min(known, usual), rate or often
     rows = _simulated(model, loaded.model, start, rate, int(duration * rate + 1e-9), inputs)
     print_rows(rows, as_json)
 
@@ -413,13 +426,15 @@ def _simulated(path, model, state, rate: float, last: int, inputs) -> Iterator[d
     """Rows 0 to `last` of a motion. Raises ValueError, naming the path, where it ends early."""
     import numpy as np
 
-    from galloping.simulation import Simulator
+    from galloping.simulation import Simulator, away_from
 
     simulator = Simulator(model.states, model.terms, inputs=model.inputs)
+    limit = away_from(state)
     names, first = ("time_s", *model.states), 0
     while True:
         until = min(first + PIECE, last)
-        trajectory = simulator(model, state, np.arange(first, until + 1) / rate, inputs)
+        times = np.arange(first, until + 1) / rate
+        trajectory = simulator(model, state, times, inputs, limit)
         rows = np.column_stack([trajectory.time, trajectory.states])[int(first > 0) :]
         for row in rows[np.isfinite(rows).all(axis=1)].tolist():
             yield dict(zip(names, row, strict=True))

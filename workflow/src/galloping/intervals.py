@@ -33,6 +33,8 @@ class Identified(Protocol):
     rivals: np.ndarray  # (n_rivals, n_states, n_terms) coefficients
     rival_share: float  # how probable it is that one of them, or one like them, is right
     bounds: tuple[Bound, ...]
+    extrapolation_shift: np.ndarray  # (n_support,) what terms of the next degrees would change
+    extrapolation_covariance: np.ndarray  # (n_support, n_support) of that
 
     @property
     def support(self) -> np.ndarray: ...
@@ -41,8 +43,45 @@ class Identified(Protocol):
 def normal(
     mean: np.ndarray, covariance: np.ndarray, count: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """(count, n) values drawn with a mean (n,) and a covariance (n, n) that may be singular."""
-    return rng.multivariate_normal(mean, covariance, count, method="eigh", check_valid="ignore")
+    """Draw values from a normal distribution, the same in whatever units they are.
+
+    Parameters
+    ----------
+    mean : (n,) array
+    covariance : (n, n) array
+        May be singular.
+    count : int
+        Number of draws.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    (count, n) array
+    """
+    return mean + rng.standard_normal((count, len(mean))) @ root_of(covariance).T
+
+
+def root_of(covariance: np.ndarray) -> np.ndarray:
+    """Root of a covariance, by which independent draws are turned into correlated ones.
+
+    It is that of the correlations, which have no unit, and the lower triangle with a diagonal that
+    is not negative, which does not depend on how a matrix is decomposed.
+
+    Parameters
+    ----------
+    covariance : (n, n) array
+        May be singular.
+
+    Returns
+    -------
+    (n, n) array
+        R, of which R R' is the covariance.
+    """
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    unit = np.where(deviation > 0.0, deviation, 1.0)[:, np.newaxis]
+    values, vectors = np.linalg.eigh((covariance + covariance.T) / (2.0 * unit * unit.T))
+    upper = np.linalg.qr(np.sqrt(np.maximum(values, 0.0))[:, np.newaxis] * vectors.T, mode="r")
+    return deviation[:, np.newaxis] * upper.T * np.where(np.diag(upper) < 0.0, -1.0, 1.0)
 
 
 def drawn(
@@ -83,6 +122,35 @@ def drawn_with_rivals(
         rival = within_bounds(identified, np.array(rng.choice(identified.rivals)))
         models[k] = replace(identified.model, coefficients=rival)
     return models
+
+
+def extrapolate(
+    models: Sequence[PolynomialModel], identified: Identified, rng: np.random.Generator
+) -> list[PolynomialModel]:
+    """Change models as terms of the next degrees, which the library lacks, would change them.
+
+    Parameters
+    ----------
+    models : sequence of PolynomialModel
+        Drawn with `drawn_with_rivals`.
+    identified : IdentifiedModel
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    list of PolynomialModel
+        With changes drawn by `extrapolation_shift` and `extrapolation_covariance`, in the terms
+        that a model has, within their bounds; the same models where these are not stated.
+    """
+    if not len(identified.extrapolation_shift):
+        return list(models)
+    mean, covariance = identified.extrapolation_shift, identified.extrapolation_covariance
+    changed = []
+    for model, change in zip(models, normal(mean, covariance, len(models), rng), strict=True):
+        coefficients = model.coefficients.copy()
+        coefficients[identified.support] += change * (coefficients[identified.support] != 0.0)
+        changed.append(replace(model, coefficients=within_bounds(identified, coefficients)))
+    return changed
 
 
 def of_draws(values: ArrayLike, fewest: float = 2) -> np.ndarray:

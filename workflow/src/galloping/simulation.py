@@ -20,12 +20,15 @@ from galloping.recording import Factor, Input, windowed
 from galloping.right_hand_side import system, tables
 from galloping.taylor import Ending, at_points, integrate, solve
 
-# Far beyond any span's clearance: a model that gets here has lost its limit cycle. Of a system in
-# other units, such as mV, so it has where it is as many times as far as it began.
+# m, far beyond any span's clearance: a model that gets here has lost its limit cycle. Of a system
+# in other units, such as mV, so it has where it is as many times as far as it began. Of a motion
+# whose size is known callers say how far is too far.
 DIVERGENCE_LIMIT, TIMES_THE_START = 1e3, 100.0
-# Galloping takes 4 steps a second, and samples that show a motion are no further apart than steps:
-# a model that needs more than both of these is far too fast to be the line's or the system's.
-MAX_STEPS_PER_SECOND, MAX_STEPS_PER_SAMPLE = 100, 2
+# Of any system, of which nothing but the begin of a motion is known: times as far, it runs away.
+AWAY = 1e12
+# Samples that show a motion are no further apart than steps, and the longest motion without samples
+# is that of a span before it has settled: a model that needs more steps is far too fast.
+MAX_STEPS_PER_SAMPLE, MOST_STEPS_BETWEEN = 2, 2**16
 # Equal steps are as short as the shortest that the motion needs: so many times as many are taken.
 EQUAL_STEPS = 4
 
@@ -78,18 +81,21 @@ class Simulator:
         x0: NDArray[np.float64],
         time: NDArray[np.float64],
         inputs: Mapping[str, Input | float] | None = None,
+        limit: float | None = None,
     ) -> Trajectory:
         """Trajectory of `model` from x0 (n_states,) at time[0], on the increasing grid `time`.
 
-        inputs: each of the model's, measured or constant. Raises ValueError for a model with a term
-        that the simulator does not have, and where an input is not there or does not cover `time`.
+        inputs: each of the model's, measured or constant. limit: distance from zero at which the
+        motion counts as diverged; by default that of a span in SI units. Raises ValueError for a
+        model with a term that the simulator does not have, and where an input is not there or does
+        not cover `time`.
         """
         model = model.on_library(self.terms)
         start, steps = np.asarray(x0, float), most_steps(time)
         if self.inputs:
             own = check_inputs(model, inputs or {}, time)
-            return self._driven(model, start, time, own, EQUAL_STEPS * steps)
-        limit = _farthest(start)
+            return self._driven(model, start, time, own, EQUAL_STEPS * steps, limit)
+        limit = _farthest(start) if limit is None else limit
         states, _, end, ending = solve(model, start, time, steps, limit=limit)
         if ending is Ending.COMPLETE:
             return Trajectory(time, states, "ok")
@@ -107,6 +113,7 @@ class Simulator:
         time: NDArray[np.float64],
         inputs: Mapping[str, Input | float],
         steps: int,
+        limit: float | None,
     ) -> Trajectory:
         held = {name: one for name, one in inputs.items() if not isinstance(one, Input)}
         if held:
@@ -115,14 +122,14 @@ class Simulator:
             if key not in self._at:
                 self._at[key] = Simulator(self.states, model.terms, inputs=model.inputs)
             others = {name: inputs[name] for name in model.inputs}
-            return self._at[key](model, x0, time, others)
+            return self._at[key](model, x0, time, others, limit)
         own = [inputs[name] for name in model.inputs]
         step = min(self._step, first_step(own))
         try:
             states, _, self._step = solve_driven(model, own, x0, time, step, steps)
         except FloatingPointError as error:
             return ended(time, np.empty((0, len(self.states))), f"stopped: {error}")
-        limit = _farthest(x0)
+        limit = _farthest(x0) if limit is None else limit
         with np.errstate(over="ignore", invalid="ignore"):
             far = ~(np.sum(states**2, axis=1) < limit**2)
         if not far.any():
@@ -143,11 +150,25 @@ def _farthest(x0: NDArray[np.float64]) -> float:
     return max(DIVERGENCE_LIMIT, TIMES_THE_START * float(np.linalg.norm(x0)))
 
 
+def away_from(x0: NDArray[np.float64]) -> float:
+    """Distance at which a motion of any system runs away, of which nothing is known but its begin.
+
+    Parameters
+    ----------
+    x0 : (n_states,) array
+        Where the motion begins.
+
+    Returns
+    -------
+    float
+        Of a motion that begins at zero as of one that begins at one.
+    """
+    return AWAY * (float(np.linalg.norm(x0)) or 1.0)
+
+
 def most_steps(time: NDArray[np.float64]) -> int:
     """How many integration steps a motion on the grid `time` may take."""
-    return 1 + int(
-        max(MAX_STEPS_PER_SECOND * (time[-1] - time[0]), MAX_STEPS_PER_SAMPLE * len(time))
-    )
+    return MOST_STEPS_BETWEEN + MAX_STEPS_PER_SAMPLE * len(time)
 
 
 def check_inputs(
@@ -234,7 +255,7 @@ DEGREE, SAMPLES_PER_STEP = 5, 2
 # Truncation of a step's Taylor series, relative to the size of each state.
 ACCURACY = 1e-10
 SETTLED = 5  # halvings of the step, through which a solution that diverges does so at one time
-FAR = 1e4  # of a state, from which its size says nothing about the accuracy before
+FAR = 1e8  # times its size at first, from which a solution diverges
 
 
 def first_step(inputs: Sequence[Input]) -> float:
@@ -265,9 +286,9 @@ def solve_driven(
 
     inputs: those of the model, in its order. start: (n_states,) at time[0]. time: (n,) s,
     increasing. step: s, the longest to try. most: steps. free: (n_free, 2) pairs (equation, term).
-    Returns states (n, n_states), beyond FAR or not finite where they diverge, and derivatives (n,
-    n_states, n_free + n_states) by the free coefficients and the start, of no columns without
-    `free`.
+    Returns states (n, n_states), beyond FAR times their size at first or not finite where they
+    diverge, and derivatives (n, n_states, n_free + n_states) by the free coefficients and the
+    start, of no columns without `free`.
     Raises FloatingPointError where more than `most` steps were needed.
     """
     n_states, wanted = len(start), free is not None
@@ -277,6 +298,7 @@ def solve_driven(
     columns = np.asarray(free).reshape(-1, 2) if wanted else np.empty((0, 2), int)
     compiled = system(table, model.coefficients, columns)
     diverged, longest, ends = None, step, []
+    far = FAR * _size_at_first(model, inputs, start, time)
     while (windows := max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-9)))) <= most:
         place = (time - time[0]) / step
         window = np.minimum(place.astype(np.int64), windows - 1)
@@ -287,8 +309,8 @@ def solve_driven(
                 _over_windows(tuple(inputs), table.factors, time[0], step, windows), wanted,
                 samples,
             )  # fmt: skip
-        states, moved = found[window, :, row], slopes[window, :, row]
-        near = np.all(np.abs(states) < FAR, axis=1)
+            states, moved = found[window, :, row], slopes[window, :, row]
+            near = np.sum(states**2, axis=1) < far**2
         if near.all() and truncation < ACCURACY:
             return states, moved, step
         diverged = None if near.all() else (states, moved, longest)
@@ -300,3 +322,17 @@ def solve_driven(
     if diverged is not None:
         return diverged
     raise FloatingPointError(f"more than {most} integration steps")
+
+
+def _size_at_first(
+    model: PolynomialModel,
+    inputs: Sequence[Input],
+    start: NDArray[np.float64],
+    time: NDArray[np.float64],
+) -> float:
+    """Size of a motion by its start and by what the inputs then move it in a radian."""
+    driving = np.sqrt([[np.nanmean(one.values**2) for one in inputs]])
+    rates, jacobian = model(start[None], driving)[0], model.jacobian(start[None], driving)[0]
+    fastest = np.max(np.abs(np.linalg.eigvals(jacobian)))
+    lasts = 1.0 / fastest if fastest > 0.0 else time[-1] - time[0]
+    return float(np.linalg.norm(start) + np.linalg.norm(rates) * lasts) or 1.0

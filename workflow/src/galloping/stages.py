@@ -15,7 +15,7 @@ from galloping.physics.galerkin import coefficients
 from galloping.physics.galerkin import model as equations_of
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Input, Recording, at_times
-from galloping.simulation import Simulator, Trajectory, check_inputs, rates_of
+from galloping.simulation import Simulator, Trajectory, away_from, check_inputs, rates_of
 
 
 def derive(**sections: Mapping[str, object] | float) -> PolynomialModel:
@@ -45,7 +45,7 @@ def simulate(
     _check_model(model)
     start = checked_state(initial_state, model.states)
     simulator = Simulator(model.states, model.terms, inputs=model.inputs)
-    return simulator(model, start, increasing("time", time), inputs)
+    return simulator(model, start, increasing("time", time), inputs, away_from(start))
 
 
 def measure(

@@ -131,7 +131,7 @@ class Range:
     """Where a branch is followed: low <= parameter <= high, in at most max_points points.
 
     longest: step of the parameter; a fiftieth of the range by default. ceiling: size of an orbit
-    (root mean square about its mean, units of the states) beyond which cycles are not followed.
+    (`Orbit.spread`) beyond which cycles are not followed.
     """
 
     low: float

@@ -48,7 +48,8 @@ class EquilibriumProblem(continuation.BranchProblem):
 
     @property
     def metric(self) -> np.ndarray:
-        return np.append(np.ones(self.n_states), self.resolution) ** -2.0
+        sizes = np.broadcast_to(self.family.sizes, self.n_states)
+        return np.append(sizes, self.resolution) ** -2.0
 
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
         return vector

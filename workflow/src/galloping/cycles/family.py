@@ -17,12 +17,14 @@ class Family:
     """Models along a parameter: dx/dt = C(parameter) theta(x) on one library.
 
     model: from a value of the parameter to the model; its states and terms must not change.
-    parameter, unit: what varies, for reports.
+    parameter, unit: what varies, for reports. sizes: (n_states,) of the motion, in which distances
+    between states are measured; one by default, as for a span in SI units.
     """
 
     model: Callable[[float], PolynomialModel]
     parameter: str = "parameter"
     unit: str = ""
+    sizes: np.ndarray | float = 1.0
 
     def slope(self, value: float, scale: float) -> np.ndarray:
         """dC/dp (n_states, n_terms) by central differences, `scale` being the parameter's size."""
@@ -31,9 +33,9 @@ class Family:
         return (above - below) / (2 * step)
 
 
-def constant(model: PolynomialModel) -> Family:
-    """The same model at every value."""
-    return Family(lambda _: model)
+def constant(model: PolynomialModel, sizes: np.ndarray | float = 1.0) -> Family:
+    """The same model at every value. sizes: as of `Family`."""
+    return Family(lambda _: model, sizes=sizes)
 
 
 # every term the derivation can produce, so that the library never changes along a parameter

@@ -1,5 +1,5 @@
 """Limit cycles along a parameter by shooting: their stability and where it changes (Kuznetsov,
-Elements of Applied Bifurcation Theory, ch. 5 and 10); where motions settle.
+Elements of Applied Bifurcation Theory, ch. 5 and 10).
 
 One period is integrated with its derivatives by start and parameter; that by the start, over the
 whole period, is the monodromy matrix.
@@ -17,66 +17,9 @@ from scipy.interpolate import CubicSpline
 from galloping.cycles import continuation
 from galloping.cycles.continuation import Bifurcation, Branch, Equations, Point, Range
 from galloping.cycles.family import Family
-from galloping.polynomial import PolynomialModel
+from galloping.cycles.settling import Settled
 from galloping.right_hand_side import system, tables
-from galloping.simulation import Simulator
 from galloping.taylor import at_points, integrate
-
-# --- where a motion ends up ---
-
-
-DURATION, WINDOW, PIECE, RATE = 4000.0, 1000.0, 50.0, 20.0  # s, s, s, Hz
-REST = 1e-3  # m: a smaller motion has died out
-STEADY = 0.01  # relative spread over the pieces up to which a motion is a limit cycle
-
-
-@dataclass(frozen=True)
-class Settled:
-    """half_range: (n_states,) half of the range over the window; lowest, highest: the least and
-    greatest of those over its pieces of PIECE s. kind: `cycle`, `rest`, `irregular` (never
-    repeating, or not yet settled), or why the simulation stopped. time: (n,) s, states:
-    (n, n_states), the window.
-    """
-
-    half_range: np.ndarray
-    lowest: np.ndarray
-    highest: np.ndarray
-    kind: str
-    time: np.ndarray
-    states: np.ndarray
-
-
-def settle(
-    simulator: Simulator,
-    model: PolynomialModel,
-    x0: np.ndarray,
-    duration: float = DURATION,
-    window: float = WINDOW,
-) -> Settled:
-    """The last `window` s of a motion of `duration` s from x0 (n_states,).
-
-    On a limit cycle all pieces of the window, each of many periods, have one range.
-    """
-    count = round(window * RATE)
-    grid = np.append(0.0, duration - window + np.arange(1, count + 1) / RATE)
-    trajectory = simulator(model, np.asarray(x0, float), grid)
-    time, states = trajectory.time[1:], trajectory.states[1:]
-    pieces = np.array_split(states, max(1, round(window / PIECE)))
-    ranges = np.array([np.ptp(piece, axis=0) / 2 for piece in pieces])
-    lowest, highest = ranges.min(axis=0), ranges.max(axis=0)
-    if trajectory.status != "ok":
-        kind = trajectory.status
-    elif np.max(highest) < REST:
-        kind = "rest"
-    elif np.all(highest - lowest <= STEADY * np.max(highest)):
-        kind = "cycle"
-    else:
-        kind = "irregular"
-    return Settled(np.ptp(states, axis=0) / 2, lowest, highest, kind, time, states)
-
-
-# --- limit cycles ---
-
 
 FOLD, BRANCH_POINT = "fold of cycles", "branch point"
 PERIOD_DOUBLING, NEIMARK_SACKER = "period doubling", "Neimark-Sacker"
@@ -97,13 +40,14 @@ class Orbit:
     """A periodic solution.
 
     states: (n, n_states) at even phases of the period, n a multiple of PHASES. period: s. value: of
-    the parameter. steps: of an integration of the period that resolves it.
+    the parameter. steps: of an integration of the period that resolves it. sizes: as of `Family`.
     """
 
     states: np.ndarray
     period: float
     value: float
     steps: int = STEPS
+    sizes: np.ndarray | float = 1.0
 
     @cached_property
     def vector(self) -> np.ndarray:
@@ -119,8 +63,8 @@ class Orbit:
 
     @cached_property
     def spread(self) -> float:
-        """Root mean square distance of the orbit from its mean."""
-        return float(np.sqrt(np.sum(np.var(self.states, axis=0))))
+        """Root mean square distance of the orbit from its mean, in `sizes`."""
+        return float(np.sqrt(np.sum(np.var(self.states / self.sizes, axis=0))))
 
     @property
     def signature(self) -> np.ndarray:
@@ -130,22 +74,31 @@ class Orbit:
         """Half of the range of each state over a period: (n_states,), zero of one that rests."""
         turns = self.at.derivative().roots(extrapolate=False)  # NaN where a state never moves
         half = np.array([np.ptp(self.at(turn)[:, k]) / 2 for k, turn in enumerate(turns)])
-        return np.where(half > RESTING * np.abs(self.states).max(), half, 0.0)
+        return np.where(
+            half > RESTING * self.sizes * np.abs(self.states / self.sizes).max(), half, 0.0
+        )
 
     def halves(self) -> np.ndarray:
-        """(PHASES / 2 n_states,) by how much the second half of an orbit differs from the first.
+        """By how much the second half of an orbit differs from the first: (PHASES / 2, n_states),
+        in `sizes`.
 
         A branch of doubled period ends where both are one orbit; what continuation finds beyond is
         the branch again, with the halves exchanged.
         """
-        first, second = np.split(self.vector[:-2], 2)
+        first, second = np.split(self.vector[:-2].reshape(PHASES, -1) / self.sizes, 2)
         return second - first
 
 
-def circle(centre: np.ndarray, mode: np.ndarray, period: float, value: float) -> Orbit:
-    """centre + Re(mode exp(2 pi i t / period))."""
+def circle(
+    centre: np.ndarray,
+    mode: np.ndarray,
+    period: float,
+    value: float,
+    sizes: np.ndarray | float = 1.0,
+) -> Orbit:
+    """centre + Re(mode exp(2 pi i t / period)). sizes: as of `Family`."""
     turn = np.exp(2j * np.pi * np.arange(PHASES) / PHASES)[:, np.newaxis]
-    return Orbit(centre + (mode * turn).real, period, value)
+    return Orbit(centre + (mode * turn).real, period, value, sizes=sizes)
 
 
 @dataclass(frozen=True)
@@ -183,8 +136,8 @@ class CycleProblem(continuation.BranchProblem):
 
     Unknowns are the state at phase 0, the period and the parameter. resolution: longest step of the
     parameter. slope: (n_states, n_terms) of the coefficients along the parameter, at the reference.
-    largest: size of the largest orbit so far. ceiling: size (root mean square about the mean, units
-    of the states) beyond which the branch is not followed.
+    largest: size of the largest orbit so far. ceiling: size (`Orbit.spread`) beyond which the
+    branch is not followed.
     """
 
     family: Family
@@ -206,14 +159,20 @@ class CycleProblem(continuation.BranchProblem):
     @cached_property
     def metric(self) -> np.ndarray:
         orbit = self.reference
-        states = np.full(len(orbit.vector) - 2, 1 / (PHASES * (STEP * orbit.spread) ** 2))
+        states = self._of_states / (PHASES * (STEP * orbit.spread) ** 2)
         return np.append(states, [(STEP * orbit.period) ** -2.0, self.resolution**-2.0])
+
+    @cached_property
+    def _of_states(self) -> np.ndarray:
+        """(PHASES n_states,) squares of what turns states at all phases into `Family.sizes`."""
+        sizes = np.broadcast_to(self.family.sizes, self.reference.states.shape[1])
+        return np.tile(sizes**-2.0, PHASES)
 
     @cached_property
     def phase(self) -> np.ndarray:
         """(n,) the integral phase condition on changes of the vector."""
         velocity = self.reference.at(np.arange(PHASES) / PHASES, 1)
-        return np.append(velocity.ravel() / PHASES, [0.0, 0.0])
+        return np.append(self._of_states * velocity.ravel() / PHASES, [0.0, 0.0])
 
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
         return np.append(vector[: len(self.slope)], vector[-2:])
@@ -233,7 +192,7 @@ class CycleProblem(continuation.BranchProblem):
             steps *= 2
             if steps > MOST_STEPS:
                 raise continuation.NotConverged(f"{MOST_STEPS} steps do not resolve the orbit")
-        orbit = Orbit(states, period, value, steps)
+        orbit = Orbit(states, period, value, steps, self.family.sizes)
         moved, end_moved = moved[:: len(states) // PHASES] @ chosen, end_moved @ chosen
         rates = model(orbit.vector[:-2].reshape(PHASES, n))
         moved[..., n] = np.arange(PHASES)[:, np.newaxis] / PHASES * rates
@@ -294,11 +253,11 @@ def _turn(compiled, start: np.ndarray, period: float, steps: int) -> tuple:
 def from_hopf(family: Family, hopf: Bifurcation, span: Range, size: float = 1e-3) -> Branch:
     """The limit cycles that leave a Hopf bifurcation of `equilibrium_branch`.
 
-    size: of the first one, in units of the states.
+    size: of the first one, in the sizes of the family.
     """
     at, (frequency, mode) = hopf.point.solution, hopf.point.stability.critical()
-    swing = mode * (size * np.sqrt(2) / np.linalg.norm(mode))
-    orbit = circle(at.state, swing, 2 * np.pi / frequency, at.value)
+    swing = mode * (size * np.sqrt(2) / np.linalg.norm(mode / family.sizes))
+    orbit = circle(at.state, swing, 2 * np.pi / frequency, at.value, family.sizes)
     problem = CycleProblem.about(family, orbit, span.longest, span.ceiling)
     growth = np.append((orbit.states - at.state).ravel(), [0.0, 0.0])
     start = continuation.first(problem, orbit.vector, problem.metric * growth)
@@ -318,7 +277,9 @@ def from_branching(family: Family, at: Bifurcation, span: Range) -> tuple[Branch
     if doubled:
         states, change = (v[:-2].reshape(PHASES, -1) for v in (orbit.vector, tangent))
         tangent = np.append(_twice(change).ravel(), tangent[-2:] * (2, 1))
-        orbit = Orbit(_twice(states), 2 * orbit.period, orbit.value, 2 * orbit.steps)
+        orbit = replace(
+            orbit, states=_twice(states), period=2 * orbit.period, steps=2 * orbit.steps
+        )
     problem = CycleProblem.about(family, orbit, span.longest, span.ceiling)
     linearised = problem.linearise(problem.unknowns(orbit.vector))
     # where the equations have a second null vector, the one across the tangent
@@ -356,13 +317,14 @@ def settled(
     family: Family, value: float, time: np.ndarray, states: np.ndarray, resolution: float
 ) -> Point:
     """The limit cycle on which a motion has settled, as in `from_motion`."""
-    orbit = _last_turn(time, states, value)
+    orbit = _last_turn(time, states, value, family.sizes)
     point = _corrected(family, orbit, resolution)
     if (turns := _turns(point.solution)) <= 1:
         return point
     orbit = point.solution
     once = orbit.at(np.arange(PHASES) / PHASES / turns)
-    return _corrected(family, Orbit(once, orbit.period / turns, value, orbit.steps), resolution)
+    orbit = replace(orbit, states=once, period=orbit.period / turns, value=value)
+    return _corrected(family, orbit, resolution)
 
 
 def _corrected(family: Family, orbit: Orbit, resolution: float) -> Point:
@@ -377,7 +339,7 @@ def _turns(orbit: Orbit) -> int:
 
     Samples of a motion may pass the place where it ends at too great a distance, for some turns.
     """
-    changes = orbit.vector[:-2].reshape(PHASES, -1)
+    changes = orbit.vector[:-2].reshape(PHASES, -1) / orbit.sizes
     strength = np.linalg.norm(np.fft.rfft(changes, axis=0), axis=1)[1:]
     return int(np.gcd.reduce(1 + np.flatnonzero(strength > RETRACED * strength.max())))
 
@@ -390,9 +352,11 @@ def cycle_of(family: Family, value: float, motion: Settled) -> Point | None:
     return None
 
 
-def _last_turn(time: np.ndarray, states: np.ndarray, value: float) -> Orbit:
+def _last_turn(
+    time: np.ndarray, states: np.ndarray, value: float, sizes: np.ndarray | float
+) -> Orbit:
     """The last period of a motion: since it was last as close to where it ends as it gets."""
-    distance = np.linalg.norm(states - states[-1], axis=1)
+    distance = np.linalg.norm((states - states[-1]) / sizes, axis=1)
     near = distance < 0.05 * np.max(distance)
     away = np.flatnonzero(~near)
     before = np.flatnonzero(near[: away[-1]]) if len(away) else away
@@ -402,7 +366,7 @@ def _last_turn(time: np.ndarray, states: np.ndarray, value: float) -> Orbit:
     back = stretch[np.argmin(distance[stretch])]
     period = float(time[-1] - time[back])
     phases = time[back] + period * np.arange(PHASES) / PHASES
-    return Orbit(CubicSpline(time, states)(phases), period, value)
+    return Orbit(CubicSpline(time, states)(phases), period, value, sizes=sizes)
 
 
 def at_value(family: Family, branch: Branch, value: float) -> list[Point]:

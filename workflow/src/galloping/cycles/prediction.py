@@ -19,13 +19,15 @@ from galloping.cycles import limit_cycles
 from galloping.cycles.continuation import NotConverged, Range, corrected
 from galloping.cycles.family import Family, constant
 from galloping.cycles.limit_cycles import CycleProblem, Orbit
+from galloping.cycles.settling import SPAN, settle
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import DRAWS, Identified, drawn, normal, of_draws
 from galloping.passes import passing
 from galloping.polynomial import Exponents, PolynomialModel, alone, velocity_pairs
 from galloping.simulation import Simulator
 
-SETTLING, WINDOW = 1500.0, 50.0  # s: close enough for the correction, and a stretch to begin from
+# Close enough for the correction, and a stretch to begin from.
+RECORDED, AHEAD = SPAN.during(2000.0, 200.0), SPAN.during(1500.0, 50.0)
 CORRECTED = 1e-4  # steps: what is left is about its square, far below the band
 WAY = (1.0,), (0.25, 0.5, 0.75, 1.0)  # from a model's cycle to another's: at once, or in steps
 MOST = DRAWS / 2  # limit cycles of drawn models, that an interval is of at least
@@ -192,7 +194,7 @@ def predict(
     start: (n_states,) from which the model is simulated there until it has settled.
     """
     found, missing = Prediction.nothing(winds, len(parts.states)), []
-    motion = limit_cycles.settle(simulator, parts.model(recorded), start, duration=2000, window=200)
+    motion = settle(simulator, parts.model(recorded), start, RECORDED)
     if motion.kind != "cycle":
         reason = f"at {recorded:g} m/s the identified model does not settle: {motion.kind}"
         return replace(found, reason=reason)
@@ -258,7 +260,7 @@ def _followed(models: Sequence[PolynomialModel], orbit: Orbit) -> Orbit | None:
     found = orbit
     with suppress(NotConverged):
         for model in models:
-            problem = CycleProblem.about(constant(model), found, resolution=1.0)
+            problem = CycleProblem.about(constant(model, orbit.sizes), found, resolution=1.0)
             border = problem.along_parameter()
             found = corrected(problem, found.vector, border, CORRECTED).solution
         if found.spread > limit_cycles.VANISHED * orbit.spread:
@@ -280,7 +282,7 @@ def limit_cycle_ahead(
         raise ValueError(f"there is no model to simulate: {identified.reason}")
     found = identified.model.without_absent_terms()
     simulator = Simulator(found.states, found.terms)
-    motion = limit_cycles.settle(simulator, found, start, SETTLING, WINDOW)
+    motion = settle(simulator, found, start, AHEAD)
     if not np.all(np.isfinite(motion.states)):
         raise ValueError(f"the model does not settle: {motion.kind}")
     point = limit_cycles.settled(constant(found), 0.0, motion.time, motion.states, resolution=1.0)

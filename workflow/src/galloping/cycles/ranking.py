@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from galloping.cycles.limit_cycles import Settled, cycle_of, settle
+from galloping.cycles.limit_cycles import cycle_of
 from galloping.cycles.prediction import Split, intervals, near, split
+from galloping.cycles.settling import Settled, settle
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import of_draws
 from galloping.physics.galerkin import STATES, at_rest, coefficients, model

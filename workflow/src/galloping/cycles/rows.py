@@ -12,15 +12,16 @@ import numpy as np
 from galloping.cycles.continuation import Branch, Range
 from galloping.cycles.diagram import HOPF, Diagram, diagram
 from galloping.cycles.family import critical_wind, initial_state, line_family, line_model, parameter
-from galloping.cycles.limit_cycles import DURATION, Orbit, Settled, settle
+from galloping.cycles.limit_cycles import Orbit
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import outline
+from galloping.cycles.settling import SPAN, Settled, Watch, settle
 from galloping.physics.galerkin import STATES, Line, at_rest
 from galloping.physics.measures import clearance, design_ellipses, envelope
 from galloping.simulation import Simulator
 
 SIMULATION = "simulation"
-PATIENT = 16000.0  # s: near a bifurcation, 4,000 s leave a third of a percent to settle
+PATIENT = SPAN.during(16000.0)  # near a bifurcation, 4,000 s leave a third of a percent to settle
 CEILING = 2.0  # sags: a larger orbit is no line's any more
 
 
@@ -50,9 +51,9 @@ def line_diagram(
     return diagram(family, span, np.zeros(len(STATES)), motion=motion)
 
 
-def settled_line(case: Mapping, simulator: Simulator, duration: float = DURATION) -> Settled:
-    """What a case settles to from its initial state, after `duration` s."""
-    return settle(simulator, line_model(case), initial_state(case), duration)
+def settled_line(case: Mapping, simulator: Simulator, watch: Watch = SPAN) -> Settled:
+    """What a case settles to from its initial state."""
+    return settle(simulator, line_model(case), initial_state(case), watch)
 
 
 def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:

@@ -5,8 +5,10 @@ from math import floor, log10
 
 import numpy as np
 
+from galloping.arrays import round_down, round_up
 from galloping.bounds import Experiment, bound_of, information
 from galloping.field.dynamics import Surroundings
+from galloping.field.helps import is_span
 from galloping.identification.likelihood.verdict import REPEATS
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import term_name, velocity_pairs
@@ -62,10 +64,12 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
     equation, term = free[weakest]
     duration = min(recording.time[-1] - recording.time[0], LONGEST * period)
     step = recording.step
-    thin = max(int(period / WEIGHED / step), 1)
+    thin = max(round_down(period / WEIGHED / step), 1)
     sigma = np.where(np.isfinite(identified.sigma[-1]), identified.sigma[-1], np.inf)
     first = Experiment(
-        identified.initial_states[0], np.arange(0.0, duration, thin * step), sigma / np.sqrt(thin)
+        identified.initial_states[0],
+        thin * step * np.arange(round_up(duration / (thin * step))),
+        sigma / np.sqrt(thin),
     )
     ranked = []
     for name, option in _options(first, identified, recording).items():
@@ -94,7 +98,7 @@ def _options(
     pairs = velocity_pairs(states)
     around = Surroundings.of([recording])
     rest = around.middle if (found := around.rest(identified.model)) is None else found
-    twice = np.arange(0.0, 2.0 * first.time[-1], first.time[1])
+    twice = first.time[1] * np.arange(2 * len(first.time))
     options = {
         "the same motion again": first,
         "the same motion, twice as long": replace(first, time=twice),
@@ -104,11 +108,12 @@ def _options(
     bounded = np.all(np.isfinite(motion[-1]))
     if bounded:
         options["what follows on the same motion"] = replace(first, initial_state=motion[-1])
-    for k in pairs or range(len(states)):
+    released = () if is_span(identified) else pairs or range(len(states))  # nobody pulls at a line
+    for k in released:
         if np.isfinite(recording.values[:, k]).any():
             recorded = np.nanmax(np.abs(recording.values[:, k] - rest[k]))
             away = FARTHER * recorded
-            height = float(f"{rest[k] + away:.{max(1 - floor(log10(away)), 0)}f}")
+            height = round(rest[k] + away, 1 - floor(log10(away)))
             start = first.initial_state.copy()
             start[list(pairs.values())] = 0.0
             start[k] = height

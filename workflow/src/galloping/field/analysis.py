@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import chain
 from pathlib import Path
 
@@ -12,11 +12,12 @@ from galloping import __version__
 from galloping.field.csv_rows import MODEL_COLUMNS, forecast_rows, model_rows
 from galloping.field.dynamics import Dynamics, Surroundings, expected
 from galloping.field.excerpts import by_excerpts, excerpts
+from galloping.field.findings import findings
 from galloping.field.following import Sensed
 from galloping.field.quality import JUMPS, MOVES, QUIET, SHOWN, quality
 from galloping.field.summary import METHODS, Summary, longest_period, summarised
-from galloping.field.terminal import SEARCHED
-from galloping.field.wording import escape_markdown, summary_text
+from galloping.field.terminal import SEARCHED, json_text
+from galloping.field.wording import escape_markdown, rendered
 from galloping.identification.inputs import asked
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.preparation.interpolation import (
@@ -116,12 +117,12 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
             report["notes"].append(
                 f"gaps longer than a period of {period:.3g} s, or of one sensor alone longer than "
                 f"{SILENT}, part it into recordings of their own: {len(parts)} of {LEAST} periods "
-                f"or more, {kept:.1f} s in all"
+                f"or more, {kept:.4g} s in all"
             )
         recordings += parts
         names += [
             escape_markdown(one.path.name.replace(";", ","))
-            + (f" from {each.time[0]:.0f} s" if len(parts) > 1 else "")
+            + (f" from {each.time[0]:.4g} s" if len(parts) > 1 else "")
             for each in parts
         ]
     return Field(mapping, series, tuple(recordings), tuple(names), reports)
@@ -251,7 +252,7 @@ def check_telling(series: Sequence[Series], terms: Sequence[Exponents], n_states
 def write_outputs(
     folder: Path, field: Field, of: Summary, beside: tuple[str, Dynamics | None] | None = None
 ) -> None:
-    """The tables, the model and `summary.md`. beside: as `summary_text` takes it."""
+    """The tables, the model, and `summary.md` with its numbers. beside: as of `findings`."""
     identified, states, inputs = of.found, of.found.model.states, dict(field.series[0].units)
     write_json(folder / "quality.json", list(field.reports))
     identified.save(
@@ -267,7 +268,9 @@ def write_outputs(
     write_rows(folder / "model.csv", model_rows(identified, inputs), list(MODEL_COLUMNS))
     write_rows(folder / "forecast.csv", ahead, list(tables["forecast.csv"]))
     write_json(folder / "datapackage.json", _package(tables))
-    write_text(folder / "summary.md", summary_text(of, field.reports, beside))
+    told = findings(of, field.reports, beside)
+    write_text(folder / "summary.json", json_text(asdict(told), indent=2) + "\n")
+    write_text(folder / "summary.md", rendered(of, told, field.reports))
 
 
 def _package(tables: Mapping[str, Mapping[str, str]]) -> dict:

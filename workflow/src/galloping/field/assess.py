@@ -15,8 +15,9 @@ from galloping.arrays import one_thread
 from galloping.cycles.continuation import Point, Range
 from galloping.cycles.diagram import Diagram, diagram, equilibrium_branch, hopf_points
 from galloping.cycles.family import Family, constant
-from galloping.cycles.limit_cycles import Settled, at_value, settle, settled
+from galloping.cycles.limit_cycles import at_value, settled
 from galloping.cycles.prediction import intervals, near
+from galloping.cycles.settling import Pace, Settled, filled, settle_in_periods
 from galloping.field.assessment import (
     Assessment,
     Condition,
@@ -25,19 +26,18 @@ from galloping.field.assessment import (
     RestPosition,
     SmallMotion,
 )
-from galloping.field.dynamics import DURATION, ROUNDING, WINDOW, Value, zero_of
+from galloping.field.dynamics import LARGER, Value, zero_of
 from galloping.field.following import simulator_of
 from galloping.identification.model import IdentifiedModel
-from galloping.intervals import drawn_with_rivals, of_draws
+from galloping.intervals import drawn_with_rivals, extrapolate, of_draws
 from galloping.passes import passing
-from galloping.polynomial import PolynomialModel, exponents_of, has_functions, velocity_pairs
+from galloping.polynomial import PolynomialModel, velocity_pairs
 
 KICK = 1e-2  # of the size of the motion, from an equilibrium
 BEYOND = 2.5  # sizes of the motion: how far from its middle equilibria are looked for
 APART = 1e-2  # of the size: equilibria and cycles that are nearer are one
 MOST_STARTS = 256  # from which equilibria are looked for
-USUAL = 0.4  # Hz, of the motions that settle in DURATION s, looked at in WINDOW s,
-ALIKE = 0.05, 20.0  # and times that of those that are as good as these
+LEAST = 1e-3  # of its share in the largest motion, that a coordinate moves at least
 CEILING = 10.0  # sizes of the motion, beyond which limit cycles are not followed
 
 
@@ -69,7 +69,7 @@ def assess(
     notes = beyond(found, {**at, along: values} if along else at)
     if len(values) == 1:
         at[along] = float(values[0])
-    of = _slowed(found, {**at, **({along: values[0]} if along else {})}, seed)
+    of = _Drawn.of(found, seed)
     if len(values) < 2:
         return Assessment((_condition(of, at),), notes=tuple(notes))
     conditions, onsets, more = _along(of, at, along, values)
@@ -109,43 +109,41 @@ def beyond(found: IdentifiedModel, at: Mapping[str, float | Sequence[float]]) ->
 
 
 @dataclass(frozen=True)
-class _Slowed:
-    """A model that moves about as fast as a span, in a unit of time of 1/fast s, and its draws.
+class _Drawn:
+    """A model, models drawn with the covariance of its coefficients, and a start.
 
-    start: (n_states,) that was recorded.
+    small: models drawn for small motions, with what terms of the next degrees would change. start:
+    (n_states,) that was recorded. recorded: ends of what was recorded of states, by name.
     """
 
     model: PolynomialModel
     draws: tuple[PolynomialModel, ...]
+    small: tuple[PolynomialModel, ...]
     start: np.ndarray
-    fast: float
+    recorded: Mapping[str, tuple[float, ...]]
 
-    def at(self, values: Mapping[str, float]) -> "_Slowed":
+    @classmethod
+    def of(cls, found: IdentifiedModel, seed: int) -> "_Drawn":
+        """Of an identified model."""
+        known = found.initial_states[np.isfinite(found.initial_states).all(axis=1)]
+        # where nothing tells how far it moves, as far as a span
+        start = known[-1] if len(known) else np.full(len(found.model.states), 0.1)  # not the origin
+        rng = np.random.default_rng(seed)
+        draws = drawn_with_rivals(found, rng)
+        small = extrapolate(draws, found, rng)
+        recorded = {name: ends for name in found.model.states if (ends := found.recorded(name))}
+        return cls(found.model, tuple(draws), tuple(small), start, recorded)
+
+    def at(self, values: Mapping[str, float]) -> "_Drawn":
+        """The same at constant values of inputs."""
         held = {name: value for name, value in values.items() if name in self.model.inputs}
-        draws = tuple(each.at(held) for each in self.draws)
-        return replace(self, model=self.model.at(held), draws=draws)
+        draws, small = (
+            tuple(each.at(held) for each in models) for models in (self.draws, self.small)
+        )
+        return replace(self, model=self.model.at(held), draws=draws, small=small)
 
 
-def _slowed(found: IdentifiedModel, first: Mapping[str, float], seed: int) -> _Slowed:
-    """A model in its own time where it is much faster or slower at its start than a span."""
-    known = found.initial_states[np.isfinite(found.initial_states).all(axis=1)]
-    start = known[-1] if len(known) else np.full(len(found.model.states), 0.1)  # not the origin
-    omega = found.model.at(first).small_motions(start).omega
-    fast = float(np.max(omega) / (2 * np.pi * USUAL))
-    fast = 1.0 if ALIKE[0] < fast < ALIKE[1] or not fast > 0 else fast
-    fast = 1.0 if any(map(has_functions, found.model.terms)) else fast  # of a time in their unit
-    size = np.ones(len(found.model.states))
-    size[list(velocity_pairs(found.model.states).values())] = fast
-    powers = exponents_of(found.model.terms, len(size))
-    factors = np.prod(size**powers, axis=1) / (size[:, np.newaxis] * fast)
-    draws = drawn_with_rivals(found, np.random.default_rng(seed))
-    model, *draws = (
-        replace(each, coefficients=each.coefficients * factors) for each in (found.model, *draws)
-    )
-    return _Slowed(model, tuple(draws), start / size, fast)
-
-
-def _condition(of: _Slowed, at: Mapping[str, float], known: Sequence[Point] = ()) -> Condition:
+def _condition(of: _Drawn, at: Mapping[str, float], known: Sequence[Point] = ()) -> Condition:
     """At one value of every input: attractors by simulation from several starts.
 
     known: limit cycles there, found otherwise.
@@ -153,12 +151,12 @@ def _condition(of: _Slowed, at: Mapping[str, float], known: Sequence[Point] = ()
     here = of.at(at)
     best, begin = here.model, here.start
     motion = _settled(best, begin)
-    middle, size = _extent(motion, begin)
+    middle, size = _extent(best, motion, begin)
     rests = equilibria(best, middle, size)
     cycles: list[Point] = []
     ends: list[str] = []
     for point in known:
-        _add(cycles, point)
+        _add(cycles, point, size)
     for start in (begin, *(rest + KICK * size for rest in rests), middle + BEYOND * size):
         passing("settle")
         motion = motion if start is begin else _settled(best, start)
@@ -166,41 +164,41 @@ def _condition(of: _Slowed, at: Mapping[str, float], known: Sequence[Point] = ()
             ends.append(motion.kind)
             continue
         try:
-            point = settled(constant(best), 0.0, motion.time, motion.states, 1.0)
-        except ValueError as failure:
-            ends.append(str(failure))
+            point = settled(constant(best, size), 0.0, motion.time, motion.states, 1.0)
+        except ValueError:  # one that neither grows nor dies out is on no cycle
+            ends.append("irregular")
             continue
         if np.all(point.solution.half_range() < CEILING * size):  # further off no model is told
-            _add(cycles, point)
+            _add(cycles, point, size)
     return Condition(
         dict(at),
-        tuple(_equilibrium(here, rest) for rest in rests),
+        tuple(_equilibrium(here, rest, size) for rest in rests),
         tuple(_cycle(here, each) for each in cycles),
         tuple(dict.fromkeys(ends)),
     )
 
 
-def _add(cycles: list[Point], point: Point) -> None:
-    new = point.solution.half_range()
-    others = [one.solution.half_range() for one in cycles]
+def _add(cycles: list[Point], point: Point, size: np.ndarray) -> None:
+    new = point.solution.half_range() / size
+    others = [one.solution.half_range() / size for one in cycles]
     if all(np.max(np.abs(new - other)) > APART * np.max(new) for other in others):
         cycles.append(point)
 
 
 def _along(
-    of: _Slowed, at: Mapping[str, float], along: str, values: np.ndarray
+    of: _Drawn, at: Mapping[str, float], along: str, values: np.ndarray
 ) -> tuple[tuple[Condition, ...], tuple[Onset, ...], list[str]]:
     """The same at every value of a range, with the limit cycles that are followed along it."""
     of = of.at(at)
-    family, span = _family(of.model, along), Range(values[0], values[-1])
-    best = family.model(values[0])
-    middle, size = _extent(_settled(best, of.start), of.start)
+    best, span = of.model.at({along: float(values[0])}), Range(values[0], values[-1])
+    middle, size = _extent(best, _settled(best, of.start), of.start)
+    family = _family(of.model, along, size)
     rests = equilibria(best, middle, size)
     found, onsets, notes = None, (), [] if rests else [f"no rest at {along} = {values[0]:g}"]
     if rests:
-        rest = min(rests, key=lambda each: np.linalg.norm(each - middle))
+        rest = min(rests, key=lambda each: np.linalg.norm((each - middle) / size))
         found, notes = _diagram(family, span, rest, of.start, along)
-        onsets = tuple(_onsets(found, of, along, span, rest)) if found else ()
+        onsets = tuple(_onsets(found, of, family, span, rest)) if found else ()
     conditions = []
     for value in values.tolist():
         passing(f"{along} = {value:g}")
@@ -220,7 +218,7 @@ def _diagram(
     middle = (span.low + span.high) / 2
     motion = _settled(family.model(middle), begin)
     cycle = motion.kind == "cycle"
-    size = np.linalg.norm(motion.half_range) if cycle else np.inf
+    size = np.linalg.norm(motion.half_range / family.sizes) if cycle else np.inf
     start = (middle, motion.time, motion.states) if cycle else None
     try:
         bounded = replace(span, ceiling=CEILING * size)
@@ -233,14 +231,15 @@ def _diagram(
 
 
 def _onsets(
-    found: Diagram, of: _Slowed, along: str, span: Range, rest: np.ndarray
+    found: Diagram, of: _Drawn, family: Family, span: Range, rest: np.ndarray
 ) -> Iterator[Onset]:
     """Hopf bifurcations, and where the draws have theirs: beyond an end of the range if nowhere."""
     branches = []
-    for model in of.draws:
+    for model in of.small:
         passing("draw onsets")
         try:
-            branches.append(equilibrium_branch(_family(model, along), rest, span))
+            own = _family(model, family.parameter, family.sizes)
+            branches.append(equilibrium_branch(own, rest, span))
         except ValueError:
             continue
     for hopf in hopf_points(found.equilibria):
@@ -255,7 +254,7 @@ def _onsets(
             more = _growing(branch.points[-1]) - (before[-1] if before else 1)
             late = more <= 0 if begins else more >= 0  # nothing has happened yet
             samples.append(min(own, key=lambda v: abs(v - value), default=np.inf * (2 * late - 1)))
-        frequency = of.fast * hopf.point.stability.critical()[0] / (2 * np.pi)
+        frequency = hopf.point.stability.critical()[0] / (2 * np.pi)
         yield Onset(Value.of(value, of_draws(samples)), float(frequency), begins)
 
 
@@ -264,15 +263,20 @@ def _growing(point: Point) -> int:
     return int(np.count_nonzero(point.stability.values.real > 0.0))
 
 
-def _family(model: PolynomialModel, along: str) -> Family:
-    return Family(lambda value: model.at({along: float(value)}), along)
+def _family(model: PolynomialModel, along: str, sizes: np.ndarray) -> Family:
+    return Family(lambda value: model.at({along: float(value)}), along, sizes=sizes)
 
 
 def _settled(model: PolynomialModel, start: np.ndarray) -> Settled:
-    return settle(simulator_of(model), model, start, duration=DURATION, window=WINDOW)
+    """Where the motion from a start (n_states,) ends up, in periods of small motions about rest."""
+    rest = zero_of(model, start, filled(np.abs(start), model, start))
+    pace = Pace.of(model, rest.x if rest.success else start)
+    return settle_in_periods(simulator_of(model), model, start, pace)
 
 
-def _extent(motion: Settled, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _extent(
+    model: PolynomialModel, motion: Settled, start: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Middle and size of a motion, (n_states,) each; of one that ends nowhere that of its start."""
     if np.isfinite(motion.states).all():
         low, high = motion.states.min(axis=0), motion.states.max(axis=0)
@@ -280,7 +284,10 @@ def _extent(motion: Settled, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]
         size = size if motion.kind != "rest" else np.abs(start - middle)
     else:
         middle, size = np.zeros_like(start), np.abs(start)
-    return middle, np.maximum(size, 1e-3 * max(np.max(size), ROUNDING))
+    size, velocities = filled(size, model, middle), list(velocity_pairs(model.states).values())
+    for own in (velocities, np.setdiff1d(np.arange(len(size)), velocities)):
+        size[own] = np.maximum(size[own], LEAST * size[own].max(initial=0.0))
+    return middle, size
 
 
 def equilibria(model: PolynomialModel, middle: np.ndarray, size: np.ndarray) -> list[np.ndarray]:
@@ -293,32 +300,31 @@ def equilibria(model: PolynomialModel, middle: np.ndarray, size: np.ndarray) -> 
         start = middle.copy()
         start[list(pairs.values())] = 0.0
         start[own] += steps * size[own]
-        at = zero_of(model, start)
-        place = np.where(np.abs(at.x) < ROUNDING, 0.0, at.x)
-        near_by = np.all(np.abs(place - middle)[own] <= BEYOND * size[own])
-        new = all(np.max(np.abs(place - other)[own] / size[own]) > APART for other in found)
+        at = zero_of(model, start, size)
+        near_by = np.all(np.abs(at.x - middle)[own] <= BEYOND * size[own])
+        new = all(np.max(np.abs(at.x - other)[own] / size[own]) > APART for other in found)
         if at.success and near_by and new:
-            found.append(place)
-    return sorted(found, key=lambda place: float(np.linalg.norm((place - middle)[own])))
+            found.append(at.x)
+    return sorted(found, key=lambda place: float(np.linalg.norm(((place - middle) / size)[own])))
 
 
-def _equilibrium(of: _Slowed, rest: np.ndarray) -> RestPosition:
+def _equilibrium(of: _Drawn, rest: np.ndarray, size: np.ndarray) -> RestPosition:
     best = of.model
     values, vectors = best.small_motions(rest)
     places, matched = [], []
-    for model in of.draws:
-        at = zero_of(model, rest)
+    for model in of.small:
+        at = zero_of(model, rest, size)
         if at.success:
             own = model.small_motions(at.x).values
             _, order = linear_sum_assignment(np.abs(values[:, np.newaxis] - own))
             places.append(at.x)
             matched.append(own[order])
     shown = list(velocity_pairs(best.states)) or list(range(len(best.states)))
-    shares = np.abs(vectors[shown]) / np.linalg.norm(vectors[shown], axis=0)
+    shares = np.abs(vectors[shown]) / size[shown, np.newaxis]
     modes = []
     for k in (k for k in np.argsort(np.abs(values)) if values[k].imag >= 0):
         state = best.states[shown[int(np.argmax(shares[:, k]))]]
-        rate, own = of.fast * values[k], of.fast * np.array([each[k] for each in matched])
+        rate, own = values[k], np.array([each[k] for each in matched])
         if rate.imag > 0:
             frequency = Value.of(abs(rate) / (2 * np.pi), of_draws(np.abs(own) / (2 * np.pi)))
             damping = Value.of(-rate.real / abs(rate), of_draws(-own.real / np.abs(own)))
@@ -326,18 +332,25 @@ def _equilibrium(of: _Slowed, rest: np.ndarray) -> RestPosition:
             frequency, damping = Value(0.0, 0.0, 0.0), Value.of(-rate.real, of_draws(-own.real))
         modes.append(SmallMotion(state, frequency, damping))
     place = {best.states[i]: Value.of(rest[i], of_draws([x[i] for x in places])) for i in shown}
-    return RestPosition(place, tuple(modes))
+    beyond = any(
+        not low <= place[name].value <= high
+        for name, (low, high) in of.recorded.items()
+        if name in place
+    )
+    return RestPosition(place, tuple(modes), beyond)
 
 
-def _cycle(of: _Slowed, point: Point) -> Cycle:
+def _cycle(of: _Drawn, point: Point) -> Cycle:
     states, kept = of.model.states, near(of.draws, point.solution, of.model)
     found = len(kept) / len(of.draws)
     shown = list(velocity_pairs(states)) or list(range(len(states)))
     ends = intervals(kept, len(states))
     half = point.solution.half_range()
-    return Cycle(
-        {states[i]: Value.of(half[i], ends[:, i]) for i in shown},
-        Value.of(point.solution.period / of.fast, ends[:, -1] / of.fast),
-        point.stability.stable,
-        found,
+    sizes = {states[i]: Value.of(half[i], ends[:, i]) for i in shown}
+    beyond = any(
+        sizes[name].value > LARGER * (high - low) / 2.0
+        for name, (low, high) in of.recorded.items()
+        if name in sizes
     )
+    period = Value.of(point.solution.period, ends[:, -1])
+    return Cycle(sizes, period, point.stability.stable, found, beyond)

@@ -25,10 +25,13 @@ class SmallMotion(Immutable):
 
 @dataclass(frozen=True, eq=False)
 class RestPosition(Immutable):
-    """place: by state. modes: those of small motions about it, the slowest first."""
+    """place: by state. modes: those of small motions about it, the slowest first. is_extrapolated:
+    whether it lies beyond what was recorded.
+    """
 
     place: Mapping[str, Value]
     modes: tuple[SmallMotion, ...]
+    is_extrapolated: bool = False
 
     @property
     def stable(self) -> bool:
@@ -38,12 +41,15 @@ class RestPosition(Immutable):
 
 @dataclass(frozen=True, eq=False)
 class Cycle(Immutable):
-    """A limit cycle. half_range: by state. period: s. found: share of the draws that have it."""
+    """A limit cycle. half_range: by state. period: s. found: share of the draws that have it.
+    is_extrapolated: whether it is larger than what was recorded.
+    """
 
     half_range: Mapping[str, Value]
     period: Value
     stable: bool
     found: float
+    is_extrapolated: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,11 +90,13 @@ class Assessment(Immutable):
 
 
 def assessment_rows(of: Assessment, units: Mapping[str, str]) -> list[dict]:
-    """A row for each value: inputs, then what, number, stable, quantity, value, low, high, unit."""
+    """A row for each value: inputs, then what, number, stable, quantity, value, low, high, unit,
+    and whether it is beyond what was recorded.
+    """
     found: list[tuple] = []
     for condition in of.conditions:
         for number, rest in enumerate(condition.equilibria, start=1):
-            own = condition.at, "rest", number, rest.stable
+            own = condition.at, "rest", number, rest.stable, rest.is_extrapolated
             found += [(*own, f"place of {k}", v, plain_unit(k)) for k, v in rest.place.items()]
             for k, mode in enumerate(rest.modes, start=1):
                 name = f"of mode {k} ({mode.state})"
@@ -98,18 +106,19 @@ def assessment_rows(of: Assessment, units: Mapping[str, str]) -> list[dict]:
                 else:
                     found.append((*own, f"decay {name}", mode.damping, "1/s"))
         for number, cycle in enumerate(condition.cycles, start=1):
-            own = condition.at, "limit cycle", number, cycle.stable
+            own = condition.at, "limit cycle", number, cycle.stable, cycle.is_extrapolated
             halves = cycle.half_range.items()
             found += [(*own, f"half range of {k}", v, plain_unit(k)) for k, v in halves]
             found.append((*own, "period", cycle.period, "s"))
     anywhere = dict.fromkeys(of.conditions[0].at, np.nan)
     for number, onset in enumerate(of.onsets, start=1):
-        own = anywhere, "onset", number, not onset.begins
+        own = anywhere, "onset", number, not onset.begins, False
         found.append((*own, of.along, onset.value, units.get(of.along, "")))
     return [
         {
             **at, "what": what, "number": number, "stable": stable, "quantity": quantity,
             "value": value.value, "low": value.low, "high": value.high, "unit": unit,
+            "extrapolated": extrapolated,
         }
-        for at, what, number, stable, quantity, value, unit in found
+        for at, what, number, stable, extrapolated, quantity, value, unit in found
     ]  # fmt: skip

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from galloping.cycles.settling import Pace
+from galloping.polynomial import PolynomialModel
 from galloping.readers.file_table import read_table
 from galloping.readers.mapping import ColumnMapping, InputColumn, TimeColumn
 from galloping.readers.proposal import ROWS, find_clock
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
 
 VALUES, MOST_VALUES = 9, 200  # of a range, where no step is said; and at all
 ROUNDING = 1e-9  # of a range, in steps
+PERIODS, PER_PERIOD = 60, 60  # of a simulation, and samples of each
 
 
 def driving(
@@ -90,6 +93,20 @@ def inputs_after(
     return found | {
         name: replace(one, time=one.time + shift) for name, one in series.inputs.items()
     }
+
+
+def usual_sampling(
+    model: PolynomialModel, start: np.ndarray, inputs: Mapping[str, Input | float]
+) -> tuple[float, float]:
+    """Duration, s, and rate, Hz, that show the motion of a model from a start (n_states,): so many
+    periods of its small motions there, inputs at their means, and samples of a period.
+    """
+    means = {
+        name: float(np.nanmean(one.values)) if isinstance(one, Input) else one
+        for name, one in inputs.items()
+    }
+    pace = Pace.of(model.at(means), start)
+    return tuple(float(f"{usual:.2g}") for usual in (PERIODS * pace.slow, PER_PERIOD / pace.fast))
 
 
 def _held(at: Sequence[str], names: Sequence[str]) -> dict[str, float]:

@@ -9,18 +9,19 @@ from scipy.optimize import OptimizeResult, root
 
 from galloping.arrays import Immutable
 from galloping.cycles.family import constant
-from galloping.cycles.limit_cycles import Orbit, cycle_of, settle
+from galloping.cycles.limit_cycles import Orbit, cycle_of
 from galloping.cycles.prediction import intervals, near
-from galloping.field.following import simulator_of
+from galloping.cycles.settling import Pace, filled, settle_in_periods
+from galloping.field.following import half_ranges, simulator_of
 from galloping.identification.model import IdentifiedModel
-from galloping.intervals import NORMAL_95, decay_interval, drawn_with_rivals, of_draws
+from galloping.intervals import NORMAL_95, decay_interval, drawn_with_rivals, extrapolate, of_draws
 from galloping.polynomial import PolynomialModel, alone, velocity_pairs
 from galloping.recording import Recording
 
 ENOUGH = 0.9  # of the draws, that have a limit cycle: fewer are the tame ones
 DIFFERENCE = 1e-2  # of coefficients, in standard errors
-ROUNDING = 1e-9  # of a damping ratio, and of a position of rest, in units of the states
-DURATION, FROM_NEARBY, WINDOW = 2000.0, 800.0, 200.0  # s, of the motion that settles on the cycle
+LARGER = 1.2  # times the recorded motion, from which a limit cycle is beyond it
+ROUNDING = 1e-9  # of a damping ratio, and of a position of rest, in sizes of the motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +44,18 @@ class Surroundings(Immutable):
     """The recorded motion, in which a position of rest is looked for.
 
     middle, low, high: (n_states,) mean, least and greatest sample; of what is not measured zero,
-    and no bounds.
+    and no bounds. rates: (n_states,) half ranges of the rates of the states, zero where unknown.
     """
 
     middle: NDArray[np.float64]
     low: NDArray[np.float64]
     high: NDArray[np.float64]
+    rates: NDArray[np.float64] | float = 0.0
+
+    def sizes(self, model: PolynomialModel) -> NDArray[np.float64]:
+        """(n_states,) half ranges of the recorded motion, told by a model where not measured."""
+        half = np.where(np.isfinite(self.high - self.low), (self.high - self.low) / 2.0, 0.0)
+        return filled(half, model, self.middle, self.rates)
 
     @classmethod
     def of(cls, recordings: Sequence[Recording]) -> "Surroundings":
@@ -59,27 +66,40 @@ class Surroundings(Immutable):
         middle = np.where(known, values, 0.0).sum(axis=0) / np.maximum(counts, 1)
         low = np.where(counts > 0, np.where(known, values, np.inf).min(axis=0), -np.inf)
         high = np.where(counts > 0, np.where(known, values, -np.inf).max(axis=0), np.inf)
-        return cls(middle, low, high)
+        return cls(middle, low, high, half_ranges(each.rates for each in recordings))
 
     def rest(self, model: PolynomialModel) -> np.ndarray | None:
         """(n_states,) the equilibrium nearest to the middle, None where none is inside."""
-        found = zero_of(model, self.middle)
+        found = zero_of(model, self.middle, self.sizes(model))
         inside = np.all((found.x >= self.low) & (found.x <= self.high))
-        at_rest = found.success or np.max(np.abs(found.fun)) < ROUNDING  # from where it began, too
-        if not (at_rest and inside):
-            return None
-        return np.where(np.abs(found.x) < ROUNDING, 0.0, found.x)
+        return found.x if found.success and inside else None
 
 
-def zero_of(model: PolynomialModel, start: np.ndarray) -> OptimizeResult:
-    """The search for an equilibrium from a state (n_states,): `x`, `success`, and `fun` there; the
-    middle of those at which dry friction holds the motion.
+def zero_of(model: PolynomialModel, start: np.ndarray, sizes: np.ndarray) -> OptimizeResult:
+    """Search for an equilibrium from a state, the middle one if dry friction holds the motion.
+
+    Parameters
+    ----------
+    model : PolynomialModel
+    start, sizes : (n_states,) arrays
+        Where the search begins, and the sizes of the motion.
+
+    Returns
+    -------
+    scipy.optimize.OptimizeResult
+        `success`; `x`, the state, zero where it is by rounding; `fun`, the rates there, in sizes
+        and radians of the motion.
     """
     model = model.without_dry_friction()
-    return root(
-        lambda x: model(x[np.newaxis])[0], start,
-        jac=lambda x: model.jacobian(x[np.newaxis])[0], tol=ROUNDING,
+    time = Pace.of(model, start).slow / (2.0 * np.pi)
+    found = root(
+        lambda x: model((x * sizes)[np.newaxis])[0] * time / sizes, start / sizes,
+        jac=lambda x: model.jacobian((x * sizes)[np.newaxis])[0] * time * sizes / sizes[:, None],
+        tol=ROUNDING,
     )  # fmt: skip
+    found.success |= bool(np.max(np.abs(found.fun)) < ROUNDING)  # from where it began, too
+    found.x = np.where(np.abs(found.x) < ROUNDING, 0.0, found.x) * sizes
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,26 +134,27 @@ def dynamics(
     if identified.is_forced:
         return _in_random_forces(identified, pairs, around)
     models = drawn_with_rivals(identified, rng)
+    small = extrapolate(models, identified, rng)
     enough = ENOUGH * len(models)
     best = _linear(model, pairs, around)
-    ends = of_draws([_linear(each, pairs, around) for each in models], enough)
+    ends = of_draws([_linear(each, pairs, around) for each in small], enough)
     rest, frequencies, damping = (
         {model.states[i]: Value.of(best[k, n], ends[:, k, n]) for n, i in enumerate(pairs)}
         for k in range(3)
     )
     rest = {} if np.isnan(best[0]).any() else rest
     damping |= _unseen(identified, pairs, frequencies, damping)
-    simulator = simulator_of(model)
-    start = identified.initial_states[-1]
-    motion = settle(simulator, model, start, duration=DURATION, window=WINDOW)
+    simulator, start = simulator_of(model), identified.initial_states[-1]
+    pace, sizes = Pace.of(model, around.middle), around.sizes(model)
+    motion = settle_in_periods(simulator, model, start, pace, sizes)
     if motion.kind != "cycle":
         return Dynamics(rest, frequencies, damping, motion.kind, None, {})
-    point = cycle_of(constant(model), 0.0, motion)
+    point = cycle_of(constant(model, sizes), 0.0, motion)
     if point is None:  # for the solver: the motion itself does repeat
         half = {model.states[i]: Value(float(motion.half_range[i])) for i in pairs}
         return Dynamics(rest, frequencies, damping, "cycle", None, half)
     orbit = point.solution
-    orbits = [found for each in models if (found := _orbit(each, orbit)) is not None]
+    orbits = [found for each in models if (found := _orbit(each, orbit, pace)) is not None]
     ends, half = intervals(orbits, len(model.states), enough), orbit.half_range()
     return Dynamics(
         rest, frequencies, damping, "cycle", Value.of(orbit.period, ends[:, -1]),
@@ -166,14 +187,15 @@ def _in_random_forces(
     """Of a model that random forces move: by the slopes of what is told with the coefficients."""
     model, support = identified.model, np.argwhere(identified.support)
     errors = np.sqrt(np.diag(identified.covariance))
-    errors[errors == 0.0] = 1.0  # of coefficients that are known
+    known = errors == 0.0
+    errors[known] = 1.0
 
     def of(step: np.ndarray) -> np.ndarray:
         coefficients = model.coefficients.copy()
         coefficients[tuple(support.T)] += step
         return _linear(replace(model, coefficients=coefficients), pairs, around)
 
-    best, steps = of(np.zeros(len(errors))), DIFFERENCE * np.diag(errors)
+    best, steps = of(np.zeros(len(errors))), DIFFERENCE * np.diag(np.where(known, 0.0, errors))
     decay = 2.0 * np.pi * best[1] * best[2]
     slopes = np.array([(of(step) - of(-step)) / (2.0 * DIFFERENCE) for step in steps])
     correlation = identified.covariance / np.outer(errors, errors)
@@ -213,17 +235,17 @@ def expected(
     shift = around.middle if recorded is None else recorded
     start = identified.initial_states - shift
     exact = IdentifiedModel(model, "unjudged", initial_states=start)
-    about = Surroundings(np.zeros_like(shift), around.low - shift, around.high - shift)
+    ends = around.low - shift, around.high - shift
+    about = Surroundings(np.zeros_like(shift), *ends, around.rates)
     return dynamics(exact, about, np.random.default_rng(0))
 
 
-def _orbit(model: PolynomialModel, orbit: Orbit) -> Orbit | None:
+def _orbit(model: PolynomialModel, orbit: Orbit, pace: Pace) -> Orbit | None:
     """The limit cycle of another model, near one or where a motion from there ends."""
     if close := near([model], orbit):
         return close[0]
-    start, simulator = orbit.states[0], simulator_of(model)
-    motion = settle(simulator, model, start, duration=FROM_NEARBY, window=WINDOW)
-    point = cycle_of(constant(model), 0.0, motion)
+    motion = settle_in_periods(simulator_of(model), model, orbit.states[0], pace, orbit.sizes)
+    point = cycle_of(constant(model, orbit.sizes), 0.0, motion)
     return point and point.solution
 
 
@@ -233,12 +255,12 @@ def _linear(model: PolynomialModel, pairs: dict[int, int], around: Surroundings)
     if (rest := around.rest(model)) is None:
         return result
     result[0] = rest[list(pairs)]
-    modes = model.small_motions(rest).oscillations()
+    modes, sizes = model.small_motions(rest).oscillations(), around.sizes(model)[:, np.newaxis]
     free = list(range(len(modes.values)))
     for k, i in enumerate(pairs):
         if not free:
             break
-        moved = modes.shapes[:, free]
+        moved = modes.shapes[:, free] / sizes
         shares = np.abs(moved[i]) / np.linalg.norm(moved[list(pairs)], axis=0)
         mode = free.pop(int(np.argmax(shares)))
         result[1:, k] = modes.omega[mode] / (2 * np.pi), modes.damping[mode]

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from galloping.arrays import first_from, round_down
 from galloping.identification.inputs import asked
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import IdentifiedModel
@@ -66,10 +67,10 @@ def by_excerpts(
 
 def _pieces(recording: Recording, count: int, period: float) -> list[Recording]:
     time, length = recording.time, PERIODS * period
-    fitting = int((time[-1] - time[0]) / length)
+    fitting = round_down((time[-1] - time[0]) / length)
     if fitting <= count:
         return [recording]
-    edges = np.searchsorted(time, time[0] + length / PARTS * np.arange(fitting * PARTS + 1))
+    edges = first_from(time, time[0] + length / PARTS * np.arange(fitting * PARTS + 1))
     sizes = _sizes(with_integrals(recording).values, edges).reshape(fitting, PARTS, -1)
     merits = np.array([np.log(sizes).std(axis=1).sum(axis=1), sizes.mean(axis=(1, 2))])
     gaps = np.searchsorted(edges[::PARTS], np.flatnonzero(np.diff(time) > period), "right") - 1

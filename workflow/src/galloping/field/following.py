@@ -1,10 +1,12 @@
 """Motions of a model beside the samples of a recording: what sensors see, and how it begins."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from galloping.cycles.settling import filled
 from galloping.field.quality import DIFFERENT, outlying, peaks_of, spectrum
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.preparation.smoothing import (
@@ -14,13 +16,14 @@ from galloping.identification.preparation.smoothing import (
     without_drift,
 )
 from galloping.polynomial import PolynomialModel, velocity_pairs
-from galloping.recording import Input, Recording, at_times
+from galloping.recording import Input, Recording, at_times, mean_inputs
 from galloping.simulation import Simulator, rates_of
 
 ITERATIONS = 4  # of Gauss-Newton on the start, which is nearly linear over a few periods
 NEARBY = 2  # of them, from a start that is near
 STAGES = (1 / 6, 1 / 3, 2 / 3, 1.0)  # of the samples that a start is told from, one after another
 STEP = 1e-5  # of finite differences of the start, relative to each state's size
+FAR = 1e6  # times the recorded motion, from which a model runs away
 SLOPE = 1 / 4  # of the fastest period, over which a first guess of a velocity is a slope,
 FEWEST = 5  # but so many samples
 
@@ -82,6 +85,20 @@ def _cleaned(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     return cleaned
 
 
+def half_ranges(columns: Iterable[np.ndarray | None]) -> np.ndarray | float:
+    """(n_states,) half of the ranges of samples (n, n_states) of several recordings, zero of those
+    without any.
+    """
+    given = [each for each in columns if each is not None]
+    if not given:
+        return 0.0
+    values = np.concatenate(given)
+    known = np.isfinite(values)
+    low = np.where(known, values, np.inf).min(axis=0)
+    high = np.where(known, values, -np.inf).max(axis=0)
+    return np.where(known.any(axis=0), (high - low) / 2.0, 0.0)
+
+
 def simulator_of(model: PolynomialModel) -> Simulator:
     """For the model and others with its terms."""
     return Simulator(model.states, model.terms, model.inputs)
@@ -114,13 +131,23 @@ class Following:
     def _simulator(self) -> Simulator:
         return simulator_of(self.identified.model)
 
+    @cached_property
+    def _limit(self) -> float:
+        """Distance from zero at which a motion runs away, by the size of the recorded one."""
+        model, recording = self.identified.model, self.recording
+        known = np.isfinite(recording.values)
+        size = np.where(known, np.abs(recording.values), 0.0).max(axis=0)
+        steady = model.at(mean_inputs(model.inputs, [recording])) if model.inputs else model
+        size = filled(size, steady, np.zeros(len(size)), half_ranges([recording.rates]))
+        return FAR * float(np.linalg.norm(size))
+
     @property
     def _inputs(self) -> dict[str, Input]:
         return {name: self.recording.inputs[name] for name in self.identified.model.inputs}
 
     def motion(self, model: PolynomialModel, start: np.ndarray, time: np.ndarray) -> np.ndarray:
         """(n, n_sensed) of a model from a start, not finite where it diverges."""
-        states = self._simulator(model, start, time, self._inputs).states
+        states = self._simulator(model, start, time, self._inputs, self._limit).states
         return self.shown(model, states, time)
 
     def shown(self, model: PolynomialModel, states: np.ndarray, time: np.ndarray) -> np.ndarray:
@@ -162,14 +189,16 @@ class Following:
                     return None
                 left = ((target[:n] - motion) * weight[:n]).ravel()
                 design = (own * weight[:n]).reshape(len(start), -1).T
-                start = start + np.linalg.lstsq(design, left, rcond=1e-12)[0]
+                size = np.linalg.norm(design, axis=0) + np.finfo(float).tiny
+                start = start + np.linalg.lstsq(design / size, left, rcond=1e-12)[0] / size
         return start
 
     def slopes(
         self, model: PolynomialModel, start: np.ndarray, motion: np.ndarray, time: np.ndarray
     ) -> np.ndarray:
         """(n_states, n, n_sensed): change of the motion (n, n_sensed) with each state at first."""
-        size = STEP * (np.abs(start) + np.nanstd(motion[:, : len(start)], axis=0) + 1e-6)
+        size = np.abs(start) + np.nanstd(motion[:, : len(start)], axis=0)
+        size = STEP * np.where(size > 0.0, size, size.max() or 1.0)
         return np.array(
             [
                 (self.motion(model, start + size * unit, time) - motion) / size[k]

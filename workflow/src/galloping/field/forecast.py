@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from galloping.arrays import Immutable
+from galloping.arrays import TIME_ROUNDING, Immutable, first_from, round_down
 from galloping.field.following import FEWEST, Following, Sensed, without_outliers
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import forced_motion as in_random_forces
@@ -26,6 +26,7 @@ WIDER = "forecast_widened_"  # and a channel: the name of its factor in the diag
 USELESS = "that of what was held out of its recordings was worse than their mean"
 BY_CHANCE = 0.01  # of the shares that a band holds which is right
 MOST_SAMPLES = 4000  # that a start is told from: more say little more of a few periods
+NOISE_ALONE = 3.0  # standard errors of its mean square, which samples of noise alone do not exceed
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -101,7 +102,7 @@ def forecast(
     if len(motions) < DRAWS // 2:
         raise ValueError(
             f"{DRAWS - len(motions)} of {DRAWS} draws of the model do not follow the last "
-            f"{window:.3g} s of the recording"
+            f"{min(window, np.ptp(recording.time)):.3g} s of the recording"
         )
     bounded = np.isfinite(motions).all(axis=(1, 2))
     if bounded.sum() < DRAWS // 2:
@@ -119,16 +120,20 @@ def forecast(
 class HeldOut(Immutable):
     """A forecast of what was held out, and how well it held.
 
-    forecast: with its band as it was computed. skill: (n_sensed,) R2 of the median. held:
-    (n_sensed,) share of the samples inside the band. factors: (n_sensed,) how many times as wide
-    the band must be to hold 90 % of them: 1 where no fewer are inside than chance allows, infinite
-    where the forecast is worse than the mean of the samples and of no use. NaN of channels that
-    nothing measures, their factors 1. index: of the recording whose end it is, -1 of the last.
+    forecast: with its band as it was computed. skill: (n_sensed,) R2 of the median. missed:
+    (n_sensed,) root mean square error of the median, in the deviation of the whole recording. held:
+    (n_sensed,) share of the samples inside the band. is_noise: (n_sensed,) boolean, whether
+    nothing but noise was left to forecast. factors: (n_sensed,) how many times as wide the band
+    must be to hold 90 % of them: 1 where no fewer are inside than chance allows, infinite where the
+    forecast is worse than the mean of the samples and of no use. NaN of channels that nothing
+    measures, their factors 1. index: of the recording whose end it is, -1 of the last.
     """
 
     forecast: Forecast
     skill: NDArray[np.float64]
+    missed: NDArray[np.float64]
     held: NDArray[np.float64]
+    is_noise: NDArray[np.bool_]
     factors: NDArray[np.float64]
     index: int = -1
 
@@ -138,10 +143,13 @@ class HeldOut(Immutable):
         return bool(np.isfinite(self.factors).all())
 
 
-def held_out(ahead: Forecast, measured: np.ndarray, deviation: np.ndarray) -> HeldOut:
+def held_out(
+    ahead: Forecast, measured: np.ndarray, deviation: np.ndarray, noise: np.ndarray
+) -> HeldOut:
     """Compare a forecast with the samples (n, n_sensed) at its times, NaN where missing.
 
-    deviation: (n_sensed,) of the whole recording, which a useful forecast does not err by.
+    deviation: (n_sensed,) of the whole recording, which a useful forecast does not err by. noise:
+    (n_sensed,) of a sample, zero where unknown.
     """
     known = np.isfinite(measured)
     error = np.where(known, measured - ahead.median, 0.0)
@@ -151,6 +159,7 @@ def held_out(ahead: Forecast, measured: np.ndarray, deviation: np.ndarray) -> He
     factors = np.ones(len(counts))
     with np.errstate(invalid="ignore", divide="ignore"):
         skill = 1.0 - missed / (counts * deviations_of(measured) ** 2)
+        shares = np.sqrt(missed / counts) / deviation
         held = inside.sum(axis=0) / counts
         away = np.maximum(
             error / (ahead.high - ahead.median), error / (ahead.low - ahead.median)
@@ -158,7 +167,9 @@ def held_out(ahead: Forecast, measured: np.ndarray, deviation: np.ndarray) -> He
     for k in np.flatnonzero(held < ahead.chance):
         useless = skill[k] <= 0.0 and missed[k] > counts[k] * deviation[k] ** 2
         factors[k] = np.inf if useless else np.quantile(away[known[:, k], k], 0.9)
-    return HeldOut(ahead, skill, held, factors)
+    by_chance = 1.0 + NOISE_ALONE * np.sqrt(2.0 / np.maximum(counts, 1))
+    is_noise = deviations_of(measured) < noise * np.sqrt(by_chance)
+    return HeldOut(ahead, skill, shares, held, is_noise, factors)
 
 
 def deviations_of(samples: np.ndarray) -> np.ndarray:
@@ -206,7 +217,7 @@ def check_followed(identified: IdentifiedModel, recording: Recording, window: fl
     left = []
     last = max(time[-1] - window, time[0])
     for begin in np.linspace(max(time[-1] - TRIED * window, time[0]), last, ORIGINS):
-        own = slice(*np.searchsorted(time, (begin, begin + window)))
+        own = slice(*first_from(time, (begin, begin + window)))
         values = follow.samples[own]
         if np.isfinite(values[:, sigma > 0]).sum() < FEWEST * len(sigma):
             continue
@@ -219,7 +230,8 @@ def check_followed(identified: IdentifiedModel, recording: Recording, window: fl
             f"{name} {each:.2g}" for name, each in zip(names, sigma, strict=True) if each > 0
         )
         raise ValueError(
-            f"the model does not follow the recording: over {window:.3g} s it misses the samples "
+            "the model does not follow the recording: over "
+            f"{min(window, np.ptp(time)):.3g} s it misses the samples "
             f"by {np.sqrt(np.median(left)):.3g} times their noise ({noise}), where "
             f"{np.sqrt(least):.3g} is allowed: another line, another wind, or another sensor"
         )
@@ -234,12 +246,13 @@ def _motions(
     left out.
     """
     best, recording, sigma = follow.identified.model, follow.recording, follow.sigma
-    begin = int(np.searchsorted(recording.time, recording.time[-1] - window))
+    begin = int(first_from(recording.time, recording.time[-1] - window))
     rows = slice(begin, None, 1 + (len(recording.time) - begin) // MOST_SAMPLES)
     sampled, values = recording.time[rows], follow.samples[rows]
     if len(sampled) < len(recording.states):
         raise ValueError(
-            f"the last {window:g} s of the recording hold {len(sampled)} samples; a forecast needs "
+            f"the last {min(window, np.ptp(recording.time)):.3g} s of the recording hold "
+            f"{len(sampled)} samples; a forecast needs "
             f"{len(recording.states)} or more to start from"
         )
     fitted = follow.begin(rows)
@@ -270,18 +283,19 @@ def _missed(follow: Following, ahead: np.ndarray, window: float) -> np.ndarray:
     time, values = follow.recording.time, follow.samples
     quarter = (time[-1] - time[0]) / 4
     length = min(window, quarter) / PARTS
-    parts = int(min(TRIED * window, quarter) / length + 1e-9)
+    parts = round_down(min(TRIED * window, quarter) / length)
     horizon = parts * length
     squares, counts = np.zeros((2, parts, values.shape[1]))
     for origin in np.linspace(time[0] + (time[-1] - time[0]) / 2, time[-1] - horizon, ORIGINS):
-        begin, now, end = np.searchsorted(time, (origin - window, origin, origin + horizon))
+        begin, now, end = first_from(time, (origin - window, origin, origin + horizon))
         if now - begin < len(values[0]):
             continue  # the window falls into a gap
         start = follow.begin(slice(begin, now))
         if start is None:
             continue
         motion = follow.motion(follow.identified.model, start, time[begin:end])[now - begin :]
-        part = np.minimum(((time[now:end] - origin) / length).astype(int), parts - 1)
+        part = ((time[now:end] - origin) / length + TIME_ROUNDING).astype(int)
+        part = np.clip(part, 0, parts - 1)
         error = values[now:end] - motion
         known = np.isfinite(error)
         np.add.at(squares, part, np.where(known, error, 0.0) ** 2)

@@ -107,21 +107,28 @@ def plain_reasons(reason: str, of_span: bool = True) -> list[tuple[str, str]]:
     """What the parts of a verdict's reason mean, and what would help; none where it has none.
 
     Those that weigh more come first, as in `reasons.csv`. That the model is inadequate, the last of
-    all, is said where nothing tells more. of_span: whether what is in <> in that file is said.
+    all, is said where nothing tells more. of_span: whether what is in <> in that file is said, or
+    what is behind a bar in it.
     """
     text = files(__package__).joinpath("reasons.csv").read_text(encoding="utf-8")
+    side = 0 if of_span else 1
     known, fitting = list(csv.DictReader(text.splitlines())), {}
     for clause in reason.split("; "):
         for k, row in enumerate(known):
             if match := re.search(row["pattern"], clause):
                 meant, help_ = (
-                    match.expand(re.sub("<(.*?)>", r"\1" if of_span else "", row[key]))
+                    match.expand(re.sub("<(.*?)>", lambda of: _side(of[1], side), row[key]))
                     for key in ("meaning", "help")
                 )
                 fitting.setdefault(k, (meant, help_.format(**HELPS)))
                 break
     found = [fitting[k] for k in sorted(fitting)]
     return found[:-1] if len(found) > 1 and len(known) - 1 in fitting else found
+
+
+def _side(text: str, side: int) -> str:
+    """What is before (0) or behind (1) the bar in a text; nothing is behind where there is none."""
+    return f"{text}|".split("|")[side]
 
 
 def units_in(reports: Sequence[dict]) -> dict[str, str]:

@@ -1,11 +1,13 @@
 """Where recordings are not motions of one system left to itself, and a model is refused for it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
+from galloping.arrays import first_from
 from galloping.field.dynamics import Surroundings, dynamics
 from galloping.field.excerpts import excerpts
 from galloping.field.following import Following
@@ -20,9 +22,10 @@ from galloping.polynomial import library, velocity_pairs
 from galloping.recording import Recording
 
 # A motion without random forces follows from its start: where the line is stable it dies out. A
-# motion of a stable line that does not is forced (ambient vibration, buffeting).
-LASTING = 1 / 3  # of a recording's motion that its last third has at least, where it does not decay
-LARGER = 3.0  # times the model's own motion then
+# motion of a stable line that does not is forced (ambient vibration, buffeting); a model that goes
+# on moving where the recorded motion dies out is none of the line.
+LASTING = 1 / 3  # of a motion that its last third has at least, where it does not decay
+LARGER = 3.0  # times the other motion then: that of the model, or the recorded one
 THIRDS = 3  # parts of a recording, which are compared
 LEAST_PERIODS = 15  # of a part
 # Share of the motion that one model misses, below which a difference changes no number of interest,
@@ -38,6 +41,10 @@ FORCED = (
     "the motion lasts, where the line by itself comes to rest: random forces, such as those of "
     "gusts, traffic or other spans, keep it up (ambient vibration), and no model in such forces "
     "follows it"
+)
+OUTLIVED = (
+    "the recorded motion dies out, and that of every model that comes near it goes on: terms are "
+    "missing, such as those of friction or play, or modes"
 )
 BY_ITSELF = "identify each wind, and each state of the line, by itself"
 
@@ -61,7 +68,7 @@ def objected(
     """
     inexact = identified.status in ("approximate", "refused") and not identified.is_forced
     more = unmodelled(list(recordings)) if inexact else ""
-    objection = _forced(identified, recordings, period)
+    objection = _forced(identified, recordings, period) or _outlived(identified, recordings)
     if objection:
         objection = more or objection
     elif (not are_one or identified.status == "refused") and (
@@ -103,6 +110,15 @@ def _forced(identified: IdentifiedModel, recordings: Sequence[Recording], period
     return FORCED if told < LITTLE_TOLD or kept_up(linear, own) else ""
 
 
+def _outlived(identified: IdentifiedModel, recordings: Sequence[Recording]) -> str:
+    inexact = identified.status == "approximate" and not identified.is_forced
+    if inexact and not identified.model.inputs:
+        for parts in (excerpts(list(recordings)), recordings):
+            if len(parts) == len(identified.initial_states) and outlived(identified, parts):
+                return OUTLIVED
+    return ""
+
+
 def _changing(
     identified: IdentifiedModel, parts: Sequence[Recording], period: float, identify: Identify
 ) -> str:
@@ -115,7 +131,7 @@ def _changing(
         (recording,), time = parts, parts[0].time
         if np.ptp(time) < THIRDS * LEAST_PERIODS * period:
             return ""
-        edges = np.searchsorted(time, np.linspace(time[0], time[-1], THIRDS + 1))
+        edges = first_from(time, np.linspace(time[0], time[-1], THIRDS + 1))
         parts = [recording[a:b] for a, b in pairwise(edges)]
     found, missed = difference(identified, parts, identify)
     drifts = missed > 0.0 and DRIFTS in identified.reason  # which part by part it does as well
@@ -125,7 +141,8 @@ def _changing(
 
 
 def _unlike(parts: Sequence[Recording], found: str) -> str:
-    spans = ", ".join(f"{part.time[0]:.0f} to {part.time[-1]:.0f} s" for part in parts)
+    ends = ((float(f"{end:.3g}") for end in part.time[[0, -1]]) for part in parts)
+    spans = ", ".join(f"{first:g} to {last:g} s" for first, last in ends)
     return (
         f"the parts of the recording ({spans}) do not share one model, as where a wind changes or "
         f"gusts, or a sensor's zero moves: {found}; {BY_ITSELF}"
@@ -173,7 +190,39 @@ def kept_up(identified: IdentifiedModel, recordings: Sequence[Recording]) -> boo
 
     recordings: those that it was identified from, with a start of each in its `initial_states`.
     """
-    kept = []
+    kept = [
+        recorded.last > LASTING * recorded.all and recorded.last > LARGER * own.last
+        for recorded, own in _sizes(identified, recordings)
+    ]
+    return bool(kept) and all(kept)
+
+
+def outlived(identified: IdentifiedModel, recordings: Sequence[Recording]) -> bool:
+    """Whether the model's motion of a channel lasts, or runs away, where the recorded one dies out.
+
+    recordings: as of `kept_up`.
+    """
+    return any(
+        recorded.last < LASTING * recorded.all
+        and not (own.last <= LASTING * own.all or own.last <= LARGER * recorded.last)
+        for recorded, own in _sizes(identified, recordings)
+    )
+
+
+class _Size(NamedTuple):
+    """Standard deviation of a motion, and of its last third."""
+
+    all: float
+    last: float
+
+
+def _sizes(
+    identified: IdentifiedModel, recordings: Sequence[Recording]
+) -> Iterator[tuple[_Size, _Size]]:
+    """Of each channel of each recording the size of its motion, and of the model's from its start.
+
+    Those of the model are not finite where it diverges.
+    """
     for recording, start in zip(recordings, identified.initial_states, strict=True):
         follow, time = Following(identified, recording), recording.time
         motion = follow.motion(identified.model, start, time)
@@ -181,10 +230,8 @@ def kept_up(identified: IdentifiedModel, recordings: Sequence[Recording]) -> boo
         for samples, own in zip(follow.samples.T, motion.T, strict=True):
             known = np.isfinite(samples)
             if (known & last).any():
-                recorded = np.std(samples[known & last])
-                lasts = recorded > LASTING * np.std(samples[known])
-                kept.append(lasts and recorded > LARGER * np.std(own[last]))
-    return bool(kept) and all(kept)
+                recorded = _Size(np.std(samples[known]), np.std(samples[known & last]))
+                yield recorded, _Size(np.std(own), np.std(own[last]))
 
 
 def difference(

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.polynomial.legendre import Legendre, legvander
 from scipy.ndimage import maximum_filter1d, median_filter
 
+from galloping.arrays import TIME_ROUNDING, round_down, round_up
 from galloping.identification.preparation.screening import piled
 from galloping.readers.units import state_unit
 
@@ -73,7 +74,8 @@ def quality(series: "Series", mapping: "ColumnMapping") -> dict:
         unit = state_unit(channel.measures)
         _, is_rate = mapping.target(channel)
         described, problems = _channel(time, values, step, series.rows, unit, is_rate)
-        report["channels"][channel.column] = {"measures": channel.measures, **described}
+        place = {"measures": channel.measures, "position_m": channel.position}
+        report["channels"][channel.column] = place | described
         report["problems"] += [
             {"column": channel.column, "row": int(row), "what": what} for row, what in problems
         ]
@@ -91,13 +93,13 @@ def _too_short(series: "Series", mapping: "ColumnMapping", report: dict) -> list
     follows gusts, say. What moves about another mean is a problem by that.
     """
     moved = {one["column"] for one in report["problems"] if one["what"].startswith(MOVES)}
-    few, enough = {}, False
+    few, enough, least = {}, False, PERIODS * (1.0 - TIME_ROUNDING)
     for channel, values in zip(mapping.channels, series.values.T, strict=True):
         known = np.isfinite(values)
         frequencies = report["channels"][channel.column]["dominant_frequencies_hz"]
         periods = sampled(series.time[known]) * np.array(frequencies)
-        enough |= bool(np.any(periods >= PERIODS))
-        if len(periods) and periods[0] < PERIODS and channel.column not in moved:
+        enough |= bool(np.any(periods >= least))
+        if len(periods) and periods[0] < least and channel.column not in moved:
             few[channel.column] = known, values, frequencies[0]
     return [
         {
@@ -137,7 +139,7 @@ def _shown_twice(series: "Series", mapping: "ColumnMapping", channels: dict) -> 
         known = np.isfinite(series.values[:, [i, j]]).all(axis=1)
         if (
             one.measures.lstrip("d") == other.measures.lstrip("d")
-            or fastest * step > 1.0 / PER_PERIOD
+            or fastest * step > (1.0 + TIME_ROUNDING) / PER_PERIOD
             or np.any(motions < SIGNAL * noises)
             or not noises.all()
             or known.sum() < DIFFERENT
@@ -195,7 +197,8 @@ def spectrum(time: np.ndarray, values: np.ndarray, step: float) -> tuple[np.ndar
     signals = []
     own = float(np.median(np.diff(time)))
     for piece in pieces(time, max(REPORTED_GAP * own, APART * sampled(time))):
-        grid = np.arange(time[piece][0], time[piece][-1], step)
+        first, last = time[piece][[0, -1]]
+        grid = first + step * np.arange(round_up((last - first) / step))
         signal = np.interp(grid, time[piece], values[piece])
         if len(signal):
             signals.append((signal - signal.mean()) * np.hanning(len(signal)))
@@ -258,7 +261,7 @@ def _channel(
     drifts = np.ptp(means) > max(motion, 10 * sigma)
     moves, by = _moves(t, y) if drifts else (0, 0.0)
     problems = []
-    coarse = len(peaks) > 0 and frequency[peaks[0]] * step > 1.0 / PER_PERIOD
+    coarse = len(peaks) > 0 and frequency[peaks[0]] * step > (1.0 + TIME_ROUNDING) / PER_PERIOD
     if outliers.any():
         problems.append((row[outliers][0], f"{outliers.sum()} outliers"))
     at_end = np.isin(y, piled(y))
@@ -294,7 +297,7 @@ def outlying(time: np.ndarray, values: np.ndarray, frequencies: np.ndarray) -> n
     nothing tells an outlier from the motion, and none is found.
     """
     step = float(np.median(np.diff(time)))
-    if len(frequencies) and frequencies[0] * step > 1.0 / PER_PERIOD:
+    if len(frequencies) and frequencies[0] * step > (1.0 + TIME_ROUNDING) / PER_PERIOD:
         return np.zeros(len(values), bool)
     scale = max(noise(values), 1e-9 * float(np.ptp(values)))
     turn = 2.0 * np.pi * step * frequencies.max(initial=0.0)
@@ -314,7 +317,7 @@ def _jumps(time: np.ndarray, values: np.ndarray, omega: float) -> tuple[int, flo
     motion, rad/s.
     """
     step = float(np.median(np.diff(time)))
-    half = int(np.pi / 2.0 / omega / step) if omega else 0
+    half = round_down(np.pi / 2.0 / omega / step) if omega else 0
     if half < NEIGHBOURS or len(time) < 4 * half:
         return None
     place = (np.arange(2 * half) - half + 0.5) / half

@@ -7,12 +7,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import Immutable, increasing, one_thread
+from galloping.arrays import (
+    TIME_ROUNDING,
+    Immutable,
+    first_from,
+    increasing,
+    one_thread,
+    round_up,
+)
 from galloping.field import dynamics as of_line
 from galloping.field import forecast as ahead
 from galloping.field.advice import Advice, advice
 from galloping.field.dynamics import Dynamics, Surroundings
 from galloping.field.excerpts import by_excerpts
+from galloping.field.extrapolation import with_extent, with_extrapolation
 from galloping.field.following import Following, Sensed, without_outliers
 from galloping.field.forecast import Forecast, HeldOut, check_followed, deviations_of, with_factors
 from galloping.field.objections import Identify, objected
@@ -166,6 +174,7 @@ def summarised(
         except ValueError:
             predicted = None
     with part("follow the motion", until=1.0):
+        found = with_extrapolation(with_extent(found, recordings), recordings)
         return Summary(
             found,
             tuple(recordings),
@@ -189,6 +198,8 @@ def dynamics(
     where there is no model. Raises ValueError for other input.
     """
     given = _checked(found, recordings)
+    if not len(found.extrapolation_shift):
+        found = with_extrapolation(found, given)
     at = typical_inputs(found.model.inputs, given)
     around, rng = Surroundings.of(given), np.random.default_rng(seed)
     said = of_line.dynamics(found.at(at) if at else found, around, rng)
@@ -250,7 +261,7 @@ def longest_period(recordings: Sequence[Recording]) -> float:
     """
     frequencies = []
     for recording in recordings:
-        least = PERIODS_HELD / sampled(recording.time)
+        least = PERIODS_HELD / sampled(recording.time) * (1.0 - TIME_ROUNDING)
         for channel in Sensed.by(recording).samples(recording).T:
             known = np.isfinite(channel)
             if np.count_nonzero(known) > 1:
@@ -269,7 +280,7 @@ def _finite(period: float) -> float:
 def _after(recording: Recording, length: float) -> NDArray[np.float64]:
     """Times, s, of samples after a recording, as often as its own, for `length` s."""
     step = max(recording.step, length / MOST_SAMPLES)
-    return recording.time[-1] + np.arange(step, length, step)
+    return recording.time[-1] + step * np.arange(1, round_up(length / step))
 
 
 def hold_out(
@@ -286,14 +297,15 @@ def hold_out(
         index = int(np.argmax([np.ptp(one.time) for one in recordings]))
     last, others = recordings[index], [*recordings[:index], *recordings[index + 1 :]]
     length = min(HELD_OUT * np.ptp(last.time), MOST_HELD_OUT * period)
-    cut = int(np.searchsorted(last.time, last.time[-1] - length))
+    cut = int(first_from(last.time, last.time[-1] - length))
     samples = Sensed.by(last).samples(without_outliers(last))
     if np.all(deviations_of(samples[cut:]) <= 1e-9 * deviations_of(samples)):  # rounding
         raise ValueError(f"nothing moves in the last {length:.3g} s, which were to be forecast")
     shown = slice(cut, None, 1 + (len(last.time) - cut) // MOST_SAMPLES)
     identified = identify([*others, last[:cut]])
     predicted = ahead.forecast(identified, last[:cut], last.time[shown], PERIODS * period, rng)
-    trial = ahead.held_out(predicted, samples[shown], deviations_of(samples))
+    noise = Following(identified, last[:cut]).sigma
+    trial = ahead.held_out(predicted, samples[shown], deviations_of(samples), noise)
     return replace(trial, index=index - len(recordings))
 
 
@@ -312,7 +324,7 @@ def motions_beside(
     for share in (0.0, 0.5, 1.0):
         passing("beside the samples")
         begin = time[0] + share * max(np.ptp(time) - length, 0.0)
-        rows = slice(*np.searchsorted(time, (begin, begin + length)))
+        rows = slice(*first_from(time, (begin, begin + length)))
         own = time[rows]
         if len(own) < 2:
             continue

@@ -56,7 +56,7 @@ def attempt(search: Callable[[], Found]) -> Found | NoModel:
 
 
 STATUSES = ("ok", "not identifiable", "approximate", "refused", "unjudged")
-RANGE = ("_low", "_high")  # behind the name of an input: diagnostics, its range
+RANGE = ("_low", "_high")  # behind the name of an input or a state: diagnostics, its range
 # R2 of forecasts over some periods, below which a model may only imitate forces: they miss 45 % of
 # the motion. With a higher limit random forces are asked after where a model forecasts well, with a
 # lower one forces go unnamed; the number was not calibrated.
@@ -139,6 +139,10 @@ class IdentifiedModel(Immutable):
     rivals: (n_rivals, n_states, n_terms), coefficients drawn of the models of other terms that data
     and prior do not rule out, each as often as it is probable, known equations included.
     rival_share: how probable these models are together, zero where the method weighs none.
+    extrapolation_shift, extrapolation_covariance: (n_support,) and (n_support, n_support), in the
+    order of `covariance`, mean and covariance of what terms of the next degrees, which the library
+    lacks, would change: of coefficients where motions smaller than all recorded ones are told by
+    them. Of no length where not stated.
     initial_states: (n_recordings, n_states), at the first sample of each recording.
     sigma: (n_recordings, n_states) noise of a sample of each channel, NaN where not measured; for
     recordings with derivatives, noise of the derivatives.
@@ -167,6 +171,8 @@ class IdentifiedModel(Immutable):
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
     rivals: NDArray[np.float64] = None
     rival_share: float = 0.0
+    extrapolation_shift: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    extrapolation_covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
     initial_states: NDArray[np.float64] = None
     sigma: NDArray[np.float64] = None
     thresholds: NDArray[np.float64] = None
@@ -230,7 +236,9 @@ class IdentifiedModel(Immutable):
         return f"{self.status}: {self.reason}" if self.reason else self.status
 
     def recorded(self, name: str) -> tuple[float, ...]:
-        """Ends of the range of an input in which nine tenths of its samples are; none unknown."""
+        """Ends of the range of an input in which nine tenths of its samples are, and of a state, in
+        the model of a `Summary`, its least and greatest; none unknown.
+        """
         ends = tuple(f"{name}{end}" for end in RANGE)
         return tuple(self.diagnostics[end] for end in ends if end in self.diagnostics)
 
@@ -249,6 +257,9 @@ class IdentifiedModel(Immutable):
         slope = np.where(same, merge[old[:, 1]][:, places[:, 1]].T, 0.0)
         if len(self.covariance):
             kept["covariance"] = slope @ self.covariance @ slope.T
+        if len(self.extrapolation_shift):
+            kept["extrapolation_shift"] = slope @ self.extrapolation_shift
+            kept["extrapolation_covariance"] = slope @ self.extrapolation_covariance @ slope.T
         kept["rivals"] = self.rivals @ merge
         shape = model.coefficients.shape
         kept |= {name: np.full(shape, np.nan) for name in BY_TERM}
@@ -291,13 +302,13 @@ class IdentifiedModel(Immutable):
         inputs: each of the model's, measured or constant. Raises ValueError where there is no
         model, and for other input.
         """
-        from galloping.simulation import Simulator  # compiles; few callers need it
+        from galloping.simulation import Simulator, away_from  # compiles; few callers need it
 
         if self.status == "refused":
             raise ValueError(f"there is no model to simulate: {self.reason}")
         start = checked_state(initial_state, self.model.states)
         simulator = Simulator(self.model.states, self.model.terms, inputs=self.model.inputs)
-        return simulator(self.model, start, increasing("time", time), inputs)
+        return simulator(self.model, start, increasing("time", time), inputs, away_from(start))
 
     def further_motion(self, time: NDArray[np.float64], recording: int = 0) -> NDArray[np.float64]:
         """(n, n_states) of a recording's further modes at `time` (n,), s from its first sample."""
@@ -355,6 +366,10 @@ class IdentifiedModel(Immutable):
             model = PolynomialModel(states, terms, _array(content["coefficients"]), inputs)
             status, shapes = content["status"], _shapes(*model.coefficients.shape)
             shapes["covariance"] = (len(content["covariance"]),) * 2
+            beyond = len(content["extrapolation_shift"])
+            shapes |= {
+                "extrapolation_shift": (beyond,), "extrapolation_covariance": (beyond, beyond)
+            }  # fmt: skip
             if status != "refused" and not np.all(np.isfinite(model.coefficients)):
                 raise ValueError(f"coefficients: not all are finite, and the status is {status!r}")
             return cls(

@@ -152,7 +152,7 @@ def input_notes(recording: Recording) -> list[str]:
     steps = np.diff(time, append=time[-1])
     steps[steps > INTERPOLATED * np.median(steps)] = 0.0  # of the time with samples
     return [
-        f"input {name} is not known for {steps[gone].sum():.1f} s, "
+        f"input {name} is not known for {steps[gone].sum():.4g} s, "
         f"{100 * gone.mean():.2g} % of the samples: left out"
         for name, one in recording.inputs.items()
         if (gone := ~one.covered(time)).any()

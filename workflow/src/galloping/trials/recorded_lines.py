@@ -23,7 +23,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from galloping.configuration.load import load, plain
-from galloping.cycles.limit_cycles import settle
+from galloping.cycles.settling import settle
 from galloping.identification.likelihood import instrument
 from galloping.physics.galerkin import STATES, coefficients, model
 from galloping.physics.gusts import wind_speed

@@ -108,7 +108,8 @@ class Condensed:
     @property
     def noise_variance(self) -> np.ndarray:
         """(n_recordings, n_observed) of a sample: as known, or by `remainder`, inside windows."""
-        inside = self.remainder / np.maximum(self.counts - self.rows, 1)
+        spare = self.counts - self.rows  # where there are none, the remainder is rounding
+        inside = np.where(spare > 0, self.remainder, 0.0) / np.maximum(spare, 1)
         return np.where(self.is_known, self.known_noise**2, inside)
 
     @property

@@ -60,22 +60,18 @@ class Approximation:
 
     @cached_property
     def forecast(self) -> np.ndarray:
-        """(3, n_segments, n_observed) mean squares of data, of what is left of them by forecasts,
-        and of the noise.
-        """
-        condensed, segments = self.fit.record.condensed, self.fit.record.segments
-        windows = np.diff(segments.first)[:, None]
+        """(2, n_segments, n_observed) mean squares of data, and of what forecasts leave of them."""
+        first = self.fit.record.segments.first
         squares = [
-            np.add.reduceat(np.sum(values**2, axis=2), segments.first[:-1]) / windows
-            for values in (condensed.targets, self.residual)
+            np.add.reduceat(np.sum(values**2, axis=2), first[:-1]) / np.diff(first)[:, None]
+            for values in (self.fit.record.condensed.targets, self.residual)
         ]
-        noise = condensed.noise_variance * condensed.rows / np.diff(condensed.first)[:, None]
-        return np.array([*squares, noise[segments.recording]])
+        return np.array(squares)
 
     @property
     def skill(self) -> float:
         """R2 of the forecasts, averaged over the channels; minus infinity where one diverges."""
-        data, left, _ = self.forecast.sum(axis=1)
+        data, left = self.forecast.sum(axis=1)
         return float(np.mean(1.0 - left / data)) if np.all(np.isfinite(left)) else -np.inf
 
     @property
@@ -137,7 +133,11 @@ def stated(
     left = ", ".join(f"{share:.1%} of {name}" for name, share in shares.items())
     sigma, of_rates = condensed.noise_told(problem.states, noise)
     besides = further_modes(problem.states, condensed, residual)
-    noise_power = np.sum(made.forecast[2])
+    known = condensed.noise_variance  # zero where windows tell none
+    power = (
+        np.where(known > 0.0, known, noise**2) * condensed.rows / np.diff(condensed.first)[:, None]
+    )
+    noise_power = np.sum(power[record.segments.recording])
     errors = added_deviation(made.information, support)
     errors[support] = np.sqrt(np.diag(made.covariance))
     found = approximate(

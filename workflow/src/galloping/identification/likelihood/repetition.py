@@ -11,6 +11,7 @@ from galloping.polynomial import PolynomialModel
 from galloping.taylor import Ending, solve
 
 SAMPLES = 60  # of a period, which takes at most 64 steps of the integration
+FINE = 1e-4  # of the step between these samples, to which a delay is told
 
 
 class Followed(NamedTuple):
@@ -73,8 +74,9 @@ def _repeats(model: PolynomialModel, followed: Followed, period: float) -> bool:
     for times in (1, int(last * 2 / 3 // best)):
         width = times * step
         best = minimize_scalar(
-            differ, bounds=(times * best - width, times * best + width), method="bounded"
-        ).x
+            differ, bounds=(times * best - width, times * best + width), method="bounded",
+            options={"xatol": FINE * step},
+        ).x  # fmt: skip
     return differ(best) < 0.01
 
 

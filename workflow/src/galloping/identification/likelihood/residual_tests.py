@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import ndtri
 
+from galloping.arrays import TIME_ROUNDING
 from galloping.identification.likelihood.condense import Condensed
 
 # Rate at which white noise raises an objection, by the highest of all its spectral lines or by a
@@ -84,7 +85,7 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
     parameters: how many the fit has. period: the shortest of the motion, s. Channels whose
     residuals are below ROUNDING show no more than that, and are left out of the spectra.
     """
-    limit = 1.5 * condensed.step / period
+    limit = 1.5 * condensed.step / period * (1.0 - TIME_ROUNDING)  # which may be at a bin
     low, high, bins = [], [], np.zeros(2)
     lines = [(0.0, 0.0, 0, 0)]  # height, frequency, channel, cycles
     band_power, excess = np.full(condensed.rows.shape, np.nan), np.zeros(condensed.rows.shape)

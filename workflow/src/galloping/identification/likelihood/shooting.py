@@ -15,8 +15,8 @@ from galloping.identification.problem import Problem
 from galloping.identification.work import spend
 from galloping.recording import Recording
 
-# Of a state or a derivative, from which a solution counts as diverged: no motion comes near it in
-# any unit, and squares and products of such numbers are still finite.
+# Times the recorded motion, or a derivative of its size, from which a solution counts as diverged:
+# no motion comes near it, and squares and products of such numbers are still finite.
 HUGE = 1e30
 MOST_HALVINGS = 6  # of windows, and of a Gauss-Newton step (docs/identification_parts.csv)
 SEGMENT = 5e-5  # s of work, in which a segment is linearised, or put in a chain
@@ -97,7 +97,32 @@ class Record:
         compiled = self.problem.compiled(free, self.problem.candidates[:0])
         with np.errstate(all="ignore"):
             predicted = self.condensed.solution(compiled, first[begin : end + 1], starts, False)[0]
-        return np.where(np.abs(predicted) < HUGE, predicted, np.inf)
+        size = np.abs(self.condensed.targets).max(axis=(0, 2)) + np.finfo(float).tiny
+        return np.where(np.abs(predicted) < HUGE * size[:, None], predicted, np.inf)
+
+    @cached_property
+    def extent(self) -> np.ndarray:
+        """(n_states,) the largest size of each state."""
+        return np.abs(self.states).max(axis=0) + np.finfo(float).tiny
+
+    def units(self, pairs: np.ndarray) -> np.ndarray:
+        """Units in which derivatives of the states are numbers of about one.
+
+        Parameters
+        ----------
+        pairs : (n_pairs, 2) array
+            Coefficients, equation and term.
+
+        Returns
+        -------
+        (n_states, n_pairs + n_states) array
+            Of each state's derivative by these coefficients over a window, and by first states.
+        """
+        table, inputs = self.problem.tables, np.abs(self.condensed.inputs[:, 0])
+        signals = np.append(self.extent, inputs.max(axis=0) + np.finfo(float).tiny)
+        terms = np.prod(signals ** table.exponents[table.position], axis=1)
+        moved = self.condensed.step * terms[pairs[:, 1]] / self.extent[pairs[:, 0]]
+        return self.extent[:, None] * np.append(moved, 1.0 / self.extent)
 
     def precision(self, jump: np.ndarray) -> np.ndarray:
         """(n_segments, n_states, n_states) inverse covariance of the jump after each segment. jump:
@@ -116,6 +141,7 @@ class Record:
         and derivatives of the ends. Raises FloatingPointError where a solution diverges.
         """
         compiled, first = self.problem.compiled(free, pairs), self.segments.first
+        most = HUGE * self.extent, HUGE * self.units(pairs)
         for begin in range(0, len(starts), at_once):
             group = slice(begin, min(begin + at_once, len(starts)))
             edges = first[group.start : group.stop + 1]
@@ -123,7 +149,7 @@ class Record:
             predicted, slopes, *ends, _ = self.condensed.solution(
                 compiled, edges, starts[group], sensitive=True
             )
-            if not all(np.all(np.abs(values) < HUGE) for values in ends):
+            if not all(np.all(np.abs(each) < own) for each, own in zip(ends, most, strict=True)):
                 raise FloatingPointError("the model diverges within a segment")
             yield group, windows, self.condensed.targets[windows] - predicted, slopes, *ends
 
@@ -286,6 +312,6 @@ def residuals(record: Record, free: np.ndarray, starts: np.ndarray) -> tuple[np.
     predicted, _, ends, _, truncation = record.condensed.solution(
         compiled, record.segments.first, starts, sensitive=False
     )
-    if not np.all(np.abs(ends) < HUGE):
+    if not np.all(np.abs(ends) < HUGE * record.extent):
         raise FloatingPointError("the model diverges over the recording")
     return record.condensed.targets - predicted, truncation

@@ -154,7 +154,10 @@ def prepare(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
     told = [channel_noise(*one) for one in zip(recordings, smoothed, strict=True)]
     noise, known = np.take(np.stack(told, axis=1), own, axis=2)
     times, sampled = [one.time for one in recordings], [one[:, own] for one in sampled]
-    size = np.array([np.std(one.states[:, observed], axis=0) for one in smoothed])
+    curves = [
+        np.hstack([one.states, np.gradient(one.states, one.time, axis=0)]) for one in smoothed
+    ]
+    size = np.array([np.std(one[:, own], axis=0) for one in curves])
     floor = np.fmax(ROUNDING * np.where(size > 0.0, size, 1.0), known)
     noise = np.where(np.isfinite(noise), np.maximum(noise, floor), 1.0)
     windows = WINDOWS_PER_PERIOD

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.polynomial.legendre import legvander
 
+from galloping.arrays import TIME_ROUNDING, first_from
 from galloping.identification.model import Unusable
 from galloping.identification.preparation.smoothing import (
     DRIFT_DEGREE,
@@ -90,7 +91,7 @@ def without_offsets(
     unknown = given.unknown_offsets
     for k in np.flatnonzero(np.isfinite(rates).any(axis=0)):
         # at the ends of stretches slopes are rough for a period, integrals err for more
-        inside = apart > (3.0 if k in integrated else 1.0) * period
+        inside = apart > (3.0 if k in integrated else 1.0) * period * (1.0 + TIME_ROUNDING)
         if unknown is not None and unknown[k]:
             good = inside & np.isfinite(difference[:, k])
             if good.sum() <= 10 * (DRIFT_DEGREE + 1):
@@ -146,7 +147,7 @@ def _weak(
     shape = test.deriv(order) * (-1.0) ** order / length**order
     pairs = []
     for centre in np.arange(time[0] + length, time[-1] - length, length / 2):
-        inside = slice(*np.searchsorted(time, (centre - length, centre + length)))
+        inside = slice(*first_from(time, (centre - length, centre + length)))
         t = time[inside]
         if len(t) > 8 and np.max(np.diff(t, prepend=centre - length)) < 2.5 * step:
             u = (t - centre) / length

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from galloping.arrays import TIME_ROUNDING, round_down
 from galloping.identification.model import Unusable
 from galloping.identification.preparation.smoothing import (
     GRID_PER_PERIOD,
@@ -62,7 +63,7 @@ def without_faults(recording: Recording, period: float) -> Recording:
             at = np.flatnonzero(channel == extreme)
             if len(at) >= least:
                 distance = distance_to(recording.time[at], recording.time)
-                channel[distance <= period / GRID_PER_PERIOD] = np.nan
+                channel[distance <= period / GRID_PER_PERIOD * (1.0 + TIME_ROUNDING)] = np.nan
     return replace(recording, values=values)
 
 
@@ -113,6 +114,6 @@ def _local_median(time: np.ndarray, values: np.ndarray, length: float) -> np.nda
     """(n,) medians of stretches of about `length`, s, interpolated between these. All stretches
     have as many samples: a stretch of few samples would take its outliers for its noise.
     """
-    count = max(int((time[-1] - time[0]) / length), 1)
+    count = max(round_down((time[-1] - time[0]) / length), 1)
     centres = [part.mean() for part in np.array_split(time, count)]
     return np.interp(time, centres, [np.median(part) for part in np.array_split(values, count)])

@@ -16,6 +16,7 @@ from numpy.polynomial.legendre import legfit, legval
 from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
+from galloping.arrays import TIME_ROUNDING, round_up
 from galloping.identification.model import Unusable
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording, on_grid
@@ -107,7 +108,7 @@ def smooth(recording: Recording, period: float) -> Smooth:
     n_states = len(recording.states)
     counts = np.isfinite(recording.values).sum(axis=0)
     duration = recording.time[-1] - recording.time[0]
-    n_grid = max(int(np.ceil(duration / period * GRID_PER_PERIOD)) + 1, 16)
+    n_grid = max(round_up(duration / period * GRID_PER_PERIOD) + 1, 16)
     time = np.linspace(recording.time[0], recording.time[-1], n_grid)
     curves, derived = _curves(recording, period, time)
     states, valid = np.empty((n_grid, n_states)), np.ones(n_grid, bool)
@@ -116,7 +117,7 @@ def smooth(recording: Recording, period: float) -> Smooth:
     for curve in curves:
         supported = counts[curve].sum() / SAMPLES_PER_KNOT / (duration / period)
         knots = np.clip(supported, LEAST_KNOTS_PER_PERIOD, GRID_PER_PERIOD // 2)
-        pieces = max(int(np.ceil(duration / period * knots)), 4)
+        pieces = max(round_up(duration / period * knots), 4)
         states[:, curve], residual[:, curve], noise[curve], density = _fit(
             recording, curve, pieces, time, period
         )
@@ -206,7 +207,7 @@ def _fit(
 def _near(recording: Recording, curve: list[int], grid: np.ndarray, within: float) -> np.ndarray:
     """(n_grid,) whether any sample of the curve's channels is not further away than `within`, s."""
     sampled = recording.time[np.isfinite(recording.values[:, curve]).any(axis=1)]
-    return distance_to(sampled, grid) <= within
+    return distance_to(sampled, grid) <= within * (1.0 + TIME_ROUNDING)
 
 
 def distance_to(nearest: np.ndarray, time: np.ndarray) -> np.ndarray:

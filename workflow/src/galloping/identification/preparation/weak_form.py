@@ -15,6 +15,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import lapack
 
+from galloping.arrays import round_down
 from galloping.identification.model import Unusable
 from galloping.identification.preparation.rate_channels import without_offsets
 from galloping.identification.preparation.screening import prepared
@@ -305,7 +306,7 @@ def _telling(problem: Problem, smooth: Smooth, period: float) -> Smooth:
     candidates, 14 of them true, the weak form keeps 25 over the first 1,000 periods, and over
     40,000 63.
     """
-    count = int((smooth.time[-1] - smooth.time[0]) / (1000 * period))
+    count = round_down((smooth.time[-1] - smooth.time[0]) / (1000 * period))
     if count < 2:
         return smooth
     edges = np.linspace(0, len(smooth.time), count + 1).astype(int)

@@ -33,7 +33,7 @@ ROUNDING = 1e-9  # of a log-likelihood
 MOST_STEPS, MOST_DAMPED = 40, 12
 TINY = 0.1  # of the least noise, to which noise beside it may fall
 UNTOLD = 1e-6  # information on a coefficient in its unit, below which the data say nothing of it
-FAINTEST = -40.0  # logarithm of a root of covariance, below which it stays: zero has none
+FAINTEST = -40.0  # logarithm of a root of covariance in the size of the motion: zero has none
 FAINT = 1e-3  # of the forces, as good as none
 FIRST_DAMPING = 1e-4  # of the steps (K. Levenberg, 1944), in units of the information
 
@@ -111,9 +111,10 @@ class Parameters:
         scaled = np.linalg.solve(self.centring, of["coefficients"])
         coefficients[self.support] = scaled * self.posed.unit[self.support]
         root[self.lower] = of["shared"]
-        root = root * np.exp(np.maximum(of["strengths"], FAINTEST))
+        faintest = FAINTEST + np.log(self.posed.size.max())
+        root = root * np.exp(np.maximum(of["strengths"], faintest))
         noise = np.hypot(np.exp(of["noise"]), self.posed.least_noise)
-        slow, rates = np.exp(np.maximum(of["slow"], FAINTEST)).reshape(2, -1)
+        slow, rates = np.exp(np.maximum(of["slow"], faintest)).reshape(2, -1)
         swings, onto = self.start.swings, self.start.swings.onto.copy()
         onto[swings.is_shared] = of["onto"]
         swings = replace(swings, own=np.exp(of["swings"]).reshape(-1, 2), onto=onto)

@@ -10,7 +10,8 @@ import numpy as np
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.steps import Steps
-from galloping.identification.random_forces.tracking import Data, Forces, Tracker, root_of, sizes
+from galloping.identification.random_forces.tracking import Data, Forces, Tracker, sizes
+from galloping.intervals import root_of
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording, mean_inputs
 

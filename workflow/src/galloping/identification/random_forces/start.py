@@ -15,6 +15,7 @@ import numpy as np
 from numpy.polynomial import Legendre
 from scipy.optimize import nnls
 
+from galloping.arrays import round_down
 from galloping.identification.model import MOST_DAMPING, NoModel, Unusable, attempt
 from galloping.identification.preparation.weak_form import MOST_MISFIT, Start
 from galloping.identification.random_forces.channels import Channels
@@ -149,18 +150,27 @@ def linear_systems(
     have the same modes and less of what is slow.
     """
     pairs = channels.pairs
-    stride = max(int(period / PER_PERIOD / step), 1)
+    size = np.nanstd(np.concatenate(grids), axis=0)
+    size = np.where(size > 0.0, size, 1.0)
+    grids = [grid / size for grid in grids]
+    stride = max(round_down(period / PER_PERIOD / step), 1)
     differences = [grid[stride:] - grid[:-stride] for grid in grids if len(grid) > 2 * stride]
     longest = max(len(grid) for grid in grids) // 3
     for own, first in ((grids, 1), (differences, 2)):
-        lags = min(int(SPANS[-1] * period / step / stride), MOST_LAGS, longest // stride) * stride
+        lags = (
+            min(round_down(SPANS[-1] * period / step / stride), MOST_LAGS, longest // stride)
+            * stride
+        )
         whole = correlations(own, lags)[::stride]
         for span in SPANS:
             taken = whole[first : first + int(span * PER_PERIOD)]
             for further in FURTHER:
                 count = len(pairs) + besides
                 found = attempt(partial(modes, taken, step, stride, count, further))
-                system = None if isinstance(found, NoModel) else _system(channels, *found)
+                if isinstance(found, NoModel):
+                    continue
+                rates, shapes = found
+                system = _system(channels, rates, size[:, np.newaxis] * shapes)
                 if system is not None:
                     yield system
 
@@ -181,7 +191,8 @@ def _system(channels: Channels, rates: np.ndarray, seen: np.ndarray) -> LinearSt
     shapes, rates, others = every[:, own], rates[own], np.delete(rates, own)
     both, shapes = np.append(rates, rates.conj()), np.hstack([shapes, shapes.conj()])
     basis = np.vstack([shapes, shapes * both])
-    if np.linalg.cond(basis / np.linalg.norm(basis, axis=0)) > MOST_ALIKE:
+    alike = np.vstack([shapes, shapes * both / np.mean(np.abs(both))])
+    if np.linalg.cond(alike / np.linalg.norm(alike, axis=0)) > MOST_ALIKE:
         return None
     system = np.zeros((2 * len(pairs), 2 * len(pairs)))
     order = [*pairs, *pairs.values()]
@@ -284,7 +295,7 @@ def wavers(recordings: Sequence[Recording], period: float) -> bool:
     for recording, length in zip(recordings, lengths, strict=True):
         if 2.0 * length < max(lengths):
             continue
-        count = max(int(length / (WINDOW * period)), 3)
+        count = max(round_down(length / (WINDOW * period)), 3)
         for samples in channels.samples(recording).T:
             parts = np.array_split(samples[np.isfinite(samples)], count)
             if min(map(len, parts)) > 1:

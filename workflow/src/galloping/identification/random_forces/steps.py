@@ -80,7 +80,8 @@ def discretised(
     at critical damping.
     """
     values, vectors = np.linalg.eig(system)
-    if np.linalg.cond(vectors) * np.finfo(float).eps > FEWEST:
+    alike = vectors / np.linalg.norm(vectors, axis=1)[:, np.newaxis]  # whatever the states' units
+    if np.linalg.cond(alike / np.linalg.norm(alike, axis=0)) * np.finfo(float).eps > FEWEST:
         raise Unusable("two modes, or a critically damped one, cannot be told apart")
     inverse = np.linalg.inv(vectors)
     moved = np.exp(values * lengths[:, np.newaxis])

@@ -16,6 +16,7 @@ from galloping.identification.random_forces.kalman import (
 )
 from galloping.identification.random_forces.steps import Steps, discretised, with_means
 from galloping.identification.work import allowance, spend
+from galloping.intervals import root_of
 from galloping.modes import Modes
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
@@ -303,12 +304,6 @@ class Tracker:
             np.zeros((0, 2), np.int64), np.zeros(0, np.int64),
         )  # fmt: skip
         return x[m : m + n]
-
-
-def root_of(covariance: np.ndarray) -> np.ndarray:
-    """A root R of a covariance, R R' but for rounding, which may be singular."""
-    values, vectors = np.linalg.eigh((covariance + covariance.T) / 2.0)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def sizes(

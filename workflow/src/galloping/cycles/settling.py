@@ -1,0 +1,206 @@
+"""Where motions end up: on a limit cycle, at rest, or nowhere."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from galloping.polynomial import PolynomialModel, velocity_pairs
+from galloping.simulation import Simulator
+
+STEADY = 0.01  # relative spread over the pieces up to which a motion is a limit cycle
+
+
+@dataclass(frozen=True)
+class Watch:
+    """How long a motion is followed, and how its end is judged.
+
+    duration: s, of which the last `window` s are judged, in pieces of `piece` s, each of many
+    periods. rate: Hz, of the samples. rest: half range, of any state or (n_states,) of each, below
+    which a motion has died out.
+    """
+
+    duration: float
+    window: float
+    piece: float
+    rate: float
+    rest: np.ndarray | float
+
+    def during(self, duration: float, window: float | None = None) -> Self:
+        """The same for a motion of another duration and, where it is given, window, s."""
+        return replace(self, duration=duration, window=window or self.window)
+
+
+# A span in SI units: it moves at 0.1 to 2 Hz, and a motion of a millimetre has died out.
+SPAN = Watch(duration=4000.0, window=1000.0, piece=50.0, rate=20.0, rest=1e-3)
+
+
+@dataclass(frozen=True)
+class Settled:
+    """half_range: (n_states,) half of the range over the window; lowest, highest: the least and
+    greatest of those over its pieces. kind: `cycle`, `rest`, `irregular` (never repeating, or not
+    yet settled), or why the simulation stopped. time: (n,) s, states: (n, n_states), the window.
+    """
+
+    half_range: np.ndarray
+    lowest: np.ndarray
+    highest: np.ndarray
+    kind: str
+    time: np.ndarray
+    states: np.ndarray
+
+
+def settle(
+    simulator: Simulator, model: PolynomialModel, x0: np.ndarray, watch: Watch = SPAN
+) -> Settled:
+    """The last window of a motion from x0 (n_states,).
+
+    On a limit cycle all pieces of the window have one range.
+    """
+    count = round(watch.window * watch.rate)
+    times = watch.duration - watch.window + np.arange(1, count + 1) / watch.rate
+    trajectory = simulator(model, np.asarray(x0, float), np.append(0.0, times))
+    return _judged(trajectory.time[1:], trajectory.states[1:], trajectory.status, watch)
+
+
+def _judged(time: np.ndarray, states: np.ndarray, status: str, watch: Watch) -> Settled:
+    """What a window of a motion is. status: of its simulation."""
+    pieces = np.array_split(states, max(1, round(watch.window / watch.piece)))
+    ranges = np.array([np.ptp(piece, axis=0) / 2 for piece in pieces])
+    lowest, highest = ranges.min(axis=0), ranges.max(axis=0)
+    if status != "ok":
+        kind = status
+    elif np.all(highest < watch.rest):
+        kind = "rest"
+    elif np.all((highest - lowest) / watch.rest <= STEADY * np.max(highest / watch.rest)):
+        kind = "cycle"
+    else:
+        kind = "irregular"
+    return Settled(np.ptp(states, axis=0) / 2, lowest, highest, kind, time, states)
+
+
+# --- of any oscillator: in its own periods, and the size of its own motion ---
+
+
+@dataclass(frozen=True)
+class Pace:
+    """slow, fast: s, the longest and the shortest period of a model's own motions."""
+
+    slow: float
+    fast: float
+
+    @classmethod
+    def of(cls, model: PolynomialModel, state: np.ndarray) -> Self:
+        """Periods of the small motions of a model without inputs about a state (n_states,).
+
+        Where none oscillates, the times in which they grow or decay, each over a radian.
+        """
+        modes = model.small_motions(state)
+        omega = modes.omega[modes.oscillating]
+        omega = omega if len(omega) else modes.omega[modes.omega > 0.0]
+        omega = omega if len(omega) else np.ones(1)  # nothing tells a time: any will do
+        return cls(float(2.0 * np.pi / omega.min()), float(2.0 * np.pi / omega.max()))
+
+
+def filled(
+    sizes: np.ndarray,
+    model: PolynomialModel,
+    state: np.ndarray,
+    rates: np.ndarray | float = 0.0,
+) -> np.ndarray:
+    """Sizes of a motion, those of zero told by the others.
+
+    Of a displacement, its velocity and its acceleration one is the other times the frequency of
+    small motions; what nothing tells is as large as the largest of its kind.
+
+    Parameters
+    ----------
+    sizes : (n_states,) array
+    model : PolynomialModel
+        Without inputs.
+    state : (n_states,) array
+        About which its small motions are.
+    rates : (n_states,) array
+        Sizes of the rates of the states, zero where unknown.
+
+    Returns
+    -------
+    (n_states,) array
+        None of which is zero.
+    """
+    omega, pairs = 2.0 * np.pi / Pace.of(model, state).slow, velocity_pairs(model.states)
+    sizes = np.where(sizes > 0.0, sizes, rates / omega)
+    for i, velocity in pairs.items():
+        sizes[i] = sizes[i] or sizes[velocity] / omega
+        sizes[velocity] = sizes[velocity] or sizes[i] * omega
+    velocities = np.isin(np.arange(len(sizes)), list(pairs.values()))
+    for own in (velocities, ~velocities):
+        sizes[own] = np.where(sizes[own] > 0.0, sizes[own], sizes[own].max(initial=0.0) or 1.0)
+    return sizes
+
+
+# Periods of the slowest motion: of a window, and of its pieces. How many windows are followed: the
+# first ones are a transient. What has not settled then goes on while its size goes one way, up to
+# the last ones.
+WINDOW, PIECE, TRANSIENT, MOST_WINDOWS = 80, 20, 9, 50
+PER_PERIOD, MOST_SAMPLES = 50, 100_000  # samples of the fastest motion, and of a window
+# Of the size that a motion had, or was recorded with: what is as small has died out, but where it
+# grows, if it is not as small as rounding makes it. What is as large and too fast to be followed
+# runs away, and what is larger is not followed.
+DIED_OUT, ROUNDING, LARGE, FAR_AWAY = 1e-3, 1e-9, 1e3, 1e6
+
+
+def settle_in_periods(
+    simulator: Simulator,
+    model: PolynomialModel,
+    x0: np.ndarray,
+    pace: Pace,
+    sizes: np.ndarray | float = 0.0,
+) -> Settled:
+    """Where a motion of any oscillator ends up, whatever the units of its states and of time.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    model : PolynomialModel
+    x0 : (n_states,) array
+        Where the motion begins.
+    pace : Pace
+        Of the model.
+    sizes : (n_states,) array
+        Of the recorded motion, zero where unknown.
+
+    Returns
+    -------
+    Settled
+        Of the first window, after a transient, of a motion that has settled, or whose size goes up
+        and down; of the last one of a motion that still approaches its end after 4,000 periods.
+    """
+    window = WINDOW * pace.slow
+    rate = min(PER_PERIOD / pace.fast, MOST_SAMPLES / window)
+    count = round(window * rate)
+    state = np.asarray(x0, float)
+    begin = filled(np.maximum(sizes, np.abs(state)), model, state)
+    limit, extents = FAR_AWAY * float(np.linalg.norm(begin)), []
+    for number in range(MOST_WINDOWS):
+        trajectory = simulator(model, state, np.arange(count + 1) / rate, limit=limit)
+        states, status = trajectory.states[1:], trajectory.status
+        if np.any(np.nan_to_num(np.abs(states)) > LARGE * begin) and status != "ok":
+            status = "diverged"
+        pieces = np.array_split(states, WINDOW // PIECE)
+        first, last = (np.ptp(piece, axis=0) / 2.0 for piece in (pieces[0], pieces[-1]))
+        if number == 0:  # of its start, too: dry friction may hold it at once
+            moved = np.ptp(trajectory.states[: len(pieces[0]) + 1], axis=0) / 2.0
+            size = np.maximum(sizes, np.nan_to_num(moved)) + np.finfo(float).tiny
+        watch = Watch(window, window, PIECE * pace.slow, rate, DIED_OUT * size)
+        motion = _judged(trajectory.time[1:], states, status, watch)
+        grows = bool(np.any(last > np.maximum((1.0 + STEADY) * first, ROUNDING * size)))
+        settled = motion.kind == "cycle" and number >= TRANSIENT
+        if motion.kind == "rest" and grows:
+            motion = replace(motion, kind="irregular")
+        extents.append(float(np.linalg.norm(motion.half_range / size)))
+        wavers = number >= TRANSIENT and np.prod(np.diff(extents[-3:])) <= 0.0
+        if settled or wavers or motion.kind not in ("cycle", "irregular"):
+            return motion
+        state = states[-1]
+    return motion
