@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import chain
 from typing import TYPE_CHECKING, TypeVar
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import Immutable, checked_state, increasing
 from galloping.functions import from_plain, n_exponents, plain
+from galloping.identification.findings import Finding
 from galloping.polynomial import (
     Bound,
     Exponents,
@@ -73,7 +74,8 @@ class FurtherMode:
     """An oscillation of a recording that is not in its model: a sinusoid that grows or decays.
 
     recording: index; state: the one whose sensor reads it. frequency: rad/s; growth: 1/s, of its
-    amplitude. cosine, sine: in the unit of the state, at the first sample.
+    amplitude. cosine, sine: in the unit of the state, at the first sample. frequency_error,
+    growth_error: standard errors, zero where they are not told and of the growth of a steady one.
     """
 
     recording: int
@@ -82,6 +84,18 @@ class FurtherMode:
     growth: float
     cosine: float
     sine: float
+    frequency_error: float = 0.0
+    growth_error: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """What sentences call the mode."""
+        return f"the mode at {self.frequency / (2.0 * np.pi):.3g} Hz"
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether it neither grows nor decays, as what a steady force moves."""
+        return self.growth == 0.0
 
     def __call__(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n,) what it adds to the state at `time` (n,), s from the first sample."""
@@ -120,6 +134,35 @@ class Resonance:
         return f"the mode at {self.frequency / (2.0 * np.pi):.3g} Hz"
 
 
+@dataclass(frozen=True)
+class EnvelopePart:
+    """Frequency and damping of an oscillation in a stretch of a recording, for its amplitude there.
+
+    Parameters
+    ----------
+    recording : int
+        Index among the stretches that the model is of.
+    state : str
+        Whose sensor reads it, or `dX` for a sensor of the rate of a state X.
+    time, amplitude : float
+        Middle of the stretch, s on the recording's clock, and amplitude there, in the unit of the
+        state.
+    frequency, growth : float
+        rad/s and 1/s.
+    frequency_error, growth_error : float
+        Standard errors.
+    """
+
+    recording: int
+    state: str
+    time: float
+    amplitude: float
+    frequency: float
+    growth: float
+    frequency_error: float
+    growth_error: float
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class IdentifiedModel(Immutable):
     """A model identified from recordings, with its uncertainty and a verdict.
@@ -151,7 +194,9 @@ class IdentifiedModel(Immutable):
     known: indices of the equations that were known and not identified.
     diagnostics: figures behind the verdict, by name; in words, as `path`, the stages by which
     `maximum_likelihood` found the model, in order.
-    further_modes: what recordings hold besides an `approximate` model.
+    further_modes: what recordings hold besides the model. findings: what was noticed in them.
+    envelope: of an `approximate` model of free motion that is no exponential, frequency and damping
+    for each amplitude.
     forces: (n_states, n_states) covariance in a second of white forces in the equations, which then
     are dx = f(x) dt + dW; zero where nothing but the start moves the model. slow_forces: the same
     of what drives forces that decay at rates, 1/s, `slow_rate_dX` of the diagnostics. resonances:
@@ -180,6 +225,8 @@ class IdentifiedModel(Immutable):
     known: tuple[int, ...] = ()
     diagnostics: Mapping[str, float | str] = field(default_factory=dict)
     further_modes: tuple[FurtherMode, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    envelope: tuple[EnvelopePart, ...] = ()
     forces: NDArray[np.float64] = None
     slow_forces: NDArray[np.float64] = None
     resonances: tuple[Resonance, ...] = ()
@@ -383,7 +430,9 @@ class IdentifiedModel(Immutable):
                     name: value if name == "path" else float(value)
                     for name, value in content["diagnostics"].items()
                 },
-                further_modes=tuple(FurtherMode(**mode) for mode in content["further_modes"]),
+                further_modes=_of_values(FurtherMode, content["further_modes"]),
+                findings=tuple(Finding(**each) for each in content.get("findings", ())),
+                envelope=_of_values(EnvelopePart, content.get("envelope", ())),
                 bounds=tuple(
                     (int(i), from_plain(term), float(least), float(most))
                     for i, term, least, most in content.get("bounds", ())
@@ -414,6 +463,14 @@ def _names(content: object) -> tuple[str, ...]:
     return names
 
 
+def _of_values(kind: type, contents: Sequence[Mapping[str, object]]) -> tuple:
+    """Objects of numbers and names, as `_plain` has written them."""
+    return tuple(
+        kind(**{k: v if k in ("recording", "state") else float(v) for k, v in one.items()})
+        for one in contents
+    )
+
+
 def _latex(state: str, states: tuple[str, ...]) -> str:
     """A state's name as LaTeX, with a dot where it is the velocity of one of `states`."""
     dotted = state[:1] == "d" and state[1:] in states
@@ -438,11 +495,13 @@ def _shapes(states: int, terms: int) -> dict[str, tuple[int, ...]]:
 
 def _plain(value: object) -> object:
     """As JSON has it; numbers that are not finite are text."""
-    if isinstance(value, FurtherMode | Resonance):
-        return asdict(value)
+    if isinstance(value, Finding):
+        return value.as_dict()
+    if isinstance(value, FurtherMode | Resonance | EnvelopePart):
+        return {name: _plain(each) for name, each in asdict(value).items()}
     if isinstance(value, Mapping):
         return {name: _plain(each) for name, each in value.items()}
-    if isinstance(value, str):
+    if isinstance(value, str | int):
         return value
     if np.ndim(value):
         return [_plain(each) for each in value]

@@ -4,15 +4,21 @@ Each is a line in the spectrum of what the model leaves, above the frequencies o
 errors of the model itself are small: a sinusoid that grows or decays exponentially.
 """
 
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import least_squares
 
+from galloping.identification.free_motion.damped_modes import Stretch, fit_poles
+from galloping.identification.free_motion.mode_search import strongest_mode
 from galloping.identification.likelihood.condense import Condensed
-from galloping.identification.likelihood.residual_tests import NEIGHBOURS, RESIDUAL_RATE, ROUNDING
-from galloping.identification.model import FurtherMode
+from galloping.identification.likelihood.residual_tests import NEIGHBOURS, ROUNDING
+from galloping.identification.model import FurtherMode, NoModel, attempt
 from galloping.polynomial import velocity_pairs
+
+MOST = 4  # modes of a channel
+WORTH = 0.1  # share of what is left, that a mode takes to be worth a word
+FASTEST = 0.4  # periods in a window: of faster ones a mean tells little
 
 
 def further_modes(
@@ -56,61 +62,29 @@ def modes_in_words(modes: tuple[FurtherMode, ...]) -> str:
 def _oscillations(
     time: np.ndarray, values: np.ndarray, window: float, lowest: float
 ) -> list[tuple[float, float, float, float]]:
-    """Frequency, growth, cosine and sine of four at most, the strongest first, as in `FurtherMode`.
+    """Frequency, growth, cosine and sine of MOST at most, the strongest first, as in `FurtherMode`.
 
     values: (n,) means over windows, s, about the times (n,), of which some may be missing. lowest:
     frequency, Hz.
     """
-    found = []
-    duration = time[-1] - time[0] + window
-    for _ in range(4):
-        regular = np.zeros(round(duration / window))
-        regular[((time - time[0]) / window).round().astype(int)] = values
-        power = np.abs(np.fft.rfft(regular)[1:]) ** 2
-        frequency = np.arange(1, len(power) + 1) / duration
-        band = (frequency > lowest) & (frequency < 0.4 / window)  # above, a mean tells little
-        if not band.any():
+    stretch = Stretch(time - time[0], values[:, np.newaxis], (0,))
+    band = 2.0 * np.pi * lowest, 2.0 * np.pi * FASTEST / window
+    found, poles, left = [], np.empty(0, complex), values - values.mean()
+    for _ in range(MOST):
+        best = strongest_mode([stretch], [left[:, np.newaxis]], poles, band=band)
+        if not best.stands_out:
             break
-        # bins of noise are exponentially distributed, with a median of ln 2 of their mean
-        most = np.median(power[band]) / np.log(2.0) * np.log(band.sum() / RESIDUAL_RATE)
-        place = np.argmax(np.where(band, power, 0.0))
-        if not power[place] > most:
+        fit = attempt(partial(fit_poles, [stretch], np.append(poles, best.pole)))
+        if isinstance(fit, NoModel):
             break
-        *mode, fitted = _fitted(time, values, 2.0 * np.pi * frequency[place])
-        remainder = values - fitted
-        if remainder @ remainder > 0.9 * (values @ values):
-            break  # only a mode that takes a tenth of what is left is worth a word
-        omega, growth, cosine, sine = mode
-        inside = np.sinc(omega * window / (2.0 * np.pi))  # share left in a mean over a window
-        found.append((omega, growth, cosine / inside, sine / inside))
-        values = remainder
-    return found
-
-
-def _fitted(
-    time: np.ndarray, values: np.ndarray, frequency: float
-) -> tuple[float, float, float, float, np.ndarray]:
-    """The best oscillation near `frequency`, rad/s, as in `FurtherMode`, and its values (n,)."""
-    duration = time[-1] - time[0]
-
-    def basis(place: np.ndarray) -> np.ndarray:
-        # in units of its size at the middle, so that neither end is lost in rounding
-        size = np.exp(place[0] * (time / duration - 0.5))
-        angle = (frequency + place[1] / duration) * time
-        return size[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-
-    def solved(place: np.ndarray) -> np.ndarray:
-        return np.linalg.lstsq(basis(place), values, rcond=None)[0]
-
-    def left(place: np.ndarray) -> np.ndarray:
-        return values - basis(place) @ solved(place)
-
-    most = np.array([20.0, 2.0 * np.pi])  # what grows more is at the end of a record alone
-    # growth has more than one minimum: tried are none, and twentyfold over the record either way
-    tried = [
-        least_squares(left, [growth, 0.0], bounds=(-most, most)) for growth in (0.0, 3.0, -3.0)
-    ]
-    best = min(tried, key=lambda each: each.cost).x
-    cosine, sine = solved(best) * np.exp(-best[0] / 2.0)
-    rate = best[0] / duration
-    return frequency + best[1] / duration, rate, cosine, sine, basis(best) @ solved(best)
+        remainder = fit.residuals[0][:, 0]
+        if remainder @ remainder > (1.0 - WORTH) * (left @ left):
+            break
+        poles, left = fit.poles, remainder
+        found = list(zip(poles, fit.amplitudes[0][:, 0], strict=True))
+    modes = []
+    for pole, amplitude in found:
+        begin = amplitude * np.exp(-pole * time[0])  # at the first sample
+        inside = np.sinc(pole.imag * window / (2.0 * np.pi))  # share left in a mean over a window
+        modes.append((pole.imag, pole.real, begin.real / inside, -begin.imag / inside))
+    return [tuple(map(float, mode)) for mode in modes]

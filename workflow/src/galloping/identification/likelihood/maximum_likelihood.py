@@ -16,6 +16,21 @@ from numpy.typing import ArrayLike
 from galloping.arrays import one_thread
 from galloping.identification.aliases import with_alias_rivals
 from galloping.identification.answers import beside_known, by, on_terms_of, refused, with_inputs
+from galloping.identification.free_motion.answer import (
+    PATH,
+    free_at_once,
+    free_model,
+    is_of_one_coordinate,
+    linear_model,
+    with_beside,
+    with_findings,
+)
+from galloping.identification.free_motion.kinds_of_motion import (
+    Kind,
+    motion_of,
+    without_further_modes,
+)
+from galloping.identification.free_motion.rest import moving_recordings
 from galloping.identification.inputs import asked, checked_recordings, while_driven
 from galloping.identification.likelihood import free_run, starts, trajectory_fit
 from galloping.identification.likelihood.derivative_fit import derivative_fit
@@ -41,6 +56,8 @@ from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
 HALF_A_STEP = "half of its step, as what is held between its samples"
+FREE = 0.2  # of the work of a search, for a model that follows free motion that is not linear
+
 Outcome = IdentifiedModel | NoModel
 # Takes what an earlier search found to speak against a model; gives an outcome, and whether that is
 # sure, so that no further search is needed.
@@ -89,10 +106,34 @@ def maximum_likelihood(
     if all(recording.exact for recording in used):
         found = by(["derivatives"], derivative_fit(problem, used))
     else:
+        moving = moving_recordings(used)
         with limited(used) as work:
-            found = work.doubted_if_ended(_at_some_time_scale(problem, used, start))
+            begun = None if moving.findings else start
+            found = work.doubted_if_ended(_searched(problem, moving.recordings, begun))
+        found = with_findings(found, moving)
     found = with_inputs(beside_known(problem, found), recordings, used)
     return with_alias_rivals(problem, found)
+
+
+def _searched(
+    problem: Problem, recordings: list[Recording], start: Start | None
+) -> IdentifiedModel:
+    """The model of recordings without rests. Of a single coordinate, and where displacements are
+    not measured, it is asked first whether the motion is free: that takes a tenth of a second, and
+    much else need then not be sought.
+    """
+    if (motion := free_at_once(recordings)) is not None:
+        with limited(recordings, FREE * MOST):
+            found = free_model(problem, motion, partial(_followed_model, problem))
+        if isinstance(found, IdentifiedModel):
+            return found
+    return _at_some_time_scale(problem, recordings, start)
+
+
+def _followed_model(problem: Problem, recordings: list[Recording]) -> Outcome:
+    """The model that follows free motion to the noise."""
+    begun = attempt(partial(begin, problem, recordings))
+    return begun if isinstance(begun, NoModel) else _from_any_rest(begun, _followed)
 
 
 def _at_some_time_scale(
@@ -125,11 +166,16 @@ def _at_time_scale(
     first = replace(begun, problem=problem) if begun else begin(problem, recordings, share)
     begun, told = starts.rescaled(first, recordings, share)
     searches = [partial(_follow, begun), partial(_near, begun)]
-    if share == 1.0 and may_be_moved_at_random(first):
-        follows = problem.tables.n_kinks or (  # beside kinks a start may miss the model
-            not starts.rests_at_zero(first) and trajectory_fit.follows_in_segments(first)
+    if share == 1.0:
+        may_be_random = may_be_moved_at_random(first)
+        follows = (
+            not may_be_random
+            or problem.tables.n_kinks  # beside kinks a start may miss the model
+            or (not starts.rests_at_zero(first) and trajectory_fit.follows_in_segments(first))
         )
-        searches.insert(1 if follows else 0, partial(_in_forces, first))
+        tried = [partial(_free, first), *([partial(_in_forces, first)] if may_be_random else [])]
+        place = 1 if follows else 0
+        searches[place:place] = tried
     found = _first_of(searches, recordings)
     if isinstance(found, NoModel):
         return found
@@ -350,6 +396,27 @@ def _noise(fit: ShootingFit, remaining: np.ndarray) -> tuple[np.ndarray, dict[st
     variance = squares / np.maximum(condensed.counts - share, 1.0)
     variance = np.where(condensed.is_known, condensed.noise_variance, variance)
     return condensed.noise_told(fit.record.problem.states, np.sqrt(variance))
+
+
+def _free(begun: Start, objection: str) -> tuple[Outcome, bool]:
+    """The model of free motion of several coordinates, less its further modes and between events.
+    If no model follows it to the noise, it is the linear one of its modes. Where free motion has
+    none of that, no random force is asked after.
+    """
+    if is_of_one_coordinate(begun.recordings):  # which was asked before all else
+        return NoModel(objection), False
+    motion = motion_of(begun.recordings)
+    if not (motion.is_linear or motion.kind == Kind.DECAYING):
+        return NoModel(objection), False
+    found: Outcome = NoModel(objection)
+    if motion.further or motion.findings:
+        alone = attempt(partial(begin, begun.problem, without_further_modes(motion)))
+        found = alone if isinstance(alone, NoModel) else _follow(alone, objection)[0]
+    if isinstance(found, IdentifiedModel):
+        return by([PATH], with_beside(found, motion)), True
+    if motion.is_linear:
+        found = linear_model(begun.problem, motion)
+    return (found, True) if isinstance(found, IdentifiedModel) else _near(begun, objection)
 
 
 def _in_forces(begun: Start, _: str) -> tuple[Outcome, bool]:

@@ -1,0 +1,195 @@
+"""What kind of motion it is, and the models of free motion."""
+
+import numpy as np
+import pytest
+from ambient import two_modes
+from scipy.integrate import solve_ivp
+from swings import noisy, sensed, small_motions, swing
+
+from galloping import (
+    Coefficient,
+    IdentifiedModel,
+    Recording,
+    maximum_likelihood,
+    polynomial_library,
+    summarise,
+)
+from galloping.identification.findings import Code
+from galloping.identification.free_motion.kinds_of_motion import Kind, motion_of
+
+LIBRARY = polynomial_library(2, degree=3)
+HERTZ, DAMPING = 6.8, 0.0014
+TIME = np.arange(5000) / 200.0
+
+
+def identified(samples, derivative=0, time=TIME):
+    return maximum_likelihood(sensed(time, samples, derivative), LIBRARY)
+
+
+def codes(found):
+    return [finding.code for finding in found.findings]
+
+
+def assert_decays(found, hertz=HERTZ, damping=DAMPING, within=0.02):
+    own, ratio = small_motions(found)
+    assert own == pytest.approx(hertz, rel=1e-4) and ratio == pytest.approx(damping, rel=within)
+    assert not found.is_forced
+
+
+@pytest.mark.parametrize("derivative", [0, 2])
+@pytest.mark.parametrize("share", [0.002, 0.05])
+def test_a_further_mode_is_told_beside_the_model(derivative, share):
+    modes = swing(TIME, HERTZ, DAMPING, 1.0, derivative), swing(TIME, 13.7, 0.002, 1.0, derivative)
+    first, second = (each / np.abs(each).max() for each in modes)
+    found = identified(noisy(first + share * second, 1, 0.002), derivative)
+    assert found.status == "ok"
+    assert_decays(found, within=0.005)
+    (mode,) = found.further_modes
+    assert mode.frequency / (2.0 * np.pi) == pytest.approx(13.7, abs=0.02)
+    assert abs(mode.growth + 0.002 * mode.frequency) < 4.0 * mode.growth_error
+
+
+def test_a_summary_tells_further_modes_and_releases():
+    time = np.arange(2000) / 50.0
+    motion = swing(time - 5.0, 1.0, 0.01) + swing(time - 5.0, 2.37, 0.005, 0.05)
+    recording = sensed(time, noisy(motion, 2, 0.005))
+    found = maximum_likelihood(recording, LIBRARY)
+    summary = summarise(found, recording)
+    names = list(summary.dynamics.damping)
+    assert names[0] == "q" and names[1] == "the mode at 2.37 Hz"
+    low, high = summary.dynamics.damping["q"].low, summary.dynamics.damping["q"].high
+    assert low < 0.01 < high and high - low < 5e-4
+    value = summary.dynamics.damping["the mode at 2.37 Hz"]
+    assert value.low < 0.005 < value.high
+    assert codes(found) == [Code.RELEASED]
+    assert found.findings[0].data["time_s"] == pytest.approx(5.0, abs=0.1)
+    assert "Motion begins at 5" in str(summary)
+
+
+@pytest.mark.parametrize("derivative", [0, 2])
+def test_a_knock_is_told_with_its_time(derivative):
+    struck = swing(TIME - 12.5, HERTZ, DAMPING, 0.03 * np.exp(1.1j), derivative)
+    motion = swing(TIME, HERTZ, DAMPING, 1.0, derivative) + struck
+    found = identified(noisy(motion, 3, 0.004), derivative)
+    assert found.status == "ok" and codes(found) == [Code.KNOCKED]
+    assert found.findings[0].data["time_s"] == pytest.approx(12.5, abs=0.1)
+    assert found.findings[0].data["share"] == pytest.approx(0.06, abs=0.01)
+    assert len(found.initial_states) == 2
+    assert_decays(found)
+
+
+def test_a_step_of_a_force_is_told_with_its_time_and_what_it_moved():
+    elapsed = np.maximum(TIME - 10.0, 0.0)
+    step = 0.1 * np.where(TIME >= 10.0, 1.0 - swing(elapsed, HERTZ, DAMPING), 0.0)
+    recording = sensed(TIME, noisy(swing(TIME, HERTZ, DAMPING) + step, 4, 0.004))
+    found = maximum_likelihood(recording, LIBRARY)
+    assert found.status == "ok" and codes(found) == [Code.FORCE_STEPPED]
+    assert found.findings[0].data["change"] == pytest.approx(0.1, abs=0.002)
+    assert_decays(found)
+    assert summarise(found, recording).found.status == "ok"
+
+
+@pytest.mark.parametrize("forcing", [0.9, 1.0, 1.05])
+def test_a_steady_force_is_told_apart_from_the_motion_that_it_sets_off(forcing):
+    time = np.arange(2000) / 20.0
+    omega, of_force = 2.0 * np.pi, 2.0 * np.pi * forcing
+    answer = 1.0 / complex(omega**2 - of_force**2, 2.0 * 0.02 * omega * of_force)
+    steady = answer * np.exp(1j * of_force * time)
+    set_off = swing(time, 1.0, 0.02, -answer)  # from near rest
+    found = identified(noisy(steady.real + set_off, 5, 0.005), time=time)
+    assert found.status == "ok" and codes(found) == [Code.FORCED_STEADILY]
+    assert found.findings[0].data["frequency_hz"] == pytest.approx(forcing, abs=1e-4)
+    assert_decays(found, 1.0, 0.02, within=0.1)
+    assert all(mode.is_steady for mode in found.further_modes)
+
+
+def test_damping_that_no_model_follows_is_told_by_its_envelope():
+    time = np.arange(4000) / 100.0
+    size = np.sqrt(1.0 - time / 60.0)  # of a force that no polynomial of the library is
+    found = identified(noisy(size * np.cos(2.0 * np.pi * time), 6, 0.003), time=time)
+    assert found.status == "approximate" and codes(found) == [Code.NOT_EXPONENTIAL]
+    for part in found.envelope:
+        expected = 1.0 / (120.0 * (1.0 - part.time / 60.0))
+        assert -part.growth == pytest.approx(
+            expected, abs=4.0 * part.growth_error + 0.05 * expected
+        )
+    summary = summarise(found, sensed(time, noisy(size * np.cos(2.0 * np.pi * time), 6, 0.003)))
+    damping = summary.dynamics.damping["q"]
+    assert 0.0 < damping.low < damping.high
+    assert "| at | amplitude |" in str(summary)
+
+
+def test_the_term_that_a_library_lacks_is_named_beside_the_envelope():
+    time, stiffness = np.arange(4000) / 100.0, 4.0 * np.pi**2
+    states = solve_ivp(
+        lambda _, x: [x[1], -stiffness * x[0] - 0.05 * abs(x[1]) * x[1]],
+        (0.0, 40.0), [1.0, 0.0], t_eval=time, rtol=1e-9, atol=1e-9,
+    ).y.T  # fmt: skip
+    found = identified(noisy(states[:, 0], 1, 0.003), time=time)
+    assert codes(found) == [Code.NOT_EXPONENTIAL] and "|dq| dq" in found.reason
+    rates = [-part.growth for part in found.envelope]
+    sizes = [part.amplitude for part in found.envelope]
+    slope = 0.05 * 2.0 * np.pi * 4.0 / (3.0 * np.pi)  # by averaging over a period
+    np.testing.assert_allclose(rates, slope * np.array(sizes), rtol=0.05)
+
+
+def test_a_linear_model_is_within_the_bounds_of_its_coefficients():
+    recording = sensed(TIME, noisy(swing(TIME, HERTZ, 0.01), 12, 0.004))
+    damping = LIBRARY.index((0, 1))
+    free = maximum_likelihood(recording, LIBRARY).model.coefficients[1, damping]
+    for bound, is_allowed in ((0.9 * free, True), (1.1 * free, False)):
+        known = [Coefficient("dq", (0, 1), upper=bound)]
+        found = maximum_likelihood(recording, LIBRARY, coefficients=known)
+        assert (found.status == "ok") == is_allowed
+        if is_allowed:
+            assert found.model.coefficients[1, damping] == free
+
+
+def test_a_nonlinear_decay_keeps_its_terms_beside_a_further_mode():
+    time, stiffness = np.arange(2000) / 50.0, 4.0 * np.pi**2
+    states = solve_ivp(
+        lambda _, x: [x[1], -stiffness * (x[0] + 0.2 * x[0] ** 3) - 0.1 * x[1]],
+        (0.0, 40.0), [1.0, 0.0], t_eval=time, rtol=1e-9, atol=1e-9,
+    ).y.T  # fmt: skip
+    found = identified(noisy(states[:, 0] + swing(time, 2.37, 0.005, 0.03), 7, 0.003), time=time)
+    terms = {found.model.terms[j] for i, j in np.argwhere(found.support)}
+    assert found.status == "ok" and terms == {(1, 0), (0, 1), (3, 0)}
+    (mode,) = found.further_modes
+    assert mode.frequency / (2.0 * np.pi) == pytest.approx(2.37, abs=1e-3)
+
+
+def test_kinds():
+    time = np.arange(2000) / 50.0
+    decay, growth = swing(time, 1.0, 0.01), 0.01 * swing(time, 1.0, -0.01)
+    assert motion_of([sensed(time, noisy(decay, 8))]).kind == Kind.DECAYING
+    assert motion_of([sensed(time, noisy(growth, 8))]).kind == Kind.GROWING
+    steady = swing(time, 1.0, 0.0)
+    assert motion_of([sensed(time, noisy(steady, 8))]).kind == Kind.LASTING
+    slow = np.arange(16400) * np.pi / 4.0  # of a limit cycle, with a harmonic, and its approach
+    cycle = 2.0 * np.cos(slow) - 0.09 * np.sin(3.0 * slow) - 1.5 * np.exp(-0.15 * slow)
+    assert motion_of([sensed(slow, noisy(cycle, 8, 0.03))]).kind == Kind.LASTING
+    for seed in range(3):
+        assert motion_of([two_modes(seed)[0]]).kind == Kind.LASTING
+
+
+def test_two_coordinates_are_told_without_their_further_mode():
+    time, states = np.arange(3000) / 50.0, ("a", "b", "da", "db")
+    first, second = swing(time, 1.0, 0.01), swing(time, 1.4, 0.02)
+    beside = swing(time, 3.3, 0.004, 0.05)
+    values = np.full((len(time), 4), np.nan)
+    values[:, 0] = noisy(first + 0.3 * second + beside, 9, 0.003)
+    values[:, 1] = noisy(second - 0.4 * first - 0.7 * beside, 10, 0.003)
+    found = maximum_likelihood(Recording(time, states, values), polynomial_library(4, degree=1))
+    modes = found.model.small_motions(np.zeros(4)).oscillations()
+    assert found.status in ("ok", "not identifiable") and not found.is_forced
+    np.testing.assert_allclose(modes.omega / (2.0 * np.pi), [1.0, 1.4], rtol=1e-3)
+    np.testing.assert_allclose(modes.damping, [0.01, 0.02], rtol=0.05)
+    assert {round(mode.frequency / (2.0 * np.pi), 1) for mode in found.further_modes} == {3.3}
+    assert {mode.state for mode in found.further_modes} == {"a", "b"}
+
+
+def test_what_is_noticed_is_saved(tmp_path):
+    found = identified(noisy(swing(TIME - 2.0, HERTZ, 0.005), 11, 0.004))
+    found.save(tmp_path / "model.json")
+    loaded = IdentifiedModel.load(tmp_path / "model.json")
+    assert loaded.findings == found.findings != () and loaded == found

@@ -1,0 +1,426 @@
+"""The model of free motion: of one coordinate its mode, and what else swings beside it.
+
+Motion that damped sinusoids follow down to the noise gives the linear model of as many modes as
+there are coordinates. Where they do not, the usual search is asked about the motion less its
+further modes; where that finds no model, frequency and damping are told for each amplitude, and the
+model is their mean.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from galloping.identification.answers import by
+from galloping.identification.findings import Code, Finding, Severity
+from galloping.identification.free_motion.envelope import LocalDecay, envelope, strongest_channel
+from galloping.identification.free_motion.kinds_of_motion import (
+    Motion,
+    motion_of,
+    without_further_modes,
+)
+from galloping.identification.free_motion.linear_system import with_covariance
+from galloping.identification.free_motion.linearity import SIGNIFICANT
+from galloping.identification.free_motion.rest import Moving, moving_recordings
+from galloping.identification.model import (
+    EnvelopePart,
+    FurtherMode,
+    IdentifiedModel,
+    NoModel,
+    attempt,
+)
+from galloping.identification.preparation.smoothing import undisplaced
+from galloping.identification.problem import Problem
+from galloping.polynomial import velocity_pairs
+from galloping.recording import Recording
+
+MAX_NOISE = 1.2  # times the noise that was said, which residuals have
+MIN_PERIODS = 10.0  # of a further mode that is told: what is slower is mostly a drift
+PATH = "free motion"
+NOT_EXPONENTIAL = "free motion whose frequency and damping change in a way that no model follows"
+MISSING = "is missing in"  # of a clause that names a term which the library lacks
+
+
+def is_of_one_coordinate(recordings: Sequence[Recording]) -> bool:
+    """Whether recordings are of one coordinate and its velocity alone."""
+    states = recordings[0].states
+    return len(states) == 2 and len(velocity_pairs(states)) == 1
+
+
+def free_at_once(recordings: Sequence[Recording]) -> Motion | None:
+    """Tell free motion where that is asked before any search: of a single coordinate, and linear
+    motion where displacements are not measured.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Without rests.
+
+    Returns
+    -------
+    Motion or None
+        None if it is another motion, or the search is asked first.
+    """
+    is_single = is_of_one_coordinate(recordings)
+    if not (is_single or undisplaced(recordings[0])):
+        return None
+    motion = motion_of(recordings)
+    return motion if motion.is_linear or (is_single and motion.is_free) else None
+
+
+def free_model(
+    problem: Problem, motion: Motion, search: Callable[[list[Recording]], IdentifiedModel | NoModel]
+) -> IdentifiedModel | NoModel:
+    """Find the model of free motion, linear or of one coordinate.
+
+    Parameters
+    ----------
+    problem : Problem
+    motion : Motion
+    search : callable
+        The usual search for a model that follows recordings to the noise.
+    """
+    if not _can_be_linear(problem, motion):
+        return NoModel("")
+    if motion.is_linear:
+        return linear_model(problem, motion)
+    found = search(motion.recordings)
+    if isinstance(found, IdentifiedModel):
+        motion = replace(motion, own=motion.own[:1], steady=())
+    elif motion.further:
+        found = search(without_further_modes(motion))
+    if isinstance(found, IdentifiedModel):
+        return by([PATH], with_beside(found, motion))
+    if motion.linear:
+        return linear_model(problem, motion.linear)
+    return _mean_model(problem, motion, found.reason)
+
+
+def linear_model(problem: Problem, motion: Motion) -> IdentifiedModel | NoModel:
+    """Find the model of free motion that damped sinusoids follow to the noise.
+
+    Parameters
+    ----------
+    problem : Problem
+    motion : Motion
+        A free and linear one.
+
+    Returns
+    -------
+    IdentifiedModel or NoModel
+        NoModel if there are fewer modes than coordinates, or the question leaves other than linear
+        equations open.
+    """
+    modes, own = motion.modes, motion.own[: len(motion.channels.pairs)]
+    if len(own) < len(motion.channels.pairs) or not _can_be_linear(problem, motion):
+        return NoModel("there are fewer modes than coordinates")
+    if _noise_excess(motion) > MAX_NOISE:
+        return NoModel("the noise is larger than it was said")
+    system = attempt(partial(with_covariance, motion.channels, motion.stretches, modes, own))
+    if isinstance(system, NoModel):
+        return system
+    return _model(problem, motion, *system, "ok", "")
+
+
+def as_recorded_alone(found: IdentifiedModel, recordings: Sequence[Recording]) -> list[Recording]:
+    """Leave out of recordings what a model of free motion leaves out: rests, and further modes.
+
+    Parameters
+    ----------
+    found : IdentifiedModel
+    recordings : sequence of Recording
+        Those that it was identified from, or newer ones.
+
+    Returns
+    -------
+    list of Recording
+        One for each stretch of motion between events.
+    """
+    if found.is_forced:
+        return list(recordings)
+    moving = moving_recordings(recordings).recordings
+    if PATH not in found.diagnostics.get("path", ""):
+        return moving
+    motion = motion_of(moving)
+    if not motion.is_free:
+        return moving
+    if found.diagnostics["path"] == PATH and not found.envelope:
+        motion = motion.linear or motion
+    return without_further_modes(motion) if found.further_modes else motion.recordings
+
+
+def with_findings(found: IdentifiedModel, moving: Moving) -> IdentifiedModel:
+    """Add where motion begins and ends to a model of stretches of motion.
+
+    Parameters
+    ----------
+    found : IdentifiedModel
+        Its findings name the stretches by their indices.
+    moving : Moving
+        The stretches.
+
+    Returns
+    -------
+    IdentifiedModel
+        Its findings name the recordings that the stretches come from.
+    """
+    own = (replace(each, recording=moving.origins[each.recording]) for each in found.findings)
+    return replace(found, findings=(*moving.findings, *own))
+
+
+def _can_be_linear(problem: Problem, motion: Motion) -> bool:
+    """Whether the question leaves all stiffness and damping open, with nothing known about them,
+    no term may be infinite on the way, and all sensors tell the size of the motion.
+    """
+    scales = [one.unknown_scales for one in motion.recordings if one.unknown_scales is not None]
+    linear = [_linear_term(problem, state) for state in range(len(problem.states))]
+    is_finite = all(own.name != "inverse" for own in problem.tables.functions)
+    return (
+        is_finite
+        and not np.any(scales)
+        and all(
+            velocity in problem.unknown
+            and term is not None
+            and problem.open[velocity, term]
+            and problem.precision[velocity, term] == 0.0
+            for velocity in motion.channels.pairs.values()
+            for term in linear
+        )
+    )
+
+
+def _linear_term(problem: Problem, state: int) -> int | None:
+    """Index of the term that is this state alone, None if the library lacks it."""
+    try:
+        return problem.linear(state)
+    except ValueError:
+        return None
+
+
+def _noise_excess(motion: Motion) -> float:
+    """How many times the noise that was said the residuals have at most, zero if none was said."""
+    channels, ratios = motion.channels, [0.0]
+    for recording, noise in zip(motion.recordings, motion.modes.noise, strict=True):
+        if recording.known_noise is not None:
+            said = np.append(
+                recording.known_noise[0][list(channels.values)],
+                recording.known_noise[1][list(channels.rates)],
+            )
+            ratios += (noise / said)[np.isfinite(noise / said)].tolist()
+    return max(ratios)
+
+
+def _mean_model(problem: Problem, motion: Motion, objection: str) -> IdentifiedModel | NoModel:
+    """The approximate model of a decay of one coordinate that is not exponential. objection: why
+    no model follows it.
+    """
+    modes, place = motion.modes, motion.own[0]
+    parts = [
+        (index, part)
+        for index, stretch in enumerate(motion.stretches)
+        for part in envelope(stretch, modes, index, place)
+    ]
+    if len(parts) < 2:
+        return NoModel("")
+    poles = np.array([part.pole for _, part in parts])
+    errors = np.array([part.errors for _, part in parts])
+    values = np.column_stack([poles.real, poles.imag])
+    weights = errors**-2 / np.sum(errors**-2, axis=0)
+    growth, omega = np.sum(weights * values, axis=0)
+    spread = np.diag(np.sum(weights * (values - [growth, omega]) ** 2, axis=0))
+    ((coordinate, velocity),) = motion.channels.pairs.items()
+    system, slopes = np.zeros((2, 2)), np.zeros((2, 2, 2))
+    system[coordinate, velocity] = 1.0
+    system[velocity, [coordinate, velocity]] = -(growth**2) - omega**2, 2.0 * growth
+    slopes[:, velocity, coordinate] = -2.0 * growth, -2.0 * omega
+    slopes[0, velocity, velocity] = 2.0
+    slopes = slopes.reshape(2, 4)
+    finding = Finding(Code.NOT_EXPONENTIAL, Severity.WARNING, problem.states[coordinate])
+    told = [_envelope_part(motion, *each) for each in parts]
+    covariance = slopes.T @ spread @ slopes
+    missing = [clause for clause in objection.split("; ") if MISSING in clause]
+    reason = "; ".join([*missing, NOT_EXPONENTIAL])
+    found = _model(problem, motion, system, covariance, "approximate", reason)
+    if isinstance(found, NoModel):
+        return found
+    return replace(found, envelope=tuple(told), findings=(*found.findings, finding))
+
+
+def _envelope_part(motion: Motion, index: int, part: LocalDecay) -> EnvelopePart:
+    channel = strongest_channel(motion.modes, index, motion.own[0])
+    begin = float(motion.recordings[index].time[0])
+    return EnvelopePart(
+        index, motion.channels.names[channel], begin + part.time, part.amplitude,
+        part.pole.imag, part.pole.real, part.errors[1], part.errors[0],
+    )  # fmt: skip
+
+
+def _model(
+    problem: Problem,
+    motion: Motion,
+    system: np.ndarray,
+    covariance: np.ndarray,
+    status: str,
+    reason: str,
+) -> IdentifiedModel | NoModel:
+    """The model of a linear system (n_states, n_states), and the covariance of its entries; none if
+    a coefficient is out of its bounds.
+    """
+    n, rest = len(system), np.zeros(len(system))
+    rest_errors = np.zeros(n)
+    for coordinate in motion.channels.pairs:
+        rest[coordinate], rest_errors[coordinate] = _position_of_rest(motion, coordinate)
+    is_displaced = np.abs(rest) > SIGNIFICANT * rest_errors
+    rest = np.where(is_displaced, rest, 0.0)
+    constant = (0,) * len(problem.names)
+    terms = {problem.linear(state): state for state in range(n)}
+    if is_displaced.any() and constant in problem.terms:
+        terms[problem.terms.index(constant)] = n
+    whole = np.zeros((n * n + n,) * 2)  # of the entries, and of the position of rest
+    whole[: n * n, : n * n], whole[n * n :, n * n :] = covariance, np.diag(rest_errors**2)
+    free, slopes = (
+        np.zeros(len(problem.candidates)),
+        np.zeros((len(problem.candidates), len(whole))),
+    )
+    support = np.zeros(len(free), bool)
+    for k, (row, term) in enumerate(problem.candidates):
+        if row not in motion.channels.pairs.values() or term not in terms:
+            continue
+        support[k], state = True, terms[term]
+        entries = slice(row * n, (row + 1) * n)
+        if state == n:
+            free[k] = -system[row] @ rest
+            slopes[k, entries], slopes[k, n * n :] = -rest, -system[row]
+        else:
+            free[k], slopes[k, row * n + state] = system[row, state], 1.0
+    if np.any((free < problem.box[0]) | (free > problem.box[1])):
+        return NoModel("a coefficient is out of its bounds")
+    slopes = slopes[support]
+    of_coefficients = slopes @ whole @ slopes.T
+    errors = np.full(len(free), np.nan)
+    errors[support] = np.sqrt(np.diag(of_coefficients))
+    sigma, noises = _noise(problem, motion)
+    found = IdentifiedModel(
+        model=problem.model(free),
+        status=status,
+        reason=reason,
+        standard_errors=problem.on_library(errors, 0.0),
+        unconditional_errors=problem.on_library(errors, 0.0),
+        covariance=problem.of_model(of_coefficients, support),
+        known=problem.known_equations,
+        initial_states=_initial_states(motion, rest),
+        sigma=sigma,
+        chi2=1.0,
+        diagnostics={**noises, "path": PATH},
+    )
+    return with_beside(found, motion)
+
+
+def with_beside(found: IdentifiedModel, motion: Motion) -> IdentifiedModel:
+    """Add to a model what swings beside it, and what was noticed.
+
+    Parameters
+    ----------
+    found : IdentifiedModel
+    motion : Motion
+        A free one.
+    """
+    modes, steady = motion.modes, []
+    for place in motion.steady:
+        channel = strongest_channel(modes, 0, place)
+        data = {
+            "frequency_hz": modes.poles[place].imag / (2.0 * np.pi),
+            "frequency_error_hz": modes.frequency_errors[place] / (2.0 * np.pi),
+            "amplitude": abs(modes.amplitudes[0][place, channel]),
+        }
+        named = motion.channels.names[channel]
+        steady.append(
+            Finding(
+                Code.FORCED_STEADILY, Severity.NOTE, named, {k: float(v) for k, v in data.items()}
+            )
+        )
+    longest = max(one.duration for one in motion.stretches)
+    further = [
+        mode
+        for place in motion.further
+        if modes.poles[place].imag * longest > 2.0 * np.pi * MIN_PERIODS
+        for index in range(len(motion.recordings))
+        for mode in _further_modes(motion, index, place)
+    ]
+    return replace(
+        found,
+        further_modes=tuple(further),
+        findings=(*found.findings, *motion.findings, *steady),
+    )
+
+
+def _further_modes(motion: Motion, index: int, place: int) -> Iterator[FurtherMode]:
+    """A mode of a stretch, in each coordinate that is measured."""
+    modes, states = motion.modes, motion.recordings[0].states
+    pole = modes.poles[place]
+    for coordinate in motion.channels.pairs:
+        amplitude = _displacement(motion, index, place, coordinate)
+        if amplitude is not None:
+            yield FurtherMode(
+                index, states[coordinate], float(pole.imag), float(pole.real),
+                float(amplitude.real), float(-amplitude.imag),
+                float(modes.frequency_errors[place]), float(modes.growth_errors[place]),
+            )  # fmt: skip
+
+
+def _displacement(motion: Motion, index: int, place: int, coordinate: int) -> complex | None:
+    """Amplitude of a mode in a coordinate, at the first sample of a stretch, by the channel in
+    which it stands out most; None if nothing measures the coordinate.
+    """
+    channels, modes = motion.channels, motion.modes
+    orders = {coordinate: 0, channels.pairs[coordinate]: 1}
+    columns = [(i, 0) for i in channels.values] + [(i, 1) for i in channels.rates]
+    own = [c for c, (i, _) in enumerate(columns) if i in orders]
+    own = [c for c in own if np.isfinite(modes.noise[index, c])]
+    if not own:
+        return None
+    channel = max(own, key=lambda c: abs(modes.amplitudes[index][place, c]) / modes.noise[index, c])
+    state, rate = columns[channel]
+    order = orders[state] + rate
+    return complex(modes.amplitudes[index][place, channel] / modes.poles[place] ** order)
+
+
+def _position_of_rest(motion: Motion, coordinate: int) -> tuple[float, float]:
+    """Where a coordinate rests, with its standard error; zero where nothing measures it."""
+    if coordinate not in motion.channels.values:
+        return 0.0, 0.0
+    channel = motion.channels.values.index(coordinate)
+    stepped = any(each.code == Code.FORCE_STEPPED for each in motion.findings)
+    of = slice(0, 1) if stepped else slice(None)
+    offsets, errors = (
+        each[of, channel] for each in (motion.modes.offsets, motion.modes.offset_errors)
+    )
+    weights = errors**-2 / np.nansum(errors**-2)
+    return float(np.nansum(weights * offsets)), float(np.nansum(errors**-2) ** -0.5)
+
+
+def _initial_states(motion: Motion, rest: np.ndarray) -> np.ndarray:
+    """(n_stretches, n_states) of the coordinates' own modes."""
+    pairs = motion.channels.pairs
+    found = np.tile(rest, (len(motion.stretches), 1))
+    for index in range(len(found)):
+        for place in motion.own[: len(pairs)]:
+            for coordinate, velocity in pairs.items():
+                amplitude = _displacement(motion, index, place, coordinate) or 0.0
+                found[index, coordinate] += np.real(amplitude)
+                found[index, velocity] += np.real(amplitude * motion.modes.poles[place])
+    return found
+
+
+def _noise(problem: Problem, motion: Motion) -> tuple[np.ndarray, dict[str, float]]:
+    """(n_stretches, n_states) noise of the values, and that of each rate by its name."""
+    channels, noise = motion.channels, motion.modes.noise
+    sigma = np.full((len(noise), len(problem.states)), np.nan)
+    count = len(channels.values)
+    sigma[:, list(channels.values)] = noise[:, :count]
+    rates = {
+        f"noise_{name}": float(np.nanmax(noise[:, c]))
+        for c, name in enumerate(channels.names[count:], start=count)
+    }
+    return sigma, rates

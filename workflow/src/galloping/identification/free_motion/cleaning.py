@@ -1,0 +1,71 @@
+"""Leave out samples that free motion cannot follow: outliers, and those under an event's force."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
+from galloping.identification.free_motion.mode_search import MANY_MODES, strongest_mode
+from galloping.identification.model import NoModel, attempt
+
+OUTLYING = 5.5  # robust deviations of a residual: noise once in 30 million samples
+MAX_OUTLYING = 0.1  # of the samples of a channel
+MISFIT = 4.5  # standard deviations, beyond which samples beside an event are under its force
+MIN_PERIODS = 8.0  # of a stretch, whose first and last one may be under such a force
+
+
+def without_faults(stretches: Sequence[Stretch], modes: DampedModes) -> list[Stretch] | None:
+    """Leave out samples that modes cannot follow.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    modes : DampedModes
+        Fitted to them.
+
+    Returns
+    -------
+    list of Stretch or None
+        Without outliers, each alone among others, and without samples at the ends of a stretch that
+        are under the force of an event; None if there are none of both.
+    """
+    cleaned, changed = [], False
+    for stretch, residual in zip(stretches, modes.residuals, strict=True):
+        bad = np.zeros(residual.shape, bool)
+        for c, column in enumerate(residual.T):
+            known = np.isfinite(column)
+            if known.any():
+                limit = OUTLYING * 1.4826 * np.median(np.abs(column[known]))
+                far = known & (np.abs(column) > limit)
+                alone = far & ~np.append(far[1:], False) & ~np.append(False, far[:-1])
+                bad[:, c] = alone & (np.count_nonzero(alone) <= MAX_OUTLYING * len(far))
+        bad |= _under_force(stretch, modes.poles)[:, np.newaxis]
+        changed |= bool(bad.any())
+        cleaned.append(replace(stretch, values=np.where(bad, np.nan, stretch.values)))
+    return cleaned if changed else None
+
+
+def _under_force(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
+    """(n,) samples of the first and last period that the free motion between does not reach."""
+    period = 2.0 * np.pi / poles.imag[0]
+    forced = np.zeros(len(stretch.time), bool)
+    inside = (stretch.time > period) & (stretch.time < stretch.duration - period)
+    if stretch.duration < MIN_PERIODS * period or len(poles) > MANY_MODES:
+        return forced
+    inner = Stretch(stretch.time[inside] - period, stretch.values[inside], stretch.drift_degrees)
+    modes = attempt(partial(fit_poles, [inner], poles))
+    if isinstance(modes, NoModel) or strongest_mode([inner], modes.residuals, poles).stands_out:
+        return forced
+    motion = modes.motion(range(len(modes.poles)), 0, stretch.time - period)
+    left = stretch.values - motion
+    with np.errstate(invalid="ignore"):
+        away = np.abs(left - np.nanmedian(left[inside], axis=0)) > MISFIT * modes.noise[0]
+    early, late = stretch.time <= period, stretch.time >= stretch.duration - period
+    away = away.any(axis=1)
+    if (at := np.flatnonzero(away & early)).size:
+        forced[: at[-1] + 1] = True
+    if (at := np.flatnonzero(away & late)).size:
+        forced[at[0] :] = True
+    return forced

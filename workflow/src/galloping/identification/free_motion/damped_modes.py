@@ -1,0 +1,312 @@
+"""Fit exponentially damped sinusoids: the modes of free motion, by maximum likelihood.
+
+A channel of free linear motion is a sum of terms Re[a exp(s t)]. The poles s are shared by all
+channels and all stretches of a recording, and the amplitudes a are free. The amplitudes are
+eliminated (variable projection, G. H. Golub and V. Pereyra, SIAM J. Numer. Anal. 10, 1973), and
+Gauss-Newton steps are taken on the poles.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+
+from galloping.identification.model import Unusable
+from galloping.identification.work import spend
+
+MAX_STEPS = 30  # of Gauss-Newton
+MIN_SAMPLES = 8  # of a channel of a stretch
+CONVERGED = 1e-3  # step in standard errors
+ROUNDING = 1e-10  # least noise, in units of the motion
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Samples of free motion.
+
+    Parameters
+    ----------
+    time : (n,) array
+        In s from the first sample.
+    values : (n, n_channels) array
+        NaN where missing.
+    drift_degrees : tuple of int
+        Degree of the polynomial in time on which each channel stands: 0 is a constant.
+    """
+
+    time: np.ndarray
+    values: np.ndarray
+    drift_degrees: tuple[int, ...]
+
+    @cached_property
+    def duration(self) -> float:
+        """Time between the first and the last sample, s."""
+        return float(self.time[-1] - self.time[0])
+
+    @cached_property
+    def step(self) -> float:
+        """Median time between samples, s."""
+        return float(np.median(np.diff(self.time)))
+
+    @cached_property
+    def is_complete(self) -> bool:
+        """Whether every channel has every sample."""
+        return bool(np.isfinite(self.values).all())
+
+    @cached_property
+    def sizes(self) -> np.ndarray:
+        """(n_channels,) standard deviations, zero of a channel without samples."""
+        known = np.isfinite(self.values)
+        count = np.maximum(known.sum(axis=0), 1)
+        mean = np.where(known, self.values, 0.0).sum(axis=0) / count
+        return np.sqrt(np.sum(np.where(known, self.values - mean, 0.0) ** 2, axis=0) / count)
+
+
+@dataclass(frozen=True)
+class DampedModes:
+    """Damped sinusoids fitted to stretches of free motion.
+
+    Parameters
+    ----------
+    poles : (n_modes,) complex array
+        Growth, 1/s, below zero of a decay, and frequency, rad/s.
+    covariance : (2 n_modes, 2 n_modes) array
+        Of the growths and then of the frequencies.
+    amplitudes : list of (n_modes, n_channels) complex arrays
+        At the first sample of each stretch.
+    offsets, offset_errors : (n_stretches, n_channels) arrays
+        Constants on which the channels stand, with standard errors; NaN of drifting channels.
+    noise : (n_stretches, n_channels) array
+        Standard deviation of a sample, NaN where a stretch lacks a channel.
+    residuals : list of (n, n_channels) arrays
+        Samples less the fit, NaN where missing.
+    misfit : float
+        Sum over channels and stretches of n ln(noise^2).
+    """
+
+    poles: np.ndarray
+    covariance: np.ndarray
+    amplitudes: list[np.ndarray]
+    offsets: np.ndarray
+    offset_errors: np.ndarray
+    noise: np.ndarray
+    residuals: list[np.ndarray]
+    misfit: float
+
+    @property
+    def growth_errors(self) -> np.ndarray:
+        """(n_modes,) standard errors of the growths, 1/s."""
+        return np.sqrt(np.diag(self.covariance)[: len(self.poles)])
+
+    @property
+    def frequency_errors(self) -> np.ndarray:
+        """(n_modes,) standard errors of the frequencies, rad/s."""
+        return np.sqrt(np.diag(self.covariance)[len(self.poles) :])
+
+    def amplitude_covariance(
+        self, stretch: Stretch, index: int, which: Sequence[int]
+    ) -> np.ndarray:
+        """Find the covariance of some modes with their amplitudes in a stretch.
+
+        Parameters
+        ----------
+        stretch : Stretch
+            Of those that the modes are fitted to.
+        index : int
+            Its place among them.
+        which : sequence of int
+            Places of the modes, n_which.
+
+        Returns
+        -------
+        (n, n) array
+            Of growths, frequencies, and real and imaginary parts of the amplitudes, each by mode
+            and then by channel: n = n_which (2 + 2 n_channels). Zero of channels without samples.
+        """
+        many, channels = len(self.poles), self.amplitudes[index].shape[1]
+        origin = np.zeros(many)
+        columns = _columns(stretch, self.poles, origin)
+        moved = np.zeros((2 * many, channels, 2 * many))  # amplitudes, by changes of the poles
+        own = np.zeros((2 * many, channels, 2 * many, channels))
+        for c in np.flatnonzero(np.isfinite(self.noise[index])):
+            degree = stretch.drift_degrees[c]
+            known = np.isfinite(stretch.values[:, c])
+            products = columns[known].T @ columns[known]
+            basis = np.r_[0 : 2 * many, 4 * many : 4 * many + degree + 1]
+            inverse = _inverse(products[np.ix_(basis, basis)])[: 2 * many]
+            amplitudes = self.amplitudes[index][:, c]
+            slopes = _slopes(amplitudes, origin, stretch.duration, columns.shape[1])
+            sign = np.repeat([1.0, -1.0], many)  # of the sines, which are minus imaginary parts
+            moved[:, c] = -sign[:, np.newaxis] * (inverse @ products[basis] @ slopes)
+            of_noise = inverse[:, : 2 * many] * np.outer(sign, sign)
+            own[:, c, :, c] = self.noise[index, c] ** 2 * of_noise
+        size = 2 * many * channels
+        moved, own = moved.reshape(size, 2 * many), own.reshape(size, size)
+        across = moved @ self.covariance
+        whole = np.block([[self.covariance, across.T], [across, own + across @ moved.T]])
+        kept = [part * many + k for part in (0, 1) for k in which]
+        kept += [
+            2 * many + (part * many + k) * channels + c
+            for part in (0, 1) for k in which for c in range(channels)
+        ]  # fmt: skip
+        return whole[np.ix_(kept, kept)]
+
+    def motion(self, which: Sequence[int], stretch: int, time: np.ndarray) -> np.ndarray:
+        """(n, n_channels) motion in some modes at `time` (n,), s from the start of a stretch."""
+        places = list(which)
+        waves = np.exp(np.outer(time, self.poles[places]))
+        return (waves @ self.amplitudes[stretch][places]).real
+
+
+def fit_poles(
+    stretches: Sequence[Stretch], poles: np.ndarray, is_steady: np.ndarray | None = None
+) -> DampedModes:
+    """Fit damped sinusoids from first guesses of their poles.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    poles : (n_modes,) complex array
+    is_steady : (n_modes,) boolean array, optional
+        Which growths stay as they are. By default none does.
+
+    Raises
+    ------
+    Unusable
+        If the fit does not lead to finite poles that the samples tell apart.
+    """
+    steady = np.zeros(len(poles), bool) if is_steady is None else is_steady
+    free = np.append(~steady, np.ones(len(poles), bool))
+    here = _linearised(stretches, poles)
+    fastest = np.pi / min(one.step for one in stretches)
+    damping = 1e-3
+    for _ in range(MAX_STEPS):
+        information, right = here.information[np.ix_(free, free)], here.right[free]
+        scale = np.sqrt(np.maximum(np.diag(information), 0.0))
+        if not np.all(scale > 0.0):
+            raise Unusable("two modes cannot be told apart")
+        scaled = information / np.outer(scale, scale) + damping * np.eye(len(scale))
+        step = np.zeros(len(free))
+        step[free] = np.linalg.solve(scaled, right / scale) / scale
+        moved = poles + step[: len(poles)] + 1j * step[len(poles) :]
+        is_possible = np.all((moved.imag > 0.0) & (moved.imag < fastest))
+        there = _linearised(stretches, moved) if is_possible else None
+        if there is not None and there.misfit <= here.misfit + 1e-9 * abs(here.misfit):
+            poles, here, damping = moved, there, damping / 10.0
+            if np.max(np.abs(step[free]) * scale) < CONVERGED:
+                break
+        elif damping > 1e6:
+            break
+        else:
+            damping = 10.0 * max(damping, 1e-6)
+    information = here.information[np.ix_(free, free)]
+    scale = np.sqrt(np.diag(information))
+    scaled = information / np.outer(scale, scale)
+    if not np.linalg.cond(scaled) < 1.0 / ROUNDING:
+        raise Unusable("two modes cannot be told apart")
+    covariance = np.zeros((len(free), len(free)))
+    covariance[np.ix_(free, free)] = np.linalg.inv(scaled) / np.outer(scale, scale)
+    return DampedModes(
+        poles, covariance, here.amplitudes, here.offsets, here.offset_errors, here.noise,
+        here.residuals, here.misfit,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Linearised:
+    """Normal equations of the poles, amplitudes eliminated; the rest as of `DampedModes`."""
+
+    information: np.ndarray
+    right: np.ndarray
+    amplitudes: list[np.ndarray]
+    offsets: np.ndarray
+    offset_errors: np.ndarray
+    noise: np.ndarray
+    residuals: list[np.ndarray]
+    misfit: float
+
+
+def _linearised(stretches: Sequence[Stretch], poles: np.ndarray) -> _Linearised:
+    """All sums over samples are those of the waves, and of the waves times the time."""
+    n, channels = len(poles), stretches[0].values.shape[1]
+    information, right, misfit = np.zeros((2 * n, 2 * n)), np.zeros(2 * n), 0.0
+    offsets, errors, noise = np.full((3, len(stretches), channels), np.nan)
+    amplitudes, residuals = [], []
+    for r, stretch in enumerate(stretches):
+        own = np.zeros((n, channels), complex)
+        left = np.full(stretch.values.shape, np.nan)
+        origin = np.where(poles.real > 0.0, stretch.duration, 0.0)
+        columns = _columns(stretch, poles, origin)
+        shared: np.ndarray | None = None
+        for c, degree in enumerate(stretch.drift_degrees):
+            known = np.isfinite(stretch.values[:, c])
+            count = np.count_nonzero(known)
+            if count < MIN_SAMPLES + 2 * n + degree:
+                continue
+            values = np.where(known, stretch.values[:, c], 0.0)
+            of_channel = columns if known.all() else np.where(known[:, np.newaxis], columns, 0.0)
+            if shared is None or not known.all():
+                products = of_channel.T @ of_channel
+                spend(1e-9 * columns.size * columns.shape[1])
+                shared = products if known.all() else None
+            else:
+                products = shared
+            crossed = of_channel.T @ values
+            basis = np.r_[0 : 2 * n, 4 * n : 4 * n + degree + 1]
+            inverse = _inverse(products[np.ix_(basis, basis)])
+            solved = inverse @ crossed[basis]
+            fitted = of_channel[:, basis] @ solved
+            remainder = np.where(known, values - fitted, 0.0)
+            least = ROUNDING * stretch.sizes[c] + np.finfo(float).tiny
+            variance = max(remainder @ remainder / (count - len(solved)), least**2)
+            a = solved[:n] - 1j * solved[n : 2 * n]
+            slopes = _slopes(a, origin, stretch.duration, columns.shape[1])
+            met = products[basis] @ slopes
+            information += (slopes.T @ products @ slopes - met.T @ inverse @ met) / variance
+            right += slopes.T @ (of_channel.T @ remainder) / variance
+            misfit += count * np.log(variance)
+            own[:, c] = a * np.exp(-poles.real * origin)
+            left[known, c] = remainder[known]
+            noise[r, c] = np.sqrt(variance)
+            if degree == 0:
+                offsets[r, c] = solved[-1]
+                errors[r, c] = noise[r, c] * np.sqrt(inverse[-1, -1])
+        amplitudes.append(own)
+        residuals.append(left)
+    if np.isnan(noise).all() or not np.isfinite(misfit):
+        raise Unusable("no damped sinusoids follow the motion")
+    return _Linearised(information, right, amplitudes, offsets, errors, noise, residuals, misfit)
+
+
+def _columns(stretch: Stretch, poles: np.ndarray, origin: np.ndarray) -> np.ndarray:
+    """(n, 4 n_modes + n_drifts) waves as cosines and sines, the same times the share of the time,
+    and polynomials of the drifts.
+    """
+    time = stretch.time[:, np.newaxis]
+    size, angle = np.exp(poles.real * (time - origin)), poles.imag * time
+    waves = np.hstack([size * np.cos(angle), size * np.sin(angle)])
+    share = time / stretch.duration
+    drifts = legvander(2.0 * share[:, 0] - 1.0, max(stretch.drift_degrees))
+    return np.hstack([waves, share * waves, drifts])
+
+
+def _slopes(a: np.ndarray, origin: np.ndarray, duration: float, count: int) -> np.ndarray:
+    """(count, 2 n_modes) by which columns make the changes with growths and frequencies.
+
+    a: (n_modes,) amplitudes.
+    """
+    n, found = len(a), np.zeros((count, 2 * len(a)))
+    k = np.arange(n)
+    for part, cosine, sine in ((k, a.real, -a.imag), (k + n, -a.imag, -a.real)):
+        found[k + 2 * n, part], found[k + 3 * n, part] = duration * cosine, duration * sine
+    found[k, k], found[k + n, k] = -origin * a.real, origin * a.imag
+    return found
+
+
+def _inverse(products: np.ndarray) -> np.ndarray:
+    """Inverse of normal equations, in which columns may nearly be dependent."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(products), np.finfo(float).tiny))
+    scaled = products * np.outer(scale, scale)
+    return np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) * np.outer(scale, scale)

@@ -1,0 +1,156 @@
+"""Frequency and damping against amplitude: what a decay tells where no model follows it.
+
+A recording less all modes but one is cut into stretches in which the amplitude changes by equal
+factors. In each a damped sinusoid is fitted, as for the logarithmic decrement, by all samples.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+
+from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
+from galloping.identification.model import NoModel, attempt
+
+MAX_PARTS = 12
+MIN_PERIODS = 2.0  # of a part
+MIN_SAMPLES = 24  # of a part
+MIN_CHANGE = 1.5  # of an amplitude over a recording
+MAX_RISE = 0.05  # of the logarithm of an amplitude from one part to the next, beside a decay
+MIN_SIGNAL = 2.0  # amplitude over noise, below which no part is
+
+
+@dataclass(frozen=True)
+class LocalDecay:
+    """A stretch of a decaying or growing oscillation.
+
+    Parameters
+    ----------
+    time : float
+        Middle of the stretch, s from the start of its recording.
+    amplitude : float
+        At that time, in the unit of the channel.
+    pole, errors : complex, (float, float)
+        Growth, 1/s, and frequency, rad/s, with standard errors.
+    """
+
+    time: float
+    amplitude: float
+    pole: complex
+    errors: tuple[float, float]
+
+
+def envelope(stretch: Stretch, modes: DampedModes, index: int, place: int) -> list[LocalDecay]:
+    """Fit a mode in stretches of equal change of amplitude.
+
+    Parameters
+    ----------
+    stretch : Stretch
+    modes : DampedModes
+        Fitted to it, among other stretches.
+    index : int
+        Of the stretch among those of `modes`.
+    place : int
+        Of the mode.
+    """
+    channel = strongest_channel(modes, index, place)
+    known = np.isfinite(stretch.values[:, channel])
+    time = stretch.time[known]
+    others = [k for k in range(len(modes.poles)) if k != place]
+    values = stretch.values[known, channel] - modes.motion(others, index, time)[:, channel]
+    pole = modes.poles[place]
+    period = 2.0 * np.pi / pole.imag
+    centres, sizes = running_amplitude(time, values, pole.imag, period)
+    signal = np.flatnonzero(sizes > MIN_SIGNAL * modes.noise[index, channel])
+    if len(signal) < 2:
+        return []
+    begin, end = centres[signal[0]], centres[signal[-1]]
+    edges = _edges(centres[signal], np.log(sizes[signal]), begin, end, MIN_PERIODS * period)
+    parts = []
+    for first, last in pairwise(edges):
+        inside = (time >= first) & (time <= last)
+        if np.count_nonzero(inside) < MIN_SAMPLES:
+            continue
+        own = Stretch(time[inside] - first, values[inside, np.newaxis], (0,))
+        found = attempt(partial(fit_poles, [own], np.array([pole])))
+        if isinstance(found, NoModel):
+            continue
+        middle = (last - first) / 2.0
+        amplitude = abs(found.amplitudes[0][0, 0]) * np.exp(found.poles[0].real * middle)
+        errors = float(found.growth_errors[0]), float(found.frequency_errors[0])
+        parts.append(
+            LocalDecay(float(first + middle), float(amplitude), complex(found.poles[0]), errors)
+        )
+    return parts
+
+
+def strongest_channel(modes: DampedModes, index: int, place: int) -> int:
+    """The channel in which a mode stands out of the noise most."""
+    ratio = np.abs(modes.amplitudes[index][place]) / modes.noise[index]
+    return int(np.nanargmax(ratio))
+
+
+def running_amplitude(
+    time: np.ndarray, values: np.ndarray, omega: float, length: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Amplitude of an oscillation in windows of `length` s, half a window apart.
+
+    Parameters
+    ----------
+    time, values : (n,) arrays
+    omega : float
+        Frequency, rad/s.
+    length : float
+
+    Returns
+    -------
+    (n_windows,) arrays
+        Middles of the windows, s, and amplitudes there.
+    """
+    starts = np.arange(time[0], time[-1] - length + 1e-9 * length, length / 2.0)
+    waves = np.column_stack([np.cos(omega * time), np.sin(omega * time), np.ones(len(time))])
+    centres, sizes = [], []
+    for start in starts:
+        own = slice(*np.searchsorted(time, (start, start + length)))
+        if own.stop - own.start < 6:
+            continue
+        solved = np.linalg.lstsq(waves[own], values[own], rcond=None)[0]
+        centres.append(start + length / 2.0)
+        sizes.append(np.hypot(*solved[:2]))
+    return np.array(centres), np.array(sizes)
+
+
+def _edges(
+    centres: np.ndarray, logarithms: np.ndarray, begin: float, end: float, least: float
+) -> list[float]:
+    """Times, at least `least` s apart, between which the amplitude changes by equal factors."""
+    smooth = np.minimum.accumulate(logarithms)
+    if logarithms[-1] > logarithms[0]:
+        smooth = np.maximum.accumulate(logarithms)
+    count = int(np.clip((end - begin) / least, 1, MAX_PARTS))
+    wanted = np.linspace(smooth[0], smooth[-1], count + 1)[1:-1]
+    rising = smooth if smooth[-1] >= smooth[0] else -smooth
+    times = np.interp(wanted if smooth[-1] >= smooth[0] else -wanted, rising, centres)
+    edges = [begin]
+    for each in times:
+        if each - edges[-1] >= least and end - each >= least:
+            edges.append(float(each))
+    return [*edges, end]
+
+
+def decays(sizes: Sequence[float]) -> bool:
+    """Whether amplitudes fall, by a factor of MIN_CHANGE or more, all through a recording."""
+    return _falls(np.asarray(sizes))
+
+
+def grows(sizes: Sequence[float]) -> bool:
+    """Whether amplitudes rise, by a factor of MIN_CHANGE or more, all through a recording."""
+    return _falls(np.asarray(sizes)[::-1])
+
+
+def _falls(sizes: np.ndarray) -> bool:
+    if len(sizes) < 3 or sizes[0] < MIN_CHANGE * sizes[-1]:
+        return False
+    return bool(np.all(np.diff(np.log(sizes)) < MAX_RISE))

@@ -1,0 +1,185 @@
+"""Find single events in free motion: a knock, or one step of a force.
+
+Between events motion is free: its poles stay, and only amplitudes and the position of rest change.
+What a change at each time would explain is told by the normal equations of what is before and after
+it, which are sums over the samples.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from scipy.special import chdtri
+
+from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
+from galloping.identification.free_motion.mode_search import FALSE_ALARM_RATE, fit_modes
+from galloping.identification.model import NoModel, attempt
+
+MAX_EVENTS = 10
+MIN_EXPLAINED = 0.25  # of the excess of a misfit, by each event
+MIN_PERIODS = 3.0  # of the slowest mode between two events
+MIN_SAMPLES = 24
+TRIED = 2000  # times of a stretch, at which an event is looked for
+RIDGE = 1e-12  # of normal equations with a unit diagonal
+
+
+@dataclass(frozen=True)
+class Event:
+    """A change of the motion of a stretch before one of its samples."""
+
+    stretch: int
+    sample: int
+
+
+@dataclass(frozen=True)
+class Eventful:
+    """Free motion between events.
+
+    Parameters
+    ----------
+    stretches : list of Stretch
+        Those between events.
+    origins : list of int
+        Of each the index of the stretch that it comes from.
+    modes : DampedModes
+        Fitted to them.
+    """
+
+    stretches: list[Stretch]
+    origins: list[int]
+    modes: DampedModes
+
+
+def explained_by_events(
+    stretches: Sequence[Stretch], modes: DampedModes, floor: float
+) -> Eventful | None:
+    """Look for events that leave only noise.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    modes : DampedModes
+        Fitted to them; their residuals hold more than noise.
+    floor : float
+        Misfit that further damped sinusoids have come down to: an event that explains little of
+        what they do is none.
+
+    Returns
+    -------
+    Eventful or None
+        None if a few events do not explain the residuals.
+    """
+    parts, origins = list(stretches), list(range(len(stretches)))
+    for _ in range(MAX_EVENTS):
+        event = _strongest_event(parts, modes)
+        if event is None:
+            return None
+        parts[event.stretch : event.stretch + 1] = _split(parts[event.stretch], event.sample)
+        origins.insert(event.stretch, origins[event.stretch])
+        found = attempt(partial(fit_poles, parts, modes.poles))
+        if isinstance(found, NoModel) or (
+            modes.misfit - found.misfit < MIN_EXPLAINED * (modes.misfit - floor)
+        ):
+            return None
+        modes = found
+        whole = attempt(partial(fit_modes, parts))
+        if isinstance(whole, NoModel):
+            return None
+        if whole[1] and whole[0] is not None:
+            return _without_needless(Eventful(parts, origins, whole[0]))
+    return None
+
+
+def _without_needless(found: Eventful) -> Eventful:
+    """Without the events that explain no more than noise does beside the others: those that first
+    stood for two at once.
+    """
+    for k in range(len(found.stretches) - 1, 0, -1):
+        if found.origins[k] != found.origins[k - 1]:
+            continue
+        parts, origins = list(found.stretches), list(found.origins)
+        parts[k - 1 : k + 1] = [_joined(*parts[k - 1 : k + 1])]
+        del origins[k]
+        fit = attempt(partial(fit_poles, parts, found.modes.poles))
+        if isinstance(fit, NoModel):
+            continue
+        count = sum(np.count_nonzero(np.isfinite(part.values)) for part in parts)
+        freedom = (2 * len(fit.poles) + 2) * parts[0].values.shape[1]
+        if fit.misfit - found.modes.misfit < chdtri(freedom, FALSE_ALARM_RATE / count):
+            found = Eventful(parts, origins, fit)
+    return found
+
+
+def _joined(before: Stretch, after: Stretch) -> Stretch:
+    step = before.step
+    time = np.append(before.time, after.time + before.time[-1] + step)
+    return replace(before, time=time, values=np.vstack([before.values, after.values]))
+
+
+def _split(stretch: Stretch, sample: int) -> tuple[Stretch, Stretch]:
+    begin = stretch.time[sample]
+    before = replace(stretch, time=stretch.time[:sample], values=stretch.values[:sample])
+    after = replace(stretch, time=stretch.time[sample:] - begin, values=stretch.values[sample:])
+    return before, after
+
+
+def _strongest_event(stretches: Sequence[Stretch], modes: DampedModes) -> Event | None:
+    """The event that explains most, None if none explains more than noise would."""
+    best, most = None, 0.0
+    for index, stretch in enumerate(stretches):
+        tried = _possible(stretch, modes.poles)
+        if not len(tried):
+            continue
+        gains, freedom = _gains(stretch, modes, index, tried)
+        place = int(np.argmax(gains))
+        allowed = chdtri(freedom, FALSE_ALARM_RATE / len(stretch.time))
+        if gains[place] > max(allowed, most):
+            near = np.arange(tried[max(place - 1, 0)], tried[min(place + 1, len(tried) - 1)] + 1)
+            finer, _ = _gains(stretch, modes, index, near)
+            best, most = Event(index, int(near[np.argmax(finer)])), float(gains[place])
+    return best
+
+
+def _possible(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
+    """Samples before which a stretch may change, each side long enough to tell its amplitudes."""
+    least = MIN_PERIODS * 2.0 * np.pi / poles.imag.min()
+    first, last = np.searchsorted(stretch.time, (stretch.time[0] + least, stretch.time[-1] - least))
+    first, last = max(first, MIN_SAMPLES), min(last, len(stretch.time) - MIN_SAMPLES)
+    if last <= first:
+        return np.empty(0, int)
+    return np.unique(np.linspace(first, last, min(TRIED, last - first)).astype(int))
+
+
+def _gains(
+    stretch: Stretch, modes: DampedModes, index: int, tried: np.ndarray
+) -> tuple[np.ndarray, int]:
+    """(n_tried,) what a change before each sample takes off chi^2, and its degrees of freedom."""
+    waves = np.exp(np.outer(stretch.time, modes.poles))
+    basis = np.hstack([waves.real, -waves.imag, np.ones((len(waves), 1))])
+    gains, freedom = np.zeros(len(tried)), 0
+    for c in np.flatnonzero(np.isfinite(modes.noise[index])):
+        known = np.isfinite(stretch.values[:, c])[:, np.newaxis]
+        own = np.where(known, basis, 0.0)
+        values = np.where(known[:, 0], modes.residuals[index][:, c], 0.0)
+        products = np.einsum("ni,nj->nij", own, own)
+        gram, right = np.cumsum(products, axis=0), np.cumsum(own * values[:, np.newaxis], axis=0)
+        before, after = (
+            (gram[tried - 1], right[tried - 1]),
+            (
+                gram[-1] - gram[tried - 1],
+                right[-1] - right[tried - 1],
+            ),
+        )
+        gains += (_explained(*before) + _explained(*after)) / modes.noise[index, c] ** 2
+        freedom += basis.shape[1]
+    return gains, freedom
+
+
+def _explained(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """(n,) squares explained by regressions with these normal equations."""
+    scale = np.sqrt(np.maximum(np.einsum("nii->ni", gram), np.finfo(float).tiny))
+    scaled = gram / (scale[:, :, np.newaxis] * scale[:, np.newaxis, :])
+    scaled = scaled + RIDGE * np.eye(gram.shape[1])
+    right = right / scale
+    return np.einsum("ni,ni->n", right, np.linalg.solve(scaled, right[:, :, np.newaxis])[:, :, 0])

@@ -1,0 +1,330 @@
+"""Tell what kind of motion recordings hold, before any model is sought.
+
+Free motion follows from its first state: in linear motion it is a sum of damped sinusoids down to
+the noise. Whether it is so is asked first, for a motion that follows from its first state needs no
+random force, and one that falls off is no limit cycle.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from functools import partial
+
+import numpy as np
+
+from galloping.arrays import one_thread
+from galloping.identification.findings import Code, Finding, Severity
+from galloping.identification.free_motion.cleaning import without_faults
+from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
+from galloping.identification.free_motion.envelope import (
+    decays,
+    grows,
+    running_amplitude,
+    strongest_channel,
+)
+from galloping.identification.free_motion.events import Eventful, explained_by_events
+from galloping.identification.free_motion.linearity import (
+    SIGNIFICANT,
+    energies,
+    has_linear_modes,
+    is_cycle,
+    is_steady,
+    main_and_beside,
+    may_be_one,
+    resolved_modes,
+)
+from galloping.identification.free_motion.mode_search import fit_modes, is_close, share_left
+from galloping.identification.model import NoModel, attempt
+from galloping.identification.preparation.smoothing import DRIFT_DEGREE
+from galloping.identification.random_forces.channels import Channels
+from galloping.polynomial import velocity_pairs
+from galloping.recording import Recording
+
+MAX_EVENTFUL = 0.4  # of the power of a channel, that modes leave of a motion with a few events
+WINDOWS = 24  # of a stretch, in which its amplitude is compared, a period long at least
+
+
+class Kind(StrEnum):
+    """Kinds of motion."""
+
+    DRIVEN = "driven"  # by inputs that were measured
+    DECAYING = "decaying"  # from its first state
+    GROWING = "growing"  # from its first state
+    FORCED = "forced"  # by a steady force that nobody measured, beside free motion
+    LASTING = "lasting"  # something may keep it up: random forces, or the system itself
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What kind of motion recordings hold.
+
+    Parameters
+    ----------
+    kind : Kind
+    recordings : list of Recording
+        Stretches of free motion between events, without outliers and samples under the force of an
+        event; as they came if the motion is not free.
+    stretches : list of Stretch
+        Their channels.
+    is_linear : bool
+        Whether damped sinusoids follow the motion down to the noise.
+    channels : Channels or None
+    modes : DampedModes or None
+        Those that were resolved, fitted to the recordings.
+    own, steady : tuple of int
+        Places among them of the system's own modes, that with most energy first, and of steady
+        oscillations.
+    findings : tuple of Finding
+    linear : Motion or None
+        Of motion of which two modes may be parts of one that is not linear: the same, if they are
+        modes.
+    """
+
+    kind: Kind
+    recordings: list[Recording]
+    stretches: list[Stretch] = field(default_factory=list)
+    is_linear: bool = False
+    channels: Channels | None = None
+    modes: DampedModes | None = None
+    own: tuple[int, ...] = ()
+    steady: tuple[int, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    linear: "Motion | None" = None
+
+    @property
+    def is_free(self) -> bool:
+        """Whether the motion follows from its first state, a steady force aside."""
+        return self.kind in (Kind.DECAYING, Kind.GROWING, Kind.FORCED)
+
+    @property
+    def further(self) -> tuple[int, ...]:
+        """Places of the modes beyond one for each coordinate, steady oscillations among them."""
+        count = len(self.channels.pairs) if self.channels else 0
+        return (*self.own[count:], *self.steady)
+
+
+@one_thread
+def motion_of(recordings: Sequence[Recording]) -> Motion:
+    """Tell the kind of motion.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Without rests, see `rest.moving_recordings`.
+    """
+    given = list(recordings)
+    if given[0].inputs:
+        return Motion(Kind.DRIVEN, given)
+    lasting = Motion(Kind.LASTING, given)
+    if any(one.exact for one in given):
+        return lasting
+    channels = Channels.of(given)
+    paired = {k for pair in velocity_pairs(given[0].states).items() for k in pair}
+    if not paired.issuperset((*channels.values, *channels.rates)) or not channels.names:
+        return lasting
+    found = attempt(partial(_free_motion, given, channels))
+    return lasting if isinstance(found, NoModel) or found is None else found
+
+
+def _free_motion(recordings: list[Recording], channels: Channels) -> Motion | None:
+    stretches = [_stretch(one, channels) for one in recordings]
+    falls_or_rises = partial(_falls_or_rises, stretches)
+    modes, is_noise = fit_modes(stretches, falls_or_rises)
+    if modes is None:
+        return None
+    cleaned = without_faults(stretches, modes)
+    if cleaned is not None:
+        stretches = cleaned
+        modes, is_noise = fit_modes(stretches, falls_or_rises)
+    if modes is None:
+        return None
+    order = resolved_modes(stretches, modes, is_noise)
+    is_linear, findings, linear = is_noise and has_linear_modes(stretches, modes, order), [], None
+    if is_linear and may_be_one(stretches, modes, order):
+        linear = _told(recordings, channels, stretches, modes, order, True, findings)
+        is_linear = False
+    if not is_linear:
+        floor = modes.misfit
+        modes = main_and_beside(stretches, modes, order)
+        events = _events(stretches, modes, floor)
+        if events is not None and not (is_noise and floor < _with_price(stretches, events)):
+            recordings, findings = _parted(recordings, events, channels)
+            stretches, modes, is_linear = events.stretches, events.modes, True
+        sizes = energies(stretches, modes)
+        order = sorted(range(len(sizes)), key=lambda k: -sizes[k])
+    found = _told(recordings, channels, stretches, modes, order, is_linear, findings)
+    return replace(found, linear=linear) if found and not is_linear else found or linear
+
+
+def _events(stretches: list[Stretch], modes: DampedModes, floor: float) -> Eventful | None:
+    """Events that leave linear motion, None if there are none, or too many.
+
+    modes: of which the first is the main one. floor: as of `explained_by_events`.
+    """
+    alone = fit_poles(stretches, modes.poles[:1])
+    for start in (modes, alone) if len(modes.poles) > 1 else (modes,):
+        if share_left(stretches, start) > MAX_EVENTFUL:
+            continue
+        events = explained_by_events(stretches, start, floor)
+        if events is None:
+            continue
+        order = resolved_modes(events.stretches, events.modes, is_noise=True)
+        own = events.stretches, events.modes, order
+        if has_linear_modes(*own) and not may_be_one(*own):
+            return events
+    return None
+
+
+def _told(
+    recordings: list[Recording],
+    channels: Channels,
+    stretches: list[Stretch],
+    modes: DampedModes,
+    order: list[int],
+    is_linear: bool,
+    findings: list[Finding],
+) -> Motion | None:
+    """The motion of modes in the order of their energy, None if something may keep it up."""
+    steady = [k for k in order if is_steady(stretches, modes, k)]
+    own = [k for k in order if k not in steady]
+    if not own or (order[0] in steady and (not is_linear or is_cycle(modes, order))):
+        return None
+    if steady and is_linear:
+        held = np.isin(np.arange(len(modes.poles)), steady)
+        poles = np.where(held, 1j * modes.poles.imag, modes.poles)
+        modes = fit_poles(stretches, poles, held)
+    growth, error = modes.poles[own[0]].real, modes.growth_errors[own[0]]
+    if not is_linear:
+        sizes = _sizes(stretches, modes, own[:1])
+        falls, rises = (all(map(test, sizes)) for test in (decays, grows))
+        kind = Kind.DECAYING if falls else Kind.GROWING if rises else Kind.LASTING
+    elif abs(growth) < SIGNIFICANT * error:
+        kind = Kind.LASTING
+    else:
+        kind = Kind.FORCED if steady else Kind.GROWING if growth > 0.0 else Kind.DECAYING
+    if kind == Kind.LASTING:
+        return None
+    cleaned = [
+        _with_samples(one, stretch, channels)
+        for one, stretch in zip(recordings, stretches, strict=True)
+    ]
+    return Motion(
+        kind, cleaned, stretches, is_linear, channels, modes, tuple(own), tuple(steady),
+        tuple(findings),
+    )  # fmt: skip
+
+
+def _stretch(recording: Recording, channels: Channels) -> Stretch:
+    """The channels of a recording; rates with an unknown offset stand on a slow drift."""
+    columns = [recording.values[:, i] for i in channels.values]
+    degrees = [0] * len(columns)
+    for i in channels.rates:
+        given = recording.rates is not None
+        columns.append(recording.rates[:, i] if given else np.full(len(recording.time), np.nan))
+        offsets = recording.unknown_offsets
+        degrees.append(DRIFT_DEGREE if offsets is not None and offsets[i] else 0)
+    time = recording.time - recording.time[0]
+    return Stretch(time, np.array(columns).T, tuple(degrees))
+
+
+def _with_samples(recording: Recording, stretch: Stretch, channels: Channels) -> Recording:
+    """The recording with the samples of a stretch, where some are left out."""
+    values = recording.values.copy()
+    rates = None if recording.rates is None else recording.rates.copy()
+    for c, i in enumerate(channels.values):
+        values[:, i] = stretch.values[:, c]
+    for c, i in enumerate(channels.rates, start=len(channels.values)):
+        if rates is not None:
+            rates[:, i] = stretch.values[:, c]
+    return replace(recording, values=values, rates=rates)
+
+
+def without_further_modes(motion: Motion) -> list[Recording]:
+    """The recordings of a motion less its modes beyond one for each coordinate, and less what steps
+    of a force have moved the position of rest since the first of them.
+
+    Parameters
+    ----------
+    motion : Motion
+        A free one.
+    """
+    found = []
+    pairs = zip(motion.recordings, motion.stretches, strict=True)
+    for index, (recording, stretch) in enumerate(pairs):
+        beside = motion.modes.motion(motion.further, index, stretch.time)
+        if any(each.code == Code.FORCE_STEPPED for each in motion.findings):
+            beside = beside + np.nan_to_num(motion.modes.offsets[index] - motion.modes.offsets[0])
+        less = replace(stretch, values=stretch.values - beside)
+        found.append(_with_samples(recording, less, motion.channels))
+    return found
+
+
+def _falls_or_rises(stretches: list[Stretch], modes: DampedModes) -> bool:
+    """Whether the amplitude of modes of about the first one's frequency falls, or rises, all
+    through the stretches.
+    """
+    sizes = _sizes(stretches, modes, np.flatnonzero(is_close(modes.poles, modes.poles[0])))
+    return any(all(map(test, sizes)) for test in (decays, grows))
+
+
+def _sizes(stretches: list[Stretch], modes: DampedModes, own: Sequence[int]) -> list[np.ndarray]:
+    """Amplitudes of modes of about the same frequency in windows of each stretch."""
+    found = []
+    omega = modes.poles[own[0]].imag
+    others = np.setdiff1d(np.arange(len(modes.poles)), own)
+    for index, stretch in enumerate(stretches):
+        channel = strongest_channel(modes, index, own[0])
+        known = np.isfinite(stretch.values[:, channel])
+        values = stretch.values[:, channel] - modes.motion(others, index, stretch.time)[:, channel]
+        length = max(2.0 * np.pi / omega, stretch.duration / WINDOWS)
+        _, sizes = running_amplitude(stretch.time[known], values[known], omega, length)
+        found.append(sizes)
+    return found
+
+
+def _with_price(stretches: list[Stretch], events: Eventful) -> float:
+    """Misfit of a fit with events, and the price of what they add."""
+    added = (len(events.stretches) - len(stretches)) * (2 * len(events.modes.poles) + 2)
+    samples = sum(np.count_nonzero(np.isfinite(one.values)) for one in stretches)
+    return events.modes.misfit + added * np.log(samples)
+
+
+def _parted(
+    recordings: list[Recording], events: Eventful, channels: Channels
+) -> tuple[list[Recording], list[Finding]]:
+    """The recordings between events, and what happened in these."""
+    found, findings = [], []
+    begins = dict.fromkeys(events.origins, 0)
+    for k, (part, origin) in enumerate(zip(events.stretches, events.origins, strict=True)):
+        begin, recording = begins[origin], recordings[origin]
+        if begin:
+            before = (
+                recording.time[begin] - recording.time[begin - len(events.stretches[k - 1].time)]
+            )
+            time = float(recording.time[begin])
+            finding = _happened(events.modes, k, float(before), time, channels)
+            findings.append(replace(finding, recording=origin))
+        found.append(recording[begin : begin + len(part.time)])
+        begins[origin] = begin + len(part.time)
+    return found, findings
+
+
+def _happened(
+    modes: DampedModes, k: int, elapsed: float, time: float, channels: Channels
+) -> Finding:
+    """What happened between the stretches k - 1 and k, `elapsed` s after the begin of the first."""
+    place = int(np.argmax(np.abs(modes.amplitudes[k]).max(axis=1)))
+    was = modes.amplitudes[k - 1] * np.exp(modes.poles * elapsed)[:, np.newaxis]
+    now = modes.amplitudes[k]
+    channel = strongest_channel(modes, k, place)
+    share = abs(now[place, channel] - was[place, channel]) / abs(was[place, channel])
+    offset = modes.offsets[k] - modes.offsets[k - 1]
+    error = np.hypot(modes.offset_errors[k], modes.offset_errors[k - 1])
+    with np.errstate(invalid="ignore"):
+        moved = np.flatnonzero(np.abs(offset) > SIGNIFICANT * error)
+    if moved.size:
+        c = int(moved[np.argmax(np.abs(offset[moved]) / error[moved])])
+        data = {"time_s": time, "change": float(offset[c])}
+        return Finding(Code.FORCE_STEPPED, Severity.NOTE, channels.names[c], data)
+    data = {"time_s": time, "share": float(share)}
+    return Finding(Code.KNOCKED, Severity.NOTE, channels.names[channel], data)

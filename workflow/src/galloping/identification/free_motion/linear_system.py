@@ -1,0 +1,98 @@
+"""The linear system that has given modes: its stiffness and damping, with their covariance.
+
+As many modes as coordinates, with their shapes in the channels, make the equations of all
+velocities: dx/dt = A x has the modes as eigenvectors.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from galloping.identification.free_motion.damped_modes import DampedModes, Stretch
+from galloping.identification.model import Unusable
+from galloping.identification.random_forces.channels import Channels
+
+MAX_CONDITION = 1e6  # of the modes' vectors: shapes that are more alike tell no system
+STEP = 1e-3  # of finite differences, in standard errors
+
+
+def linear_system(channels: Channels, poles: np.ndarray, shapes: np.ndarray) -> np.ndarray:
+    """Find the system that has some modes.
+
+    Parameters
+    ----------
+    channels : Channels
+        With n_coordinates coordinates.
+    poles : (n_coordinates,) complex array
+        1/s.
+    shapes : (n_channels, n_coordinates) complex array
+        Of each mode in the channels, in any unit.
+
+    Returns
+    -------
+    (n_states, n_states) array
+
+    Raises
+    ------
+    Unusable
+        If a coordinate is in no channel, or the shapes are too much alike.
+    """
+    pairs = channels.pairs
+    moved = np.array([channels.displacement(i, poles, shapes) for i in pairs])
+    both, moved = np.append(poles, poles.conj()), np.hstack([moved, moved.conj()])
+    basis = np.vstack([moved, moved * both])
+    unit = np.abs(both).mean()
+    scaled = np.vstack([moved, moved * both / unit])
+    if not np.linalg.cond(scaled / np.linalg.norm(scaled, axis=0)) < MAX_CONDITION:
+        raise Unusable("the modes' shapes are too much alike to tell a system")
+    system = np.zeros((2 * len(pairs),) * 2)
+    order = [*pairs, *pairs.values()]
+    system[np.ix_(order, order)] = (basis * both @ np.linalg.inv(basis)).real
+    system[list(pairs)] = 0.0
+    system[list(pairs), list(pairs.values())] = 1.0
+    return system
+
+
+def with_covariance(
+    channels: Channels,
+    stretches: Sequence[Stretch],
+    modes: DampedModes,
+    own: Sequence[int],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find the system that has some of the modes fitted to stretches, and its covariance.
+
+    Parameters
+    ----------
+    channels : Channels
+    stretches : sequence of Stretch
+    modes : DampedModes
+    own : sequence of int
+        Places of n_coordinates modes.
+
+    Returns
+    -------
+    (n_states, n_states) array
+    (n_states^2, n_states^2) array
+        Covariance of its entries, row by row.
+    """
+    places = list(own)
+    index = int(np.argmax([np.linalg.norm(each[places]) for each in modes.amplitudes]))
+    covariance = modes.amplitude_covariance(stretches[index], index, places)
+    n, many = len(places), modes.amplitudes[index].shape[1]
+
+    def system(parameters: np.ndarray) -> np.ndarray:
+        growths, frequencies, *parts = np.split(parameters, [n, 2 * n, n * (2 + many)])
+        shapes = (parts[0] + 1j * parts[1]).reshape(n, many).T
+        return linear_system(channels, growths + 1j * frequencies, shapes)
+
+    amplitudes = modes.amplitudes[index][places].ravel()
+    poles = modes.poles[places]
+    best = np.concatenate([poles.real, poles.imag, amplitudes.real, amplitudes.imag])
+    errors = np.sqrt(np.diag(covariance))
+    slopes = np.zeros((len(best), 4 * n * n))
+    for k in np.flatnonzero(errors > 0.0):
+        step = np.zeros(len(best))
+        step[k] = STEP * errors[k]
+        change = system(best + step) - system(best - step)
+        slopes[k] = change.ravel() / (2.0 * step[k])
+    return system(best), slopes.T @ covariance @ slopes

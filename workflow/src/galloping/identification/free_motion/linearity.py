@@ -1,0 +1,209 @@
+"""Which damped sinusoids are modes, and whether the motion that they make is linear.
+
+A motion that is not linear is followed by damped sinusoids as well, to some extent: by several of
+about the same frequency, and by harmonics. They are told from modes here.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import chdtri
+
+from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
+from galloping.identification.free_motion.mode_search import FALSE_ALARM_RATE, is_close, is_part_of
+
+# Change of the logarithm of an amplitude over a recording, below which an oscillation is steady,
+# and periods that it then lasts: a damping of 0.02 % of critical changes it more.
+MAX_STEADY_CHANGE, MIN_STEADY_PERIODS = 0.02, 20.0
+# Share of a steady oscillation that one of the same frequency beside it has at first, where a force
+# makes both: of a limit cycle so far off the approach is no exponential.
+MIN_TRANSIENT = 0.5
+HARMONIC = 2  # of motion on which a quadratic stiffness acts: cubic terms show in the motion itself
+MAX_HARMONIC = 5  # of a limit cycle
+MAX_DAMPING_BESIDE = 0.1  # ratio of a mode that is told beside one that is no exponential
+SIGNIFICANT = 4.0  # standard errors
+
+
+def resolved_modes(stretches: Sequence[Stretch], modes: DampedModes, is_noise: bool) -> list[int]:
+    """Find the modes that differ in frequency from those with more energy.
+
+    What differs from a mode in its growth alone shows that the motion is not linear; but a steady
+    oscillation and a large one that decays are a force and what it sets off.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    modes : DampedModes
+        Fitted to them.
+    is_noise : bool
+        Whether they leave noise.
+
+    Returns
+    -------
+    list of int
+        Places of the modes, that with most energy first.
+    """
+    kept: list[int] = []
+    longest = max(one.duration for one in stretches)
+    for k in np.argsort(-energies(stretches, modes)):
+        blurred = [j for j in kept if _is_unresolved(modes, int(k), j, longest)]
+        if not blurred or (is_noise and _is_transient(stretches, modes, int(k), blurred)):
+            kept.append(int(k))
+    return kept
+
+
+def _is_unresolved(modes: DampedModes, k: int, j: int, longest: float) -> bool:
+    one, other = modes.poles[[k, j]]
+    width = max(np.pi / longest, 0.5 * (abs(one.real) + abs(other.real)))
+    return abs(one.imag - other.imag) < width
+
+
+def _is_transient(stretches: list[Stretch], modes: DampedModes, k: int, blurred: list[int]) -> bool:
+    """Whether a mode and one of the same frequency are a steady oscillation and its transient."""
+    if len(blurred) != 1:
+        return False
+    pair = [k, *blurred]
+    steady = [each for each in pair if is_steady(stretches, modes, each)]
+    if len(steady) != 1:
+        return False
+    (dying,) = set(pair) - set(steady)
+    sizes = [np.linalg.norm(modes.amplitudes[0][each]) for each in (dying, *steady)]
+    return modes.poles[dying].real < 0.0 and sizes[0] > MIN_TRANSIENT * sizes[1]
+
+
+def has_linear_modes(
+    stretches: Sequence[Stretch], modes: DampedModes, order: Sequence[int]
+) -> bool:
+    """Tell whether modes that leave noise are those of linear motion.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    modes : DampedModes
+        Fitted to them.
+    order : sequence of int
+        Those that are resolved, that with most energy first.
+    """
+    own = [k for k in order if not is_steady(stretches, modes, k)]
+    return len(order) == len(modes.poles) and not (
+        own and (_has_opposed(modes, own) or _depends_on_amplitude(stretches, modes, own[0]))
+    )
+
+
+def may_be_one(stretches: Sequence[Stretch], modes: DampedModes, order: Sequence[int]) -> bool:
+    """Whether modes may be parts of one motion that is not linear: one of about the frequency of
+    the strongest, or what a quadratic term makes of it.
+    """
+    own = [k for k in order if not is_steady(stretches, modes, k)]
+    return any(
+        is_close(modes.poles[k], modes.poles[own[0]]) or _is_multiple(modes, k, own[0], HARMONIC)
+        for k in own[1:]
+    )
+
+
+def is_cycle(modes: DampedModes, order: Sequence[int]) -> bool:
+    """Whether one of some modes is a harmonic of the first, a steady one, as in a limit cycle."""
+    times = range(2, MAX_HARMONIC + 1)
+    return any(_is_multiple(modes, k, order[0], n) for k in order[1:] for n in times)
+
+
+def is_steady(stretches: Sequence[Stretch], modes: DampedModes, k: int) -> bool:
+    """Whether a mode neither grows nor decays."""
+    longest = max(one.duration for one in stretches)
+    turns = modes.poles[k].imag * longest / (2.0 * np.pi)
+    change = abs(modes.poles[k].real) * longest, 2.0 * modes.growth_errors[k] * longest
+    return turns > MIN_STEADY_PERIODS and max(change) < MAX_STEADY_CHANGE
+
+
+def _has_opposed(modes: DampedModes, own: Sequence[int]) -> bool:
+    """Whether a mode of about the frequency of the first of some grows where that decays, or
+    decays where that grows.
+    """
+    main = modes.poles[own[0]]
+    opposed = modes.poles.real * np.sign(main.real) < -SIGNIFICANT * modes.growth_errors
+    return bool(np.any((opposed & is_close(modes.poles, main))[own]))
+
+
+def _is_multiple(modes: DampedModes, k: int, main: int, times: int) -> bool:
+    """Whether a mode is so many times as fast as another, and grows or decays so much faster."""
+    off = modes.poles[k] - times * modes.poles[main]
+    allowed_growth = SIGNIFICANT * modes.growth_errors[k] + 0.2 * abs(modes.poles[main].real)
+    allowed = SIGNIFICANT * modes.frequency_errors[k]
+    return abs(off.real) <= allowed_growth and abs(off.imag) <= allowed
+
+
+def _depends_on_amplitude(stretches: Sequence[Stretch], modes: DampedModes, main: int) -> bool:
+    """Whether the residual of a mode holds what is left by a damping or a frequency that depends on
+    its amplitude: exponentials of its frequency and of another decay, by perturbation of second and
+    third order, and of dry friction.
+    """
+    pole, gains, freedom = modes.poles[main], np.zeros(3), 0
+    for index, stretch in enumerate(stretches):
+        origin = np.where(modes.poles.real > 0.0, stretch.duration, 0.0)
+        waves = np.exp(modes.poles * (stretch.time[:, np.newaxis] - origin))
+        moved = stretch.time[:, np.newaxis] / stretch.duration * waves[:, [main]]
+        columns = np.hstack([waves, moved])
+        known_columns = np.hstack([columns.real, columns.imag, np.ones((len(waves), 1))])
+        for c in np.flatnonzero(np.isfinite(modes.noise[index])):
+            known = np.isfinite(modes.residuals[index][:, c])
+            q, _ = np.linalg.qr(known_columns[known])
+            left = modes.residuals[index][known, c]
+            freedom += 2
+            for n, growth in enumerate((0.0, 2.0 * pole.real, 3.0 * pole.real)):
+                start = stretch.duration if growth > 0.0 else 0.0
+                time = stretch.time[known] - start
+                wave = np.exp(growth * time + 1j * pole.imag * stretch.time[known])
+                further = np.column_stack([wave.real, wave.imag])
+                further -= q @ (q.T @ further)
+                basis, triangle = np.linalg.qr(further)
+                if np.abs(np.diag(triangle)).min() < 1e-6 * np.linalg.norm(wave):
+                    continue
+                gains[n] += np.sum((basis.T @ left) ** 2) / modes.noise[index, c] ** 2
+    return bool(gains.max() > chdtri(max(freedom, 1), FALSE_ALARM_RATE / len(gains)))
+
+
+def main_and_beside(stretches: list[Stretch], modes: DampedModes, order: list[int]) -> DampedModes:
+    """One exponential for a main mode that is none, and the modes that are plainly others."""
+    main = order[0]
+    beside = [k for k in order[1:] if _is_beside(modes, k, main)]
+    less = [
+        replace(one, values=one.values - modes.motion(beside, index, one.time))
+        for index, one in enumerate(stretches)
+    ]
+    alone = fit_poles(less, modes.poles[[main]])
+    places = [n * len(modes.poles) + k for n in (0, 1) for k in beside]
+    covariance = np.zeros((2 * len(beside) + 2,) * 2)
+    own = [0, len(beside) + 1]
+    covariance[np.ix_(own, own)] = alone.covariance
+    others = np.setdiff1d(np.arange(len(covariance)), own)
+    covariance[np.ix_(others, others)] = modes.covariance[np.ix_(places, places)]
+    pairs = zip(alone.amplitudes, modes.amplitudes, strict=True)
+    return replace(
+        alone,
+        poles=np.append(alone.poles, modes.poles[beside]),
+        covariance=covariance,
+        amplitudes=[np.vstack([own, every[beside]]) for own, every in pairs],
+    )
+
+
+def _is_beside(modes: DampedModes, k: int, main: int) -> bool:
+    """Whether a mode is one besides a main mode that is no exponential, and not a part of it."""
+    pole = modes.poles[k]
+    opposed = np.sign(pole.real) != np.sign(modes.poles[main].real)
+    is_steady = abs(pole.real) < SIGNIFICANT * modes.growth_errors[k]
+    is_told = modes.growth_errors[k] < MAX_DAMPING_BESIDE * abs(pole)
+    is_told &= abs(pole.real) < MAX_DAMPING_BESIDE * abs(pole)
+    motion = modes.poles[[main, *np.flatnonzero(is_close(modes.poles, modes.poles[main]))]]
+    is_other = not is_part_of(modes.poles[[k]], motion)[0]
+    return is_told and is_other and (is_steady or not opposed)
+
+
+def energies(stretches: list[Stretch], modes: DampedModes) -> np.ndarray:
+    """(n_modes,) squares of each mode over the noise."""
+    found = np.zeros(len(modes.poles))
+    for index, stretch in enumerate(stretches):
+        for k in range(len(found)):
+            own = modes.motion([k], index, stretch.time) / modes.noise[index]
+            found[k] += np.nansum(own**2)
+    return found

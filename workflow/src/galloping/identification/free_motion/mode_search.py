@@ -1,0 +1,298 @@
+"""Find how many damped sinusoids motion holds, and where they are.
+
+Modes are added one by one, where an exponentially windowed periodogram of the residual, a filter
+matched to a damped sinusoid, exceeds the noise.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import gammainccinv
+
+from galloping.identification.free_motion.damped_modes import (
+    MIN_SAMPLES,
+    ROUNDING,
+    DampedModes,
+    Stretch,
+    fit_poles,
+)
+from galloping.identification.model import Unusable
+from galloping.identification.work import spend
+
+MAX_MODES = 8
+# Modes within a share of the frequency of the first: more are no modes, but parts of a motion that
+# is not exponential.
+MAX_CLOSE, CLOSE = 2, 0.3
+# Share of the power of a channel that free motion has beyond so many modes, or three such parts.
+MAX_LEFT, MANY_MODES = 0.2, 4
+# How far a harmonic is from a multiple of that frequency, in shares of it, and of its spread.
+HARMONIC = 0.003, 1.5
+FALSE_ALARM_RATE = 1e-3  # of a mode that is not there, over all frequencies and decays of a search
+MAX_DAMPING = 0.3  # ratio of a mode that oscillates
+WINDOW_RATIO = 2.0  # between the decays of two windows: a mode between them keeps 97 % of its power
+MIN_PERIODS = 2.0  # of the longest stretch: what is slower is a drift
+MAX_FREQUENCY = 0.98  # of half the sampling rate
+# Bins of a periodogram whose median is the noise around a frequency, and around slow ones, where
+# drifts are steep.
+NOISE_BINS, SLOW_BINS = 129, 17
+COLOURED = 1.6  # ratio of that noise to white noise, which chance makes once in a thousand
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A damped sinusoid that a residual may hold.
+
+    Parameters
+    ----------
+    pole : complex
+        A first guess.
+    power : float
+        Of the matched filter, in units of that of the noise, summed over channels and stretches.
+    allowed : float
+        Power that noise exceeds at a rate of FALSE_ALARM_RATE.
+    """
+
+    pole: complex
+    power: float
+    allowed: float
+
+    @property
+    def stands_out(self) -> bool:
+        """Whether there is more than noise."""
+        return self.power > self.allowed
+
+
+def strongest_mode(
+    stretches: Sequence[Stretch],
+    residuals: Sequence[np.ndarray],
+    poles: np.ndarray | None = None,
+    apart: np.ndarray | None = None,
+    band: tuple[float, float] = (0.0, np.inf),
+) -> Candidate:
+    """Find the damped sinusoid that most likely is in residuals.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    residuals : sequence of (n, n_channels) arrays
+        NaN where missing.
+    poles : (n,) complex array, optional
+        Of modes that are taken off already, the strongest first. The spectrum of the noise then is
+        taken from the residuals, not too near to them. By default the noise counts as white.
+    apart : (n,) complex array, optional
+        Poles of one motion that is no exponential, of which the mode must not be a part.
+    band : (float, float)
+        Frequencies, rad/s, between which the mode must be.
+    """
+    step = min(one.step for one in stretches)
+    longest = max(one.duration for one in stretches)
+    size = 2 ** int(np.ceil(np.log2(2.0 * longest / step + 2.0)))
+    omega = 2.0 * np.pi * np.fft.rfftfreq(size, step)
+    most = np.log2(max(MAX_DAMPING * omega[-1] * longest, 2.0))
+    decays = np.append(0.0, WINDOW_RATIO ** np.arange(0.0, most) / longest)
+    windows = np.append(decays, -decays[1:])
+    powers, excess = np.zeros((2, len(windows), len(omega)))
+    omitted = _near_modes(omega, poles, 2.0 * np.pi / longest)
+    series = 0
+    for stretch, residual in zip(stretches, residuals, strict=True):
+        place = np.round(stretch.time / step).astype(int)
+        for column, motion in zip(residual.T, stretch.sizes, strict=True):
+            known = np.isfinite(column)
+            if np.count_nonzero(known) < MIN_SAMPLES:
+                continue
+            time, values = stretch.time[known], column[known]
+            variance = np.mean(values**2)
+            if variance <= (ROUNDING * motion) ** 2:
+                continue
+            series += 1
+            level = np.ones(len(omega))
+            for k, decay in enumerate(windows):
+                weight = np.exp(-abs(decay) * (time if decay >= 0.0 else time[-1] - time))
+                grid = np.bincount(place[known], weight * values, size)
+                power = np.abs(np.fft.rfft(grid, size)) ** 2 / (np.sum(weight**2) * variance)
+                if poles is not None:  # also noise that leaks far where a window is short
+                    wider = 1.0 + abs(decay) * stretch.duration / np.pi
+                    of_bins = wider * size / (place[-1] + 1), omitted, k == 0
+                    level = np.maximum(level, noise_level(power, *of_bins))
+                powers[k] += power
+                excess[k] += power / level
+            spend(2e-8 * len(windows) * size)
+    is_told = np.abs(windows)[:, np.newaxis] < MAX_DAMPING * omega
+    slowest, fastest = 2.0 * np.pi * MIN_PERIODS / longest, MAX_FREQUENCY * omega[-1]
+    is_told &= (omega > max(slowest, band[0])) & (omega < min(fastest, band[1]))
+    if apart is not None:
+        is_told &= ~is_part_of(1j * omega, apart)
+    if not series or not is_told.any():
+        return Candidate(0j, 0.0, np.inf)
+    looks = len(windows) * longest / step / 2.0
+    allowed = float(gammainccinv(series, FALSE_ALARM_RATE / looks))
+    excess = np.where(is_told, excess, 0.0)
+    # leakage of a strong mode exceeds the noise elsewhere, but not the mode itself
+    powers = np.where(excess >= min(allowed, excess.max()), powers, 0.0)
+    k, bin_ = np.unravel_index(np.argmax(powers), powers.shape)
+    return Candidate(complex(-windows[k], omega[bin_]), float(excess[k, bin_]), allowed)
+
+
+def _near_modes(omega: np.ndarray, poles: np.ndarray | None, resolution: float) -> np.ndarray:
+    """(n,) which frequencies, rad/s, are so near to modes that what is left of these is there."""
+    near = np.zeros(len(omega), bool)
+    for k, pole in enumerate(() if poles is None else poles):
+        width = max(5.0 * abs(pole.real), 3.0 * resolution, CLOSE * pole.imag if k == 0 else 0.0)
+        near |= np.abs(omega - pole.imag) < width
+    return near
+
+
+def noise_level(
+    power: np.ndarray, oversampled: float, omitted: np.ndarray, drifts: bool = True
+) -> np.ndarray:
+    """Estimate the power of noise about each frequency of a periodogram.
+
+    Parameters
+    ----------
+    power : (n,) array
+    oversampled : float
+        Bins of the periodogram in one of its resolution.
+    omitted : (n,) boolean array
+        Bins over which the level is interpolated.
+    drifts : bool
+        Whether slow bins are told closer to each other.
+
+    Returns
+    -------
+    (n,) array
+        No less than the median over all frequencies tells.
+    """
+    first = int(oversampled) + 1  # slower is what a constant takes
+    kept = np.flatnonzero(~omitted)
+    kept = kept[kept >= first]
+    if not len(kept):
+        return np.full(len(power), np.median(power) / np.log(2.0))
+    own = power[kept]
+    white = np.median(own) / np.log(2.0)
+    places, levels, begin = [], [], 0
+    slow = [(SLOW_BINS, NOISE_BINS * oversampled)] if drifts else []
+    for bins, until in (*slow, (NOISE_BINS, len(power))):
+        width = max(int(bins * oversampled), 1)
+        count = (int(np.searchsorted(kept, until)) - begin) // width
+        if count > 0:
+            rows = slice(begin, begin + count * width)
+            places += kept[rows].reshape(count, width).mean(axis=1).tolist()
+            levels += np.median(own[rows].reshape(count, width), axis=1).tolist()
+            begin = rows.stop
+    if not levels:
+        return np.full(len(power), white)
+    level = np.interp(np.arange(len(power)), places, levels) / np.log(2.0)
+    return np.maximum(level, white)
+
+
+def fit_modes(
+    stretches: Sequence[Stretch], may_go_on: Callable[[DampedModes], bool] = lambda _: True
+) -> tuple[DampedModes | None, bool]:
+    """Fit as many damped sinusoids as stand out of the noise, the strongest first.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    may_go_on : callable
+        Whether further modes are looked for where more than MAX_CLOSE are close to the first one.
+
+    Returns
+    -------
+    DampedModes or None
+        None if nothing oscillates, or if the motion is plainly not free.
+    bool
+        Whether the residuals are noise, without another mode. Where too many modes are close to the
+        first one, others are still looked for.
+    """
+    found: DampedModes | None = None
+    left, apart = [_centred(one.values) for one in stretches], None
+    for count in range(MAX_MODES + 1):
+        best = strongest_mode(stretches, left, found.poles if found else None, apart)
+        if not best.stands_out:
+            whole = _with_noise_about(stretches, found) if found else None
+            return whole, apart is None
+        if count == MAX_MODES:
+            break
+        start = np.append(found.poles if found else [], best.pole)
+        try:
+            found = fit_poles(stretches, start)
+        except (Unusable, np.linalg.LinAlgError):
+            break
+        left = found.residuals
+        is_spread = np.count_nonzero(is_close(found.poles, found.poles[0])) > MAX_CLOSE
+        if (is_spread or count + 1 > MANY_MODES) and share_left(stretches, found) > MAX_LEFT:
+            return None, False
+        if is_spread:
+            apart = found.poles
+            if not may_go_on(found):
+                break
+    return found, False
+
+
+def share_left(stretches: Sequence[Stretch], found: DampedModes) -> float:
+    """Largest share of the power of a channel that modes leave."""
+    shares = [
+        np.nanmax(found.noise[index][one.sizes > 0.0] / one.sizes[one.sizes > 0.0])
+        for index, one in enumerate(stretches)
+    ]
+    return float(max(shares)) ** 2
+
+
+def is_close(poles: np.ndarray, pole: complex) -> np.ndarray:
+    """(n,) whether poles (n,) are of about the frequency of one of them."""
+    return np.abs(poles.imag / pole.imag - 1.0) < CLOSE
+
+
+def is_part_of(poles: np.ndarray, motion: np.ndarray) -> np.ndarray:
+    """Tell which modes are parts of a motion that is no exponential.
+
+    Parameters
+    ----------
+    poles : (n,) complex array
+    motion : (n_parts,) complex array
+        Poles of the motion, the strongest first, over whose frequencies its own is spread.
+
+    Returns
+    -------
+    (n,) boolean array
+        Whether they are of about its frequency, or of a multiple, as its harmonics are.
+    """
+    main = motion[0]
+    spread = np.abs(motion[is_close(motion, main)].imag / main.imag - 1.0).max()
+    ratio = poles.imag / main.imag
+    times = np.maximum(np.round(ratio), 1.0)
+    within = np.where(times > 1.0, HARMONIC[0] + HARMONIC[1] * spread, CLOSE)
+    return np.abs(ratio / times - 1.0) < within
+
+
+def _centred(values: np.ndarray) -> np.ndarray:
+    known = np.isfinite(values)
+    count = np.maximum(known.sum(axis=0), 1)
+    return values - np.where(known, values, 0.0).sum(axis=0) / count
+
+
+def _with_noise_about(stretches: Sequence[Stretch], found: DampedModes) -> DampedModes:
+    """With the errors that the noise at the frequency of each mode makes, where it is coloured."""
+    ratios = np.zeros(len(found.poles))
+    weights = np.zeros(len(found.poles))
+    for r, (stretch, residual) in enumerate(zip(stretches, found.residuals, strict=True)):
+        size = 2 ** int(np.ceil(np.log2(2.0 * stretch.duration / stretch.step + 2.0)))
+        place = np.round(stretch.time / stretch.step).astype(int)
+        for c in np.flatnonzero(np.isfinite(found.noise[r])):
+            column = np.nan_to_num(residual[:, c])
+            power = np.abs(np.fft.rfft(np.bincount(place, column, size), size)) ** 2
+            mean = np.sum(column**2)
+            if mean <= 0.0:
+                continue
+            omega = 2.0 * np.pi * np.fft.rfftfreq(size, stretch.step)
+            omitted = _near_modes(omega, found.poles, 2.0 * np.pi / stretch.duration)
+            level = noise_level(power, size / (place[-1] + 1), omitted) / mean
+            bins = found.poles.imag * stretch.step * size / (2.0 * np.pi)
+            weight = np.abs(found.amplitudes[r][:, c] / found.noise[r, c]) ** 2
+            ratios += weight * level[bins.astype(int)]
+            weights += weight
+    ratios = ratios / np.maximum(weights, np.finfo(float).tiny)
+    ratios = np.where((ratios > COLOURED) | (ratios < 1.0 / COLOURED), ratios, 1.0)
+    scale = np.tile(np.sqrt(ratios), 2)
+    return replace(found, covariance=found.covariance * np.outer(scale, scale))

@@ -1,0 +1,323 @@
+"""Find where motion begins out of rest, and where it has come to rest.
+
+Rest is judged in units of the recording itself: a channel is at rest where it varies, over a period
+of the motion, much less than it does over the period that follows, or where nothing stands out of
+the noise until the end. Rest is no fault of a sensor, and says nothing of the damping.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import minimum_filter1d
+
+from galloping.arrays import one_thread
+from galloping.identification.findings import Code, Finding, Severity
+from galloping.identification.free_motion.damped_modes import Stretch
+from galloping.identification.free_motion.mode_search import strongest_mode
+from galloping.polynomial import velocity_pairs
+from galloping.recording import Recording
+
+# Share of the motion that follows, below which a stretch is at rest. Growth at 3 % of critical
+# leaves 0.8 from one period to the next.
+MAX_REST = 0.2
+SMALL = 0.05  # the same of a motion that counts as rest beside what follows
+MIN_WINDOW = 8  # samples in which a size is taken
+WINDOWS = (1.0, 0.25)  # periods in which the size before and after a release is compared
+MIN_PAUSE = 2.0  # periods of a rest between two motions
+FOLLOWING = 1.5  # periods after a release, in which the motion nowhere pauses
+MIN_PERIODS = 1.5  # of a stretch of motion
+OUT_OF_REST = 5.0  # standard deviations of the rest, at which motion begins
+# Times what the two periods after it let expect of the first one, which a blow's own acceleration
+# reaches, and the most that motion falls from one period to the next.
+SPIKE, MAX_FALL = 1.25, 3.0
+MIN_TAIL = 2.0  # periods of rest at the end
+TAILS = (1.0, 0.8, 0.6, 0.4, 0.2)  # shares of what may be rest at the end, the longest first
+TINY = np.finfo(float).tiny
+COARSE = 5.0  # steps of a sensor, from the lowest to the highest sample, that show no motion
+SMOOTH = 1.0  # ratio of the squared differences to the variance: 2 of white noise
+
+
+@dataclass(frozen=True)
+class MovingPart:
+    """Samples of a recording in which it moves.
+
+    Parameters
+    ----------
+    rows : slice
+    rested_from : int or None
+        First sample of the rest before, None if there is none.
+    rests_until : int or None
+        Last sample of the rest after, None if there is none.
+    """
+
+    rows: slice
+    rested_from: int | None = None
+    rests_until: int | None = None
+
+
+@one_thread
+def moving_parts(time: np.ndarray, values: np.ndarray) -> list[MovingPart]:
+    """Find the parts of a recording between rests.
+
+    Parameters
+    ----------
+    time : (n,) array
+        In s, increasing.
+    values : (n, n_channels) array
+        NaN where missing.
+
+    Returns
+    -------
+    list of MovingPart
+        The whole recording if it never rests, or if all of it does.
+    """
+    whole = [MovingPart(slice(0, len(time)))]
+    columns = _filled(time, values)
+    period = _period(columns)
+    if not len(columns) or not np.isfinite(period) or len(time) < 4 * max(period, MIN_WINDOW):
+        return whole
+    onsets = _onsets(columns, period)
+    edges = [*(onset.at for onset in onsets), len(time)]
+    parts = []
+    if not onsets or onsets[0].rested_from > 0:
+        first = slice(0, onsets[0].rested_from if onsets else len(time))
+        parts.append(_without_tail(columns, MovingPart(first), period, edges[0]))
+    for onset, end in zip(onsets, edges[1:], strict=True):
+        begin = onset.at + _spike(columns[:, onset.at : end], period)
+        part = MovingPart(slice(begin, end), rested_from=onset.rested_from)
+        parts.append(_without_tail(columns, part, period, end))
+    long = [part for part in parts if part.rows.stop - part.rows.start >= MIN_PERIODS * period]
+    return long or whole
+
+
+def moving_samples(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, list[Finding]]:
+    """Find the samples of a recording in which it moves.
+
+    Parameters
+    ----------
+    time : (n,) array
+        In s, increasing.
+    values : (n, n_channels) array
+        NaN where missing.
+
+    Returns
+    -------
+    (n,) boolean array
+    list of Finding
+        Where motion begins and ends.
+    """
+    moves, findings = np.zeros(len(time), bool), []
+    for part in moving_parts(time, values):
+        moves[part.rows] = True
+        findings += _findings(time, part, 0)
+    return moves, findings
+
+
+@dataclass(frozen=True)
+class Moving:
+    """Recordings without the rest before and after their motion.
+
+    Parameters
+    ----------
+    recordings : list of Recording
+        One for each stretch of motion.
+    origins : list of int
+        Index of the recording that each of them comes from.
+    findings : tuple of Finding
+        Where motion begins and ends.
+    """
+
+    recordings: list[Recording]
+    origins: list[int]
+    findings: tuple[Finding, ...]
+
+
+def moving_recordings(recordings: Sequence[Recording]) -> Moving:
+    """Leave out the rest before and after the motion of recordings.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Those of systems without a velocity, those with inputs and those of exact states stay as
+        they are.
+    """
+    found: list[Recording] = []
+    origins: list[int] = []
+    findings: list[Finding] = []
+    for index, recording in enumerate(recordings):
+        whole = [MovingPart(slice(0, len(recording.time)))]
+        if not (recording.inputs or recording.exact) and velocity_pairs(recording.states):
+            rates = [] if recording.rates is None else [recording.rates]
+            whole = moving_parts(recording.time, np.hstack([recording.values, *rates]))
+        for part in whole:
+            is_whole = part.rows.stop - part.rows.start == len(recording.time)
+            found.append(recording if is_whole else recording[part.rows])
+            origins.append(index)
+            findings += _findings(recording.time, part, index)
+    return Moving(found, origins, tuple(findings))
+
+
+def _findings(time: np.ndarray, part: MovingPart, index: int) -> Iterator[Finding]:
+    begin, end = float(time[part.rows.start]), float(time[part.rows.stop - 1])
+    if part.rested_from is not None:
+        data = {"from_s": float(time[part.rested_from]), "time_s": begin}
+        yield Finding(Code.RELEASED, Severity.NOTE, data=data, recording=index)
+    if part.rests_until is not None:
+        data = {"time_s": end, "until_s": float(time[part.rests_until])}
+        yield Finding(Code.CAME_TO_REST, Severity.NOTE, data=data, recording=index)
+
+
+def _filled(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """(n_varying, n) channels that vary, straight over what is missing."""
+    found = []
+    for column in values.T:
+        known = np.isfinite(column)
+        if np.count_nonzero(known) >= MIN_WINDOW and np.ptp(column[known]) > 0.0:
+            found.append(np.interp(time, time[known], column[known]))
+    return np.array(found).reshape(-1, len(time))
+
+
+def _period(columns: np.ndarray) -> float:
+    """Samples in a period of the largest velocity, infinite without one."""
+    power = np.zeros(columns.shape[1] // 2)
+    for column in columns:
+        own = np.abs(np.fft.rfft(np.diff(column)))[: len(power)] ** 2
+        power += own / max(own.sum(), np.finfo(float).tiny)
+    if len(power) <= 2 or not power[2:].any():
+        return np.inf
+    return columns.shape[1] / (2.0 + np.argmax(power[2:]))
+
+
+def _deviations(columns: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
+    """(n_channels, n - length + 1) standard deviations in the windows from each sample on, and
+    whether what varies there is smooth.
+    """
+    centred = columns - columns.mean(axis=1, keepdims=True)
+    mean = _sums(centred, length) / length
+    deviation = np.sqrt(np.maximum(_sums(centred**2, length) / length - mean**2, 0.0))
+    squares = _sums(np.diff(columns, axis=1) ** 2, length - 1) / (length - 1)
+    return deviation, squares < SMOOTH * deviation**2
+
+
+def _sums(columns: np.ndarray, length: int) -> np.ndarray:
+    """(n_channels, n - length + 1) sums over the windows from each sample on."""
+    total = np.pad(np.cumsum(columns, axis=1), ((0, 0), (1, 0)))
+    return total[:, length:] - total[:, :-length]
+
+
+@dataclass(frozen=True)
+class _Onset:
+    """rested_from, at: first samples of the rest and of the motion."""
+
+    rested_from: int
+    at: int
+
+
+def _onsets(columns: np.ndarray, period: float) -> list[_Onset]:
+    """Where motion begins out of rest, in order of time."""
+    found: list[_Onset] = []
+    resolution = _resolution(columns)
+    for length in sorted({max(int(share * period), MIN_WINDOW) for share in WINDOWS})[::-1]:
+        deviation, is_smooth = _deviations(columns, length)
+        span = int(FOLLOWING * period)
+        if deviation.shape[1] <= length + span:
+            continue
+        following = minimum_filter1d(deviation, span, axis=1, origin=-(span // 2))
+        following = following[:, length : deviation.shape[1] - span + 1]
+        before = deviation[:, : following.shape[1]]
+        starts = np.maximum(before, resolution) <= MAX_REST * following
+        low, usual, high = np.quantile(deviation, (0.01, 0.9, 0.99), axis=1)[:, :, np.newaxis]
+        moves = is_smooth[:, : following.shape[1]] | (low < MAX_REST * high)  # and no mere noise
+        moves &= before > MAX_REST * usual
+        is_onset = np.any(starts, axis=0) & ~np.any(moves & ~starts, axis=0)
+        if length < int(period):  # of few samples, which may be alike by chance
+            is_onset[int(period) :] = False
+        ends = np.flatnonzero(is_onset & ~np.append(is_onset[1:], False))
+        for last in map(int, ends):
+            least = 2.0 * deviation[:, last]
+            still_from = _rest_begin(deviation, last, least, length)
+            least = np.maximum(least, MAX_REST / 2.0 * deviation.max(axis=1))
+            rested_from = _rest_begin(deviation, last, least, length)
+            if rested_from and last - still_from < MIN_PAUSE * period:
+                continue  # a node of beats
+            rest = slice(rested_from, last + max(length // 2, 4))
+            level = deviation[:, last] / np.maximum(following[:, last], TINY)
+            if np.all(level[starts[:, last]] > SMALL) and not _is_still(columns[:, rest]):
+                continue  # a smaller motion
+            at = _departure(columns[starts[:, last]], rest, length)
+            if all(abs(at - other.at) > span for other in found):
+                found.append(_Onset(rested_from, at))
+    return sorted(found, key=lambda onset: onset.at)
+
+
+def _resolution(columns: np.ndarray) -> np.ndarray:
+    """(n_channels, 1) the smallest difference between two values of each channel."""
+    return np.array([[np.diff(np.unique(column)).min()] for column in columns])
+
+
+def _departure(columns: np.ndarray, rest: slice, length: int) -> int:
+    """The first sample out of a rest, whose end may lie up to `length` samples later."""
+    still = columns[:, rest]
+    middle = still.mean(axis=1, keepdims=True)
+    least = np.maximum(OUT_OF_REST * still.std(axis=1), 1.5 * np.abs(still - middle).max(axis=1))
+    away = np.abs(columns - middle)[:, rest.stop : rest.stop + 2 * length]
+    out = np.any(away > least[:, np.newaxis], axis=0)
+    return rest.stop + int(np.argmax(out)) if out.any() else rest.stop + length // 2
+
+
+def _rest_begin(deviation: np.ndarray, last: int, least: np.ndarray, length: int) -> int:
+    """The first sample of the windows before the sample `last` that vary by `least` at most."""
+    moves = np.any(deviation[:, :last] > least[:, np.newaxis], axis=0)
+    return int(np.flatnonzero(moves)[-1]) + length if moves.any() else 0
+
+
+def _spike(columns: np.ndarray, period: float) -> int:
+    """Samples from the begin of motion on in which a blow's own acceleration is seen."""
+    length = int(period)
+    if columns.shape[1] < 4 * length:
+        return 0
+    middle = columns[:, length : 4 * length].mean(axis=1, keepdims=True)
+    away = np.abs(columns - middle)
+    later = [away[:, n * length : (n + 1) * length].max(axis=1, keepdims=True) for n in (1, 2)]
+    expected = later[0] * np.clip(later[0] / np.maximum(later[1], TINY), 1.0, MAX_FALL)
+    high = np.flatnonzero(np.any(away[:, :length] > SPIKE * expected, axis=0))
+    return min(2 * (int(high[-1]) + 1), length) if len(high) else 0
+
+
+def _without_tail(columns: np.ndarray, part: MovingPart, period: float, end: int) -> MovingPart:
+    """The part without the rest at its end. end: sample at which the next motion begins."""
+    begin, stop = part.rows.start, part.rows.stop
+    length = max(int(period), MIN_WINDOW)
+    own = columns[:, begin:stop]
+    if own.shape[1] < (MIN_PERIODS + MIN_TAIL) * length:
+        return part
+    deviation, _ = _deviations(own, length)
+    last = own[:, -max(length, own.shape[1] // 20) :].std(axis=1, keepdims=True)
+    resolution = _resolution(columns)
+    last = np.maximum(last, resolution)
+    if np.any(deviation.max(axis=1, keepdims=True) * MAX_REST < last):
+        return part
+    moves = np.flatnonzero(np.any(deviation > 1.5 * last, axis=0))
+    moved = int(moves[-1]) + length // 4 if len(moves) else own.shape[1]
+    possible = own.shape[1] - moved
+    for share in TAILS:
+        tail = int(share * possible)
+        if tail < MIN_TAIL * length:
+            break
+        resolved = own[np.ptp(own[:, -tail:], axis=1) > COARSE * resolution[:, 0], -tail:]
+        if _is_still(resolved):
+            rows = slice(begin, stop - tail)
+            return replace(part, rows=rows, rests_until=end - 1)
+    return part
+
+
+def _is_still(columns: np.ndarray) -> bool:
+    """Whether nothing oscillates in channels (n_channels, n), the steps between samples alike."""
+    if not len(columns) or columns.shape[1] < 2 * MIN_WINDOW:
+        return True
+    values = columns.T - columns.mean(axis=1)
+    time = np.arange(len(values), dtype=float)
+    stretch = Stretch(time, values, (0,) * len(columns))
+    best = strongest_mode([stretch], [values], np.empty(0))
+    return best.power < best.allowed
