@@ -13,6 +13,7 @@ from galloping.cycles.limit_cycles import Orbit, cycle_of
 from galloping.cycles.prediction import intervals, near
 from galloping.cycles.settling import Pace, filled, settle_in_periods
 from galloping.field.following import half_ranges, simulator_of
+from galloping.identification.free_motion.answer import PATH
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95, decay_interval, drawn_with_rivals, extrapolate, of_draws
 from galloping.polynomial import PolynomialModel, alone, velocity_pairs
@@ -133,6 +134,8 @@ def dynamics(
         return None
     if identified.is_forced:
         return _in_random_forces(identified, pairs, around)
+    if identified.diagnostics.get("path") == PATH:
+        return _free_and_linear(identified, pairs, around)
     models = drawn_with_rivals(identified, rng)
     small = extrapolate(models, identified, rng)
     enough = ENOUGH * len(models)
@@ -181,10 +184,50 @@ def _unseen(
     return found
 
 
-def _in_random_forces(
+def _free_and_linear(
     identified: IdentifiedModel, pairs: dict[int, int], around: Surroundings
 ) -> Dynamics:
-    """Of a model that random forces move: by the slopes of what is told with the coefficients."""
+    """Of a linear model of free motion, and of the further modes beside it."""
+    best, deviation, _ = _by_slopes(identified, pairs, around)
+    low, high = best - NORMAL_95 * deviation, best + NORMAL_95 * deviation
+    rest, frequencies, damping = (
+        {
+            identified.model.states[i]: Value(best[k, n], low[k, n], high[k, n])
+            for n, i in enumerate(pairs)
+        }
+        for k in range(3)
+    )
+    kind = "diverged" if np.nanmin(best[2]) < 0.0 else "rest"
+    rest = {} if np.isnan(best[0]).any() else rest
+    further = _of_further_modes(identified)
+    return Dynamics(rest, frequencies | further[0], damping | further[1], kind, None, {})
+
+
+def _of_further_modes(identified: IdentifiedModel) -> tuple[dict[str, Value], dict[str, Value]]:
+    """Frequency, Hz, and damping ratio of each further mode whose errors are told, by its name;
+    without what is steady, which has no damping.
+    """
+    frequencies, damping = {}, {}
+    for mode in identified.further_modes:
+        if mode.is_steady or not mode.frequency_error:
+            continue
+        hz, half = (
+            each / (2.0 * np.pi) for each in (mode.frequency, NORMAL_95 * mode.frequency_error)
+        )
+        omega = np.hypot(mode.frequency, mode.growth)
+        ratio, error = -mode.growth / omega, NORMAL_95 * mode.growth_error / omega
+        frequencies[mode.name] = Value(hz, hz - half, hz + half)
+        damping[mode.name] = Value(ratio, ratio - error, ratio + error)
+    return frequencies, damping
+
+
+def _by_slopes(
+    identified: IdentifiedModel, pairs: dict[int, int], around: Surroundings
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of the position of rest, frequency and damping of each coordinate: values and standard
+    deviations, as of `_linear`, by the slopes of what is told with the coefficients; and standard
+    deviations of the decays, 1/s.
+    """
     model, support = identified.model, np.argwhere(identified.support)
     errors = np.sqrt(np.diag(identified.covariance))
     known = errors == 0.0
@@ -196,12 +239,20 @@ def _in_random_forces(
         return _linear(replace(model, coefficients=coefficients), pairs, around)
 
     best, steps = of(np.zeros(len(errors))), DIFFERENCE * np.diag(np.where(known, 0.0, errors))
-    decay = 2.0 * np.pi * best[1] * best[2]
     slopes = np.array([(of(step) - of(-step)) / (2.0 * DIFFERENCE) for step in steps])
     correlation = identified.covariance / np.outer(errors, errors)
     deviation = np.sqrt(np.einsum("ikn,ij,jkn->kn", slopes, correlation, slopes))
     slopes = 2.0 * np.pi * (slopes[:, 1] * best[2] + slopes[:, 2] * best[1])
-    of_decay = np.sqrt(np.einsum("in,ij,jn->n", slopes, correlation, slopes))
+    return best, deviation, np.sqrt(np.einsum("in,ij,jn->n", slopes, correlation, slopes))
+
+
+def _in_random_forces(
+    identified: IdentifiedModel, pairs: dict[int, int], around: Surroundings
+) -> Dynamics:
+    """Of a model that random forces move."""
+    model = identified.model
+    best, deviation, of_decay = _by_slopes(identified, pairs, around)
+    decay = 2.0 * np.pi * best[1] * best[2]
     half, duration = NORMAL_95 * deviation, identified.diagnostics["duration"]
     rest, frequencies, damping = {}, {}, {}
     for n, i in enumerate(pairs):

@@ -5,7 +5,9 @@ from collections.abc import Callable
 import numpy as np
 
 from galloping.arrays import first_from, round_down
-from galloping.identification.inputs import asked
+from galloping.identification.free_motion.answer import free_at_once, with_findings
+from galloping.identification.free_motion.rest import moving_recordings
+from galloping.identification.inputs import FEWEST, asked
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.preparation.smoothing import shortest_period, with_integrals
@@ -27,14 +29,16 @@ def excerpts(recordings: list[Recording]) -> list[Recording]:
     recording is cut into equal parts. From every other part comes the stretch in which the size of
     the motion varies most, for what grows and decays tells of damping; from the others that in
     which the motion is largest, for it tells of the cubic terms. Stretches without gaps go before
-    others. Recordings of which no channel varies above its noise have no period, and stay whole.
+    others. Recordings of which no channel varies above its noise have no period, and stay whole,
+    and so do those of whose stretches there were fewer than FEWEST samples.
     """
     try:
         period = shortest_period([with_integrals(recording) for recording in recordings])
     except ValueError:
         return recordings
     each = max(STRETCHES // len(recordings), 1)
-    return [piece for recording in recordings for piece in _pieces(recording, each, period)]
+    found = [piece for recording in recordings for piece in _pieces(recording, each, period)]
+    return found if sum(len(piece.time) for piece in found) >= FEWEST else recordings
 
 
 def by_excerpts(
@@ -43,10 +47,16 @@ def by_excerpts(
     *question: object,
     **options: object,
 ) -> IdentifiedModel:
-    """The model that a method finds in the excerpts of recordings; of motion that random forces
-    keep up, of which every swing tells as much as another, in the whole of them.
+    """The model that a method finds in the excerpts of recordings, without their rests; of free
+    motion, and of motion that random forces keep up, of which every swing tells as much as another,
+    in the whole of them.
     """
     if "forced" in options:
+        return method(recordings, *question, **options)
+    moving = moving_recordings(recordings)
+    if moving.findings:
+        return with_findings(by_excerpts(method, moving.recordings, *question, **options), moving)
+    if method is maximum_likelihood and free_at_once(recordings):
         return method(recordings, *question, **options)
     stretches = excerpts(recordings)
     whole = all(one is other for one, other in zip(stretches, recordings, strict=False))

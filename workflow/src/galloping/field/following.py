@@ -125,7 +125,8 @@ class Following:
         """(n_sensed,) noise of a sample, zero where not measured or not told by the method."""
         rates = self.sensed.names[len(self.sensed.states) :]
         told = [self.identified.diagnostics.get(f"noise_{name}", 0.0) for name in rates]
-        return np.append(np.nan_to_num(self.identified.sigma[-1]), told)
+        own = self.identified.sigma[-1:].sum(axis=0)  # of no recording zero
+        return np.append(np.nan_to_num(own), told)
 
     @cached_property
     def _simulator(self) -> Simulator:

@@ -125,7 +125,7 @@ def _changing(
     """What sets the parts of one recording apart, its thirds where it has no gaps, which a gusty
     wind may do as well.
     """
-    if identified.status != "approximate":
+    if identified.status != "approximate" or identified.envelope:
         return ""
     if len(parts) == 1:
         (recording,), time = parts, parts[0].time
@@ -186,7 +186,8 @@ def unmoved(identified: IdentifiedModel) -> list[str]:
 
 
 def kept_up(identified: IdentifiedModel, recordings: Sequence[Recording]) -> bool:
-    """Whether the recorded motion of every channel lasts while that of the model dies out.
+    """Whether the recorded motion of every channel lasts, above its noise, while that of the model
+    dies out.
 
     recordings: those that it was identified from, with a start of each in its `initial_states`.
     """
@@ -227,11 +228,16 @@ def _sizes(
         follow, time = Following(identified, recording), recording.time
         motion = follow.motion(identified.model, start, time)
         last = time > time[-1] - (time[-1] - time[0]) / 3
-        for samples, own in zip(follow.samples.T, motion.T, strict=True):
+        for samples, own, noise in zip(follow.samples.T, motion.T, follow.sigma, strict=True):
             known = np.isfinite(samples)
             if (known & last).any():
-                recorded = _Size(np.std(samples[known]), np.std(samples[known & last]))
-                yield recorded, _Size(np.std(own), np.std(own[last]))
+                whole, end = _above(samples[known], noise), _above(samples[known & last], noise)
+                yield _Size(whole, end), _Size(np.std(own), np.std(own[last]))
+
+
+def _above(samples: np.ndarray, noise: float) -> float:
+    """Standard deviation of samples (n,) without that of their noise."""
+    return float(np.sqrt(max(np.var(samples) - noise**2, 0.0)))
 
 
 def difference(

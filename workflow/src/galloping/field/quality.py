@@ -8,6 +8,8 @@ from numpy.polynomial.legendre import Legendre, legvander
 from scipy.ndimage import maximum_filter1d, median_filter
 
 from galloping.arrays import TIME_ROUNDING, round_down, round_up
+from galloping.field.noticed import sentence_of
+from galloping.identification.free_motion.rest import moving_samples
 from galloping.identification.preparation.screening import piled
 from galloping.readers.units import state_unit
 
@@ -70,10 +72,13 @@ def quality(series: "Series", mapping: "ColumnMapping") -> dict:
         "problems": [],
         "notes": list(series.notes),
     }
+    moves, rests = moving_samples(time, series.values)
+    report["notes"] += map(sentence_of, rests)
     for channel, values in zip(mapping.channels, series.values.T, strict=True):
         unit = state_unit(channel.measures)
         _, is_rate = mapping.target(channel)
-        described, problems = _channel(time, values, step, series.rows, unit, is_rate)
+        own = time[moves], values[moves], step, series.rows[moves]  # rest is no fault
+        described, problems = _channel(*own, unit, is_rate)
         place = {"measures": channel.measures, "position_m": channel.position}
         report["channels"][channel.column] = place | described
         report["problems"] += [

@@ -27,6 +27,7 @@ from galloping.field.objections import Identify, objected
 from galloping.field.quality import PERIODS as PERIODS_HELD
 from galloping.field.quality import peaks_of, sampled, spectrum
 from galloping.field.wording import summary_text
+from galloping.identification.free_motion.answer import as_recorded_alone
 from galloping.identification.inputs import checked_recordings
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
@@ -154,7 +155,7 @@ def summarised(
 
     Raises ValueError where there is a model and no channel oscillates.
     """
-    recordings = as_modelled(found, list(recordings))
+    recordings = as_modelled(found, as_recorded_alone(found, recordings))
     period, last, untried = longest_period(recordings), recordings[-1], ""
     with part("compare the recordings", until=0.3):
         found = objected(found, recordings, names, period, identify, faults, are_one)
@@ -250,7 +251,7 @@ def _checked(found: object, recordings: object) -> list[Recording]:
             f"recordings: have the states {', '.join(given[0].states)}; the model has "
             f"{', '.join(found.model.states)}"
         )
-    return as_modelled(found, given)
+    return as_modelled(found, as_recorded_alone(found, given))
 
 
 def longest_period(recordings: Sequence[Recording]) -> float:

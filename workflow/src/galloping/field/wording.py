@@ -4,7 +4,7 @@ The templates beside have the sentences, and here are the values and lists in th
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from math import floor, isfinite, isinf, isnan, log10
@@ -35,6 +35,7 @@ from galloping.field.helps import (
     units_in,
     what_helps,
 )
+from galloping.field.noticed import envelope_rows, sentences_of
 from galloping.identification.likelihood.verdict import REPEATS
 from galloping.identification.model import IdentifiedModel
 from galloping.readers.units import meaning, plain_unit
@@ -113,9 +114,13 @@ def rendered(of: "Summary", told: Findings, reports: Sequence[dict] = ()) -> str
         "helps": what_helps(of, reports),
         "described": [re.sub(r"\n\s*", "\n  - ", escape_markdown(text)) for text in described],
         "unused": escape_markdown(listed(unused)) if unused else "",
-        "small": _of_small(known, told) if known else {},
+        "small": _of_small(known, told, [one.name for one in found.further_modes]) if known else {},
         "beyond": _beyond_recorded(told),
         "degrees": _further_degrees(found),
+        "noticed": list(
+            sentences_of(found.findings, found.further_modes, known.damping if known else ())
+        ),
+        "envelope": list(envelope_rows(found.envelope)),
     }  # fmt: skip
     text = _template("summary.md").render(values)
     text = re.sub(r"(?<=\S)( *\n {4,})+|(?<=[.:]) {2,}", " ", text)
@@ -249,9 +254,13 @@ def _name(state: str) -> str:
     return meaning(state).partition(" ")[0] or state
 
 
-def _of_small(known: "Dynamics", told: Findings) -> dict:
+def _of_small(known: "Dynamics", told: Findings, of_further: Collection[str]) -> dict:
     """What small motions about rest do, and the places and sizes that are told with them."""
-    damped = {state: value for state, value in known.damping.items() if isfinite(value.value)}
+    damped = {
+        state: value
+        for state, value in known.damping.items()
+        if isfinite(value.value) and state not in of_further
+    }
     system = told.system
     least = min(damped, key=lambda state: damped[state].value, default="")
     return {

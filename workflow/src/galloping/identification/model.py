@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import Immutable, checked_state, increasing
 from galloping.functions import from_plain, n_exponents, plain
-from galloping.identification.findings import Finding
+from galloping.identification.observations import Finding
 from galloping.polynomial import (
     Bound,
     Exponents,

@@ -41,6 +41,8 @@ CODES = (  # that loggers write for a missing sample, of either sign
 )  # fmt: skip
 LEAST_FILL = 1e10  # of what files are filled with, such as 1e20, where nothing was measured
 STUCK = 20  # times as long as nearly all runs of one value is that of a sensor that was stuck
+TOGETHER = 0.9  # of such a run, in which all others rest as well
+SLOW = 0.35  # of the usual speed, at which a motion comes to rest, or begins
 SAME = 1e-9  # less than full correlation, of two channels that are one
 ALIKE, VARIED = 20, 5  # rows of a block, and values in it, that no two recordings share by chance
 TURNS = {"rad": (2.0 * np.pi,), "1": (360.0, 2.0 * np.pi)}  # of an angle, by the unit of a column
@@ -127,12 +129,6 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
             "left out"
             for code, count in codes.items()
         ]
-        if isinstance(one, Channel) and (stuck := _stuck(column)).any():
-            column = np.where(stuck, np.nan, column)
-            notes.append(
-                f"column {one.column!r}: {stuck.sum()} samples of a sensor that was stuck, from "
-                f"row {np.argmax(stuck) + table.first_row} on, were left out"
-            )
         if len(column) != len(time):
             of = f"the times {mapping.time.column!r} have" if mapping.time else "the others have"
             raise FileError(f"{table.at(one.column)} has {len(column)} rows, {of} {len(time)}")
@@ -155,6 +151,14 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
                     f"{n_wraps} times: unwrapped"
                 )
         columns.append(scale * column)
+    for k, stuck in enumerate(_stuck(columns[: len(mapping.channels)])):
+        if stuck.any():
+            columns[k] = np.where(stuck, np.nan, columns[k])
+            name, row = mapping.channels[k].column, np.argmax(stuck) + table.first_row
+            notes.append(
+                f"column {name!r}: {stuck.sum()} samples of a sensor that was stuck, from row "
+                f"{row} on, were left out"
+            )
     rows = np.arange(len(time)) + table.first_row
     time, values, rows, more = put_in_order(table, time, np.column_stack(columns), rows)
     measured = len(mapping.channels)
@@ -222,15 +226,44 @@ def check_apart(series: Sequence[Series]) -> None:
         known |= {block.tobytes(): one for block in blocks[::ALIKE]}
 
 
-def _stuck(values: np.ndarray) -> np.ndarray:
-    """(n,) boolean: samples that repeat the one before, in a row that is STUCK times as long as
-    nearly all others. Of a column that is one value throughout none are.
+def _stuck(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """(n,) boolean of each column: samples that repeat the one before, in a row that is STUCK times
+    as long as nearly all others, where the sensor did not merely rest.
+
+    What rests, rests together with the other columns, or from the first sample on, or it slows down
+    before and speeds up after. Of a column that is one value throughout nothing is stuck.
     """
+    held = [_held(values) for values in columns]
+    together = np.all(held, axis=0) & (len(held) > 1)
+    found = []
+    for values, own in zip(columns, held, strict=True):
+        stuck, edges = own.copy(), np.flatnonzero(np.diff(np.r_[False, own, False].astype(int)))
+        for first, end in edges.reshape(-1, 2):
+            alone = not together[first:end].mean() > TOGETHER
+            first_of_all = first <= 1 and len(held) == 1
+            if not alone or first_of_all or _is_slow(values, int(first) - 1, int(end)):
+                stuck[first:end] = False
+        found.append(stuck)
+    return found
+
+
+def _held(values: np.ndarray) -> np.ndarray:
+    """(n,) boolean: samples that repeat the one before in such a row."""
     changes = np.append(True, np.diff(values) != 0.0)
     runs = np.diff(np.append(np.flatnonzero(changes), len(values)))
     least = STUCK * np.quantile(runs, 0.99, method="lower")
     length = np.repeat(runs, runs)
     return ~changes & (length >= max(least, STUCK)) & (len(runs) > 1)
+
+
+def _is_slow(values: np.ndarray, first: int, end: int) -> bool:
+    """Whether values (n,) change slowly before the sample `first` and after the sample `end`."""
+    speed = np.abs(np.diff(values))
+    width = max(min((end - first) // 4, len(speed) // 50), 4)
+    usual = np.convolve(np.nan_to_num(speed), np.ones(width) / width, mode="valid")
+    most = SLOW * np.quantile(usual, 0.95)
+    sides = speed[max(first - width, 0) : first], speed[end - 1 : end - 1 + width]
+    return all(np.nanmean(side) <= most for side in sides if np.isfinite(side).any())
 
 
 def _without_codes(values: np.ndarray) -> tuple[np.ndarray, dict[float, int]]:

@@ -13,7 +13,6 @@ from functools import partial
 import numpy as np
 
 from galloping.identification.answers import by
-from galloping.identification.findings import Code, Finding, Severity
 from galloping.identification.free_motion.envelope import LocalDecay, envelope, strongest_channel
 from galloping.identification.free_motion.kinds_of_motion import (
     Motion,
@@ -30,6 +29,7 @@ from galloping.identification.model import (
     NoModel,
     attempt,
 )
+from galloping.identification.observations import Code, Finding, Severity
 from galloping.identification.preparation.smoothing import undisplaced
 from galloping.identification.problem import Problem
 from galloping.polynomial import velocity_pairs

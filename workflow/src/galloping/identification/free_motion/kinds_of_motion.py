@@ -13,7 +13,6 @@ from functools import partial
 import numpy as np
 
 from galloping.arrays import one_thread
-from galloping.identification.findings import Code, Finding, Severity
 from galloping.identification.free_motion.cleaning import without_faults
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
 from galloping.identification.free_motion.envelope import (
@@ -35,6 +34,7 @@ from galloping.identification.free_motion.linearity import (
 )
 from galloping.identification.free_motion.mode_search import fit_modes, is_close, share_left
 from galloping.identification.model import NoModel, attempt
+from galloping.identification.observations import Code, Finding, Severity
 from galloping.identification.preparation.smoothing import DRIFT_DEGREE
 from galloping.identification.random_forces.channels import Channels
 from galloping.polynomial import velocity_pairs
