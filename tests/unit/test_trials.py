@@ -16,9 +16,10 @@ from galloping.polynomial import library
 from galloping.report.printed_numbers import verdicts
 from galloping.streams import generator
 from galloping.tables.trial_summaries import paths, published_intervals, published_terms, trust
-from galloping.trials import published, recorded_lines
+from galloping.trials import free_decays, published, recorded_lines
 from galloping.trials.ambient import DAMPING, FREQUENCIES, RandomMotion, decays
 from galloping.trials.attempts import against_truth
+from galloping.trials.free_decays import FreeDecay
 from galloping.trials.real_lines import TRUTHS
 from galloping.trials.recorded_lines import CHOSEN, FAULTS, LONG, draw
 
@@ -199,6 +200,30 @@ def test_recordings_are_drawn_by_number_within_the_ranges():
     ratio = -values.real / np.abs(values)
     assert DAMPING[0] - 1e-9 <= ratio.min() <= ratio.max() <= DAMPING[1] + 1e-9
     np.testing.assert_allclose(np.nanstd(motion.recording.values[:, :2], axis=0), 1.0, rtol=0.4)
+
+
+def test_free_decays_are_drawn_by_number_and_judged():
+    decay = FreeDecay.drawn(generator(1, "free_decays", 3))
+    again = FreeDecay.drawn(generator(1, "free_decays", 3))
+    assert decay.recording == again.recording
+    (row,) = free_decays.trial(1, "free decay with a second mode", [3], METHODS)
+    assert row["status"] == "ok" and row["sensors"] == decay.sensor
+    assert abs(row["frequency_v_error_percent"]) < 0.1
+    error = row["damping_v_error_percent"] / row["damping_v_bound_percent"]
+    assert 0.0 < abs(error) < 4.0
+
+
+@pytest.mark.slow
+def test_free_decays_are_told_with_intervals_that_hold():
+    # of another seed than the method was designed with
+    case = "free decay with a second mode"
+    rows = pd.DataFrame(free_decays.trial(8284271, case, range(100), METHODS))
+    assert (rows["status"] == "ok").sum() >= 95
+    assert 0.93 <= rows["intervals_held"].mean() <= 0.97
+    assert not rows["path"].str.contains("random forces").any()
+    assert rows["seconds"].median() < 3.0 and rows["seconds"].max() < 20.0
+    over_bound = rows["damping_v_error_percent"] / rows["damping_v_bound_percent"]
+    assert np.sqrt((over_bound**2).mean()) < 1.2
 
 
 def test_slopes_of_decays_are_differences():

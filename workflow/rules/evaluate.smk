@@ -77,6 +77,7 @@ TRIED_BY = {
     "systems": trials.published.systems,
     "model_error": trials.real_lines.trial,
     "ambient": trials.ambient.trial,
+    "free_decays": trials.free_decays.trial,
     "published_terms": trials.published.exact_terms,
     "published_intervals": trials.published.relaxation_intervals,
     "paper": trials.paper_search.trial,

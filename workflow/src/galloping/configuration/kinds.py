@@ -78,6 +78,7 @@ KINDS = {
         ),
     ),
     "ambient": Kind(MODEL_ERROR, cases=("two modes in random forces",)),
+    "free_decays": Kind(MODEL_ERROR, cases=("free decay with a second mode",)),
     "published_terms": Kind(
         EXACT_TERMS,
         cases=tuple(LONGEST),

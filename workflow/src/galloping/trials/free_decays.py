@@ -1,0 +1,156 @@
+"""What identification gives of free decays with a weak second mode, as plucks and blows leave.
+
+Frequencies, damping, sampling, noise and the rest before the release are drawn by number. Judged
+are frequency and damping of both modes, those of the first against the Cramér-Rao bound as well.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from galloping.identification.model import IdentifiedModel
+from galloping.intervals import NORMAL_95
+from galloping.polynomial import library
+from galloping.recording import Recording
+from galloping.streams import generator
+from galloping.trials.real_lines import DEGREE, identified_by
+
+STATES = ("q", "dq")
+SENSORS = ("displacement", "acceleration")
+FREQUENCIES, DAMPING = (0.05, 50.0), (0.001, 0.03)  # Hz, of the first mode; ratio to critical
+SECOND = (0.002, 0.1)  # amplitude of the second mode over that of the first, in what is measured
+APART = (1.15, 6.0)  # ratio of the two frequencies, either way
+SAMPLES, PER_PERIOD, PERIODS = (200, 20_000), (8.0, 60.0), 10.0  # the last at least
+NOISE = (0.001, 0.03)  # of a sample, over the amplitude at the release
+REST = (0.03, 0.3)  # share of the samples before the release, of every other recording
+RESOLVED = 2.5  # samples in a period of the second mode, at least
+
+
+@dataclass(frozen=True)
+class FreeDecay:
+    """Two modes after a release, sampled with white noise by a displacement sensor or an
+    accelerometer.
+
+    Parameters
+    ----------
+    poles : (2,) complex array
+        1/s; the first is that of the mode with the larger amplitude.
+    sensor : str
+        Of SENSORS.
+    bound : (2,) array
+        Standard deviations at the Cramér-Rao bound of growth, 1/s, and frequency, rad/s, of the
+        first mode.
+    recording : Recording
+    """
+
+    poles: np.ndarray
+    sensor: str
+    bound: np.ndarray
+    recording: Recording
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator) -> "FreeDecay":
+        """Draw a decay within the ranges above."""
+        count = round(_log_uniform(rng, SAMPLES))
+        per_period = min(_log_uniform(rng, PER_PERIOD), count / PERIODS)
+        frequency, damping = _log_uniform(rng, FREQUENCIES), _log_uniform(rng, DAMPING, 2)
+        ratio = rng.uniform(APART[0], min(APART[1], per_period / RESOLVED))
+        ratio = ratio if rng.random() < 0.5 else 1.0 / ratio
+        omega = 2.0 * np.pi * frequency * np.array([1.0, ratio])
+        poles = -damping * omega + 1j * omega * np.sqrt(1.0 - damping**2)
+        phases = np.exp(2j * np.pi * rng.random(2))
+        amplitudes = phases * np.array([1.0, _log_uniform(rng, SECOND)])
+        noise, sensor = _log_uniform(rng, NOISE), SENSORS[rng.integers(2)]
+        time = np.arange(count) / (per_period * frequency)
+        rested = round(rng.uniform(*REST) * count) if rng.random() < 0.5 else 0
+        elapsed = time[rested:] - time[rested]
+        motion = np.zeros(count)
+        motion[rested:] = (np.exp(np.outer(elapsed, poles)) @ amplitudes).real
+        if sensor == "displacement" and rng.random() < 0.5:
+            motion[:rested] = motion[rested]  # held until it is released
+        samples = motion + noise * rng.standard_normal(count)
+        values, rates = np.full((2, count, 2), np.nan)
+        if sensor == "displacement":
+            values[:, 0] = samples
+            recording = Recording(time, STATES, values)
+        else:
+            rates[:, 1] = samples
+            offsets = np.array([False, True])
+            recording = Recording(time, STATES, values, rates=rates, unknown_offsets=offsets)
+        return cls(poles, sensor, _bound(elapsed, poles, amplitudes, noise), recording)
+
+
+def _log_uniform(rng: np.random.Generator, ends: tuple[float, float], size: int | None = None):
+    return np.exp(rng.uniform(*np.log(ends), size))
+
+
+def _bound(time: np.ndarray, poles: np.ndarray, amplitudes: np.ndarray, noise: float) -> np.ndarray:
+    """(2,) the Cramér-Rao bound of growth and frequency of the first mode, all else unknown."""
+    waves = np.exp(np.outer(time, poles))
+    moved = time[:, np.newaxis] * waves * amplitudes
+    slopes = np.hstack([moved.real, -moved.imag, waves.real, -waves.imag, np.ones((len(time), 1))])
+    scale = np.linalg.norm(slopes, axis=0)
+    covariance = np.linalg.inv((slopes / scale).T @ (slopes / scale)) / np.outer(scale, scale)
+    return noise * np.sqrt(np.diag(covariance)[[0, 2]])
+
+
+def trial(
+    seed: int, case: str, replicates: Sequence[int], methods: Mapping[str, Mapping]
+) -> Iterator[dict[str, object]]:
+    """A row for each replicate and method, as of `real_lines.trial`.
+
+    The first mode is the vertical one. intervals_held: of frequency and damping of the first mode,
+    nothing if they are not told. Seconds are those of the processor.
+    """
+    for replicate in replicates:
+        decay = FreeDecay.drawn(generator(seed, "free_decays", case, replicate))
+        for method, settings in methods.items():
+            terms, name = library(len(STATES), DEGREE), ("free_decays", case, str(replicate))
+            found, row = identified_by({method: settings}, [[decay.recording]], terms, name)
+            row |= {"truth": case, "sensors": decay.sensor, "replicate": replicate, "seed": seed}
+            yield row | (_judged(decay, found) if found.status != "refused" else {})
+
+
+def _judged(decay: FreeDecay, found: IdentifiedModel) -> dict[str, float]:
+    """Errors and intervals of what is told of both modes."""
+    first, second = decay.poles
+    pole, errors = told(found)
+    row = {
+        "terms": int(found.support.sum()),
+        **_errors("v", pole, first),
+        "damping_v_bound_percent": -100.0 * decay.bound[0] / first.real,
+    }
+    if np.all(errors > 0.0):
+        off = np.abs([pole.real - first.real, pole.imag - first.imag])
+        row["intervals_held"] = float(np.mean(off <= NORMAL_95 * errors))
+    further = {complex(mode.growth, mode.frequency) for mode in found.further_modes}
+    if further:
+        row |= _errors("w", min(further, key=lambda each: abs(each - second)), second)
+    return row
+
+
+def told(found: IdentifiedModel) -> tuple[complex, np.ndarray]:
+    """Tell the pole of a model of one coordinate, and its errors.
+
+    Returns
+    -------
+    complex
+        Growth, 1/s, and frequency, rad/s, of small motions.
+    (2,) array
+        Their standard errors, by those of the linear coefficients.
+    """
+    stiffness, damping = found.model.jacobian(np.zeros((1, 2)))[0][1]
+    growth = damping / 2.0
+    omega = np.sqrt(max(-stiffness - growth**2, np.finfo(float).tiny))
+    slope = {(1, 0): (0.0, -0.5 / omega), (0, 1): (0.5, -0.5 * growth / omega)}
+    terms = [found.model.terms[j] for _, j in np.argwhere(found.support)]
+    slopes = np.array([slope.get(term, (0.0, 0.0)) for term in terms])
+    return complex(growth, omega), np.sqrt(np.diag(slopes.T @ found.covariance @ slopes))
+
+
+def _errors(direction: str, pole: complex, true: complex) -> dict[str, float]:
+    return {
+        f"damping_{direction}_error_percent": 100.0 * (pole.real / true.real - 1.0),
+        f"frequency_{direction}_error_percent": 100.0 * (pole.imag / true.imag - 1.0),
+    }
