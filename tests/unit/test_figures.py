@@ -82,7 +82,7 @@ def test_a_method_looks_the_same_everywhere_and_unlike_the_others():
         assert one.color != other.color and one.marker != other.marker
 
 
-def test_the_first_draw_stands_beside_the_spread_of_all_and_what_the_paper_prints():
+def test_every_draw_is_shown_with_the_median_and_what_the_paper_prints():
     case = "internal_resonance"
     table = scores((0.01, 0.05), case=case, worst=90.0).assign(mean_error_linear_percent=[
         7.0, 1.0, 2.0, 3.0, 8.0, 2.0, 4.0, 6.0
@@ -90,12 +90,31 @@ def test_the_first_draw_stands_beside_the_spread_of_all_and_what_the_paper_print
     more = table[4:5].rename(columns={"replicate": "draw"})
     more = pd.concat([more.assign(draw=k, mean_error_linear_percent=k + 1.0) for k in range(9)])
     (of_paper,) = errors.printed("mean_error_linear_percent", case)
-    for further, first in (((), [7.0, 8.0]), ((more,), [7.0, 1.0])):
+    for further, every in (((), table["mean_error_linear_percent"]), ((more,), range(1, 10))):
         figure = errors.draw_draws(table, {**NOISE, **CELL, "case": case}, *further)
         drawn_lines = {line.get_label(): list(line.get_ydata()) for line in figure.axes[0].lines}
-        assert drawn_lines["one draw, the first"] == first
-        assert drawn_lines["their median"] == [2.5, 5.0]
-        assert drawn_lines["paper: printed"] == [of_paper.paper_value]
+        (shown_draws,) = (y for label, y in drawn_lines.items() if label.startswith("each of"))
+        assert set(every) <= set(shown_draws)
+        assert drawn_lines["typical draw: the median"] == [2.5, 5.0]
+        assert drawn_lines["paper: printed"] == [of_paper.printed]
+
+
+def test_the_share_of_draws_above_a_bound_is_written_beside_it():
+    case = "internal_resonance"
+    table = scores((0, 0.05), case=case).assign(r2_q_v=[1.0, 0.995, 0.98, 0.97, 0.999])
+    figure = errors.draw_draws(table, {**NOISE, **CELL, "case": case, "quantities": ["r2"]})
+    assert [text.get_text() for text in figure.axes[0].texts] == ["50 % above"]
+    assert figure.axes[0].get_xticklabels()[0].get_text() == "0"
+
+
+def test_false_terms_of_every_draw_are_the_first_panel_of_the_coefficients():
+    table = scores((0, 0.05)).assign(spurious=[0, 3, 5, 7, 40])
+    settings = COEFFICIENTS | {"levels": {"a": 0.05}}
+    figure = draw_coefficients(LINE, {"a": {"weak": line_models()}}, settings, table)
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert texts == ["0", "6"]
+    drawn_points = np.concatenate([line.get_ydata() for line in figure.axes[0].lines])
+    assert {3, 5, 7, 40} <= set(drawn_points)
 
 
 def test_efficiency_with_failures_and_joint_recordings():
@@ -104,13 +123,15 @@ def test_efficiency_with_failures_and_joint_recordings():
                 "labels": NOISE["labels"]}  # fmt: skip
     whole = pd.DataFrame(
         {"case": "line", "recordings": recordings, "protocol": "state", "level": level,
-         "points": 30001, "method": method, "efficiency": value, "failures": 1, "replicates": 20}
-        for recordings, level, value in ((1, 0.01, 1.0), (1, 0.05, np.inf), (2, 0.05, np.nan))
+         "points": 30001, "method": method, "efficiency": value, "no_model": lost, "replicates": 20}
+        for recordings, level, value, lost in (
+            (1, 0.01, 1.0, 0), (1, 0.05, 1.2, 1), (2, 0.05, np.nan, 0)
+        )
         for method in ("weak", "maximum_likelihood", "bound")
     )  # fmt: skip
     figure = errors.draw_efficiency(whole, settings)
     written = [text.get_text() for text in figure.axes[0].texts]
-    assert written == ["1 of 20"] * 2  # beside the triangles of the methods that lost a draw
+    assert written == ["1 of 20"] * 2  # of the methods that lost a draw, not of the bound
     ticks = [label.get_text() for label in figure.axes[0].get_xticklabels()]
     assert ticks == ["0.01", "0.05", "0.05\n2 rec."]
     for these in ("recordings == 1", "method == 'bound'", "method == 'none'", "recordings == 2"):
@@ -150,7 +171,7 @@ def claims():
     verdicts = {"better": 0.1, "seldom met": 1.0, "not run": np.nan, "not met": np.inf}
     return pd.DataFrame(
         {"claim": claim.name, "case": "line", "quantity": claim.quantity,
-         "paper_value": claim.paper_value, "study_value": value, "low": value, "high": value,
+         "paper_value": claim.printed, "study_value": value, "low": value, "high": value,
          "met_by": 0.5 if replicates else np.nan, "replicates": replicates, "protocol": "state",
          "method": "weak", "verdict": verdict}
         for claim, (verdict, value) in zip(CLAIMS, cycle(verdicts.items()))
@@ -169,7 +190,7 @@ NO_PEERS = pd.DataFrame(
     columns=["case", "protocol", "level", "method", "setting", "mean_error_percent"]
 )
 HISTORIES = {**CELL, "window": (50, 100)}
-COEFFICIENTS = {**CELL, "unit": "m", "degree": 3}
+COEFFICIENTS = {**CELL, "kind": "noise", "unit": "m", "degree": 3}
 FLOW = {"degree": 3, "protocols": ["state"], "methods": ["weak"], "levels": [0], "points": [1000],
         "replicates": 1}  # fmt: skip
 FOUR = ["paper", "weak", "maximum_likelihood", "bound"]
@@ -192,11 +213,12 @@ DRAWN = [  # of any number, size and kind, with what each is drawn of
       for bad in (0.0, np.nan)),
     *((draw_recovery, {"line": [SWING]}, {"line": shown(bad)}, {**NAMES, **CELL, "level": 0})
       for bad in (0.0, np.nan)),
-    (draw_coefficients, LINE, {"a": {"weak": line_models()}}, COEFFICIENTS | {"levels": {"a": 0}}),
+    (draw_coefficients, LINE, {"a": {"weak": line_models()}}, COEFFICIENTS | {"levels": {"a": 0}},
+     scores((0, 0.01)).assign(spurious=3)),
     (draw_claims, claims(), {"combinations": [["state", "weak"]]}),
     # nothing to show
     (draw_histories, [SWING], {}, HISTORIES | {"cells": {}}),
-    (draw_coefficients, LINE, {}, COEFFICIENTS | {"levels": {}}),
+    (draw_coefficients, LINE, {}, COEFFICIENTS | {"levels": {}}, scores()),
     (draw_claims, claims()[:0], {"combinations": []}),
     # the configured line
     (draw_line, derive(PAIR), {"case": "pair", "line": PAIR}),

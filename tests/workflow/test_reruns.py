@@ -22,7 +22,8 @@ from snakemake.utils import update_config
 from galloping.identification.registry import METHODS
 
 PAGE = Path(__file__).parents[2] / "config" / "reruns.md"
-HEADER = ["| Edit | Rules that run again | Of which cells |", "| --- | --- | --- |"]
+HEADER = "| Edit | Rules that run again | Of which cells |"
+DEFAULT_HEADER = "| Edit of the default study | Jobs that run again | Of these, identifications |"
 FAMILIES = {method.family for method in METHODS}
 CELL = re.compile(r"(noise|points|joint)_[\d.]+")
 REPORT = "write_report"  # shows all of them, and is made again when one is
@@ -34,13 +35,17 @@ class Row(NamedTuple):
     cells: str
 
 
-def rows() -> list[Row]:
-    """The table, without the lines that only divide it."""
+def table(header: str) -> list[list[str]]:
+    """The cells of a table of the page, by its first line."""
     lines = PAGE.read_text(encoding="utf-8").splitlines()
-    start = lines.index(HEADER[0])
-    assert lines[start + 1] == HEADER[1]
+    start = lines.index(header)
     body = lines[start + 2 : lines.index("", start)]
-    parsed = [Row(*(part.strip() for part in line.split("|")[1:-1])) for line in body]
+    return [[part.strip() for part in line.split("|")[1:-1]] for line in body]
+
+
+def rows() -> list[Row]:
+    """The table of the smoke study, without the lines that only divide it."""
+    parsed = [Row(*cells) for cells in table(HEADER)]
     return [row for row in parsed if not row.edit.startswith("**")]
 
 
@@ -49,11 +54,11 @@ def rows() -> list[Row]:
 Edit = Callable[[Path], None]
 
 
-def settings(text: str) -> Edit:
-    """YAML merged over the settings of the smoke study; lists are replaced."""
+def settings(text: str, name: str = "smoke.yaml") -> Edit:
+    """YAML merged over the settings of a study; lists are replaced."""
 
     def edit(folder):
-        path = folder / "config" / "smoke.yaml"
+        path = folder / "config" / name
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
         update_config(content, yaml.safe_load(text))
         path.write_text(yaml.safe_dump(content), encoding="utf-8")
@@ -188,6 +193,21 @@ for name in MODULES:
     EDITS[row] = [statement_added(name)]
 
 
+DEFAULT_EDITS = {
+    "the threshold of the paper's method": settings(
+        "identification: {paper: {threshold: 0.002}}", "config.yaml"),
+    "a method removed": settings(
+        "identification: {methods: [paper, frols, ensemble, weak, weak_gls, maximum_likelihood]}",
+        "config.yaml"),
+    "the seed": settings("measurement: {seed: 1}", "config.yaml"),
+    "a noise level added": settings(
+        "measurement: {levels: [0, 0.01, 0.03, 0.05, 0.08, 0.1, 0.15]}", "config.yaml"),
+    "the wind speed of the first case": settings(
+        "cases: {internal_resonance: {wind: {speed: 11}}}", "config.yaml"),
+    "a caption of a figure": appended("workflow/report/figures/figure05.rst", "Words.\n"),
+}  # fmt: skip
+
+
 # --- what the table says, and what Snakemake does ---
 
 
@@ -220,10 +240,10 @@ def kind(name: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def edited(root, planned):
-    """Makes edits in a copy of the repository; returns all outputs that it asks for then."""
+def copied(root, planned):
+    """Returns the plan of a study of a copy of the repository after edits."""
 
-    def copied(*edits):
+    def copied(*edits, config="config/smoke.yaml"):
         with tempfile.TemporaryDirectory() as place:
             folder = Path(place)
             for name in ("config", "workflow"):  # with what Python compiled of it
@@ -233,22 +253,35 @@ def edited(root, planned):
             (folder / "results" / "reference").symlink_to(root / "results" / "reference")
             for edit in edits:
                 edit(folder)
-            return planned(folder, "config/smoke.yaml")
+            return planned(folder, *filter(None, [config]))
 
+    return copied
+
+
+def pending(before: list[dict], after: list[dict]) -> dict[str, bool]:
+    """Whether a job runs again, by each of its outputs."""
+    maker = {path: job for job in after for path in job["outputs"]}
+
+    @cache
+    def runs(path):
+        job = maker[path]
+        return job not in before or any(runs(p) for p in job["inputs"] if p in maker)
+
+    return {path: runs(path) for path in maker}
+
+
+@pytest.fixture(scope="module")
+def edited(copied):
+    """Makes edits in a copy of the repository; returns all outputs that it asks for then."""
     before = copied()
 
     def outputs(*edits):
         after = copied(*edits)
-        maker = {path: job for job in after for path in job["outputs"]}
-
-        @cache
-        def runs(path):
-            job = maker[path]
-            return job not in before or any(runs(p) for p in job["inputs"] if p in maker)
-
+        runs = pending(before, after)
         return [
-            Output(job["rule"], Path(path).relative_to("results/smoke"), runs(path))
-            for path, job in maker.items()
+            Output(job["rule"], Path(path).relative_to("results/smoke"), runs[path])
+            for job in after
+            for path in job["outputs"]
             if job["rule"] != REPORT
         ]
 
@@ -316,9 +349,22 @@ OF_FILES = ("a number in `results/reference`", "a script, module, rule file or r
 )
 def test_an_edit_runs_exactly_what_the_table_says(edited, row):
     outputs = judged(edited(*EDITS[row.edit]))
-    pending = {output for output in outputs if output.pending}
-    assert pending and pending == {output._replace(pending=True) for output in said(row, outputs)}
-    assert bool(row.cells) == any("case" in output.names for output in pending)
+    run = {output for output in outputs if output.pending}
+    assert run and run == {output._replace(pending=True) for output in said(row, outputs)}
+    assert bool(row.cells) == any("case" in output.names for output in run)
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("reruns")
+def test_edits_of_the_default_study_run_as_many_jobs_as_the_table_says(copied):
+    before, found = copied(config=""), []
+    for edit, make in DEFAULT_EDITS.items():
+        after = copied(make, config="")
+        runs = pending(before, after)
+        again = [job for job in after if any(runs[path] for path in job["outputs"])]
+        identified = sum(job["rule"] == "identify_models" for job in again)
+        found.append([edit, f"{len(again)} of {len(after)}", str(identified)])
+    assert table(DEFAULT_HEADER) == found
 
 
 def dry_run(study, folder, *edits):

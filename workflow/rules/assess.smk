@@ -115,7 +115,7 @@ rule redraw_paper:
         "../envs/galloping.yaml"
     params:
         line=released,
-        amounts=lambda wildcards: amounts(wildcards.case),
+        amounts=amounts(),
         number=setting("measurement.paper_draws"),
         threshold=setting("identification.paper.threshold"),
         kinematics=setting("identification.paper.kinematics"),
@@ -143,7 +143,7 @@ rule vary_parameter:
         case={"case": VARIED_CASE},
         line=lambda wildcards: {f"cases.{VARIED_CASE}": STUDY.case(VARIED_CASE).released},
         values=lambda wildcards: setting(f"assessment.open_parameters.{wildcards.parameter}"),
-        amounts=lambda wildcards: amounts(VARIED_CASE),
+        amounts=amounts(),
         number=lambda wildcards: {
             "measurement.paper_draws": min(
                 STUDY.settings.measurement.paper_draws, MOST_VARIED_DRAWS
@@ -161,6 +161,8 @@ rule vary_parameter:
 
 
 rule animate_line:
+    input:
+        trajectory=f"<results>/trajectories/{FIRST}.npz",
     output:
         animation=report(
             "<results>/figures/galloping.gif", category="Figures", labels={"figure": "galloping"}
@@ -174,7 +176,7 @@ rule animate_line:
     params:
         case={"case": FIRST},
         line=lambda wildcards: {f"cases.{FIRST}": STUDY.case(FIRST).released},
-        wind=setting("assessment.design_wind"),
+        window=setting("simulation.steady_window"),
         code=lambda wildcards: code("animate_line.py"),
     message:
         "The first line, moving"

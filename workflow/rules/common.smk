@@ -2,7 +2,6 @@
 from functools import cache
 
 from galloping.field import OUTPUTS, SHOWN as SHOWN_OF_FIELD
-from galloping.paper.claims import needed
 from galloping.reproducibility import digest
 from galloping.reproducibility.lock import OF_STUDY
 from galloping.study import shown
@@ -81,15 +80,13 @@ def of_sweep(key):
     return lambda wildcards: {f"sweeps.{wildcards.sweep}.{key}": getattr(sweep(wildcards), key)}
 
 
-def amounts(case):
-    """How much of what the paper's study measures the claims about a case need."""
+def amounts():
+    """How much the paper's study measures: whole records at all levels, and all subsets."""
     measurement, simulation = STUDY.plain["measurement"], STUDY.plain["simulation"]
     subsets = measurement["subsets"]
-    levels, points = needed(case, measurement["levels"], subsets["points"])
     recorded = {key: simulation[key] for key in ("duration", "sampling_rate", "steady_window")}
-    return {
-        "amounts": {"levels": levels, "points": points, "subset_level": subsets["level"]} | recorded
-    }
+    measured = {"levels": measurement["levels"], "points": subsets["points"]}
+    return {"amounts": {**measured, "subset_level": subsets["level"], **recorded}}
 
 
 # What the wildcards of a path name: see `galloping.study`.

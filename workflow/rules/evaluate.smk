@@ -80,7 +80,7 @@ TRIED_BY = {
     "free_decays": trials.free_decays.trial,
     "published_terms": trials.published.exact_terms,
     "published_intervals": trials.published.relaxation_intervals,
-    "paper": trials.paper_search.trial,
+    "paper": trials.paper_inference.trial,
 }
 
 

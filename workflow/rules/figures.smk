@@ -144,7 +144,14 @@ if LINES:
         "figure05": figure(
             "05 coefficients under noise",
             figures.each_term.draw_coefficients,
-            {**papers, "levels": noisy_cells, "unit": unit(by_paper[0]), "degree": DEGREE},
+            {
+                **papers,
+                "kind": NOISE,
+                "levels": noisy_cells,
+                "unit": unit(by_paper[0]),
+                "degree": DEGREE,
+            },
+            **draws,
             model=MODEL,
             identified=every(
                 f"{coefficients_at}/{{cell}}/{by_paper[1].family}.npz", cell=noisy_cells

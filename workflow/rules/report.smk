@@ -98,6 +98,7 @@ rule write_report:
             recording=STUDY.settings.recordings,
             file=SHOWN_OF_FIELD,
         ),
+        region=REGION if Path(REGION).exists() else [],
     output:
         report="<results>/report.html",
     log:

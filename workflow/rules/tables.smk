@@ -112,6 +112,7 @@ if LINES:
                 "cases": shown.judged_cases(STUDY),
                 "pairs": [[p.name, m.name] for p in STUDY.protocols for m in STUDY.methods],
                 "steady_window": WINDOW,
+                "winds": {case.name: case.line["wind"]["speed"] for case in STUDY.cases},
             },
             scores=SCORES,
             draws=every("<results>/paper/{case}.csv", case=REDRAWN),
@@ -219,11 +220,9 @@ if has_trials(PAPER):
     TABLES |= {
         "paper_region": made(tables.inference.region_table, samples=SAMPLES, readings=READINGS),
         "paper_readings": made(tables.inference.paper_readings, parts=fits_of(PAPER)),
-        "paper_left_out": made(tables.inference.left_out, samples=SAMPLES),
+        "paper_predictions": made(tables.inference.predictions, samples=SAMPLES),
         "paper_exclusions": made(tables.inference.exclusions, parts=fits_of(PAPER)),
-        "paper_samples": made(
-            tables.inference.region_samples, {"seed": SEED}, parts=fits_of(PAPER)
-        ),
+        "paper_samples": made(tables.inference.region_samples, parts=fits_of(PAPER)),
     }
 
 COMPARISONS = ["reference_summary", "reference_differences"]

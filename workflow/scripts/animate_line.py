@@ -1,27 +1,21 @@
-"""The first line at the design wind, moving on its limit cycle."""
+"""The first line, moving as it does at the end of the record."""
 
-import numpy as np
-
-from galloping.cycles.family import LIBRARY, initial_state, line_family
-from galloping.cycles.limit_cycles import circle, cycle_of
-from galloping.cycles.settling import settle
+from galloping.evaluation.motion import steady_frequency
 from galloping.figures.engineering import write_animation
 from galloping.figures.style import spoken
-from galloping.physics.galerkin import STATES
 from galloping.reproducibility.job import run
-from galloping.simulation import Simulator
+from galloping.study.files import read
+
+PERIODS = 3  # of the slower direction: the motion begins again nearly where it ended
 
 
-def animate_line(animation, case, line, wind):
-    family = line_family(line, "wind_speed")
-    motion = settle(Simulator(STATES, LIBRARY), family.model(wind), np.array(initial_state(line)))
-    title = f"{spoken(case)}, wind {wind:g} m/s"
-    if point := cycle_of(family, wind, motion):
-        orbit = point.solution
-    else:
-        orbit = circle(np.zeros(len(STATES)), np.zeros(len(STATES), complex), 1.0, wind)
-        title += f": no limit cycle ({motion.kind})"
-    write_animation(animation, line, orbit, title)
+def animate_line(animation, case, trajectory, line, window):
+    motion = read(trajectory)[0]
+    steady = motion.time >= window[0]
+    slower = steady_frequency(motion.states[steady][:, :2], motion.time[1] - motion.time[0]).min()
+    kept = motion.time >= motion.time[-1] - PERIODS / slower
+    title = f"{spoken(case)}, wind {line['wind']['speed']:g} m/s, the last {PERIODS} periods"
+    write_animation(animation, line, motion.time[kept], motion.states[kept], title)
 
 
 if __name__ == "__main__":

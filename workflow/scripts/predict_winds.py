@@ -5,7 +5,7 @@ from functools import cache, partial
 import numpy as np
 
 from galloping.cycles.family import LIBRARY, initial_state
-from galloping.cycles.prediction import Prediction, predict, split
+from galloping.cycles.prediction import Prediction, draw_splits, predict, split
 from galloping.cycles.ranking import damping_ratios
 from galloping.cycles.rows import prediction_rows, steady_truth
 from galloping.physics.galerkin import STATES
@@ -23,8 +23,10 @@ def _predicted(identified, case, winds, rng) -> Prediction:
     try:
         if identified.status == "refused":
             raise ValueError(identified.verdict)
-        parts = split([identified], [speed], damping_ratios(case))
-        return predict(parts, speed, winds, start, rng, simulator(identified.model.terms))
+        known = damping_ratios(case)
+        parts = split([identified], [speed], known)
+        draws = draw_splits(identified, speed, known, rng)
+        return predict(parts, speed, winds, start, draws, simulator(identified.model.terms))
     except (ValueError, np.linalg.LinAlgError) as error:
         return Prediction.nothing(winds, len(STATES), str(error))
 

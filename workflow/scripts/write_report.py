@@ -42,8 +42,9 @@ def _recording(name: str, paths: list[str]) -> dict:
 
 
 def write_report(
-    figures, animation, tables, recordings, report, labels, introduction, captions, headline, study
-):
+    figures, animation, tables, recordings, region, report, labels, introduction, captions,
+    headline, study,
+):  # fmt: skip
     drawn = _items([*figures, *animation], captions, labels)
     told_of = captions_of_tables()
     shown = _items(tables, {name: told_of[name] for name in (Path(t).stem for t in tables)}, {})
@@ -58,10 +59,11 @@ def write_report(
         read_table(shown[name].path) if name in shown else None
         for name in ("paper", "reproduction")
     )
+    known = read_table(region) if region else None
     first = next((drawn.pop(name) for name in FIRST if name in drawn), None)
     page = {
         "title": "Galloping of iced overhead lines",
-        "paper": section(paper, varied) if paper is not None else None,
+        "paper": section(paper, varied, known) if paper is not None else None,
         "printed": drawn.pop("printed", None),
         "made": made_by(),
         "headline": [

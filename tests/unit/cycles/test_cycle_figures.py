@@ -11,7 +11,6 @@ from PIL import Image
 
 from galloping.cycles import rows
 from galloping.cycles.family import line_family
-from galloping.cycles.limit_cycles import circle
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import Design, derived, ranked
 from galloping.cycles.settling import settle
@@ -112,15 +111,25 @@ def test_prediction():
     drawn(lambda: draw_prediction(pd.DataFrame(told), settings))
 
 
-def test_animation_is_the_same_twice_and_small(tmp_path):
-    swing = circle(np.zeros(4), np.array([1.0, 0.5j, 0, 0]), 2.4, 12.0)
+def test_the_animation_moves_as_far_as_the_span_and_is_the_same_twice(tmp_path):
+    time = np.arange(0, 4.8, 0.01)
+    swing = np.column_stack([np.sin(2.6 * time), 0.5 * np.cos(1.3 * time)])
+    states = np.hstack([swing, np.zeros_like(swing)])
     files = [tmp_path / name for name in ("one.gif", "two.gif")]
     for path in files:
-        write_animation(path, RESONANT, swing, "line", frames=3)
+        write_animation(path, RESONANT, time, states, "line")
     assert files[0].read_bytes() == files[1].read_bytes()
     with Image.open(files[0]) as image:
-        assert image.n_frames == 3
-    assert files[0].stat().st_size < 100_000
+        assert image.n_frames == 48  # ten a second, in real time
+        frames = []
+        for frame in range(image.n_frames):
+            image.seek(frame)
+            frames.append(np.asarray(image.convert("L"), float))
+    # the place of mid-span in the panel at the right moves over twice the vertical amplitude
+    changed = np.ptp(frames, axis=0)[:, int(0.75 * frames[0].shape[1]) :] > 60
+    rows = np.flatnonzero(changed.any(axis=1))
+    assert np.ptp(rows) > 0.4 * frames[0].shape[0]
+    assert files[0].stat().st_size < 1_000_000
     assert sorted(tmp_path.iterdir()) == files
 
 

@@ -8,11 +8,11 @@ from identification_cases import unknown_support
 from lines import RESONANT, START, edited, moved, simulate, simulator
 
 from galloping.cycles.family import LIBRARY, critical_wind
-from galloping.cycles.prediction import limit_cycle_ahead, predict, split
+from galloping.cycles.prediction import draw_splits, limit_cycle_ahead, predict, split
 from galloping.cycles.ranking import Design, changed, critical_winds, derived, ranked, with_measure
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import IdentifiedModel
-from galloping.intervals import of_draws
+from galloping.intervals import DRAWS, of_draws
 from galloping.physics.galerkin import STATES, Derived, coefficients, model
 from galloping.physics.measures import NOTHING, damper, pendulum, tension, usual
 from galloping.polynomial import library
@@ -72,23 +72,35 @@ def test_prediction_from_one_noisy_recording(protocol):
         values[:, 2:] = np.nan
     identified = maximum_likelihood([Recording(motion.time, STATES, values)], library(4, 3))
     parts = split([identified], [12.0], RATIOS)
-    rng = np.random.default_rng(1)
-    prediction = predict(parts, 12.0, list(CHECKS), START, rng, simulator())
+    draws = draw_splits(identified, 12.0, RATIOS, np.random.default_rng(1))
+    prediction = predict(parts, 12.0, list(CHECKS), START, draws, simulator())
     assert prediction.reason == "" and not prediction.unresolved.any()
     assert prediction.amplitude[:, :2] == pytest.approx(np.array(list(CHECKS.values())), rel=0.05)
     width = (prediction.high - prediction.low)[:, :2] / prediction.amplitude[:, :2]
     assert np.all((width > 1e-4) & (width < 0.05))
 
 
+def test_the_band_holds_rivals_with_other_terms():
+    """Half of the probability is that of a rival whose damping is a tenth stronger."""
+    sure, linear = stated(exact(12.0).model, 1e-9), exact(12.0).model.terms.index((0, 0, 1, 0))
+    rival = sure.model.coefficients.copy()
+    rival[2, linear] *= 1.1
+    found = replace(sure, rivals=rival[np.newaxis], rival_share=0.5)
+    draws = draw_splits(found, 12.0, RATIOS, np.random.default_rng(3))
+    values = {round(float(each.model(12.0).coefficients[2].sum()), 6) for each in draws}
+    assert len(draws) == DRAWS and len(values) == 2
+
+
 def test_a_model_without_uncertainty_or_without_a_cycle():
     bare = IdentifiedModel(exact(12.0).model, "unjudged")  # as sparse regression gives it
     parts = split([bare], [12.0], RATIOS)
-    rng = np.random.default_rng(0)
-    prediction = predict(parts, 12.0, [12.0, 16.0], START, rng, simulator())
+    draws = draw_splits(bare, 12.0, RATIOS, np.random.default_rng(0))
+    assert draws == []
+    prediction = predict(parts, 12.0, [12.0, 16.0], START, draws, simulator())
     assert prediction.amplitude[0, :2] == pytest.approx(CHECKS[12], abs=1e-3)
     assert prediction.amplitude[1, :2] == pytest.approx(CHECKS[16], abs=1e-3)
     assert np.isnan(prediction.low).all()
-    calm = predict(parts, 4.0, [4.0], START, rng, simulator())
+    calm = predict(parts, 4.0, [4.0], START, draws, simulator())
     assert calm.reason.startswith("at 4 m/s the identified model does not settle")
     assert np.isnan(calm.amplitude).all()
 

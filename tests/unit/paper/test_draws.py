@@ -6,13 +6,16 @@ import pytest
 from lines import RESONANT, recorded
 from scipy.stats import ks_2samp
 
+from galloping.configuration.load import load, plain
+from galloping.configuration.yaml_file import read
 from galloping.evaluation.score import Truth, evaluate
 from galloping.identification import cell, registry
 from galloping.identification.sparse.evidence import reduce
+from galloping.identification.sparse.stlsq import fit
 from galloping.paper import draws
 from galloping.paper.quick import QuickStudy
 from galloping.paper.unknowns import MethodReading
-from galloping.polynomial import extended, library
+from galloping.polynomial import design_matrix, extended, library
 from galloping.results import IDENTIFIED, KNOWN, NOISE, PAPER_METHOD, SUBSET
 
 CASE = {**RESONANT, "initial_state": {**RESONANT["initial_state"], "q_v": 0.7, "q_w": 1.0}}
@@ -20,6 +23,7 @@ AMOUNTS = draws.Amounts(levels=(0.0, 0.05), points=(1000,), duration=60, samplin
                         steady_window=(40, 60))  # fmt: skip
 SETTING = {"threshold": 0.003}
 TERMS = library(4, 3)
+PYSINDY_RIDGE = 0.05  # `alpha` of its STLSQ, where none is given
 
 
 @pytest.fixture(scope="module")
@@ -98,10 +102,23 @@ def test_a_draw_depends_on_its_own_cell_and_number_alone():
 def test_known_kinematic_equations_are_not_identified(protocol):
     study = QuickStudy(*draws.line_motion(CASE, 30, 100), short((0.05,)))
     known, identified = (
-        study.draws(
+        study.draw_scores(
             MethodReading(None, "normalised", kinematics, protocol), 2, np.random.default_rng(1)
         )
         for kinematics in (KNOWN, IDENTIFIED)
     )
     assert (known["spurious"] <= identified["spurious"]).all()
     assert (known["mean_error_cubic_percent"] == identified["mean_error_cubic_percent"]).all()
+
+
+def test_the_default_ridge_of_pysindy_finds_false_terms_without_noise(root):
+    """What `readings.csv` says of it, at the study's own setting."""
+    study = plain(load(read(root / "config" / "config.yaml")))
+    motion, line = draws.line_motion(study["cases"]["internal_resonance"], 300, 100)
+    columns, true = design_matrix(motion.states, TERMS), line.on_library(TERMS).coefficients != 0
+    thresholds = np.full(len(true), study["identification"]["paper"]["threshold"])
+    without, with_ridge = (
+        fit(columns, motion.rates, thresholds, ridge) != 0 for ridge in (0, PYSINDY_RIDGE)
+    )
+    np.testing.assert_array_equal(without, true)
+    assert (with_ridge & ~true).any()

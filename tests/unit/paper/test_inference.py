@@ -1,32 +1,46 @@
-"""What the paper leaves out is told by its numbers: tried on studies whose settings are known."""
+"""What the paper leaves out is inferred from its numbers: tried where the truth is known."""
 
 from dataclasses import replace
+from functools import reduce
+from operator import getitem
 
 import numpy as np
 import pandas as pd
 import pytest
 from lines import RESONANT
 from pictures import drawn
+from scipy.special import logsumexp
 
+from galloping.configuration.load import load, plain
+from galloping.configuration.yaml_file import read
 from galloping.figures.against_paper import draw_region
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.stlsq import normalised, raw
-from galloping.paper import draws, unknowns
+from galloping.paper import draws, likelihood
 from galloping.paper.draws import Amounts
+from galloping.paper.likelihood import GROUPS, NUMBERS, PRINTED, cell_of, log_likelihoods
 from galloping.paper.quick import QuickStudy, found_coefficients
-from galloping.paper.unknowns import BASE, BY_NAME, HIGH, LOW, NAMES, UNKNOWNS, MethodReading
+from galloping.paper.unknowns import (
+    BY_NAME,
+    FIRST_READING,
+    HIGH,
+    LOW,
+    NAMES,
+    UNKNOWNS,
+    MethodReading,
+)
 from galloping.polynomial import library
 from galloping.tables import inference as tables
-from galloping.trials import paper_search
+from galloping.trials import paper_inference
 
 pytestmark = pytest.mark.xdist_group("inference")
 
-KNOWN = dict(zip(NAMES, (7.5, 0.0054, 0.0031, 0.5, 0.71, 0.134, 0.003), strict=True))
+KNOWN = dict(zip(NAMES, (10.0, 0.0059, 0.0054, 0.53, 0.66, 0.109, 0.0017), strict=True))
 
 
 @pytest.fixture(scope="module")
 def moved():
-    return draws.line_motion(BASE.case(RESONANT, KNOWN), 300, 100)
+    return draws.line_motion(FIRST_READING.case_at(KNOWN, RESONANT), 300, 100)
 
 
 @pytest.mark.parametrize(("method", "threshold"), [(raw, 0.003), (raw, None), (normalised, 0.003)])
@@ -42,116 +56,178 @@ def test_quick_thresholds_are_those_of_the_method(moved, method, threshold):
 
 
 def test_quick_motions_are_those_of_the_simulator(moved):
-    amounts = Amounts(levels=(0.03,), points=(10000,))
-    quick = QuickStudy(*moved, amounts).draws(MethodReading(0.003), 12, np.random.default_rng(1))
+    amounts, method = Amounts(levels=(0.03,), points=(10000,)), MethodReading(0.0017)
+    quick = QuickStudy(*moved, amounts).draw_scores(method, 12, np.random.default_rng(1))
     exact = draws.paper_draws(
-        BASE.case(RESONANT, KNOWN), draws=12, seed=1, name=("x",), threshold=0.003,
+        FIRST_READING.case_at(KNOWN, RESONANT), draws=12, seed=1, name=("x",), threshold=0.0017,
         kinematics="known", amounts=amounts,
     )  # fmt: skip
     for column in ("r2_q_w", "amplitude_error_q_v_percent", "mean_error_cubic_percent"):
         assert np.all(np.isfinite(quick[column]))
         medians = [np.median(table[column]) for table in (quick, exact)]
         np.testing.assert_allclose(*medians, rtol=0.6, atol=0.02)
-    still = QuickStudy(*moved, amounts).draws(
-        MethodReading(0.003), 1, np.random.default_rng(1), still=(0.03,)
+    unmoved = QuickStudy(*moved, amounts).draw_scores(
+        method, 1, np.random.default_rng(1), unmoved_levels=(0.03,)
     )
-    assert np.isnan(still.loc[still["points"] > 10000, "r2_q_v"]).all()
+    assert np.isnan(unmoved.loc[unmoved["points"] > 10000, "r2_q_v"]).all()
 
 
-def test_a_study_is_more_probable_at_its_own_setting(moved):
-    """Of settings with other winds and thresholds, one draw's numbers tell the right one."""
+def draw_values(values, count, rng):
+    """What draws at a setting of the first reading give for each claim."""
+    motion, line = draws.line_motion(FIRST_READING.case_at(values, RESONANT), 300, 100)
+    study = QuickStudy(motion, line, paper_inference.AMOUNTS)
+    scores = study.draw_scores(
+        FIRST_READING.method_at(values), count, rng, unmoved_levels=likelihood.UNMOVED_LEVELS
+    )
+    return likelihood.scores_by_claim(scores)
+
+
+def test_a_study_is_more_probable_at_its_own_setting():
+    """One draw's numbers single out the right setting among other winds and thresholds."""
     rng = np.random.default_rng(5)
-    printed = paper_search.evaluated(BASE, KNOWN, 1, rng)["draws"][0]
-    claims = [
-        replace(c, paper_value=printed[c.name]) if c.is_number else c for c in unknowns.PRINTED
-    ]
-    claims = [c for c in claims if c.is_number or c.met(np.array([printed[c.name]]))[0]]
-    others = [KNOWN, {**KNOWN, "threshold": 0.0008}, {**KNOWN, "wind_speed": 12.0}]
+    printed = draw_values(KNOWN, 1, rng)
+    claims = [replace(c, printed=printed[c.name][0]) if c.is_number else c for c in PRINTED]
+    claims = [c for c in claims if c.is_number or c.is_met(printed[c.name])[0]]
+    settings = KNOWN, {**KNOWN, "threshold": 0.0004}, {**KNOWN, "wind_speed": 12.0}
     found = [
-        sum(unknowns.log_probabilities(
-            paper_search.evaluated_scores(BASE, values, 24, rng), printed=claims
-        ).values())
-        for values in others
-    ]  # fmt: skip
+        sum(log_likelihoods(draw_values(values, 24, rng), claims=claims).values())
+        for values in settings
+    ]
     assert np.argmax(found) == 0
 
 
-def test_bounds_and_numbers_of_a_cell_hold_in_the_same_draw():
+def as_printed(draws_=2):
+    """Values of draws that have what the paper prints, by claim."""
+    values = {c.name: np.full(draws_, c.printed if c.is_number else 0.0) for c in PRINTED}
+    better = {c.name: np.full(draws_, 1.0) for c in PRINTED if c.kind == "at_least"}
+    return values | better
+
+
+def test_numbers_and_bounds_of_a_cell_count_in_the_same_draw():
     """Two draws, one with the printed errors, one that keeps the bounds: neither does both."""
-    both = pd.DataFrame(
-        {"kind": kind, "level": level, "points": points or 30001, "draw": draw, "missing": 0,
-         "r2_q_v": 0.9999, "r2_q_w": 0.99999,
-         **{claim.column: claim.paper_value for claim in unknowns.NUMBERS
-            if unknowns.cell_of(claim) == (kind, level, points)}}
-        for kind, level, points in unknowns.CELLS
-        for draw in range(2)
-    )  # fmt: skip
-    at_once, apart = unknowns.log_probabilities(both), both.copy()
-    whole = (apart["kind"] == "noise") & (apart["level"] == 0.05)
-    apart.loc[whole & (apart["draw"] == 0), "r2_q_v"] = 0.5
-    apart.loc[whole & (apart["draw"] == 1), "mean_error_linear_percent"] = 300.0
-    assert unknowns.log_probabilities(apart)["noise 0.05"] < at_once["noise 0.05"] - 2
-    assert unknowns.log_probabilities(apart)["noise 0.1"] == at_once["noise 0.1"]
+    at_once, apart = as_printed(), as_printed()
+    apart["R2 of q_v at noise 0.05"] = np.array([0.5, 0.999])
+    apart["mean error of linear terms at noise 0.05"] = np.array([9.56, 300.0])
+    assert log_likelihoods(apart)["noise 0.05"] < log_likelihoods(at_once)["noise 0.05"] - 2
+    assert log_likelihoods(apart)["noise 0.1"] == log_likelihoods(at_once)["noise 0.1"]
 
 
-def test_the_region_is_that_of_a_probability_that_is_known(monkeypatch):
-    """Of a search about the middle of the ranges, where it is a bell, scattered."""
-    monkeypatch.setattr(paper_search, "STEPS", 800)
-    rng, centre, width = np.random.default_rng(0), 0.5, 0.1
-    x = np.clip(rng.normal(centre, 2 * width, size=(300, len(NAMES))), 0, 1)
-    height = -0.5 * np.sum(((x - centre) / width) ** 2, axis=1) + 0.3 * rng.standard_normal(300)
-    rows = pd.DataFrame(np.exp(LOW + x * (HIGH - LOW)), columns=list(NAMES)).assign(
-        variant=BASE.name, stage="searched", change=0.005, height=height, log_probability=height,
-        without_amplitudes=height,
+def test_false_terms_count_the_more_the_more_there_are():
+    logs = []
+    for number in (0, 5, 32):
+        values = as_printed() | {"few false terms at noise 0.01": np.full(2, float(number))}
+        logs.append(log_likelihoods(values)["noise 0.01"])
+    assert logs[0] == 0.0 and logs[0] - logs[1] == pytest.approx(1.0) and logs[2] < -6
+    without = log_likelihoods(values, left_out=("terms",))
+    assert "noise 0.01" in without and without["noise 0.01"] == 0.0  # R2 of q_w above q_v is left
+
+
+def test_every_claim_with_noise_belongs_to_a_cell_and_to_a_group():
+    assert {cell_of(claim) for claim in PRINTED} == set(likelihood.CELLS)
+    assert {likelihood.group_of(claim) for claim in PRINTED} == set(GROUPS)
+    assert len(NUMBERS) == 10
+
+
+def test_importance_sampling_integrates_a_likelihood_that_is_known(monkeypatch):
+    """Of a bell in the middle of the ranges, whose estimate scatters as that of few draws does."""
+    centre, width = (LOW + HIGH) / 2, 0.1 * (HIGH - LOW)
+
+    def estimate(reading, values, number, rng):
+        offsets = (np.log([values[name] for name in NAMES]) - centre) / width
+        scatter = 0.7 * rng.standard_normal() - 0.7**2 / 2  # its exponential has the mean 1
+        row = dict.fromkeys(("change", "attack"), 0.0)
+        return {**row, "log_likelihood": -0.5 * np.sum(offsets**2) + scatter, "draws": []}
+
+    monkeypatch.setattr(paper_inference, "estimate", estimate)
+    monkeypatch.setattr(paper_inference, "FIRST_ROUND", {})
+    monkeypatch.setattr(paper_inference, "SHIFTED", np.zeros(len(NAMES), bool))
+    monkeypatch.setattr(
+        paper_inference, "setting_at",
+        lambda reading, point: dict(zip(NAMES, np.exp(point), strict=True))
+        if np.all((point > LOW) & (point < HIGH)) else None,
     )  # fmt: skip
-    first, second = (paper_search.samples(rows, "log_probability", 4) for _ in range(2))
-    pd.testing.assert_frame_equal(first, second)  # the same seed, the same region
-    x = (np.log(first.to_numpy()) - LOW) / (HIGH - LOW)
-    np.testing.assert_allclose(x.mean(axis=0), centre, atol=0.05)
-    np.testing.assert_allclose(x.std(axis=0), width, rtol=0.35)
+    rounds = {"pilot_rounds": (200, 200, 200), "settings": 300}
+    rows = pd.DataFrame(paper_inference.trial(1, "sine", [0, 1, 2], {}, **rounds))
+    tried = rows[rows["stage"] == "tried"]
+    expected = len(NAMES) * np.log(0.1 * np.sqrt(2 * np.pi))
+    for _, run in tried.groupby("replicate"):
+        assert logsumexp(run["log_weight"]) == pytest.approx(expected, abs=0.4)
+    evidence, error = tables._log_evidence(tried)
+    assert error < 0.1 and abs(evidence - expected) < 3 * error
+    weights = tables._normalised(tried["log_weight"])
+    x = np.log(tried[list(NAMES)].to_numpy(float))
+    np.testing.assert_allclose(weights @ x, centre, atol=0.4 * width.max())
+    np.testing.assert_allclose(np.sqrt(weights @ (x - centre) ** 2), width, rtol=0.3)
 
 
 @pytest.fixture(scope="module")
-def searched():
-    rows = paper_search.trial(1, BASE.name, [0], {}, draws=8, screened=3, evaluations=9, judged=16)
+def tried():
+    rows = paper_inference.trial(
+        1,
+        FIRST_READING.name,
+        [0],
+        {},
+        pilot_rounds=(3,),
+        pilot_draws=4,
+        settings=4,
+        draws=9,
+        climb=3,
+    )
     return pd.DataFrame(rows)
 
 
-def test_a_search_tries_steady_settings_and_judges_its_best(searched):
-    tried = searched[searched["stage"].isin(("screened", "searched"))]
-    known = tried[tried["log_probability"].notna()]
-    assert len(tried) >= 12 and (known["change"] < paper_search.STEADY).all()
-    best = searched[searched["stage"] == "best"].iloc[0]
-    assert 0 <= best["R2 of q_v at noise 0.05"] <= 1
+def test_a_run_keeps_its_conditions_and_judges_its_best(tried):
+    settings = tried[tried["stage"] == "tried"]
+    assert len(settings) == 4 and (settings["proposed"] > 4).all()
+    assert (settings["attack"] <= FIRST_READING.attack_limit).all()
+    assert (settings["change"] < paper_inference.MOST_CHANGE).all()
     for unknown in UNKNOWNS:
-        assert tried[unknown.name].between(unknown.low * 0.999, unknown.high * 1.001).all()
+        assert settings[unknown.name].between(unknown.low, unknown.high).all()
+    judged = tried[tried["stage"] == "judged"]
+    assert len(judged) == 3 and np.isfinite(judged["log_likelihood"]).all()
+    assert (tried["stage"] == "draw").sum() == 2 * len(settings)  # that share no subset
 
 
-def test_tables_and_figure(searched, monkeypatch):
-    for name, value in (("STEPS", 60), ("BURN_IN", 20), ("SAMPLES", 50), ("DEPTH", 1e9)):
-        monkeypatch.setattr(paper_search, name, value)
-    monkeypatch.setattr(tables, "PREDICTED", 2)
-    other = searched.assign(variant="sine")
-    numbers = ["height", "log_probability", "noise 0.05"]
-    other[numbers] -= 10.0
-    parts = {"one": searched, "two": other}
+def test_tables_and_figure(tried):
+    other = tried.assign(reading="sine")
+    other[["log_weight", "noise 0.05"]] -= 10.0
+    parts = {"readings/one": tried, "readings/two": other}
     readings = tables.paper_readings(parts)
-    assert dict(zip(readings["reading"], readings["verdict"], strict=True)) == {
-        BASE.name: "probable", "sine": "ruled out",
-    }  # fmt: skip
-    assert readings.set_index("reading").loc["sine", "least"] == "noise 0.05"
-    samples = tables.region_samples({"one": searched}, {"seed": 1})
+    assert readings["reading"].to_list() == [FIRST_READING.name, "sine"]
+    assert readings["verdict"].to_list() == ["first", "ruled out as tried"]
+    assert readings["power_of_ten"].iloc[1] == pytest.approx(-10 / np.log(10))
+    assert readings["loses_most_by"].iloc[1] == "noise 0.05"
+    samples = tables.region_samples(parts)
+    for group in ("all", *GROUPS):
+        sums = samples.groupby("stage")[f"weight_{group}"].sum()
+        np.testing.assert_allclose(sums, 1.0)
     table = tables.region_table(samples, readings).set_index("unknown")
     assert (table.loc[list(NAMES), "low"] <= table.loc[list(NAMES), "high"]).all()
     assert table.loc["mode shape", "verdict"] == "determined"
-    left = tables.left_out(samples)
-    assert len(left) == 10 and (left["all_low"] <= left["all_high"]).all()
+    predicted = tables.predictions(samples)
+    assert len(predicted) == len(PRINTED)
+    numbers = predicted[predicted["kind"] == "value"]
+    assert (numbers["predicted_low"] <= numbers["predicted_high"]).all()
+    assert predicted["predicted_share"].between(0, 1).all()
     pairs = tables.exclusions(parts)
     assert (pairs["both"] <= pairs[["first", "second"]].min(axis=1)).all()
     drawn(lambda: draw_region(samples, readings))
 
 
 def test_every_reading_is_a_line_that_can_gallop():
-    loads = [variant.case(RESONANT, KNOWN)["ice"]["vertical"] for variant in BY_NAME.values()]
+    loads = [reading.case_at(KNOWN, RESONANT)["ice"]["vertical"] for reading in BY_NAME.values()]
     assert all(b1 > 0 > b3 for b1, _, b3 in loads)
     assert len({b2 for _, b2, _ in loads}) == 4
+
+
+def test_the_default_study_is_as_probable_as_the_best_setting_that_was_found(root):
+    """Within what the likelihoods of settings scatter by, and under the same conditions."""
+    study = plain(load(read(root / "config" / "config.yaml")))
+    case = study["cases"]["internal_resonance"]
+    own = {u.name: reduce(getitem, u.path, case) for u in UNKNOWNS if u.path}
+    own["threshold"] = study["identification"]["paper"]["threshold"]
+    row = paper_inference.estimate(FIRST_READING, own, 200, np.random.default_rng(2))
+    readings = pd.read_csv(root / "results" / "reference" / "paper" / "paper_readings.csv")
+    best = readings.set_index("reading").loc[FIRST_READING.name]
+    assert row["log_likelihood"] > best["log_likelihood"] - 1.0
+    assert row["attack"] <= FIRST_READING.attack_limit

@@ -21,7 +21,7 @@ from galloping.cycles.family import Family, constant
 from galloping.cycles.limit_cycles import CycleProblem, Orbit
 from galloping.cycles.settling import SPAN, settle
 from galloping.identification.model import IdentifiedModel
-from galloping.intervals import DRAWS, Identified, drawn, normal, of_draws
+from galloping.intervals import DRAWS, Identified, drawn_with_rivals, normal, of_draws
 from galloping.passes import passing
 from galloping.polynomial import Exponents, PolynomialModel, alone, velocity_pairs
 from galloping.simulation import Simulator
@@ -186,12 +186,13 @@ def predict(
     recorded: float,
     winds: Sequence[float],
     start: np.ndarray,
-    rng: np.random.Generator,
+    draws: Sequence[Split],
     simulator: Simulator,
 ) -> Prediction:
-    """Limit cycles at `winds` (m/s) that continue the one at the recorded wind speed.
+    """Predict the limit cycles at `winds` (m/s) that continue the one at the recorded wind speed.
 
-    start: (n_states,) from which the model is simulated there until it has settled.
+    start: (n_states,) from which the model is simulated there until it has settled. draws: of
+    `draw_splits`, from which the band is.
     """
     found, missing = Prediction.nothing(winds, len(parts.states)), []
     motion = settle(simulator, parts.model(recorded), start, RECORDED)
@@ -207,7 +208,6 @@ def predict(
         branches = limit_cycles.from_motion(family, recorded, motion.time, motion.states, span)
     except ValueError as failure:
         return replace(found, reason=str(failure))
-    draws = parts.sampled(rng)
     for k, wind in enumerate(found.winds):
         stable = [
             point.solution
@@ -219,12 +219,33 @@ def predict(
             missing.append(f"{wind:g}")
             continue
         found.amplitude[k] = stable[0].half_range()
-        models = [parts.model(stable[0].value, each) for each in draws]
+        models = [each.model(stable[0].value) for each in draws]
         kept = near(models, stable[0])
         found.low[k], found.high[k] = intervals(kept, len(parts.states))[:, :-1]
         found.unresolved[k] = 1 - len(kept) / max(1, len(models))
     reason = f"no stable limit cycle at {', '.join(missing)} m/s" if missing else ""
     return replace(found, reason=reason)
+
+
+def draw_splits(
+    identified: IdentifiedModel,
+    wind: float,
+    damping: Mapping[str, float] | None,
+    rng: np.random.Generator,
+) -> list[Split]:
+    """Draw models that the recording does not rule out, rivals with other terms among them.
+
+    wind: of the recording, m/s. damping: as of `split`. Empty where the model has no covariance; a
+    model whose damping cannot be told apart is left out.
+    """
+    found: list[Split] = []
+    if not len(identified.covariance):
+        return found
+    for model in drawn_with_rivals(identified, rng):
+        one = replace(identified, model=model, covariance=np.zeros((0, 0)))
+        with suppress(ValueError, np.linalg.LinAlgError):
+            found.append(split([one], [wind], damping))
+    return found
 
 
 def intervals(orbits: Sequence[Orbit], n_states: int, fewest: float = MOST) -> np.ndarray:
@@ -274,9 +295,10 @@ def limit_cycle_ahead(
     """The limit cycle to which an identified model leads from `start` (n_states,): (n_states,) its
     half range, and low and high ends of the 95 % interval of that.
 
-    The interval is that of models drawn with the covariance of the coefficients, NaN without one
-    and where most of these models have no limit cycle near by. Raises ValueError where there is no
-    model, and where it does not lead to a limit cycle.
+    The interval is that of models that the recording does not rule out, rivals with other terms
+    among them; NaN where the model has no covariance, and where most of these models have no limit
+    cycle near by. Raises ValueError where there is no model, and where it does not lead to a limit
+    cycle.
     """
     if identified.status == "refused":
         raise ValueError(f"there is no model to simulate: {identified.reason}")
@@ -288,6 +310,6 @@ def limit_cycle_ahead(
     point = limit_cycles.settled(constant(found), 0.0, motion.time, motion.states, resolution=1.0)
     models = []
     if len(identified.covariance) == identified.support.sum() > 0:
-        models = [model.on_library(found.terms) for model in drawn(identified, rng)]
+        models = [model.without_absent_terms() for model in drawn_with_rivals(identified, rng)]
     ends = intervals(near(models, point.solution), len(found.states))[:, :-1]
     return point.solution.half_range(), *ends

@@ -18,7 +18,7 @@ from matplotlib.ticker import NullFormatter
 
 from galloping.figures import parts, style
 from galloping.paper.claims import AT_LEAST, AT_MOST, CLAIMS
-from galloping.paper.unknowns import BASE, UNKNOWNS
+from galloping.paper.unknowns import FIRST_READING, UNKNOWNS
 from galloping.results import PAPER_METHOD
 
 BY_NAME = {claim.name: claim for claim in CLAIMS}
@@ -37,7 +37,7 @@ BOUNDS = {AT_LEAST: "≥ ", AT_MOST: "≤ "}
 OURS = style.method_style(PAPER_METHOD).color  # of draws of the paper's method
 BINS = 30
 ACROSS = 4
-LEAST = -12.0  # power of ten: readings that are less probable end there
+LEAST, LEAST_SHOWN = -12.0, -6.0  # powers of ten: where less probable readings are, the axis
 NOT_RUN, NOT_HELD, HELD = "#ffffff", "#d9d9d9", style.MODEL
 
 
@@ -117,14 +117,14 @@ def _claims(
     digits = 4 if axis == "r2" else 3  # 0.9899 must not read 0.99 beside a bound
     for k, ((name, _), found) in enumerate(rows.items()):
         claim = BY_NAME[name]
-        text = BOUNDS.get(claim.kind, "") + _number(claim.paper_value, 4)
+        text = BOUNDS.get(claim.kind, "") + _number(claim.printed, 4)
         cells.text(0.5, k, text, ha="center", va="center", color=style.PAPER, fontsize="x-small")
         if axis == "none":  # what is compared, in words
             text = parts.typeset(fill(claim.quantity, 28))
             dots.text(0.5, k, text, transform=dots.get_yaxis_transform(), ha="center", va="center",
                       fontsize="x-small", linespacing=1.0)  # fmt: skip
         else:
-            dots.plot(place(claim.paper_value), k, "|", color=style.PAPER, ms=9, mew=1.5, zorder=5)
+            dots.plot(place(claim.printed), k, "|", color=style.PAPER, ms=9, mew=1.5, zorder=5)
         for j, ((protocol, method), one) in enumerate(zip(pairs, found, strict=True)):
             if one is None:
                 continue
@@ -159,7 +159,7 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
     table: paper.csv. settings: case, the paper's, that the numbers are about.
     """
     rows = table[(table["case"] == settings["case"]) & table["median"].notna()]
-    rows = rows[rows["claim"].isin(BY_NAME)]
+    rows = rows[rows["claim"].isin(BY_NAME) & (rows["role"] == "counted")]
     numbers = rows[[BY_NAME[name].is_number for name in rows["claim"]]]
     bounds = rows[[BY_NAME[name].is_r2 for name in rows["claim"]]]
     if numbers.empty and bounds.empty:
@@ -176,10 +176,12 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
         left.plot(row.printed, k, "*", color=style.PAPER, ms=8, mew=0, zorder=5)
     parts.rows(left, [_short(name) for name in numbers["claim"]], lines=False)
     parts.letter(right, 1, "draws that keep a bound")
-    shares = 100 * bounds["share_of_draws"].to_numpy(float)
+    columns = ["share_of_draws", "share_low", "share_high"]
+    shares, low, high = 100 * bounds[columns].to_numpy(float).T
     right.barh(np.arange(len(bounds)), shares, height=0.55, color=OURS, alpha=0.45)
+    right.hlines(np.arange(len(bounds)), low, high, color=OURS, lw=1.0)
     for k, share in enumerate(shares):
-        right.text(share + 1.5, k, f"{share:.0f} %", va="center", fontsize="small")
+        right.text(high[k] + 1.5, k, f"{share:.0f} %", va="center", fontsize="small")
     right.axvline(50, color="#8a8a8a", lw=0.6, ls=":")
     right.set(xlim=(0, 112), xticks=[0, 25, 50, 75, 100], xlabel="share of the draws, %")
     names = zip(bounds["claim"], bounds["printed"], strict=True)
@@ -243,7 +245,7 @@ def draw_reproduction(table: pd.DataFrame, settings: Mapping) -> Figure:
 
 
 def draw_region(samples: pd.DataFrame, readings: pd.DataFrame) -> Figure:
-    """A panel for each unknown number, and one of all readings.
+    """Draw the posterior of each unknown number, and the evidence of every reading.
 
     samples: of `tables.inference.region_samples`, readings: of `paper_readings`.
     """
@@ -252,19 +254,19 @@ def draw_region(samples: pd.DataFrame, readings: pd.DataFrame) -> Figure:
     heights = [*([1.35] * rows), bars + 0.4]
     figure = Figure(figsize=(style.DOUBLE, sum(heights) + 0.5), layout="constrained")
     upper, lower = figure.subfigures(2, 1, height_ratios=[sum(heights[:-1]) + 0.5, heights[-1]])
-    drawn = samples[samples["kind"] == "setting"]
-    best = readings.set_index("reading").loc[BASE.name]
+    tried = samples[samples["stage"] == "tried"]
+    best = readings.set_index("reading").loc[FIRST_READING.name]
     looks = {
-        "log_probability": {"color": style.MODEL, "histtype": "stepfilled", "label": "all numbers"},
-        "without_amplitudes": {"edgecolor": style.BAND, "histtype": "step", "lw": 1.6,
-                               "label": "without the errors of the amplitude"},
+        "all": {"color": style.MODEL, "histtype": "stepfilled", "label": "by all that is printed"},
+        "amplitudes": {"edgecolor": style.BAND, "histtype": "step", "lw": 1.6,
+                       "label": "without the errors of the amplitude"},
     }  # fmt: skip
     for k, unknown in enumerate(UNKNOWNS):
         axes = upper.add_subplot(rows, ACROSS, k + 1)
         parts.letter(axes, k, unknown.label)
         bins = np.geomspace(unknown.low, unknown.high, BINS + 1)
         for known, look in looks.items():
-            axes.hist(drawn.loc[drawn["known"] == known, unknown.name], bins=bins, **look)
+            axes.hist(tried[unknown.name], weights=tried[f"weight_{known}"], bins=bins, **look)
         axes.axvline(best[unknown.name], color=style.PAPER, lw=1.0, label="most probable setting")
         axes.set_xscale("log")
         axes.xaxis.set_minor_formatter(NullFormatter())
@@ -272,16 +274,18 @@ def draw_region(samples: pd.DataFrame, readings: pd.DataFrame) -> Figure:
         axes.set(xlim=(unknown.low, unknown.high), yticks=[], xlabel=unit)
     upper.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     axes = lower.subplots()
-    parts.letter(axes, len(UNKNOWNS), "readings of the paper, beside the first")
-    powers = readings["power_of_ten"].to_numpy(float)
-    ends = np.maximum(np.nan_to_num(powers, nan=LEAST, posinf=LEAST), LEAST)
-    axes.barh(np.arange(len(readings)), ends - LEAST, left=LEAST, height=0.65, color=style.MODEL)
-    for k, (end, power, verdict) in enumerate(zip(ends, powers, readings["verdict"], strict=True)):
-        text = f"{power:.1f}, {verdict}" if np.isfinite(power) else verdict
-        axes.text(end + 0.15, k, text, va="center", size="small")
+    parts.letter(axes, len(UNKNOWNS), "evidence of each reading, relative to the first")
+    powers = np.maximum(readings["power_of_ten"].to_numpy(float), LEAST)
+    axes.axvline(0, color=style.QUIET, lw=0.6)
+    axes.errorbar(powers, np.arange(len(readings)), xerr=2 * readings["standard_error"], fmt="o",
+                  ms=3.5, color=style.MODEL, elinewidth=1.0)  # fmt: skip
+    for k, row in enumerate(readings.itertuples()):
+        end = powers[k] + 2 * row.standard_error
+        axes.text(end + 0.15, k, row.verdict, va="center", size="small")
     parts.rows(axes, list(map(_symbols, readings["reading"])), lines=False)
-    axes.set(xlim=(LEAST, max(2.0, np.nanmax(powers) + 2.0)),
-             xlabel="power of ten by which a reading is more probable than the first")  # fmt: skip
+    axes.set(xlim=(min(LEAST_SHOWN, powers.min() - 1), max(2.0, powers.max() + 2.5)),
+             xlabel="power of ten by which a reading is more probable than the first, "
+                    "± 2 standard errors")  # fmt: skip
     return figure
 
 

@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from galloping.figures import parts
-from galloping.figures.style import PAPER, PROTOCOLS, QUIET, SERIES, TRUE, spoken
+from galloping.figures.errors import replace_cells
+from galloping.figures.style import DOUBLE, MODEL, PAPER, PROTOCOLS, QUIET, SERIES, TRUE, spoken
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import IDENTIFIABLE
 from galloping.physics.galerkin import EQUATIONS, STATES, TERMS, Derived
@@ -35,64 +36,85 @@ def _greek(symbol: str) -> str:
 
 
 def draw_coefficients(
-    model: Derived, identified: Mapping[str, Mapping[str, list[IdentifiedModel]]], settings: Mapping
+    model: Derived,
+    identified: Mapping[str, Mapping[str, list[IdentifiedModel]]],
+    settings: Mapping,
+    table: pd.DataFrame,
+    draws: pd.DataFrame | None = None,
 ) -> Figure:
-    """Identified over true coefficient of each equation, and how often each term was found.
+    """Draw how many false terms draws of the noise have, and identified over true coefficients.
 
-    model: of the line. identified: replicates by cell and method. settings: case, protocol, method;
-    levels by cell, and their unit; degree of the library.
+    Parameters
+    ----------
+    model : Derived
+        Of the line.
+    identified : Mapping
+        Replicates by cell and method.
+    settings : Mapping
+        case, protocol, method and kind; levels by cell, and their unit; degree of the library.
+    table, draws : DataFrame
+        scores.csv, and more draws of the same cells, as of `errors.draw_draws`.
     """
     levels = list(settings["levels"].values())
     if not levels:
         return parts.nothing_at_all("no noise level above zero, or no true values")
     terms = library(len(STATES), settings["degree"])
-    draws = [identified[cell][settings["method"]] for cell in settings["levels"]]
-    tables, firsts = (
-        [identified_terms(model.model, each[:count], terms) for each in draws]
-        for count in (None, 1)
-    )
-    true = tables[0][tables[0]["true"] != 0]
+    found = [
+        identified_terms(model.model, identified[cell][settings["method"]], terms)
+        for cell in settings["levels"]
+    ]
+    true = found[0][found[0]["true"] != 0]
     counts = true["equation"].value_counts(sort=False)
-    figure, grid = parts.panels(
-        4.4, 2, len(counts), sharey="row", sharex="col", height_ratios=(2.4, 1),
-        width_ratios=list(counts),
-    )  # fmt: skip
-    reach = 1.1 * max(0.02, *(np.nanmax(np.abs(_ratio(table) - 1)) for table in tables))
+    figure = Figure(figsize=(DOUBLE, 5.2), layout="constrained")
+    above, below = figure.subfigures(2, 1, height_ratios=(1, 1.15))
+    possible = len(EQUATIONS) * len(terms) - len(true)
+    _false_terms(above.subplots(), replace_cells(table, draws, settings), possible, settings)
+    grid = below.subplots(1, len(counts), sharey=True, width_ratios=list(counts), squeeze=False)[0]
+    reach = 1.1 * max(0.02, *(np.nanmax(np.abs(_ratio(each) - 1)) for each in found))
     limits = max(WIDEST[0], 1 - reach), min(WIDEST[1], 1 + reach)
     for column, (equation, count) in enumerate(counts.items()):
-        upper, lower = grid[:, column]
-        parts.letter(upper, column, f"{equation} equation")
-        parts.letter(lower, len(counts) + column, "terms found")
-        upper.axhline(1, color=TRUE, lw=0.8)
-        spurious = []
-        for k, (all_draws, first) in enumerate(zip(tables, firsts, strict=True)):
-            of_equation, one = (t[t["equation"] == equation] for t in (all_draws, first))
+        axes = grid[column]
+        parts.letter(axes, column + 1, f"{equation} equation")
+        axes.axhline(1, color=TRUE, lw=0.8)
+        for k, each in enumerate(found):
             x = np.arange(count) + 0.2 * (k - (len(levels) - 1) / 2)
-            _ratios(upper, x, of_equation, one, limits, *SERIES[k])
-            is_true = of_equation["true"] != 0
-            lower.bar(x, of_equation.loc[is_true, "found"], width=0.17, color=SERIES[k][0])
-            spurious.append(f"{of_equation.loc[~is_true, 'found'].sum():.2g}")
+            _ratios(axes, x, each[each["equation"] == equation], limits, *SERIES[k])
         margin = 0.04 * (limits[1] - limits[0])
-        upper.set_ylim(limits[0] - margin, limits[1] + 4 * margin)  # room for a line of text
+        axes.set_ylim(limits[0] - margin, limits[1] + 4 * margin)  # room for a line of text
         named = {symbol for (of, _), symbol in SYMBOLS.items() if of == equation}
         if absent := ", ".join(
             _greek(s) for s in SYMBOLS.values() if s in named - {*true["symbol"]}
         ):
-            upper.text(0.02, 0.98, f"zero in this line: {absent}", va="top",
-                       transform=upper.transAxes, fontsize="small")  # fmt: skip
-        lower.text(0.5, 0.97, f"false terms per draw: {', '.join(spurious)}", ha="center", va="top",
-                   transform=lower.transAxes, fontsize="small")  # fmt: skip
+            axes.text(0.02, 0.98, f"zero in this line: {absent}", va="top",
+                      transform=axes.transAxes, fontsize="small")  # fmt: skip
         own = true[true["equation"] == equation]
         values = [f"{value:.3g}".replace("-", "−") for value in own["true"]]
         labels = map("{}\n{}".format, map(_greek, own["symbol"]), values)
-        lower.set_xticks(range(count), list(labels), fontsize="x-small")
-    grid[0, 0].set_ylabel("identified / true")
-    grid[1, 0].set(ylim=(0, 1.45), yticks=[0, 0.5, 1], ylabel="share found")
+        axes.set_xticks(range(count), list(labels), fontsize="x-small")
+    grid[0].set_ylabel("identified / true")
     for level, (color, marker) in zip(levels, SERIES, strict=False):
         label = f"noise level {level:g} {settings['unit']}"
-        grid[0, 0].plot([], [], ls="", color=color, marker=marker, label=label)
-    parts.legend(figure, columns=2, title=parts.origin(settings))
+        grid[0].plot([], [], ls="", color=color, marker=marker, label=label)
+    parts.legend(figure, columns=4, title=parts.origin(settings))
     return figure
+
+
+def _false_terms(axes: Axes, scores: pd.DataFrame, possible: int, settings: Mapping) -> None:
+    """Number of false terms of each draw against the noise level, and their median."""
+    parts.letter(axes, 0, f"false terms in a draw, of {possible} possible ones")
+    places = parts.LogAxis.of(scores["level"])
+    places.prepare(axes, f"noise level, {settings['unit']}")
+    for level, draws in scores.groupby("level")["spurious"]:
+        x, count = places.position(level), len(draws)
+        spread = x * 10 ** parts.jitter(count, 0.09)
+        axes.plot(spread, draws, ls="", marker="o", ms=1.8, mew=0, alpha=0.4, color=MODEL)
+        axes.plot(x, draws.median(), marker="_", ms=20, mew=1.6, color=MODEL)
+        axes.annotate(f"{draws.median():.0f}", (x, draws.median()), (14, 0), color=MODEL,
+                      textcoords="offset points", va="center", weight="bold")  # fmt: skip
+    axes.axhline(possible, color=QUIET, lw=0.8, ls=":")
+    axes.set(ylim=(-0.04 * possible, 1.08 * possible), ylabel="false terms")
+    axes.plot([], [], ls="", marker="o", ms=2.5, mew=0, color=MODEL, label="one draw")
+    axes.plot([], [], ls="", marker="_", ms=12, mew=1.6, color=MODEL, label="median")
 
 
 def _ratio(table: pd.DataFrame) -> np.ndarray:
@@ -104,15 +126,12 @@ def _ratio(table: pd.DataFrame) -> np.ndarray:
 
 
 def _ratios(
-    axes: Axes, x: np.ndarray, draws: pd.DataFrame, first: pd.DataFrame, limits: tuple,
-    color: str, marker: str,
-) -> None:  # fmt: skip
-    """draws: of all draws at one level. first: of the first draw alone."""
-    medians, lows, highs = np.clip(_ratio(draws), *limits).T
-    spread = "5th to 95th percentile and median of all draws"
-    axes.vlines(x, lows, highs, color=color, lw=1.2, label=spread)
-    axes.plot(x, medians, ls="", marker="_", color=color, ms=7)
-    parts.points(axes, x, _ratio(first)[:, 0], limits, color, marker, 4)
+    axes: Axes, x: np.ndarray, draws: pd.DataFrame, limits: tuple, color: str, marker: str
+) -> None:
+    """draws: terms of one equation over all draws at one level."""
+    _, lows, highs = np.clip(_ratio(draws), *limits).T
+    axes.vlines(x, lows, highs, color=color, lw=1.2, label="5th to 95th percentile")
+    parts.points(axes, x, _ratio(draws)[:, 0], limits, color, marker, 4)
 
 
 def draw_identifiability(table: pd.DataFrame, settings: Mapping) -> Figure:

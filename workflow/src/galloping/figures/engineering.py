@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
-from galloping.cycles.limit_cycles import Orbit
 from galloping.figures import parts
 from galloping.figures.schematics import INK, arrow
 from galloping.figures.style import MODEL, PAPER, TRUE, spoken, styled
@@ -33,7 +32,7 @@ MEASURED = {
     "critical_wind_m_s": "critical wind, m/s",
     "clearance_m": "least clearance, m",
 }
-SIZE, DPI, RATE = (7.2, 3.2), 130, 12  # inches, px/inch, frames per second
+SIZE, DPI, RATE = (7.2, 3.2), 110, 10  # inches, px/inch, frames per second
 
 
 def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapping) -> Figure:
@@ -131,28 +130,38 @@ def _told(value: float, low: float, high: float) -> str:
 
 
 def write_animation(
-    path: str | os.PathLike, case: Mapping, orbit: Orbit, title: str, frames: int = 36
+    path: str | os.PathLike, case: Mapping, time: np.ndarray, states: np.ndarray, title: str
 ) -> None:
-    """One period of a limit cycle as a GIF that repeats; the same bytes for the same orbit.
+    """Write the motion of a span as a GIF that repeats; the same bytes for the same motion.
 
-    The span is drawn in elevation (vertical motion to the scale of the sag) and in plan; the orbit
-    at mid-span to scale. A period takes frames / RATE seconds.
+    The span is drawn in elevation (vertical motion to the scale of the sag) and in plan; the path
+    of mid-span to scale, in real time.
+
+    Parameters
+    ----------
+    path : path-like
+        Of the GIF.
+    case : Mapping
+        Of the configuration.
+    time, states : ndarray, (n,) and (n, n_states)
+        Uniform times, s, and the motion, m and m/s, of which RATE frames a second are shown.
+    title : str
+        Above the span.
     """
+    step = max(1, round(1 / (RATE * (time[1] - time[0]))))
     with styled(8), replacing(path) as partial:
-        figure, update = _scene(case, orbit, title, frames)
+        figure, update = _scene(case, states, title)
         figure.draw_without_rendering()
         figure.set_layout_engine("none")  # solved once, not in every frame
-        animation = FuncAnimation(figure, update, frames=frames, blit=False)
+        animation = FuncAnimation(figure, update, frames=range(0, len(time), step), blit=False)
         animation.save(partial, writer=PillowWriter(fps=RATE), dpi=DPI)
 
 
-def _scene(case: Mapping, orbit: Orbit, title: str, frames: int) -> tuple:
+def _scene(case: Mapping, states: np.ndarray, title: str) -> tuple:
     line = Line.from_case(case)
     phi, psi = modes(case, line)
     s = positions(line.span)
     rest = -4 * line.sag * (s / line.span) * (1 - s / line.span)
-    states = orbit.at(np.arange(frames) / frames)
-    closed = np.vstack([states, states[:1]])
     figure = Figure(figsize=SIZE, layout="constrained")
     panes = figure.subplot_mosaic(
         [["elevation", "orbit"], ["plan", "orbit"]], width_ratios=[2.2, 1]
@@ -169,7 +178,7 @@ def _scene(case: Mapping, orbit: Orbit, title: str, frames: int) -> tuple:
     (above,) = plan.plot(s, 0 * s, color=MODEL, lw=1.6)
     plan.set(xlim=(0, line.span), ylim=(-reach, reach), xlabel="m along the span",
              ylabel="downwind, m")  # fmt: skip
-    middle.plot(closed[:, 1], closed[:, 0], color=TRUE, lw=0.8)
+    middle.plot(states[:, 1], states[:, 0], color=TRUE, lw=0.8)
     (place,) = middle.plot([0], [0], ls="", marker="s", ms=5, mfc="white", mec=INK, mew=1.3)
     middle.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal",
                xlabel="downwind at mid-span, m", ylabel="vertical, m")  # fmt: skip

@@ -20,6 +20,7 @@ DECADES = (1e-2, 1e2)  # percent: the axis of errors where there are none
 METHODS_APART = 0.1  # decades, within which methods are moved apart
 LOWEST, HIGHEST = 0.5, 1e4  # of rms error / bound
 EFFICIENCY_APART = 0.09  # decades
+JITTERED = 0.09  # decades, over which draws at one place are spread
 STEP = 1.75  # factor along the axis, from the last level to joint recordings
 PYSINDY = (PAPER_METHOD, "stlsq", "lasso", "frols", "ensemble", "weak")
 ORACLES = "oracle"  # how the best settings of pysindy are drawn
@@ -99,26 +100,28 @@ def printed(column: str, case: str) -> list[Claim]:
 
 
 def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | None = None) -> Figure:
-    """A row for each quantity, a panel for each of its columns: the first draw, the median and the
-    5th to 95th percentile of all, and what the paper prints.
+    """Draw every draw of the noise, their median and 5th to 95th percentile, and what is printed.
 
-    table: scores.csv. draws: more of them, of `paper.draws.paper_draws`, instead of those of the
-    same cells in scores.csv. settings: case, protocol and method; kind of cells; x, `level` or
-    `points`, and its labels by protocol; quantities, names of QUANTITIES.
+    A row for each quantity, a panel for each of its columns. Beside a printed bound is the share of
+    the draws that keep it.
+
+    Parameters
+    ----------
+    table : DataFrame
+        scores.csv.
+    settings : Mapping
+        case, protocol and method; kind of cells; x, `level` or `points`, and its labels by
+        protocol; quantities, names of QUANTITIES.
+    draws : DataFrame, optional
+        More draws, of `paper.draws.paper_draws`, instead of those of the same cells in `table`.
     """
     x, case = settings["x"], settings["case"]
-    own = {name: settings[name] for name in ("case", "protocol", "method", "kind")}
-    chosen = parts.where(table[table[x] > 0], **own)
-    if draws is not None:
-        more = parts.where(draws[draws[x] > 0], kind=settings["kind"])
-        cells = [pd.MultiIndex.from_frame(t[["kind", "level", "points"]]) for t in (chosen, more)]
-        kept = chosen[~cells[0].isin(cells[1])]
-        chosen = pd.concat([more.rename(columns={"draw": "replicate"}), kept], ignore_index=True)
-    if chosen.empty:
+    chosen = replace_cells(table, draws, settings)
+    if chosen.empty or not (chosen[x] > 0).any():
         return parts.nothing_at_all("the paper's method has no noisy recordings in this study")
     quantities = [QUANTITIES[name] for name in settings["quantities"]]
     across = max(len(quantity.columns) for quantity in quantities)
-    height = 0.8 + 2.3 * len(quantities)
+    height = 0.9 + 2.3 * len(quantities)
     figure, grid = parts.panels(height, len(quantities), across, sharex=True, sharey="row")
     places, levels = parts.LogAxis.of(chosen[x]), set(chosen["level"])
     for j, (quantity, line) in enumerate(zip(quantities, grid, strict=True)):
@@ -127,10 +130,9 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
             for name in quantity.columns
             if name in chosen and chosen[name].notna().any()
         }
-        shown = [_interval(drawn).iloc[1:].to_numpy().ravel() for drawn in panels.values()]
-        shown += [drawn.loc[0].to_numpy(float) for drawn in panels.values() if 0 in drawn.index]
-        shown += [[claim.paper_value] for name in panels for claim in printed(name, case)]
-        limits = quantity.limits(np.concatenate([[np.nan], *shown]))
+        shown = [_interval(of.loc[:, of.columns > 0]).iloc[1:] for of in panels.values()]
+        stars = [claim.printed for name in panels for claim in printed(name, case)]
+        limits = quantity.limits(np.concatenate([stars, *(of.to_numpy().ravel() for of in shown)]))
         for k, ((name, title), axes) in enumerate(zip(quantity.columns.items(), line, strict=True)):
             parts.letter(axes, across * j + k, title)
             if name not in panels:
@@ -142,18 +144,43 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
             _draws(axes, panels[name], places, quantity, limits)
             for claim in printed(name, case):
                 is_shown = claim.cell_kind == settings["kind"] and claim.level in levels
-                if not is_shown or getattr(claim, x) not in places.values:
+                at = getattr(claim, x)
+                if not claim.is_counted or not is_shown or at not in places.values:
                     continue
-                at, value = places.position(getattr(claim, x)), quantity.place(claim.paper_value)
-                axes.plot(at, value, ls="", color=PAPER, **(STAR if claim.is_number else BAR))
-    parts.legend(figure, title=parts.origin(settings))
+                place = places.position(at), quantity.place(claim.printed)
+                axes.plot(*place, ls="", color=PAPER, **(STAR if claim.is_number else BAR))
+                if not claim.is_number:
+                    share = np.mean(claim.is_met(panels[name][at].dropna()))
+                    axes.annotate(
+                        f"{100 * share:.0f} % above", place, (0, -3), textcoords="offset points",
+                        ha="center", va="top", color=PAPER, size="x-small", zorder=7,
+                    )  # fmt: skip
+    parts.legend(figure, title=parts.origin(settings), columns=4)
     return figure
+
+
+def replace_cells(
+    table: pd.DataFrame, draws: pd.DataFrame | None, settings: Mapping
+) -> pd.DataFrame:
+    """Return the scores of one method in cells of one kind, of the cells in `draws` those there.
+
+    table, draws: as of `draw_draws`. settings: case, protocol, method and kind.
+    """
+    own = {name: settings[name] for name in ("case", "protocol", "method", "kind")}
+    chosen = parts.where(table, **own)
+    if draws is None:
+        return chosen
+    more = parts.where(draws, kind=settings["kind"])
+    cells = [pd.MultiIndex.from_frame(t[["kind", "level", "points"]]) for t in (chosen, more)]
+    kept = chosen[~cells[0].isin(cells[1])]
+    return pd.concat([more.rename(columns={"draw": "replicate"}), kept], ignore_index=True)
 
 
 def _interval(draws: pd.DataFrame) -> pd.DataFrame:
     """Number, median, low and high of the draws at each x, its columns."""
     long = draws.melt(value_name="value", var_name="x").dropna()
-    return long.groupby("x").agg(count=("value", "size"), **spread("value")).T
+    table = long.groupby("x").agg(count=("value", "size"), **spread("value")).T
+    return table.reindex(columns=draws.columns).astype(float)
 
 
 def _draws(
@@ -161,18 +188,14 @@ def _draws(
 ) -> None:
     """draws: a row for each replicate, in order, a column for each x."""
     count, *summary = _interval(draws).to_numpy()
-    x = [places.position(at) for at in draws]
-    many = " to ".join(f"{number:.0f}" for number in sorted({count.min(), count.max()}))
+    x = np.array([places.position(at) for at in draws])
     median, low, high = np.clip(quantity.place(summary), *limits)
-    first = quantity.place(draws.iloc[0])
-    parts.band(axes, x, low, high, f"5th to 95th percentile of {many} draws")
-    axes.plot(x, median, color=MODEL, ls=":", lw=1.3, marker="_", label="their median")
-    inside = np.flatnonzero((first >= limits[0]) & (first <= limits[1])).tolist()
-    parts.points(axes, x, first, limits, MODEL, "o", 4.5)
-    axes.plot(
-        x, np.clip(first, *limits), color=MODEL, lw=0.8, marker="o", ms=4.5, markevery=inside,
-        label="one draw, the first",
-    )  # fmt: skip
+    at = np.repeat(x, len(draws)) * 10 ** np.tile(parts.jitter(len(draws), JITTERED), len(x))
+    every = np.clip(quantity.place(draws.to_numpy(float)), *limits).T.ravel()
+    many = f"each of {np.nanmax(count):.0f} draws"
+    axes.plot(at, every, ls="", marker="o", ms=1.6, mew=0, alpha=0.35, color=MODEL, label=many)
+    axes.vlines(x, low, high, color=MODEL, lw=1.0, label="5th to 95th percentile")
+    axes.plot(x, median, color=MODEL, lw=1.0, marker="o", ms=4.5, label="typical draw: the median")
 
 
 def draw_methods(table: pd.DataFrame, settings: Mapping) -> Figure:
@@ -212,9 +235,10 @@ def draw_methods(table: pd.DataFrame, settings: Mapping) -> Figure:
 
 
 def draw_efficiency(table: pd.DataFrame, settings: Mapping) -> Figure:
-    """Root mean square of error / bound: a block for each case, a column for each protocol.
+    """Draw the root mean square of error / bound of the fits with a model.
 
-    Recordings that share a model stand at the right of those taken alone.
+    A block for each case, a column for each protocol. At the top is written how many fits of a
+    method gave no model. Recordings that share a model are at the right of those taken alone.
     table: efficiency.csv. settings: cases, protocols, methods in the study's order;
     labels of the noise by protocol.
     """
@@ -239,9 +263,9 @@ def draw_efficiency(table: pd.DataFrame, settings: Mapping) -> Figure:
             cells = zip(line["recordings"], line["level"], strict=True)
             x = np.array([places[cell] for cell in cells]) * 10 ** shift[method]
             values = line["efficiency"].to_numpy()  # undefined, and not drawn, where the bound is
-            beyond = np.isposinf(values)
-            for at, row in zip(x[beyond], line[beyond].itertuples(), strict=True):
-                text, upon = f"{row.failures} of {row.replicates}", lost.count(row.level)
+            failed = (line["no_model"] > 0).to_numpy()
+            for at, row in zip(x[failed], line[failed].itertuples(), strict=True):
+                text, upon = f"{row.no_model} of {row.replicates}", lost.count(row.level)
                 axes.annotate(
                     text, (at, limits[1]), (6, -7 * upon), textcoords="offset points", va="center",
                     size="x-small", color=method_style(method).color,
@@ -251,7 +275,7 @@ def draw_efficiency(table: pd.DataFrame, settings: Mapping) -> Figure:
             parts.series(axes, x, np.array([values] * 3), method, limits, joined=alone)
         axes.set_ylabel("rms error / bound" if protocol == settings["protocols"][0] else "")
     keys = parts.method_keys(parts.in_order(table, settings["methods"]))
-    parts.legend(figure, *keys, columns=4)
+    parts.legend(figure, *keys, columns=4, title="n of m: fits that gave no model")
     return figure
 
 
@@ -278,11 +302,17 @@ def _places(axes: Axes, table: pd.DataFrame, label: str) -> dict[tuple[int, floa
 
 
 def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -> Figure:
-    """Mean coefficient error over the orders against noise: the paper's method, the best of
-    pysindy, its oracle, ours, and the bound; those that the study has.
+    """Draw the mean coefficient error over the orders against noise, by one protocol.
 
-    table: scores.csv. peers: peers.csv. settings: case and protocol to show, and the label of the
-    noise.
+    The paper's method, the best of pysindy, its oracle, ours, and the bound; those that the study
+    has. Errors are of the fits that gave a model; how many did not is written above.
+
+    Parameters
+    ----------
+    table, peers : DataFrame
+        scores.csv and peers.csv.
+    settings : Mapping
+        case and protocol to show, and the label of the noise.
     """
     case, protocol = settings["case"], settings["protocol"]
     figure, ((axes,),) = parts.panels(3.7, width=SINGLE)
@@ -292,15 +322,13 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
         return figure
     places = parts.LogAxis.of(errors["level"])
     places.prepare(axes, settings["label"])
-    stars = [(claim.paper_value, order, places.position(claim.level))
-             for order in ORDERS for claim in printed(f"mean_error_{order}_percent", case)
-             if claim.points is None and claim.level in places.values]  # fmt: skip
     said = {PAPER_METHOD: "", best_of_pysindy(errors): "best of pysindy: ",
             ORACLES: "pysindy as the truth would set it: ", OURS: "ours: ", BOUND: ""}  # fmt: skip
     present = set(errors["method"])
     names = {k: text + method_style(k).label for k, text in said.items() if k in present}
-    values = errors[errors["method"].isin(names)][["median", "low", "high"]].to_numpy(float).ravel()
-    values = np.array([*values[np.isfinite(values) & (values > 0)], *(star[0] for star in stars)])
+    shown = errors[errors["method"].isin(names)]
+    values = shown[["median", "low", "high"]].to_numpy(float).ravel()
+    values = values[np.isfinite(values) & (values > 0)]
     # at most ten times what a lost model costs
     limits = (values.min() / 2, min(values.max() * 2, 1e3)) if values.size else DECADES
     parts.prepare_log(axes, limits, "mean error of the coefficients, %")
@@ -308,16 +336,14 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
     if len(bound) > 1:
         x = [places.position(level) for level in bound["level"]]
         axes.fill_between(x, limits[0], bound["median"], color=SHADE, lw=0, zorder=0)
-        axes.text(x[-1] / 1.05, limits[0] * 1.15, "more than the data hold", ha="right",
+        axes.text(x[-1] / 1.05, limits[0] * 1.15, "below the Cramér-Rao bound", ha="right",
                   fontsize="small", color=QUIET)  # fmt: skip
     shift = parts.shifts(list(names), 0.03)
     for method in names:
         line = errors[errors["method"] == method]
         x = [places.position(level, shift[method]) for level in line["level"]]
         parts.series(axes, x, line[["median", "low", "high"]].to_numpy().T, method, limits)
-    for (value, order, x), face in zip(sorted(stars)[::-1], (PAPER, "white"), strict=False):
-        axes.plot(x, value, "*", mfc=face, mec=PAPER, ms=8, mew=0.9, ls="", zorder=6,
-                  label=f"paper, {order} terms: {value:g} %")  # fmt: skip
+    _note_failures(axes, shown, places)
     title = [f"{spoken(case)}, protocol {protocol}"]
     if levels := beaten_at(errors):
         title.append(f"the oracle is better than ours at {levels}")
@@ -325,6 +351,18 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
     keys = parts.method_keys(names)
     parts.legend(figure, *keys, columns=1, loc="outside upper left", handlelength=3)
     return figure
+
+
+def _note_failures(axes: Axes, errors: pd.DataFrame, places: parts.LogAxis) -> None:
+    """Write above each level how many fits of a method gave no model."""
+    failed = errors[errors["failures"] > 0]
+    for level, rows in failed.groupby("level"):
+        for line, row in enumerate(rows.itertuples()):
+            axes.annotate(
+                f"{row.failures:.0f} of {row.count:.0f}: no model", (places.position(level), 1.0),
+                (0, -3 - 7 * line), xycoords=("data", "axes fraction"), textcoords="offset points",
+                ha="center", va="top", size="x-small", color=method_style(row.method).color,
+            )  # fmt: skip
 
 
 def best_of_pysindy(table: pd.DataFrame) -> str | None:
@@ -343,18 +381,23 @@ def beaten_at(table: pd.DataFrame) -> str:
 
 
 def _errors(scores: pd.DataFrame, peers: pd.DataFrame, case: str, protocol: str) -> pd.DataFrame:
-    """method, level, median, low, high over replicates, at the levels above zero; of the oracle
-    the lowest of STLSQ, FROLS and the weak form.
+    """method, level, median, low, high of the fits with a model, count and failures, at the levels
+    above zero; of the oracle the lowest of STLSQ, FROLS and the weak form.
     """
     cells, others = (
         parts.where(rows[rows["level"] > 0], case=case, protocol=protocol)
         for rows in (of_kind(scores, NOISE), peers)
     )
-    groups = cells.assign(error=mean_error(cells)).groupby(["method", "level"], as_index=False)
-    errors = groups.agg(**spread("error"))
+    cells = cells.assign(error=mean_error(cells))
+    has_model = np.isfinite(cells["error"])
+    keys = ["method", "level"]
+    errors = cells[has_model].groupby(keys).agg(**spread("error"))
+    counts = cells.assign(failed=~has_model).groupby(keys)["failed"].agg(["size", "sum"])
+    errors = errors.join(counts.set_axis(["count", "failures"], axis=1), how="right").reset_index()
     others = others[(others["setting"] == ORACLE) & others["method"].isin(PYSINDY)]
     if others.empty:  # its columns have no numbers
         return errors
     least = others.groupby("level")["mean_error_percent"].min()
     columns = dict.fromkeys(("median", "low", "high"), least)
-    return pd.concat([errors, pd.DataFrame(columns).reset_index().assign(method=ORACLES)])
+    oracle = pd.DataFrame(columns).reset_index().assign(method=ORACLES, failures=0)
+    return pd.concat([errors, oracle])

@@ -215,6 +215,12 @@ def points(
             axes.plot(x[chosen], clipped, marker=own, mfc=face, label=label, **look)
 
 
+def jitter(count: int, width: float) -> np.ndarray:
+    """Return displacements that spread `count` points over a width, neighbours far apart."""
+    golden = (np.sqrt(5) - 1) / 2
+    return width * (np.arange(count) * golden % 1 - 0.5)
+
+
 def band(
     axes: Axes, x: Sequence[float], low: Sequence[float], high: Sequence[float], label: str,
     **look: object,

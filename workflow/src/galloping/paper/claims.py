@@ -1,25 +1,29 @@
 """What the paper states that a draw of its study can be held against, and how that is judged.
 
-`printed.csv` holds them, a row each, as the paper prints them and nothing of ours but `tolerance`:
-by how much a draw may miss a bound that stands for a word such as "exact".
+`printed.csv` has a row for every sentence of the paper that states a result. What is ours in it are
+`tolerance`, by how much a draw may miss a bound that stands for a word such as "exact", and `note`,
+how a word is read or why a sentence is beyond judgement.
 
-A number that the paper prints stands beside the 5 to 95 % of many draws: `reproduced` if it lies
-inside, `better` if our errors are smaller (it lies above), `worse` if they are larger. Of a bound
-the share of draws that keep it counts: `met` by most, `seldom met` by one in twenty at least, else
-`not met`. `undecided`: fewer than half of the draws give a number. `not run`: the study lacks the
-draws. `not judged`: the study's line or method is not the paper's.
+A printed number is `reproduced` if it lies between the 5th and 95th percentile of the draws,
+`better` if our errors are smaller (it lies above), `worse` if they are larger. A bound is `met` if
+the 95 % interval of the share of draws that keep it lies above a half, `seldom met` if it lies
+below, `not met` if no draw keeps it, else `undecided`. A number is `undecided` where fewer
+than half of the draws give one. `not run`: the study lacks the draws. `not judged`: the study's
+line or method is not the paper's.
 """
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import TypeAdapter
+from scipy.stats import binomtest
 
 from galloping.intervals import interval
 from galloping.results import NOISE, SUBSET
@@ -27,39 +31,58 @@ from galloping.results import NOISE, SUBSET
 if TYPE_CHECKING:
     import pandas as pd
 
-VALUE, AT_LEAST, AT_MOST = "value", "at_least", "at_most"
+VALUE, AT_LEAST, AT_MOST, FEW, BEYOND = "value", "at_least", "at_most", "few", "beyond"
+COUNTED, IMPLIED = "counted", "implied"
 
 
 @dataclass(frozen=True)
 class Claim:
-    """One printed number or bound.
+    """A number, a bound or a word of the paper, as a row of `printed.csv`.
 
-    name: its row. case: that it is about, "" for each case of the paper. direction: vertical,
-    horizontal or "" for both. quantity: what is compared, with its unit. column: of the scores.
-    level: of the noise. points: size of the random subset, None for the whole record. minus: a
-    column that is taken from `column`, "" for none; minus_level: the noise level of that column,
-    None for the same. kind: VALUE, AT_LEAST or AT_MOST. paper_value: as printed. tolerance:
-    by how much a bound may be missed, for rounding. source: where in the paper.
+    name: the claim. statement: what is counted once, its own name where it stands alone. case: that
+    it is about, "" for each case of the paper. direction: vertical, horizontal or "" for both.
+    quantity: what is compared, with its unit. column: of the scores. level: of the noise. points:
+    size of the random subset, None for the whole record. minus: a column that is taken from
+    `column`, "" for none; minus_level: the noise level of that column, None for the same. kind:
+    VALUE, AT_LEAST, AT_MOST, FEW (a count that the paper calls gradual or small) or BEYOND (no
+    number to judge it by). printed: the number, NaN for BEYOND. words: what
+    the paper says in place of a number. tolerance: by how much a bound may
+    be missed that stands for a word such as "exact". source: where in the paper. role: COUNTED, or
+    IMPLIED by other claims. note: how a word is read, or why it is beyond judgement.
     """
 
     name: str
-    quantity: str
-    column: str
-    level: float
-    kind: str
-    paper_value: float
     source: str
+    kind: str
+    statement: str = ""
+    quantity: str = ""
+    column: str = ""
+    level: float = math.nan
+    printed: float = math.nan
+    words: str = ""
     case: str = ""
     direction: str = ""
     points: int | None = None
     minus: str = ""
     minus_level: float | None = None
     tolerance: float = 0.0
+    role: str = COUNTED
+    note: str = ""
 
     @property
     def is_number(self) -> bool:
         """Whether the paper prints a number, not a bound."""
         return self.kind == VALUE
+
+    @property
+    def is_counted(self) -> bool:
+        """Whether it is judged, and not implied by other claims."""
+        return self.role == COUNTED
+
+    @property
+    def is_yes_or_no(self) -> bool:
+        """Whether a draw has it or not, without a number of interest."""
+        return self.column in ("missing", "true_positive_ratio") or bool(self.minus)
 
     @property
     def is_r2(self) -> bool:
@@ -72,9 +95,10 @@ class Claim:
         return NOISE if self.points is None else SUBSET
 
     def values(self, scores: pd.DataFrame) -> np.ndarray:
-        """What each draw has to say, (draws,), of the scores of one case, protocol and method.
+        """Return what each draw has to say, (draws,).
 
-        Empty where the study has no such cell. A draw without a model counts as the worst value.
+        scores: of one case, protocol and method. Empty where the study has no such cell. A draw
+        without a model counts as the worst value.
         """
         values = self.rows(scores)[self.column].to_numpy(float)
         if not self.minus:
@@ -87,88 +111,114 @@ class Claim:
             return np.nan_to_num(values - others, nan=-np.inf, posinf=np.inf, neginf=-np.inf)
 
     def rows(self, scores: pd.DataFrame, level: float | None = None) -> pd.DataFrame:
-        """The scores of its cell, one row a draw; level: its own by default."""
+        """Return the scores of its cell, one row a draw; level: its own by default."""
         level = self.level if level is None else level
         cell = scores[(scores["level"] == level) & (scores["kind"] == self.cell_kind)]
         return cell if self.points is None else cell[cell["points"] == self.points]
 
-    def met(self, values: np.ndarray) -> np.ndarray:
-        """Which draws keep the bound, or have an error no larger than the printed one."""
+    def is_met(self, values: np.ndarray) -> np.ndarray:
+        """Return which draws keep the bound, or have an error no larger than the printed one."""
         if self.kind == AT_LEAST:
-            return values >= self.paper_value - self.tolerance
-        return values <= self.paper_value + (0.0 if self.is_number else self.tolerance)
+            return values >= self.printed - self.tolerance
+        return values <= self.printed + (0.0 if self.is_number else self.tolerance)
 
 
-def _read() -> tuple[Claim, ...]:
-    named = {"claim": "name", "printed": "paper_value"}
+def _read_claims() -> tuple[Claim, ...]:
     with files(__package__).joinpath("printed.csv").open(encoding="utf-8", newline="") as lines:
         rows = [
-            {named.get(key, key): value for key, value in row.items() if value}
+            {"name" if key == "claim" else key: value for key, value in row.items() if value}
             for row in csv.DictReader(lines)
         ]
-    return TypeAdapter(tuple[Claim, ...]).validate_python(rows)
+    return TypeAdapter(tuple[Claim, ...]).validate_python(
+        [{"statement": row["name"]} | row for row in rows]
+    )
 
 
-CLAIMS = _read()
-
-
-def needed(
-    case: str, levels: Sequence[float], points: Sequence[int]
-) -> tuple[list[float], list[int]]:
-    """Of the noise levels and sizes of a study those that the claims about a case need."""
-    about = [claim for claim in CLAIMS if claim.case in ("", case)]
-    asked = {level for claim in about for level in (claim.level, claim.minus_level)}
-    sizes = {claim.points for claim in about}
-    return [level for level in levels if level in asked], [n for n in points if n in sizes]
+_ROWS = _read_claims()
+CLAIMS = tuple(claim for claim in _ROWS if claim.kind != BEYOND)
+BEYOND_JUDGEMENT = tuple(claim for claim in _ROWS if claim.kind == BEYOND)
 
 
 HELD = ("reproduced", "better", "met")  # verdicts of claims that hold
-MOST, SELDOM = 1 / 2, 1 / 20  # shares of the draws
-WIDE = 10.0  # an interval whose ends differ by this factor holds nearly any printed error
+HALF = 1 / 2  # of the draws
+WIDE = 10.0  # an interval whose ends differ by this factor contains nearly any printed error
 
 
-def judged(claim: Claim, scores: pd.DataFrame) -> dict:
-    """The verdict on a claim and what it rests on.
+def judge(claim: Claim, scores: pd.DataFrame) -> dict:
+    """Judge a claim by draws.
 
-    scores: of one case, protocol and method, one row a draw and cell. Of the draws: median, low
-    and high (5 and 95 %), ratio (median over the printed number), spread (high over low),
-    share_of_draws (that keep the bound, or whose error is no larger than the printed one), draws,
-    verdict, and the reason in a sentence.
+    Parameters
+    ----------
+    claim : Claim
+        A number, a bound or a word of the paper.
+    scores : DataFrame
+        Of one case, protocol and method, one row a draw and cell.
+
+    Returns
+    -------
+    dict
+        Of the draws: median, low and high (5 and 95 %), ratio (median over the printed number),
+        spread (high over low), share_of_draws (that keep the bound, or whose error is no larger
+        than the printed one) with its 95 % interval share_low and share_high, draws; verdict, and
+        reason in a sentence.
     """
     values = claim.values(scores)
     if not len(values):
-        nothing = dict.fromkeys(("median", "low", "high", "ratio", "spread", "share_of_draws"))
+        nothing = dict.fromkeys(
+            (
+                "median",
+                "low",
+                "high",
+                "ratio",
+                "spread",
+                "share_of_draws",
+                "share_low",
+                "share_high",
+            )
+        )
         return {**nothing, "draws": 0, "verdict": "not run", "reason": "the study lacks the draws"}
     median, low, high = interval(values)
-    share = float(np.mean(claim.met(values)))
     number = claim.is_number
     with np.errstate(divide="ignore", invalid="ignore"):
         found = {
             "median": median,
             "low": low,
             "high": high,
-            "ratio": median / claim.paper_value if number else None,
+            "ratio": median / claim.printed if number else None,
             "spread": float(np.divide(high, low)) if number else None,
-            "share_of_draws": share,
-            "draws": len(values),
+            **share_with_interval(claim.is_met(values)),
         }
-    judge = _of_number if number else _of_bound
-    verdict, reason = judge(claim, scores, values, found)
+    verdict, reason = (_judge_number if number else _judge_bound)(claim, scores, values, found)
     return {**found, "verdict": verdict, "reason": reason}
 
 
-def verdict_of_share(share: float) -> str:
-    """The verdict on a bound, or several, that this share of the draws keeps."""
-    if share > MOST:
+def share_with_interval(kept: np.ndarray) -> dict[str, float]:
+    """Return share_of_draws, its 95 % interval share_low and share_high, and draws.
+
+    kept: of each draw whether it keeps a bound. The interval is that of E. B. Wilson (1927). A
+    single draw is what every draw would be, as without noise: its share has no sampling error.
+    """
+    share, draws = float(np.mean(kept)), len(kept)
+    low, high = share, share
+    if draws > 1:
+        low, high = binomtest(int(np.sum(kept)), draws).proportion_ci(method="wilson")
+    return {"share_of_draws": share, "share_low": low, "share_high": high, "draws": draws}
+
+
+def verdict_of_share(share: Mapping[str, float]) -> str:
+    """Return the verdict on bounds that a share of the draws keeps; of `share_with_interval`."""
+    if share["share_low"] > HALF:
         return "met"
-    return "seldom met" if share >= SELDOM else "not met"
+    if share["share_high"] < HALF:
+        return "seldom met" if share["share_of_draws"] else "not met"
+    return "undecided"
 
 
-def _of_number(
+def _judge_number(
     claim: Claim, scores: pd.DataFrame, values: np.ndarray, found: dict
 ) -> tuple[str, str]:
-    finite, printed = np.mean(np.isfinite(values)), claim.paper_value
-    if finite < MOST:
+    finite, printed = np.mean(np.isfinite(values)), claim.printed
+    if finite < HALF:
         return "undecided", f"only {_percent(finite)} of the draws give a number"
     paper = f"where the paper errs by {printed:g} %"
     if printed > found["high"]:
@@ -184,13 +234,15 @@ def _of_number(
     return "reproduced", text
 
 
-def _of_bound(
+def _judge_bound(
     claim: Claim, scores: pd.DataFrame, values: np.ndarray, found: dict
 ) -> tuple[str, str]:
-    kept = found["share_of_draws"]
-    verdict = "undecided" if np.mean(np.isnan(values)) > MOST else verdict_of_share(kept)
-    text = f"{_percent(kept)} of the draws keep the bound"
-    missed = ~claim.met(values)
+    verdict = "undecided" if np.mean(np.isnan(values)) > HALF else verdict_of_share(found)
+    if found["draws"] == 1:
+        return verdict, "there is no noise to draw"
+    shares = [found[name] for name in ("share_of_draws", "share_low", "share_high")]
+    text = "{} of the draws ({} to {})".format(*map(_percent, shares))
+    missed = ~claim.is_met(values)
     if not np.any(missed):
         return verdict, text
     others = claim.rows(scores)[missed]
@@ -208,17 +260,17 @@ def _of_bound(
     return verdict, f"{text}; of the others {', '.join(causes)}"
 
 
-def kept_together(claims: Sequence[Claim], scores: pd.DataFrame) -> tuple[float, int] | None:
-    """In which share of the draws all bounds hold at once, and the number of draws.
+def find_joint_draws(claims: Sequence[Claim], scores: pd.DataFrame) -> np.ndarray | None:
+    """Return of each draw whether all bounds hold at once, (draws,).
 
-    scores: as of `judged`; a cell without noise has one draw, which stands beside all others. None
+    scores: as of `judge`; a cell without noise has one draw, which stands beside all others. None
     where the study lacks a cell.
     """
-    kept = [claim.met(values) for claim in claims if len(values := claim.values(scores))]
+    kept = [claim.is_met(values) for claim in claims if len(values := claim.values(scores))]
     draws = max(map(len, kept), default=0)
     if len(kept) < len(claims) or any(len(each) not in (1, draws) for each in kept):
         return None
-    return float(np.mean(np.all([np.resize(each, draws) for each in kept], axis=0))), draws
+    return np.all([np.resize(each, draws) for each in kept], axis=0)
 
 
 def _percent(share: float) -> str:

@@ -7,10 +7,11 @@ through its projections on the library's columns: 35 normal numbers for each equ
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import pandas as pd
+from scipy.signal import savgol_filter
 
 from galloping.cycles.family import initial_state
 from galloping.evaluation.score import Truth, evaluate
@@ -109,15 +110,24 @@ class DerivativeNoise(_Noise):
         return theta.T @ theta, theta.T @ self.motion.rates[rows]
 
 
+SMOOTHING_WINDOW, SMOOTHING_ORDER = 101, 5  # samples; of Savitzky and Golay's filter
+
+
+@dataclass(frozen=True)
 class VelocityNoise(_Noise):
-    """Noisy velocities beside exact displacements, derivatives by central differences of both.
+    """Noisy velocities beside exact displacements, and their numerical derivatives.
 
     This is what the paper's sentence says word by word: noise is added to the velocities, and the
-    left side is the numerical derivative of the states.
+    left side is the numerical derivative of the states. The derivative is that of central
+    differences. has_smooth_rates: or that of a polynomial in a moving window; has_smooth_states:
+    the library is then of the smoothed states as well.
     """
 
+    has_smooth_rates: bool = False
+    has_smooth_states: bool = False
+
     def draw(self, level: float, points: int, rng: np.random.Generator, draws: int = 1) -> Products:
-        """Recordings of `points` samples each, all or at random, with noise at `level`."""
+        """Draw recordings of `points` samples each, all or at random, with noise at `level`."""
         parts = [self._draw(level, points, rng) for _ in range(draws)]
         lengths = self._lengths
         grams, moments, squares = (np.stack(each) for each in zip(*parts, strict=True))
@@ -136,14 +146,30 @@ class VelocityNoise(_Noise):
         states = motion.states.copy()
         noise = rng.standard_normal(states[:, velocities:].shape)
         states[:, velocities:] += level * self.unit[velocities:] * noise
-        derivatives = np.gradient(states, motion.time, axis=0, edge_order=2)
+        step = motion.time[1] - motion.time[0]
+        smooth = partial(
+            savgol_filter, states, SMOOTHING_WINDOW, SMOOTHING_ORDER, delta=step, axis=0
+        )
+        if self.has_smooth_rates:
+            rates = smooth(deriv=1)
+        else:
+            rates = np.gradient(states, step, axis=0, edge_order=2)
+        if self.has_smooth_states:
+            states = smooth()
         rows = slice(None) if points >= n else rng.choice(n, size=points, replace=False)
-        theta, derivatives = design_matrix(states[rows], self.terms), derivatives[rows]
-        return theta.T @ theta, derivatives.T @ theta, np.sum(derivatives**2, axis=0)
+        theta, rates = design_matrix(states[rows], self.terms), rates[rows]
+        return theta.T @ theta, rates.T @ theta, np.sum(rates**2, axis=0)
 
 
 # by name: how noise comes into the regression, and which of `channel_scale` a level is in units of
-PROTOCOLS = {"derivative": (DerivativeNoise, 1), "velocity": (VelocityNoise, 0)}
+PROTOCOLS = {
+    "derivative": (DerivativeNoise, 1),
+    "velocity": (VelocityNoise, 0),
+    "smoothed velocity": (partial(VelocityNoise, has_smooth_rates=True), 0),
+    "smoothed states": (
+        partial(VelocityNoise, has_smooth_rates=True, has_smooth_states=True), 0,
+    ),
+}  # fmt: skip
 
 
 PATH_LENGTH = 30  # candidate thresholds, where the data choose

@@ -36,36 +36,42 @@ class QuickStudy:
     line: PolynomialModel
     amounts: Amounts
 
-    def draws(
+    def draw_scores(
         self,
         method: MethodReading,
         count: int,
         rng: np.random.Generator,
-        still: Sequence[float] = (),
+        unmoved_levels: Sequence[float] = (),
     ) -> pd.DataFrame:
-        """Scores of `count` draws of each cell, in the columns that claims are about.
+        """Return scores of `count` draws of each cell, in the columns that claims are about.
 
-        still: noise levels of whole records whose models are not simulated, which costs most.
+        unmoved_levels: noise levels of whole records whose models are not simulated, which costs
+        most.
         """
         noise, scale = PROTOCOLS[method.protocol]
         noisy = noise(self.motion, self.terms, channel_scale(self.motion, method.relative)[scale])
-        parts = []
-        for kind, level, points in self.amounts.cells:
-            whole = points >= len(self.motion.time)
-            shared = count if whole else SHARING
-            models = np.concatenate([
+        cells, models = self.amounts.cells, []
+        for _, level, points in cells:
+            shared = count if points >= len(self.motion.time) else SHARING
+            models += [
                 found_coefficients(noisy.draw(level, points, rng, min(shared, count - k)), method)
                 for k in range(0, count, shared)
-            ])  # fmt: skip
-            if method.kinematics == KNOWN:
-                rows = [row for row in range(models.shape[1]) if row not in score.UNKNOWN]
-                models[:, rows] = self.true.coefficients[rows]
-            columns = self._errors(models)
-            if not (whole and level in still):
-                columns |= self._motion_scores(models)
-            cell = {"kind": kind, "level": level, "points": points, "draw": range(count)}
-            parts.append(pd.DataFrame(columns | cell))
-        return pd.concat(parts, ignore_index=True)
+            ]
+        found = np.concatenate(models)
+        if method.kinematics == KNOWN:
+            rows = [row for row in range(found.shape[1]) if row not in score.UNKNOWN]
+            found[:, rows] = self.true.coefficients[rows]
+        columns = {
+            name: np.repeat([cell[k] for cell in cells], count)
+            for k, name in enumerate(("kind", "level", "points"))
+        }
+        columns |= {"draw": np.tile(range(count), len(cells)), **self._errors(found)}
+        is_whole = columns["points"] >= len(self.motion.time)
+        moved = ~(is_whole & np.isin(columns["level"], unmoved_levels))
+        table = pd.DataFrame(columns)
+        # all models at once: those with as many terms move together
+        scored = self._motion_scores(found[moved])
+        return table.join(pd.DataFrame(scored, index=table.index[moved]))
 
     @cached_property
     def terms(self) -> tuple[Exponents, ...]:

@@ -1,12 +1,13 @@
 """What was found, in sentences and rows whose every number is read from the study's tables."""
 
-from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
-from galloping.paper.claims import AT_LEAST, CLAIMS, HELD
+from galloping.paper.claims import AT_LEAST, AT_MOST, CLAIMS, HELD, Claim
+from galloping.paper.likelihood import NUMBERS, PRINTED
+from galloping.paper.unknowns import UNKNOWNS
 from galloping.results import OURS
 
 
@@ -53,8 +54,13 @@ def inferred(region: pd.DataFrame) -> list[str]:
         verdict: ", ".join(name.replace("_", " ") for name in of["unknown"])
         for verdict, of in region.groupby("verdict")
     }
-    told, left = (named.get(name, "nothing") for name in ("determined", "left open"))
-    return [f"The paper's printed numbers determine: {told}. They leave open: {left}."]
+    told, unsure, left = (
+        named.get(name, "nothing") for name in ("determined", "undecided", "left open")
+    )
+    return [
+        f"The paper's printed numbers determine: {told}. They leave open: {left}. Too few effective "
+        f"settings tell: {unsure}."
+    ]
 
 
 def _from_sensors(efficiency: pd.DataFrame, errors: pd.DataFrame, case: str, protocol: str) -> str:
@@ -114,13 +120,13 @@ def _galloping(cycles: pd.DataFrame, bifurcations: pd.DataFrame, case: str) -> s
 
 
 STATES = {"vertical": "q_v", "horizontal": "q_w"}
-SIGNS = {"value": "", AT_LEAST: "≥ ", "at_most": "≤ "}
-ABSTRACT = "(first abstract)"  # bounds that the text itself replaces by stricter ones
+SIGNS = {AT_LEAST: "≥ ", AT_MOST: "≤ "}
+BY_NAME = {claim.name: claim for claim in CLAIMS}
 
 
 @dataclass(frozen=True)
 class PaperCell:
-    """One printed number or bound beside ours. verdict: as of `galloping.paper.claims`."""
+    """One printed number, bound or word beside ours. verdict: as of `galloping.paper.claims`."""
 
     printed: str
     ours: str
@@ -132,14 +138,23 @@ class PaperCell:
         return self.verdict in HELD
 
 
-def section(paper: pd.DataFrame, varied: pd.DataFrame | None) -> dict:
-    """What the page begins with, of paper.csv and of reproduction.csv, where the study has it.
+def section(paper: pd.DataFrame, varied: pd.DataFrame | None, region: pd.DataFrame | None) -> dict:
+    """Return what the page begins with.
 
-    count: the sentence on how many claims hold. rows: the table. failures: a sentence for each
-    claim that does not hold. by_settings: a sentence on settings that the paper does not print, or
-    "".
+    Parameters
+    ----------
+    paper, varied, region : DataFrame
+        paper.csv, reproduction.csv and paper_region.csv; None where the study does not have it.
+
+    Returns
+    -------
+    dict
+        setting: the sentence on where the study is. count: the sentence on how many statements come
+        out. rows: the table. failures: a sentence for each claim that does not. by_settings: a
+        sentence on settings that the paper does not print, or "".
     """
     return {
+        "setting": describe_setting(paper, region),
         "count": count(paper),
         "rows": rows(paper),
         "failures": unheld(paper),
@@ -147,20 +162,47 @@ def section(paper: pd.DataFrame, varied: pd.DataFrame | None) -> dict:
     }
 
 
-def count(paper: pd.DataFrame) -> str:
-    """How many of the paper's claims hold, in one sentence; what is not judged, with the reason.
+def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
+    """Say what the comparison rests on, before any number of it.
 
-    paper: paper.csv.
+    paper: paper.csv. region: paper_region.csv.
     """
-    single = paper[~paper["claim"].str.endswith("in the same draw")]
-    judged = single[single["verdict"] != "not judged"]
-    held = judged["verdict"].isin(HELD)
-    numbers = Counter(judged["verdict"])
-    run = len(single) - numbers["not run"]
-    text = f"Of the paper's {len(single)} printed numbers and bounds {held.sum()} hold"
-    text += f", of {run} that were run" * (run < len(single))
-    kinds = ", ".join(f"{n} {verdict}" for verdict, n in numbers.items())
-    text += f" ({kinds})." if kinds else "."
+    bounds = sum(not claim.is_number for claim in PRINTED)
+    text = (
+        f"The paper leaves out {len(UNKNOWNS)} numbers, from the wind to the threshold. They were "
+        f"fitted to the {len(NUMBERS)} errors and the {bounds} bounds and words that it states of "
+        "noisy recordings, so agreement with these is consistency, not confirmation."
+    )
+    if region is not None:
+        numbers = region["reading"].isna() & region["unknown"].isin([u.name for u in UNKNOWNS])
+        determined = int((region["verdict"][numbers] == "determined").sum())
+        text += f" {determined or 'None'} of them {'are' if determined > 1 else 'is'} determined."
+    joint = paper[paper["role"] == "joint"]
+    if len(joint):
+        first = joint[joint["case"] == joint["case"].iloc[0]].to_dict("records")
+        shares = "; ".join(
+            f"{row['claim'].removesuffix(' in the same draw')}: {_percent(row['share_of_draws'])}"
+            for row in first
+        )
+        text += f" Draws of the noise in which everything holds at once: {shares}."
+    return text
+
+
+def count(paper: pd.DataFrame) -> str:
+    """Say how many of the paper's statements come out, and what is not judged, with the reason.
+
+    A statement is counted once, and comes out where all of its rows do. paper: paper.csv.
+    """
+    single = paper[paper["role"] == "counted"]
+    judged = single[~single["verdict"].isin(("not judged", "not run"))]
+    held = judged.assign(held=judged["verdict"].isin(HELD)).groupby(["case", "statement"])["held"]
+    statements = held.all()
+    text = f"{statements.sum()} of {len(statements)} statements of the paper come out"
+    lacking = single[single["verdict"] == "not run"]["statement"].nunique()
+    text += f", {lacking} were not run." if lacking else "."
+    beyond = int((paper["role"] == "beyond").sum())
+    if beyond:
+        text += f" {beyond} further sentences are beyond judgement."
     for (case, reason), rows in single[single["verdict"] == "not judged"].groupby(
         ["case", "reason"], sort=False
     ):
@@ -169,24 +211,24 @@ def count(paper: pd.DataFrame) -> str:
 
 
 def rows(paper: pd.DataFrame) -> dict[str, list[PaperCell]]:
-    """The table of the first screen, without the looser bounds of the first abstract: of each
-    statement one cell of both directions together, or one of each.
+    """Return the table of the first screen: what is counted, and what holds in the same draw.
+
+    Both directions of a statement are in one row.
     """
     first = next(iter(paper["case"]), "")
-    printed = {claim.name: (SIGNS[claim.kind], claim.tolerance) for claim in CLAIMS}
     found: dict[str, list[PaperCell]] = {}
-    for row in paper[~paper["claim"].str.endswith(ABSTRACT)].to_dict("records"):
+    for row in paper[paper["role"].isin(("counted", "joint"))].to_dict("records"):
         state = STATES.get(row["direction"])
-        statement = row["claim"].replace(f" of {state}", "") if state else row["claim"]
+        claim = row["claim"].replace(f" of {state}", "") if state else row["claim"]
         if row["case"] != first:
-            statement += f" ({row['case'].replace('_', '-')})"
-        found.setdefault(statement, []).append(_cell(row, *printed.get(row["claim"], ("", 0.0))))
+            claim += f" ({row['case'].replace('_', '-')})"
+        found.setdefault(claim, []).append(_cell(row))
     return found
 
 
 def unheld(paper: pd.DataFrame) -> list[str]:
-    """Each claim that was judged and does not hold, with the reason."""
-    failed = paper[~paper["verdict"].isin([*HELD, "not run", "not judged"])]
+    """Return a sentence for each claim that was judged and does not come out."""
+    failed = paper[~paper["verdict"].isin([*HELD, "not run", "not judged", "beyond judgement"])]
     return [f"{row['claim']}: {row['verdict']}; {row['reason']}." for _, row in failed.iterrows()]
 
 
@@ -217,18 +259,36 @@ def by_settings(varied: pd.DataFrame) -> str:
     )
 
 
-def _cell(row: dict, sign: str, tolerance: float) -> PaperCell:
-    printed = "" if pd.isna(row["printed"]) else f"{sign}{row['printed']:g}"
-    printed += f", within {tolerance:g}" if tolerance else ""
+def _cell(row: dict) -> PaperCell:
+    claim = BY_NAME.get(row["claim"])
+    printed = _printed(claim) if claim else "in one draw"
     if row["verdict"] in ("not judged", "not run"):
         return PaperCell(printed, "", row["verdict"], row["reason"])
-    if sign or not printed:
-        share = f"{100 * row['share_of_draws']:.0f} %"
-        ours = share if pd.isna(row["median"]) else f"{_number(row['median'])} ({share})"
-    else:
-        low, high = _number(row["low"]), _number(row["high"])
-        ours = f"{_number(row['median'])} ({low} to {high})"
-    return PaperCell(printed, ours, row["verdict"], row["reason"])
+    return PaperCell(printed, _ours(row, claim), row["verdict"], row["reason"])
+
+
+def _printed(claim: Claim) -> str:
+    """What the paper says, in its words where it prints no number."""
+    if claim.words:
+        return claim.words
+    return f"{SIGNS.get(claim.kind, '')}{claim.printed:g}"
+
+
+def _ours(row: dict, claim: Claim | None) -> str:
+    """What the draws say: a median with its range, a value, or in which share of them it is so."""
+    share = _percent(row["share_of_draws"])
+    if claim is None or claim.is_yes_or_no:
+        if claim and row["share_low"] == row["share_high"]:  # no noise, one draw
+            return "yes" if row["share_of_draws"] == 1 else "no"
+        return f"in {share} of the draws" if claim is None else f"yes in {share} of the draws"
+    median, low, high = (_number(row[name]) for name in ("median", "low", "high"))
+    if claim.is_r2:
+        return f"{row['median']:.3f}, kept in {share}"
+    return median if low == high else f"{median} ({low} to {high})"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
 
 
 def _number(value: float) -> str:

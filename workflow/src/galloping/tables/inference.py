@@ -1,4 +1,4 @@
-"""What the paper leaves out, as its printed numbers tell: readings, region, what excludes what."""
+"""What the paper leaves out, inferred from what it prints: readings, region, predictions, pairs."""
 
 from collections.abc import Mapping
 from itertools import combinations
@@ -7,141 +7,225 @@ import numpy as np
 import pandas as pd
 
 from galloping.intervals import QUANTILES_90
-from galloping.paper.unknowns import BASE, BY_NAME, CELLS, NUMBERS, PRINTED, UNKNOWNS, cell_name
-from galloping.trials import paper_search
-from galloping.trials.paper_search import STEADY
+from galloping.paper.likelihood import GROUPS, NUMBERS, PRINTED, group_of
+from galloping.paper.unknowns import BY_NAME, FIRST_READING, NAMES, UNKNOWNS
 
-RULED_OUT, UNLIKELY = -2.0, -1.0  # powers of ten below the most probable reading
+RULED_OUT, UNLIKELY = -2.0, -1.0  # powers of ten below the first reading
+SURE = 2.0  # standard errors by which a verdict on a reading holds
 DETERMINED = 1 / 4  # of the range of an unknown: an interval that is shorter tells its size
+FEWEST = 1 / QUANTILES_90[0]  # effective settings, of which one lies below the interval
 NEAR = 1.5  # factor by which a draw may be off a printed number, to count as having it
 EXCLUDING = 1 / 4  # of the draws that chance would give: fewer exclude each other
 EXPECTED = 10.0  # draws by chance from which the share of those seen says anything
-POWERS = np.log10(np.e)
-PREDICTED, PREDICTING = 40, 16  # settings, and draws of each
-# columns: by all numbers, by all but the errors of the amplitude
-WITH, WITHOUT = "log_probability", "without_amplitudes"
+STEADY, SLOW = 0.02, 0.2  # change of the amplitude and attack angle that count as conditions kept
+ALL, EQUAL_EFFORT = "all", "readings"  # printed numbers; the trial that gives each reading one run
 
 
 def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Each reading of the paper at its most probable setting.
+    """Compare the readings of the paper, the unknown numbers integrated out.
 
-    parts: rows of `trials.paper_search`.
+    Parameters
+    ----------
+    parts : mapping of str to DataFrame
+        Rows of `trials.paper_inference.trial`, by names that begin with those of the trials.
+
+    Returns
+    -------
+    DataFrame
+        One row a reading, all with the same effort: power_of_ten, the logarithm of its evidence
+        over that of the first reading, with standard_error; effective_settings; the factor by
+        which it loses most; its most probable setting.
+    """
+    rows = pd.concat([part for name, part in parts.items() if name.startswith(EQUAL_EFFORT)])
+    tried, judged = (rows[rows["stage"] == stage] for stage in ("tried", "judged"))
+    found = dict(list(tried.groupby("reading", sort=False)))
+    evidence = {name: _log_evidence(of) for name, of in found.items()}
+    first, first_error = evidence[FIRST_READING.name]
+    factors = [name for name in tried.columns if _is_factor(name)]
+    table = []
+    for name in BY_NAME:
+        if name not in found:
+            continue
+        of, (log_evidence, error) = found[name], evidence[name]
+        power = (log_evidence - first) / np.log(10)
+        error = np.hypot(error, first_error * (name != FIRST_READING.name)) / np.log(10)
+        losses = _means(of, factors) - _means(found[FIRST_READING.name], factors)
+        best = judged[judged["reading"] == name].nlargest(1, "log_likelihood").iloc[0]
+        table.append({
+            "reading": name, "changes": BY_NAME[name].kind, "settings_tried": len(of),
+            "settings_proposed": int(of["proposed"].sum()),
+            "effective_settings": _effective_number(of["log_weight"]),
+            "power_of_ten": power, "standard_error": error,
+            "verdict": "first" if name == FIRST_READING.name else _verdict(power, error),
+            "loses_most_by": losses.idxmin() if losses.min() < 0 else "",
+            "loss_power_of_ten": losses.min() / np.log(10),
+            **{unknown: best[unknown] for unknown in NAMES},
+            "log_likelihood": best["log_likelihood"], "attack_angle": best["attack"],
+            "change_percent": 100 * best["change"],
+        })  # fmt: skip
+    return pd.DataFrame(table)
+
+
+def _verdict(power: float, error: float) -> str:
+    low, high = power - SURE * error, power + SURE * error
+    if high < RULED_OUT:
+        return "ruled out as tried"
+    if high < UNLIKELY:
+        return "less probable"
+    return "as probable" if low > UNLIKELY else "undecided"
+
+
+def _is_factor(name: str) -> bool:
+    claims = {claim.name for claim in PRINTED if claim.minus_level is not None}
+    return name in claims or name.startswith("noise ") or name.endswith(" points")
+
+
+def _log_evidence(tried: pd.DataFrame) -> tuple[float, float]:
+    """Logarithm of the mean evidence of the runs, and its standard error."""
+    logs = tried["log_weight"].to_numpy(float)
+    top = logs.max()
+    weights = np.exp(logs - top)
+    runs = tried.groupby("replicate")["proposed"].first()
+    error = np.sqrt(np.sum(weights**2) / np.sum(weights) ** 2 - 1 / runs.sum())
+    return float(top + np.log(weights.sum() / len(runs))), float(error)
+
+
+def _effective_number(log_weights: pd.Series) -> float:
+    weights = _normalised(log_weights)
+    return float(1 / np.sum(weights**2))
+
+
+def _normalised(log_weights: pd.Series) -> np.ndarray:
+    weights = np.exp(log_weights.to_numpy(float) - log_weights.max())
+    return weights / weights.sum()
+
+
+def _means(tried: pd.DataFrame, columns: list[str]) -> pd.Series:
+    """Means over the posterior of the logarithms of the factors."""
+    weights = _normalised(tried["log_weight"])
+    return pd.Series(weights @ tried[columns].clip(lower=-30.0).to_numpy(float), columns)
+
+
+def region_samples(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Return the settings of the first reading with their posterior weights, and their draws.
+
+    Columns: the unknowns; stage `tried` or `draw`; weight_all by all that is printed, and
+    weight_NAME by all but one of `likelihood.GROUPS`, each sums to 1 over the settings; of draws
+    what each gives for each claim, with the weight of its setting shared among its draws.
     """
     rows = pd.concat(parts.values(), ignore_index=True)
-    best = rows[rows["stage"] == "best"].sort_values("height", ascending=False, kind="stable")
-    best = best.groupby("variant", sort=False).head(1).set_index("variant")
-    best = best.loc[[name for name in BY_NAME if name in best.index]]
-    steady = [name for name in best.index if BY_NAME[name].steady]
-    top = best.loc[best.loc[steady, WITH].idxmax()]
-    tried = rows[rows["stage"].isin(("screened", "searched"))].groupby("variant").size()
-    cells = [cell_name(cell) for cell in CELLS]
-    power = POWERS * (best[WITH] - top[WITH])
-    losses = POWERS * (best[cells] - top[cells]).astype(float)
-    losses = losses.where(np.isfinite(power), np.inf)  # without a motion no cell tells
-    least = losses.min(axis=1)
-    verdict = np.where(power < UNLIKELY, "less probable", "probable")
-    verdict = np.where(power < RULED_OUT, "ruled out", verdict)
-    verdict = np.where(np.isfinite(power), verdict, "no motion")
-    table = pd.DataFrame({
-        "changes": [BY_NAME[name].kind for name in best.index], "settings_tried": tried,
-        "power_of_ten": power, "verdict": verdict,
-        "least": losses.idxmin(axis=1).where(least < 0, ""),
-        "least_power_of_ten": least.replace(np.inf, np.nan),
-        **{unknown.name: best[unknown.name] for unknown in UNKNOWNS},
-        "change_percent": 100 * best["change"],
-    }, index=best.index.rename("reading"))  # fmt: skip
-    return table.reset_index()
-
-
-def region_samples(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
-    """Settings as often as they are probable, by what is `known`: all numbers, or all but the
-    amplitudes' errors, with what a draw at each of some of them gives for each printed number.
-
-    parts: rows of `trials.paper_search.trial`. settings: seed.
-    """
-    rows = pd.concat(parts.values(), ignore_index=True)
-    rows = rows[rows["variant"] == BASE.name]
-    tables = []
-    for column in (WITH, WITHOUT):
-        drawn = paper_search.samples(rows, column, settings["seed"])
-        some = drawn.head(PREDICTED)
-        predicted = paper_search.predicted(BASE, some, PREDICTING, settings["seed"])
-        drawn = drawn.assign(known=column, kind="setting")
-        tables += [drawn, pd.DataFrame(predicted).assign(known=column, kind="draw")]
-    return pd.concat(tables, ignore_index=True)
+    rows = rows[(rows["reading"] == FIRST_READING.name) & rows["stage"].isin(("tried", "draw"))]
+    is_setting = rows["stage"] == "tried"
+    rows = rows.assign(setting=is_setting.cumsum())
+    tried = rows[is_setting].set_index("setting")
+    draws = rows[~is_setting].groupby("setting").size().reindex(tried.index)
+    table = rows[["stage", "setting", *NAMES, *(claim.name for claim in PRINTED)]]
+    for group in (ALL, *GROUPS):
+        known = tried["log_likelihood"] if group == ALL else tried[f"without_{group}"]
+        logs = tried["log_weight"] - tried["log_likelihood"] + known
+        weights = pd.Series(_normalised(logs), tried.index)
+        shared = rows["setting"].map(weights / draws)
+        table = table.assign(
+            **{f"weight_{group}": np.where(is_setting, rows["setting"].map(weights), shared)}
+        )
+    return table
 
 
 def region_table(samples: pd.DataFrame, readings: pd.DataFrame) -> pd.DataFrame:
-    """One row for each unknown: what the printed numbers tell of it.
+    """Return one row for each unknown: what the printed numbers tell of it.
 
     samples: of `region_samples`; readings: of `paper_readings`.
     """
-    drawn = samples[(samples["known"] == WITH) & (samples["kind"] == "setting")]
-    best = readings.set_index("reading").loc[BASE.name]
+    tried = samples[samples["stage"] == "tried"]
+    effective = 1 / np.sum(tried[f"weight_{ALL}"] ** 2)
+    best = readings.set_index("reading").loc[FIRST_READING.name]
     table = []
     for unknown in UNKNOWNS:
-        low, high = drawn[unknown.name].quantile(QUANTILES_90)
+        low, _, high = _quantiles(tried[unknown.name], tried[f"weight_{ALL}"])
         share = np.log(high / low) / np.log(unknown.high / unknown.low)
         table.append({
             "unknown": unknown.name, "key": ".".join(unknown.path), "unit": unknown.unit,
             "best": best[unknown.name], "low": low, "high": high,
             "least": unknown.low, "most": unknown.high,
-            "verdict": "determined" if share < DETERMINED else "left open",
-            "why": f"the interval spans {100 * share:.0f} % of the range, in equal ratios",
+            "verdict": "left open" if share >= DETERMINED
+                       else "undecided" if effective < FEWEST else "determined",
+            "why": f"the interval spans {100 * share:.0f} % of the range, in equal ratios, by "
+                   f"{effective:.1f} effective settings",
         })  # fmt: skip
-    others = readings[(readings["changes"] != "") & (readings["changes"] != "steadiness")]
+    others = readings[~readings["changes"].isin(("", "steadiness", "attack angle"))]
     for kind, of_kind in others.groupby("changes", sort=False):
         nearest = of_kind.sort_values("power_of_ten", ascending=False).iloc[0]
-        power = nearest["power_of_ten"]
+        ruled_out = (of_kind["verdict"] == "ruled out as tried").all()
         table.append({
-            "unknown": kind, "reading": nearest["reading"] if power > 0 else BASE.name,
-            "verdict": "determined" if power < RULED_OUT else "left open",
-            "why": f"next: {nearest['reading']}, 10^{power:.1f} times as probable",
+            "unknown": kind, "verdict": "determined" if ruled_out else "left open",
+            "reading": FIRST_READING.name if nearest["power_of_ten"] < 0 else nearest["reading"],
+            "why": f"next: {nearest['reading']}, "
+                   f"10^{nearest['power_of_ten']:.1f} times as probable",
         })  # fmt: skip
     numbers = f"{len(UNKNOWNS)} numbers and {others['changes'].nunique()} readings"
-    printed = f"{len(NUMBERS)} numbers and {len(PRINTED) - len(NUMBERS)} bounds printed"
+    printed = f"{len(NUMBERS)} numbers and {len(PRINTED) - len(NUMBERS)} bounds and words printed"
     table.append({"unknown": "all", "why": f"{numbers} are unknown, {printed}"})
     return pd.DataFrame(table)
 
 
-def left_out(samples: pd.DataFrame) -> pd.DataFrame:
-    """Each printed number beside what draws give in the region, inferred with and without the
-    amplitudes' errors: without them these are predictions.
+def _quantiles(values: pd.Series, weights: pd.Series) -> np.ndarray:
+    """5th, 50th and 95th percentile of weighted values."""
+    return np.quantile(
+        values, (QUANTILES_90[0], 0.5, QUANTILES_90[1]), weights=weights, method="inverted_cdf"
+    )
+
+
+def predictions(samples: pd.DataFrame) -> pd.DataFrame:
+    """Return what draws give for each claim, by all that is printed and without its own group.
+
+    Without the group these are predictions of it: a check of the model by numbers that it was not
+    fitted to. Of numbers the 5th to 95th percentile and the share of draws below the printed one;
+    of bounds the share of draws that keep them.
 
     samples: of `region_samples`.
     """
-    drawn, table = samples[samples["kind"] == "draw"], []
-    for claim in NUMBERS:
-        row = {"claim": claim.name, "direction": claim.direction, "printed": claim.paper_value}
-        for column, name in ((WITH, "all"), (WITHOUT, "without_amplitudes")):
-            values = drawn.loc[drawn["known"] == column, claim.name].to_numpy(float)
-            low, high = np.quantile(values, QUANTILES_90, method="nearest")  # some are infinite
+    drawn, table = samples[samples["stage"] == "draw"], []
+    settings = samples[samples["stage"] == "tried"]
+    for claim in PRINTED:
+        group = group_of(claim)
+        row = {"claim": claim.name, "group": group, "kind": claim.kind, "printed": claim.printed}
+        values = drawn[claim.name].to_numpy(float)
+        for name, column in (("fitted", f"weight_{ALL}"), ("predicted", f"weight_{group}")):
+            weights = drawn[column].to_numpy(float)
+            effective = 1 / np.sum(settings[column] ** 2)
+            share = float(np.sum(weights * claim.is_met(values)))
             row |= {
-                f"{name}_median": np.median(values),
-                f"{name}_low": low,
-                f"{name}_high": high,
-                f"{name}_quantile": np.mean(values < claim.paper_value),
+                f"{name}_share": share,
+                f"{name}_share_error": float(np.sqrt(share * (1 - share) / effective)),
+                f"{name}_effective_settings": effective,
             }
+            if claim.is_number:
+                low, median, high = _quantiles(values, weights)
+                row |= {f"{name}_median": median, f"{name}_low": low, f"{name}_high": high}
         table.append(row)
     return pd.DataFrame(table)
 
 
 def exclusions(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Pair by pair, whether draws that have one of the printed numbers have the other.
+    """Return pair by pair whether draws that have one of the printed numbers have the other.
 
-    parts: rows of `trials.paper_search`, of which the draws of all readings count, each a study
-    of one draw. A draw has a number within a factor NEAR; `steady` is the motion.
+    parts: rows of `trials.paper_inference`, of which the draws of all readings count, each a study
+    of one draw. A draw has a number within a factor NEAR; `steady` and `attack angle` are
+    conditions on the motion.
     """
     rows = pd.concat(parts.values(), ignore_index=True)
     drawn = rows[rows["stage"] == "draw"]
-    held = {"steady": (drawn["change"] < STEADY).to_numpy()}
+    held = {
+        "steady": (drawn["change"] < STEADY).to_numpy(),
+        "attack angle": (drawn["attack"] <= SLOW).to_numpy(),
+    }
     for claim in PRINTED:
         values = drawn[claim.name].to_numpy(float)
         if claim.is_number:
             with np.errstate(divide="ignore"):
-                held[claim.name] = np.abs(np.log(values / claim.paper_value)) < np.log(NEAR)
+                held[claim.name] = np.abs(np.log(values / claim.printed)) < np.log(NEAR)
         else:
-            held[claim.name] = claim.met(values)
+            held[claim.name] = claim.is_met(values)
     pairs = pd.DataFrame(list(combinations(held, 2)), columns=["claim", "other"])
     kept = pd.DataFrame(held).astype(int)
     counts, both = kept.sum(), kept.T @ kept

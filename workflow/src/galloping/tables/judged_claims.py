@@ -10,7 +10,16 @@ import pandas as pd
 from galloping.cycles.family import initial_state
 from galloping.evaluation.motion import steady_amplitude
 from galloping.measurement import Motion
-from galloping.paper.claims import CLAIMS, HELD, Claim, judged, kept_together, verdict_of_share
+from galloping.paper.claims import (
+    BEYOND_JUDGEMENT,
+    CLAIMS,
+    HELD,
+    Claim,
+    find_joint_draws,
+    judge,
+    share_with_interval,
+    verdict_of_share,
+)
 from galloping.paper.draws import Amounts, line_motion, paper_draws
 from galloping.paper.unknowns import UNKNOWNS
 from galloping.physics.galerkin import coefficients
@@ -18,17 +27,20 @@ from galloping.results import NOISE, PAPER_METHOD, PAPER_PROTOCOL
 
 COLUMNS = (
     "claim", "source", "case", "direction", "quantity", "paper_value", "study_value", "low", "high",
-    "ratio", "spread", "met_by", "replicates", "protocol", "method", "verdict", "reason",
+    "ratio", "spread", "met_by", "met_by_low", "met_by_high", "replicates", "protocol", "method",
+    "verdict", "reason",
 )  # fmt: skip
 PAPER_COLUMNS = (
-    "claim", "case", "noise_level", "points", "direction", "printed", "median", "low", "high",
-    "ratio", "spread", "share_of_draws", "verdict", "reason",
+    "claim", "statement", "role", "case", "noise_level", "points", "direction", "printed", "median",
+    "low", "high", "ratio", "spread", "share_of_draws", "share_low", "share_high", "verdict",
+    "reason",
 )  # fmt: skip
+JOINT, BEYOND = "joint", "beyond"  # roles of rows that no single claim counts for
 # of `judged` and of paper.csv: as they are called in claims.csv
-NAMES = {"median": "study_value", "share_of_draws": "met_by", "draws": "replicates",
-         "printed": "paper_value"}  # fmt: skip
+NAMES = {"median": "study_value", "share_of_draws": "met_by", "share_low": "met_by_low",
+         "share_high": "met_by_high", "draws": "replicates", "printed": "paper_value"}  # fmt: skip
 PAPER = (PAPER_PROTOCOL, PAPER_METHOD)
-STEADY = "steady_change"  # columns of the line's own motion
+STEADY, ATTACK = "steady_change", "attack_angle"  # columns of the line's own motion
 LINE = ("exact", "two-mode model")  # instead of protocol and method: claims about the line itself
 
 
@@ -41,20 +53,22 @@ def claims_table(
     """Every claim about one of the cases for every protocol and method of the study.
 
     scores: of all replicates. settings: cases, those that are judged; pairs of protocol and method;
-    steady_window in s. draws: many draws of the paper's study by its own method, by case, which
-    stand for the replicates of that method. trajectories: the motions of a case, the one that the
-    claims are about first, for whether its steady state is steady. Columns: COLUMNS, study_value
-    the median.
+    steady_window in s; winds, m/s by case. draws: many draws of the paper's study by its own
+    method, by case, in place of the replicates of that method. trajectories: the motions of a case,
+    the one that the claims are about first, for how it moves. Columns: COLUMNS, study_value the
+    median.
     """
     rows = []
     for claim in CLAIMS:
         for case in settings["cases"]:
             if claim.case not in ("", case):
                 continue
-            if claim.column.startswith(STEADY):
+            if claim.column.startswith((STEADY, ATTACK)):
                 if case in (trajectories or {}):
-                    motion = _steadiness(trajectories[case][0], settings["steady_window"])
-                    rows.append(_row(claim, case, LINE, motion))
+                    motion = trajectories[case][0]
+                    wind = settings["winds"][case]
+                    found = _measure_motion(motion, settings["steady_window"], wind)
+                    rows.append(_row(claim, case, LINE, found))
                 continue
             for pair in map(tuple, settings["pairs"]):
                 if pair == PAPER and case in (draws or {}):
@@ -76,8 +90,9 @@ def paper_table(
     """Each printed number or bound beside the draws of the paper's own method, one row each.
 
     claims: claims.csv. draws: as of `claims_table`. settings: departures, why the claims about a
-    case of the paper are not judged, "" where they are. Below each case's rows stand the shares of
-    the draws that keep all its bounds at once. Columns: PAPER_COLUMNS.
+    case of the paper are not judged, "" where they are. Below each case's rows are the shares of
+    the draws that keep all its bounds at once, and at the end what is beyond judgement. Columns:
+    PAPER_COLUMNS; role: of the claim, `joint` or `beyond`.
     """
     pairs = zip(claims["protocol"], claims["method"], strict=True)
     own = claims[[pair in (PAPER, LINE) for pair in pairs]]
@@ -86,39 +101,53 @@ def paper_table(
         about = [claim for claim in CLAIMS if claim.case in ("", case)]
         if departure:
             why = {"case": case, "verdict": "not judged", "reason": departure}
-            rows += [{**_cell(claim), **why, "paper_value": claim.paper_value,
+            rows += [{**_cell(claim), **why, "paper_value": claim.printed,
                       "direction": claim.direction} for claim in about]  # fmt: skip
             continue
         of_case = own[own["case"] == case].set_index("claim").to_dict("index")
         rows += [{**of_case[c.name], **_cell(c)} for c in about if c.name in of_case]
         rows += _joint(about, case, draws[case])
+    rows += [{**_cell(claim), "role": BEYOND, "case": "", "verdict": "beyond judgement",
+              "reason": claim.note} for claim in BEYOND_JUDGEMENT]  # fmt: skip
     table = pd.DataFrame(rows, columns=[NAMES.get(name, name) for name in PAPER_COLUMNS])
     return table.set_axis(PAPER_COLUMNS, axis=1).astype({"points": "Int64"})
 
 
 def _cell(claim: Claim) -> dict:
     level = None if claim.minus_level is not None else claim.level  # one that compares two levels
-    return {"claim": claim.name, "noise_level": level, "points": claim.points}
+    return {"claim": claim.name, "statement": claim.statement, "role": claim.role,
+            "noise_level": level, "points": claim.points}  # fmt: skip
 
 
 def _joint(claims: Sequence[Claim], case: str, draws: pd.DataFrame) -> list[dict]:
-    """The shares of the draws that keep the bounds of R2, or all bounds, at once."""
-    bounds = [claim for claim in claims if not claim.is_number and claim.column in draws]
-    printed = [claim for claim in bounds if claim.is_r2 and claim.source != "first abstract"]
+    """Rows of the shares of the draws that keep the bounds of R2, or all bounds, at once."""
+    bounds = [
+        claim
+        for claim in claims
+        if claim.is_counted and not claim.is_number and claim.column in draws
+    ]
+    of_r2 = [claim for claim in bounds if claim.is_r2]
     rows = []
-    for name, group in (("R2 bounds", printed), ("bounds", bounds)):
-        if len(group) > 1 and (found := kept_together(group, draws)):
-            share, n = found
+    for name, group in (("R2 bounds", of_r2), ("bounds and words", bounds)):
+        if len(group) > 1 and (kept := find_joint_draws(group, draws)) is not None:
+            found = share_with_interval(kept)
+            share, low, high = (100 * found[key] for key in ("share_of_draws", "share_low",
+                                                             "share_high"))  # fmt: skip
             rows.append({
-                "claim": f"all {len(group)} {name} in the same draw", "case": case, "direction": "",
-                "met_by": share, "verdict": verdict_of_share(share),
-                "reason": f"{100 * share:.0f} % of {n} draws keep all of them",
+                "claim": f"all {len(group)} {name} in the same draw", "role": JOINT, "case": case,
+                "direction": "", **{NAMES.get(key, key): value for key, value in found.items()},
+                "verdict": verdict_of_share(found),
+                "reason": f"{share:.0f} % ({low:.0f} to {high:.0f} %) of {len(kept)} draws",
             })  # fmt: skip
     return rows
 
 
-def _steadiness(motion: Motion, window: tuple[float, float]) -> pd.DataFrame:
-    """By how much each amplitude changes between the halves of the steady window, percent."""
+def _measure_motion(motion: Motion, window: tuple[float, float], wind: float) -> pd.DataFrame:
+    """How far the line's own motion is from steady in each direction, and its attack angle.
+
+    Columns: steady_change_NAME_percent, of each amplitude between the halves of the window;
+    attack_angle, the largest |dq_v| / U over the record.
+    """
     start, end = window
     middle = (start + end) / 2
     halves = [
@@ -130,16 +159,18 @@ def _steadiness(motion: Motion, window: tuple[float, float]) -> pd.DataFrame:
         f"{STEADY}_{state}_percent": [value]
         for state, value in zip(motion.names, change, strict=False)
     }
-    return pd.DataFrame(
-        {**found, "kind": NOISE, "level": 0.0, "missing": 0, "spurious": 0, "motion": "ok"}
-    )
+    attack = np.abs(motion.states[:, motion.names.index("dq_v")]).max() / wind
+    return pd.DataFrame({
+        **found, ATTACK: [attack], "kind": NOISE, "level": 0.0, "missing": 0, "spurious": 0,
+        "motion": "ok",
+    })  # fmt: skip
 
 
 def _row(claim: Claim, case: str, pair: tuple[str, str], scores: pd.DataFrame) -> dict:
     about = {name: getattr(claim, name) for name in ("source", "direction", "quantity")}
-    found = {NAMES.get(name, name): value for name, value in judged(claim, scores).items()}
+    found = {NAMES.get(name, name): value for name, value in judge(claim, scores).items()}
     return {
-        "claim": claim.name, **about, "case": case, "paper_value": claim.paper_value, **found,
+        "claim": claim.name, **about, "case": case, "paper_value": claim.printed, **found,
         "protocol": pair[0], "method": pair[1],
     }  # fmt: skip
 
@@ -163,7 +194,7 @@ def variation_rows(
     tables = []
     opened = next(unknown for unknown in UNKNOWNS if unknown.name == parameter)
     for value in values:
-        varied, other = opened.at(case, value), plan
+        varied, other = opened.set_in(case, value), plan
         if not opened.path:  # the threshold is of the method, not of the line
             is_own, other = value == plan["threshold"], {**plan, "threshold": value}
         else:  # the model and its release are the same to rounding
@@ -175,7 +206,8 @@ def variation_rows(
         if not is_own:
             found = paper_draws(varied, name=(name,), amounts=amounts, **other)
         motion, _ = line_motion(varied, amounts.duration, amounts.sampling_rate)
-        about = {"cases": [name], "pairs": [PAPER], "steady_window": amounts.steady_window}
+        about = {"cases": [name], "pairs": [PAPER], "steady_window": amounts.steady_window,
+                 "winds": {name: varied["wind"]["speed"]}}  # fmt: skip
         table = claims_table(found, about, {name: found}, {name: [motion]})
         place = {"parameter": parameter, "unit": opened.unit, "value": value}
         held = table["verdict"].isin(HELD)

@@ -176,8 +176,15 @@ def identifiability(
     return table.assign(t=t, verdict=np.where(t.isna(), "undefined", known))
 
 
+def _rms_of_finite(ratios: pd.Series) -> float:
+    finite = ratios[np.isfinite(ratios)]
+    return float(np.sqrt(np.mean(finite**2))) if len(finite) else np.nan
+
+
 def efficiency(scores: pd.DataFrame, identifiability: pd.DataFrame) -> pd.DataFrame:
     """One row a cell and method: exact supports, rms error over bound, R2, coverage, failures.
+
+    The rms is that of the fits with a model; no_model: how many had none.
 
     identifiability: that table, for the weakest t of each cell. Cells without noise have no bound
     and are left out.
@@ -190,7 +197,8 @@ def efficiency(scores: pd.DataFrame, identifiability: pd.DataFrame) -> pd.DataFr
     table = groups.agg(
         replicates=("motion", "size"),
         exact_support=("exact", lambda found: found.sum(min_count=1)),
-        efficiency=("efficiency", lambda ratio: np.sqrt(np.mean(ratio.to_numpy() ** 2))),
+        efficiency=("efficiency", _rms_of_finite),
+        no_model=("efficiency", lambda ratio: int(np.isposinf(ratio).sum())),
         r2_q_v=("r2_q_v", "median"),
         r2_q_w=("r2_q_w", "median"),
         amplitude_error_percent=("amplitude", "median"),

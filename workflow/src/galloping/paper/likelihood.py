@@ -1,0 +1,140 @@
+"""How probable the paper's printed numbers and words are, given draws of its study at one setting.
+
+The paper shows one draw of its noise. A *cell* is one recording of its study, such as 10,000 points
+at noise 0.05. Cells are independent draws, so the probability of all that is printed is the product
+of those of the cells. The probability of a cell is the mean over draws of the product of
+
+- a kernel about the printed errors, on a logarithmic scale, with heavy tails;
+- 1 for each printed bound that the draw keeps, `MISSED` for each one that it misses;
+- exp(-n / tolerance) for n false terms where the paper says in words that there are few.
+
+A statement that compares two noise levels is a factor of its own: the mean of the same weights over
+pairs of draws. The steadiness of the motion is a factor of the setting, not of its draws.
+"""
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+import pandas as pd
+
+from galloping.paper.claims import CLAIMS, FEW, Claim
+from galloping.results import NOISE
+
+CASE = "internal_resonance"
+# A draw is near a printed number within a factor of 1.6 (one standard deviation); a tenth of the
+# kernel is three times as wide, so that a single number that is far off does not decide alone.
+WIDTHS, SHARES = np.array([0.5, 1.5]), np.array([0.9, 0.1])
+MISSED = 0.02  # weight of a draw that misses a bound: the author may have rounded or misread
+ERROR_RANGE = 1e-2, 1e4  # percent: errors beyond count as these
+STEADY_CHANGE = 0.01  # standard deviation of the relative change of a motion called steady
+
+# What is printed of draws with noise. Bounds that others imply are left to the table of claims.
+PRINTED = tuple(c for c in CLAIMS if c.case == CASE and c.level > 0 and c.is_counted)
+NUMBERS = tuple(claim for claim in PRINTED if claim.is_number)
+GROUPS = {  # what is left out together to be predicted, by what columns of scores begin with
+    "coefficients": "mean_error",
+    "amplitudes": "amplitude_error",
+    "fits": "r2",
+    "terms": ("missing", "spurious"),
+}
+Cell = tuple[str, float, int | None]
+
+
+def group_of(claim: Claim) -> str:
+    """Name in `GROUPS` of what a claim is about."""
+    return next(name for name, start in GROUPS.items() if claim.column.startswith(start))
+
+
+def cell_of(claim: Claim) -> Cell:
+    """Kind, noise level and points (None for the whole record) of what a claim is about."""
+    return claim.cell_kind, claim.level, claim.points
+
+
+CELLS = tuple(dict.fromkeys(cell_of(c) for c in PRINTED if c.minus_level is None))
+_MOVED = {cell_of(c) for c in PRINTED if group_of(c) in ("amplitudes", "fits")}
+# Levels of whole records of which nothing is printed that needs a simulated motion.
+UNMOVED_LEVELS = tuple(level for kind, level, n in CELLS if (kind, level, n) not in _MOVED)
+
+
+def name_cell(cell: Cell) -> str:
+    """Name of a cell in tables."""
+    kind, level, points = cell
+    return f"noise {level:g}" if kind == NOISE else f"{points} points"
+
+
+def scores_by_claim(scores: pd.DataFrame) -> dict[str, np.ndarray]:
+    """Return what each draw gives in the place of what is printed, (draws,), by claim.
+
+    scores: one row a draw and cell, as of `quick.QuickStudy.draw_scores`.
+    """
+    cells = dict(list(scores.groupby(["kind", "level", "points"])))
+    found = {}
+    for claim in PRINTED:
+        about = [
+            cell
+            for (kind, level, points), cell in cells.items()
+            if kind == claim.cell_kind
+            and level in (claim.level, claim.minus_level)
+            and claim.points in (None, points)
+        ]
+        found[claim.name] = claim.values(pd.concat(about) if len(about) > 1 else about[0])
+    return found
+
+
+def log_likelihoods(
+    values: Mapping[str, np.ndarray],
+    left_out: Collection[str] = (),
+    claims: Collection[Claim] = PRINTED,
+) -> dict[str, float]:
+    """Return the logarithm of the probability (density, where numbers are printed) of each factor.
+
+    Parameters
+    ----------
+    values : mapping of str to ndarray
+        Of `scores_by_claim`.
+    left_out : collection of str
+        Names in `GROUPS` of the claims that do not count.
+    claims : collection of Claim
+        What is printed.
+
+    Returns
+    -------
+    dict of str to float
+        By cell, and by claim where it compares two noise levels.
+    """
+    counted = [claim for claim in claims if group_of(claim) not in left_out]
+    factors = {
+        name_cell(cell): [c for c in counted if c.minus_level is None and cell_of(c) == cell]
+        for cell in CELLS
+    }
+    factors |= {claim.name: [claim] for claim in counted if claim.minus_level is not None}
+    return {
+        name: float(np.log(_mean_weight([(c, values[c.name]) for c in factor])))
+        for name, factor in factors.items()
+        if factor
+    }
+
+
+def _mean_weight(found: list[tuple[Claim, np.ndarray]]) -> float:
+    """Mean over draws of the product of the weights of claims about the same recording."""
+    weights, offsets = np.ones(1), []
+    for claim, values in found:
+        if claim.is_number:
+            offsets.append(np.log(np.clip(values, *ERROR_RANGE) / claim.printed))
+        elif claim.kind == FEW:
+            weights = weights * np.exp(-values / claim.tolerance)
+        else:
+            weights = weights * np.where(claim.is_met(values), 1.0, MISSED)
+    if offsets:
+        squares = np.sum(np.square(offsets), axis=0)[:, np.newaxis] / WIDTHS**2
+        kernels = np.exp(-squares / 2) / (2 * np.pi * WIDTHS**2) ** (len(offsets) / 2)
+        weights = weights * (kernels @ SHARES)
+    return float(np.mean(weights))
+
+
+def log_steadiness(changes: np.ndarray) -> float:
+    """Logarithm of the weight of a motion that the paper calls steady, at most 0.
+
+    changes: relative changes of the amplitudes between the halves of the steady window.
+    """
+    return float(-0.5 * np.sum(np.square(np.asarray(changes) / STEADY_CHANGE)))

@@ -1,0 +1,378 @@
+"""What the paper leaves out, inferred from what it prints, for one reading of its words and digits.
+
+The likelihood of a setting is that of `paper.likelihood`, estimated from a few draws of the noise.
+The estimate is unbiased, so importance sampling with it integrates the unknowns out exactly as if
+the likelihood were known (pseudo-marginal; C. Andrieu and G. O. Roberts 2009): settings are drawn
+from a proposal and weighed by prior times likelihood over proposal. The mean weight estimates the
+evidence of the reading, with a standard error; the weighted settings are the posterior.
+
+Pilot rounds with few draws find the proposal (population Monte Carlo; J.-M. Cornuet et al. 2012):
+the first is uniform, each further one a multivariate t about the weighted settings so far. The last
+round, with more draws, alone gives the evidence and the posterior, which are therefore unbiased.
+Every reading gets the same numbers of rounds, settings and draws.
+
+Settings are proposed in coordinates in which the likelihood is simpler, and which differ from the
+logarithms of the unknowns by a shift alone, so that the prior density is the same: the vertical
+damping over that at which the line ceases to gallop, the threshold over the smallest coefficient,
+and the release over the amplitude that the motion ends with.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.special import logsumexp
+from scipy.stats import multivariate_t
+
+from galloping.configuration.load import load, plain
+from galloping.evaluation.motion import steady_amplitude
+from galloping.measurement import Motion
+from galloping.paper import likelihood
+from galloping.paper.draws import Amounts, line_motion
+from galloping.paper.quick import FARTHEST, SHARING, QuickStudy
+from galloping.paper.unknowns import (
+    BOTH_LINES,
+    BY_NAME,
+    FIRST_READING,
+    HIGH,
+    LOW,
+    NAMES,
+    UNKNOWNS,
+    Reading,
+)
+from galloping.physics.galerkin import coefficients
+from galloping.streams import generator
+
+AMOUNTS = Amounts()
+OTHER_CASE = "non_resonant"  # the paper's other line, whose motion it calls steady as well
+MOST_CHANGE = 0.05  # of an amplitude: a motion that changes more is far from steady
+SETTLED_RATE = 10.0  # Hz: enough for an amplitude
+SMALLEST = 0.02  # m: a line that moves less does not gallop
+PILOT_ROUNDS, PILOT_DRAWS = (40, 30, 30), 8  # settings of each round, draws of each setting
+SETTINGS, DRAWS = 48, 32  # of the last round
+DEFENSIVE = 0.1  # share of the last round's proposals that are uniform as those of the first round
+REFINED = 2  # settings of the largest likelihood, which are judged again by fresh draws
+CLIMB, CLIMB_DRAWS = 80, 48  # settings of the climb from there, and the draws of each, the same
+CLIMB_STEP = 0.1  # of the logarithms of the unknowns, at first
+JUDGED = 400  # draws of the setting where the climb ends
+TAILS = 5.0  # degrees of freedom of the proposals
+WIDENED = 1.3  # of a proposal's covariance over that of the settings
+EFFECTIVE = 15.0  # settings: with fewer the weights are tempered before a proposal is fitted
+FIRST_ROUND = {  # ratios: see above
+    "damping_vertical": (0.2, 1.0),
+    "threshold": (1e-2, 1.0),
+    "release_vertical": (0.5, 2.0),
+    "release_horizontal": (0.5, 2.0),
+}
+SHIFTED = [name in FIRST_ROUND for name in NAMES]
+
+
+@cache
+def _line(name: str) -> dict:
+    return plain(load({}))["cases"][name]
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A density of settings in shifted coordinates, (n_unknowns,).
+
+    centre, covariance: of a multivariate t, or None for the uniform density of the first round.
+    uniform: share of that uniform density in a mixture of both.
+    """
+
+    centre: np.ndarray | None = None
+    covariance: np.ndarray | None = None
+    uniform: float = 0.0
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """Draw one setting."""
+        if self.centre is None or rng.random() < self.uniform:
+            return rng.uniform(*_first_box())
+        return np.atleast_1d(self._t.rvs(random_state=rng))
+
+    def log_density(self, points: np.ndarray) -> np.ndarray:
+        """Return the logarithm of the density at points, (k, n_unknowns) -> (k,)."""
+        low, high = _first_box()
+        inside = np.all((points >= low) & (points <= high), axis=1)
+        flat = np.where(inside, -np.sum(np.log(high - low)), -np.inf)
+        if self.centre is None:
+            return flat
+        with np.errstate(divide="ignore"):
+            shares = np.log([1.0 - self.uniform, self.uniform])
+        return np.logaddexp(shares[0] + self._t.logpdf(points), shares[1] + flat)
+
+    @property
+    def _t(self):
+        return multivariate_t(self.centre, self.covariance, df=TAILS)
+
+    @classmethod
+    def fit(cls, points: np.ndarray, log_weights: np.ndarray, uniform: float) -> "Proposal":
+        """Return the t about weighted settings; weights are tempered where few settings count."""
+        power = 1.0
+        while effective_number(power * log_weights) < min(EFFECTIVE, len(points) / 2):
+            power *= 0.8
+        weights = np.exp(power * log_weights - logsumexp(power * log_weights))
+        centre = weights @ points
+        covariance = WIDENED * np.cov(points.T, aweights=weights, ddof=0)
+        return cls(centre, covariance + 1e-3 * np.eye(len(centre)), uniform)
+
+
+def _first_box() -> tuple[np.ndarray, np.ndarray]:
+    ends = np.log([FIRST_ROUND.get(u.name, (u.low, u.high)) for u in UNKNOWNS])
+    return ends[:, 0], ends[:, 1]
+
+
+def effective_number(log_weights: np.ndarray) -> float:
+    """Return the number of equally weighted settings that tell as much (L. Kish 1965)."""
+    return float(np.exp(2 * logsumexp(log_weights) - logsumexp(2 * log_weights)))
+
+
+def trial(
+    seed: int,
+    case: str,
+    replicates: Sequence[int],
+    methods: Mapping[str, Mapping],
+    *,
+    pilot_rounds: Sequence[int] = PILOT_ROUNDS,
+    pilot_draws: int = PILOT_DRAWS,
+    settings: int = SETTINGS,
+    draws: int = DRAWS,
+    climb: int = CLIMB,
+) -> Iterator[dict[str, object]]:
+    """Yield a row for each setting of the last round of one reading of the paper, and its draws.
+
+    Parameters
+    ----------
+    seed, case, replicates
+        Of the random numbers; name of the reading in `unknowns.BY_NAME`; independent runs.
+    pilot_rounds, pilot_draws, settings, draws, climb
+        As the constants of these names. Of the first reading alone the most probable setting is
+        climbed to, since the default study is there.
+
+    Yields
+    ------
+    dict
+        stage `tried`: a setting with log_likelihood, those without each group of claims, and by
+        factor; log_weight: of prior times likelihood over proposal and number of proposed settings,
+        so that the weights of a run add up to its evidence. stage `draw`: a draw at that setting,
+        with what it gives for each claim. stage `judged`: one of the most probable settings with
+        its likelihood from fresh draws.
+    """
+    reading = BY_NAME[case]
+    for replicate in replicates:
+        rng = generator(seed, "inference", case, replicate)
+        proposal = _learn_proposal(reading, pilot_rounds, pilot_draws, rng)
+        tried, proposed = _try_settings(reading, proposal, settings, draws, rng)
+        named = {"reading": case, "replicate": replicate}
+        log_weights = _log_weights(tried, [proposal], [proposed])
+        for row, log_weight in zip(tried, log_weights, strict=True):
+            drawn = row.pop("draws")
+            del row["point"]
+            yield {**named, "stage": "tried", "proposed": proposed, **row,
+                   "log_weight": log_weight}  # fmt: skip
+            motion = {name: row[name] for name in ("change", "attack")}
+            yield from ({**named, "stage": "draw", **motion, **values} for values in drawn)
+        best = sorted(tried, key=lambda row: -row["log_likelihood"])[:REFINED]
+        again = [_judge(reading, row, draws, rng) for row in best]
+        if reading == FIRST_READING and climb:
+            top = max(again, key=lambda row: row["log_likelihood"])
+            again.append(_judge(reading, _climb(reading, top, climb, rng), JUDGED, rng))
+        yield from ({**named, "stage": "judged", **row} for row in again)
+
+
+def _learn_proposal(
+    reading: Reading, rounds: Sequence[int], draws: int, rng: np.random.Generator
+) -> Proposal:
+    """The proposal of the last round, from pilot rounds weighed by the mixture of their own."""
+    tried, proposals, numbers = [], [Proposal()], []
+    for count in rounds:
+        found, proposed = _try_settings(reading, proposals[-1], count, draws, rng)
+        tried += found
+        numbers.append(proposed)
+        points = np.stack([row["point"] for row in tried])
+        log_weights = _log_weights(tried, proposals, numbers)
+        proposals.append(Proposal.fit(points, log_weights, DEFENSIVE))
+    return proposals[-1]
+
+
+def _log_weights(
+    rows: Sequence[Mapping], proposals: Sequence[Proposal], numbers: Sequence[int]
+) -> np.ndarray:
+    """Logarithms of prior times likelihood over the mixture of proposals and their number."""
+    points = np.stack([row["point"] for row in rows])
+    shares = np.log(numbers)[:, np.newaxis]
+    densities = np.stack([proposal.log_density(points) for proposal in proposals])
+    log_prior = -np.sum(np.log(HIGH - LOW))
+    log_likelihoods = np.array([row["log_likelihood"] for row in rows])
+    return log_prior + log_likelihoods - logsumexp(shares + densities, axis=0)
+
+
+def _judge(
+    reading: Reading, values: Mapping[str, float], draws: int, rng: np.random.Generator
+) -> dict[str, float]:
+    """A setting with its likelihood from fresh draws."""
+    found = estimate(reading, {name: values[name] for name in NAMES}, draws, rng)
+    found.pop("draws")
+    return {**{name: values[name] for name in NAMES}, **found}
+
+
+def _climb(
+    reading: Reading, start: Mapping[str, float], settings: int, rng: np.random.Generator
+) -> dict[str, float]:
+    """The most probable setting near another one (J. A. Nelder and R. Mead 1965).
+
+    All settings share their random numbers, so that the likelihood changes smoothly among them.
+    """
+    seed = int(rng.integers(2**63))
+
+    def miss(point: np.ndarray) -> float:
+        if np.any((point < LOW) | (point > HIGH)):
+            return np.inf
+        values = dict(zip(NAMES, np.exp(point), strict=True))
+        smallest = _smallest(_coefficients(reading, values))
+        if reading.has_threshold_in_units and values["threshold"] > smallest:
+            return np.inf
+        found = estimate(reading, values, CLIMB_DRAWS, np.random.default_rng(seed))
+        return np.inf if found is None else -found["log_likelihood"]
+
+    first = np.log([start[name] for name in NAMES])
+    simplex = first + np.vstack([np.zeros(len(NAMES)), CLIMB_STEP * np.eye(len(NAMES))])
+    options = {"initial_simplex": simplex, "maxfev": settings, "adaptive": True}
+    end = minimize(miss, first, method="Nelder-Mead", options=options)
+    return dict(zip(NAMES, np.exp(end.x), strict=True))
+
+
+def _coefficients(reading: Reading, values: Mapping[str, float]) -> list[dict[str, float]]:
+    """Of both of the paper's lines."""
+    return [coefficients(_case(reading, values, name)) for name in (likelihood.CASE, OTHER_CASE)]
+
+
+def _smallest(lines: Sequence[Mapping[str, float]]) -> float:
+    """The smallest coefficient of all lines, which a larger threshold loses without noise."""
+    return min(abs(value) for line in lines for value in line.values() if value)
+
+
+def _try_settings(
+    reading: Reading, proposal: Proposal, count: int, draws: int, rng: np.random.Generator
+) -> tuple[list[dict], int]:
+    """Settings of a proposal until `count` of them can be drawn from; how many were proposed."""
+    found, proposed = [], 0
+    while len(found) < count:
+        proposed += 1
+        point = proposal.draw(rng)
+        values = setting_at(reading, point)
+        if values is None:
+            continue
+        row = estimate(reading, values, draws, rng)
+        if row is not None:
+            found.append({**values, "point": point, **row})
+    return found, proposed
+
+
+def setting_at(reading: Reading, point: np.ndarray) -> dict[str, float] | None:
+    """Return the unknowns at a point of the shifted coordinates, None where it is excluded.
+
+    Excluded are values outside their ranges, lines that do not gallop or whose cycle exceeds the
+    largest attack angle, and thresholds above the smallest coefficient of both lines, which would
+    be lost without noise.
+    """
+    ratios = dict(zip(NAMES, np.exp(point), strict=True))
+    values = ratios | {"damping_vertical": 0.0, "release_vertical": 1.0, "release_horizontal": 1.0}
+    if not _is_in_range(values, [name for name in NAMES if name not in FIRST_ROUND]):
+        return None
+    undamped = coefficients(_case(reading, values, likelihood.CASE))
+    critical = -undamped["gamma_1"] / (2 * np.sqrt(undamped["gamma_2"]))
+    values["damping_vertical"] = ratios["damping_vertical"] * critical
+    if not _is_in_range(values, ["damping_vertical"]):
+        return None
+    lines = _coefficients(reading, values)
+    if any(line["gamma_1"] >= 0 for line in lines):
+        return None
+    values["threshold"] = ratios["threshold"] * _smallest(lines)
+    if reading.has_threshold_in_units and ratios["threshold"] > 1:
+        return None
+    if not _is_in_range(values, ["threshold"]):
+        return None
+    started = {**values, "release_vertical": 0.5, "release_horizontal": 0.5}
+    settled, _ = line_motion(
+        _case(reading, started, likelihood.CASE), AMOUNTS.duration, SETTLED_RATE
+    )
+    last = settled.states[-round(AMOUNTS.duration * SETTLED_RATE / 6) :]
+    amplitude = steady_amplitude(last[:, :2])
+    if not amplitude.min() > SMALLEST or not _stays(settled):
+        return None
+    if np.abs(last[:, 2]).max() > reading.attack_limit * values["wind_speed"]:
+        return None
+    for name, each in zip(("release_vertical", "release_horizontal"), amplitude, strict=True):
+        values[name] = ratios[name] * each
+    return values if _is_in_range(values, NAMES) else None
+
+
+def _is_in_range(values: Mapping[str, float], names: Sequence[str]) -> bool:
+    return all(u.low <= values[u.name] <= u.high for u in UNKNOWNS if u.name in names)
+
+
+def _case(reading: Reading, values: Mapping[str, float], name: str) -> dict:
+    return reading.case_at(values, _line(name))
+
+
+def estimate(
+    reading: Reading, values: Mapping[str, float], draws: int, rng: np.random.Generator
+) -> dict[str, object] | None:
+    """Return the likelihood of a setting estimated from draws; None where a condition excludes it.
+
+    log_likelihood: of all that is printed. without_NAME: of all but one of `likelihood.GROUPS`. By
+    the name of each factor: its logarithm. change: of the amplitudes, of the lines that are read as
+    steady. attack: largest |dq_v| / U. draws: what each draw gives for each claim.
+    """
+    motion, line = _motion(reading, values, likelihood.CASE)
+    if not _stays(motion):
+        return None
+    changes = [steadiness(motion.states)[1]]
+    if reading.steady == BOTH_LINES:
+        changes.append(steadiness(_motion(reading, values, OTHER_CASE)[0].states)[1])
+    attack = float(np.abs(motion.states[:, 2]).max() / values["wind_speed"])
+    if attack > reading.attack_limit or (reading.steady and not max(changes) < MOST_CHANGE):
+        return None
+    steady = likelihood.log_steadiness(changes) if reading.steady else 0.0
+    method = reading.method_at(values)
+    study = QuickStudy(motion, line, AMOUNTS)
+    scores = study.draw_scores(method, draws, rng, unmoved_levels=likelihood.UNMOVED_LEVELS)
+    claims = likelihood.scores_by_claim(scores)
+    factors = likelihood.log_likelihoods(claims)
+    row = {
+        "change": max(changes),
+        "attack": attack,
+        "log_likelihood": sum(factors.values()) + steady,
+        **factors,
+    }
+    for group in likelihood.GROUPS:
+        others = likelihood.log_likelihoods(claims, left_out=(group,))
+        row[f"without_{group}"] = sum(others.values()) + steady
+    # those that share no random subset
+    rows = range(0, draws, SHARING if draws > SHARING else 1)
+    row["draws"] = [{name: found[k] for name, found in claims.items()} for k in rows]
+    return row
+
+
+def _motion(reading: Reading, values: Mapping[str, float], case: str) -> tuple[Motion, object]:
+    return line_motion(_case(reading, values, case), AMOUNTS.duration, AMOUNTS.sampling_rate)
+
+
+def _stays(motion: Motion) -> bool:
+    """Whether a line moves no farther than `quick` follows a model."""
+    return bool(np.abs(motion.states).sum(axis=1).max() < FARTHEST)
+
+
+def steadiness(states: np.ndarray) -> tuple[float, float]:
+    """Return the smallest amplitude in a half of the steady window, and the largest change."""
+    first, last = (round(t * AMOUNTS.sampling_rate) for t in AMOUNTS.steady_window)
+    middle = (first + last) // 2
+    early, late = (
+        steady_amplitude(states[rows, :2])
+        for rows in (slice(first, middle), slice(middle, last + 1))
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(min(early.min(), late.min())), float(np.max(np.abs(late / early - 1)))
