@@ -19,7 +19,8 @@ from galloping.identification.work import spend
 MAX_STEPS = 30  # of Gauss-Newton
 MIN_SAMPLES = 8  # of a channel of a stretch
 CONVERGED = 1e-3  # step in standard errors
-ROUNDING = 1e-10  # least noise, in units of the motion
+ROUNDING = 1e-10  # least noise, in units of the motion; least share of information that counts
+NOT_TOLD = "two modes cannot be told apart"
 
 
 @dataclass(frozen=True)
@@ -183,13 +184,10 @@ def fit_poles(
     fastest = np.pi / min(one.step for one in stretches)
     damping = 1e-3
     for _ in range(MAX_STEPS):
-        information, right = here.information[np.ix_(free, free)], here.right[free]
-        scale = np.sqrt(np.maximum(np.diag(information), 0.0))
-        if not np.all(scale > 0.0):
-            raise Unusable("two modes cannot be told apart")
-        scaled = information / np.outer(scale, scale) + damping * np.eye(len(scale))
+        scaled, scale = here.scaled(free)
+        scaled += damping * np.eye(len(scale))
         step = np.zeros(len(free))
-        step[free] = np.linalg.solve(scaled, right / scale) / scale
+        step[free] = np.linalg.solve(scaled, here.right[free] / scale) / scale
         moved = poles + step[: len(poles)] + 1j * step[len(poles) :]
         is_possible = np.all((moved.imag > 0.0) & (moved.imag < fastest))
         there = _linearised(stretches, moved) if is_possible else None
@@ -201,11 +199,9 @@ def fit_poles(
             break
         else:
             damping = 10.0 * max(damping, 1e-6)
-    information = here.information[np.ix_(free, free)]
-    scale = np.sqrt(np.diag(information))
-    scaled = information / np.outer(scale, scale)
+    scaled, scale = here.scaled(free)
     if not np.linalg.cond(scaled) < 1.0 / ROUNDING:
-        raise Unusable("two modes cannot be told apart")
+        raise Unusable(NOT_TOLD)
     covariance = np.zeros((len(free), len(free)))
     covariance[np.ix_(free, free)] = np.linalg.inv(scaled) / np.outer(scale, scale)
     return DampedModes(
@@ -216,9 +212,13 @@ def fit_poles(
 
 @dataclass(frozen=True)
 class _Linearised:
-    """Normal equations of the poles, amplitudes eliminated; the rest as of `DampedModes`."""
+    """Normal equations of the poles, amplitudes eliminated; the rest as of `DampedModes`.
+
+    shares: of the information on each growth and frequency, that amplitudes do not explain as well.
+    """
 
     information: np.ndarray
+    shares: np.ndarray
     right: np.ndarray
     amplitudes: list[np.ndarray]
     offsets: np.ndarray
@@ -227,11 +227,22 @@ class _Linearised:
     residuals: list[np.ndarray]
     misfit: float
 
+    def scaled(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The information on the growths and frequencies that are free, with ones on the diagonal,
+        and the square roots of that diagonal, (n_free,). Raises Unusable where it has none.
+        """
+        if not np.all(self.shares[free] > ROUNDING):
+            raise Unusable(NOT_TOLD)
+        information = self.information[np.ix_(free, free)]
+        scale = np.sqrt(np.diag(information))
+        return information / np.outer(scale, scale), scale
+
 
 def _linearised(stretches: Sequence[Stretch], poles: np.ndarray) -> _Linearised:
     """All sums over samples are those of the waves, and of the waves times the time."""
     n, channels = len(poles), stretches[0].values.shape[1]
     information, right, misfit = np.zeros((2 * n, 2 * n)), np.zeros(2 * n), 0.0
+    whole = np.full(2 * n, np.finfo(float).tiny)  # on its diagonal, were the amplitudes known
     offsets, errors, noise = np.full((3, len(stretches), channels), np.nan)
     amplitudes, residuals = [], []
     for r, stretch in enumerate(stretches):
@@ -264,7 +275,9 @@ def _linearised(stretches: Sequence[Stretch], poles: np.ndarray) -> _Linearised:
             a = solved[:n] - 1j * solved[n : 2 * n]
             slopes = _slopes(a, origin, stretch.duration, columns.shape[1])
             met = products[basis] @ slopes
-            information += (slopes.T @ products @ slopes - met.T @ inverse @ met) / variance
+            of_known = slopes.T @ products @ slopes / variance
+            whole += np.diag(of_known)
+            information += of_known - met.T @ inverse @ met / variance
             right += slopes.T @ (of_channel.T @ remainder) / variance
             misfit += count * np.log(variance)
             own[:, c] = a * np.exp(-poles.real * origin)
@@ -277,7 +290,10 @@ def _linearised(stretches: Sequence[Stretch], poles: np.ndarray) -> _Linearised:
         residuals.append(left)
     if np.isnan(noise).all() or not np.isfinite(misfit):
         raise Unusable("no damped sinusoids follow the motion")
-    return _Linearised(information, right, amplitudes, offsets, errors, noise, residuals, misfit)
+    return _Linearised(
+        information, np.diag(information) / whole, right, amplitudes, offsets, errors, noise,
+        residuals, misfit,
+    )  # fmt: skip
 
 
 def _columns(stretch: Stretch, poles: np.ndarray, origin: np.ndarray) -> np.ndarray:

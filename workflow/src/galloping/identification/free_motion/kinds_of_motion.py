@@ -204,12 +204,11 @@ def _told(
         kind = Kind.FORCED if steady else Kind.GROWING if growth > 0.0 else Kind.DECAYING
     if kind == Kind.LASTING:
         return None
-    cleaned = [
-        _with_samples(one, stretch, channels)
-        for one, stretch in zip(recordings, stretches, strict=True)
-    ]
+    if is_linear:  # else the samples that no linear motion explains are no faults
+        pairs = zip(recordings, stretches, strict=True)
+        recordings = [_with_samples(one, stretch, channels) for one, stretch in pairs]
     return Motion(
-        kind, cleaned, stretches, is_linear, channels, modes, tuple(own), tuple(steady),
+        kind, recordings, stretches, is_linear, channels, modes, tuple(own), tuple(steady),
         tuple(findings),
     )  # fmt: skip
 

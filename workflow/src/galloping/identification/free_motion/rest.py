@@ -73,6 +73,10 @@ def moving_parts(time: np.ndarray, values: np.ndarray) -> list[MovingPart]:
         The whole recording if it never rests, or if all of it does.
     """
     whole = [MovingPart(slice(0, len(time)))]
+    known = np.flatnonzero(np.isfinite(values).any(axis=1))
+    if len(known) and known[-1] - known[0] + 1 < len(time):  # what is missing is no rest
+        inner = slice(known[0], known[-1] + 1)
+        return [_shifted(part, inner.start) for part in moving_parts(time[inner], values[inner])]
     columns = _filled(time, values)
     period = _period(columns)
     if not len(columns) or not np.isfinite(period) or len(time) < 4 * max(period, MIN_WINDOW):
@@ -89,6 +93,14 @@ def moving_parts(time: np.ndarray, values: np.ndarray) -> list[MovingPart]:
         parts.append(_without_tail(columns, part, period, end))
     long = [part for part in parts if part.rows.stop - part.rows.start >= MIN_PERIODS * period]
     return long or whole
+
+
+def _shifted(part: MovingPart, rows: int) -> MovingPart:
+    def later(row: int | None) -> int | None:
+        return None if row is None else int(row + rows)
+
+    own = slice(int(part.rows.start + rows), int(part.rows.stop + rows))
+    return MovingPart(own, later(part.rested_from), later(part.rests_until))
 
 
 def moving_samples(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, list[Finding]]:
