@@ -12,7 +12,7 @@ from hypothesis import strategies as some
 
 from galloping import derive
 from galloping.functions import FUNCTIONS, from_plain, function, plain, times
-from galloping.identification.problem import Coefficient
+from galloping.identification.prior_knowledge import Coefficient
 from galloping.polynomial import PolynomialModel, design_matrix, library, term_name
 from galloping.terms import Bounds, known_model, parse, parse_known
 

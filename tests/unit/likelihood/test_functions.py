@@ -18,7 +18,8 @@ from galloping import (
 from galloping.identification.likelihood import trajectory_fit
 from galloping.identification.likelihood.missing_terms import missing_kind
 from galloping.identification.preparation.weak_form import begin
-from galloping.identification.problem import PRIOR, posed
+from galloping.identification.prior_knowledge import PRIOR
+from galloping.identification.problem import posed
 from galloping.identification.selection import unseen_mixtures
 
 DESIGN, REPORTING = 20261128, 20261129  # only the former was looked at while the method was made

@@ -12,7 +12,8 @@ import galloping
 from galloping import Recording, maximum_likelihood, polynomial_library
 from galloping.field.excerpts import by_excerpts
 from galloping.field.objections import objected
-from galloping.identification.model import IdentifiedModel, Resonance
+from galloping.identification.model import IdentifiedModel
+from galloping.identification.oscillations import Resonance
 from galloping.identification.random_forces.forced_motion import model_spectra
 
 TIME = np.arange(9_000) / 10

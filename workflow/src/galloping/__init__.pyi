@@ -9,7 +9,7 @@ from galloping.field.summary import Summary, dynamics, forecast, summarise
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.problem import Coefficient, Prior
+from galloping.identification.prior_knowledge import Coefficient, Prior
 from galloping.passes import progress
 from galloping.polynomial import PolynomialModel
 from galloping.polynomial import library as polynomial_library

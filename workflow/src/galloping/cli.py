@@ -1,71 +1,23 @@
 """The command `galloping`: from files to models, from models to motions."""
 
 import gc
-import signal
-import sys
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 
 import click
 
 from galloping import __version__
-from galloping.extras import missing_line
+from galloping.command_errors import OneLineErrors
 from galloping.field.terminal import json_text, print_rows, shown
 
 PIECE, MOST_ROWS = 100_000, 1_000_000  # rows of a simulation that are held at a time; of a forecast
 # New objects, after which Python looks for cycles of garbage among all: imports and figures make
 # hundreds of thousands and hardly any garbage, and the searches cost `identify` a few percent.
 COLLECTED = 100_000
-REFUSED, INTERRUPTED = 3, 130  # exit codes: the recordings give no model; Ctrl-C
+REFUSED = 3  # exit code: the recordings give no model
 
 
-class _OneLine(click.Group):
-    """Errors of input end in one line and exit code 1, interruptions in one line and 130."""
-
-    def invoke(self, context: click.Context) -> object:
-        with suppress(ValueError):  # of another thread than the first
-            signal.signal(signal.SIGTERM, _end)  # so that nothing unfinished is left
-        try:
-            return super().invoke(context)
-        except (KeyboardInterrupt, SystemError) as error:
-            if not _interrupted(error):
-                raise
-            click.echo("Interrupted", err=True)
-            context.exit(INTERRUPTED)
-        except ModuleNotFoundError as error:
-            raise click.ClickException(missing_line(error)) from error
-        except BrokenPipeError:
-            raise  # whoever read the rows has enough of them
-        except OSError as error:
-            what = error.filename or (error.errno and "standard output")
-            if what == "standard output":
-                with suppress(OSError):  # else what is left in it fails once more at the end
-                    sys.stdout.close()
-            said = f"{what}: {error.strerror}" if what else str(error)
-            raise click.ClickException(_printable(said)) from error
-        except ValueError as error:
-            raise click.ClickException(_printable(str(error))) from error
-
-
-def _printable(text: str) -> str:
-    """Lines of text, without what steers a terminal: a file may have it in its name."""
-    return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
-
-
-def _end(number: int, _: object) -> None:
-    """End as by an exception, when a signal asks for it."""
-    sys.exit(128 + number)
-
-
-def _interrupted(error: BaseException | None) -> bool:
-    """Whether an error is an interruption, or compiled code's account of one."""
-    return isinstance(error, KeyboardInterrupt) or (
-        error is not None and _interrupted(error.__cause__)
-    )
-
-
-@click.group(cls=_OneLine, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=OneLineErrors, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="galloping")
 def main() -> None:
     """Models of galloping lines, and of other oscillators, from recordings.

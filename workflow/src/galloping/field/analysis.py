@@ -25,7 +25,7 @@ from galloping.identification.preparation.interpolation import (
     of_kind,
     with_interpolants,
 )
-from galloping.identification.problem import PRIOR, Coefficient
+from galloping.identification.prior_knowledge import PRIOR, Coefficient
 from galloping.identification.work import limited
 from galloping.passes import part, passing
 from galloping.polynomial import Exponents, PolynomialModel, library

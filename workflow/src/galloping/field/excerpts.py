@@ -11,7 +11,7 @@ from galloping.identification.inputs import FEWEST, asked
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.preparation.smoothing import shortest_period, with_integrals
-from galloping.identification.problem import PRIOR
+from galloping.identification.prior_knowledge import PRIOR
 from galloping.identification.random_forces.decision import if_moved_at_random
 from galloping.identification.random_forces.start import wavers
 from galloping.recording import Recording

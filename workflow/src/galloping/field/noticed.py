@@ -4,8 +4,8 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from galloping.identification.model import EnvelopePart, FurtherMode
 from galloping.identification.observations import Code, Finding
+from galloping.identification.oscillations import EnvelopePart, FurtherMode
 from galloping.intervals import NORMAL_95
 from galloping.readers.units import meaning, plain_unit
 

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 from galloping.functions import Function, n_exponents
 from galloping.identification.aliases import without_aliases
 from galloping.identification.model import Unusable
-from galloping.identification.problem import Coefficient, Prior, Problem, posed
+from galloping.identification.prior_knowledge import Coefficient, Prior
+from galloping.identification.problem import Problem, posed
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 

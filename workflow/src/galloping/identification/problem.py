@@ -4,12 +4,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import compress
-from math import isfinite
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from galloping.identification.prior_knowledge import Coefficient, Prior
 from galloping.identification.selection import Price, select, solve_support
 from galloping.polynomial import (
     Bound,
@@ -27,121 +26,6 @@ from galloping.right_hand_side import System, Tables, system, tables
 
 if TYPE_CHECKING:
     from galloping.identification.aliases import Alias
-
-
-@dataclass(frozen=True)
-class Prior:
-    """How probable a set of terms (support) is before any data: written, not left to a penalty.
-
-    Terms are there or not independently of each other. A linear term has the odds `term` for it, a
-    constant, the simplest of all, the odds `constant`; a nonlinear term `nonlinear` times those of
-    a linear one, and a constant in the equation of the rate of a displacement, which counts from
-    rest, `nonlinear` twice: among models that data cannot tell apart, the simpler one. Each power
-    of an input, by which a term is multiplied or divided, has the odds `power` of the term without
-    it: enough to decide between terms that fit alike, such as those of a motion at one value of the
-    input. Degrees and odds have no unit, so neither the choice nor the verdict depends on those of
-    the recording.
-
-    With the likelihood the prior makes the evidence of a support. The integral over the
-    coefficients of a term costs ln N in units of chi^2 for N samples of all channels (in
-    `derivative_fit` of its equation's derivative), where the data tell the coefficient, for a
-    prior of them that is worth one sample (R. E. Kass and L. Wasserman, J. Am. Stat. Assoc. 90,
-    1995, after G. Schwarz, Ann. Stat. 6, 1978). So the support is chosen by the least
-
-        chi^2 + sum over its terms of [ln N - 2 ln odds].
-
-    Constants and linear terms are cheap only where noise hides what is there. Of little noise a
-    prior worth one sample is narrower than the coefficients that the motion leaves open: up to w,
-    at which a term alone would make up its equation (that of the weak form). Where the data tell
-    the coefficient of such a term with a standard error s, and w / s is larger than the root of N,
-    the integral over a prior as wide as w costs 2 ln(w / s) in place of ln N; a term leaves that is
-    worth neither that nor the price of a nonlinear term. Without this rule as many terms came in
-    that noise makes up where noise is small as where it is large. In the equation of the rate of a
-    displacement linear terms stay cheap: the net damping of a line is a small one.
-
-    The odds were calibrated on recordings of seeds that report nothing, and what each rule is worth
-    was counted on others (docs/identification_parts.csv).
-    Raises ValueError where one of the odds is not in (0, 1].
-    """
-
-    term: float = 1.0 / 3.0
-    constant: float = 0.6
-    nonlinear: float = 1.0 / 20.0
-    power: float = 0.8
-
-    def __post_init__(self) -> None:
-        for name in ("term", "constant", "nonlinear", "power"):
-            value = getattr(self, name)
-            if not isinstance(value, int | float) or not 0.0 < value <= 1.0:
-                raise ValueError(f"prior: {name}: {value!r:.60}; must be a number in (0, 1]")
-
-    def prices(self, complexity: NDArray[np.int_], powers: NDArray[np.int_]) -> NDArray[np.float64]:
-        """(n,) price of terms of a `Problem.complexity` (n,) with so many powers of inputs (n,),
-        less that of a linear term.
-        """
-        dearer = -2.0 * np.log(self.nonlinear) * complexity
-        simple = np.where(complexity < 0, 2.0 * np.log(self.term / self.constant), dearer)
-        return simple - 2.0 * np.log(self.power) * powers
-
-
-PRIOR = Prior()
-LARGEST = 1e100  # of what is known of a coefficient: squares are finite
-SMALLEST = 1e-9  # deviation of what is known, in its mean: less is rounding
-
-
-@dataclass(frozen=True)
-class Coefficient:
-    """What is known of one coefficient before any recording, in the coefficient's unit.
-
-    Parameters
-    ----------
-    state : in whose equation the coefficient is
-    term : exponents of its term, and functions
-    mean, deviation : of its Gaussian prior; a deviation of zero fixes the coefficient. Without a
-        mean there is no such prior.
-    lower, upper : bounds; a coefficient whose bounds are on one side of zero is always there
-
-    Raises
-    ------
-    ValueError
-        If mean or deviation are not finite or beyond what can be squared, the deviation is below
-        zero or so small that it fixes the coefficient, no number is between the bounds, or nothing
-        is known.
-    """
-
-    state: str
-    term: Exponents
-    mean: float | None = None
-    deviation: float = 0.0
-    lower: float = -np.inf
-    upper: float = np.inf
-
-    def __post_init__(self) -> None:
-        for name in ("mean", "deviation"):
-            value = getattr(self, name)
-            sound = isinstance(value, int | float) and isfinite(value) and abs(value) <= LARGEST
-            sound = sound or (name == "mean" and value is None)
-            if not sound or (name == "deviation" and value < 0.0):
-                allowed = "a number" + (" from 0" if name == "deviation" else "")
-                raise ValueError(
-                    f"coefficient: {name}: {value!r:.60}; must be {allowed} up to {LARGEST:g}"
-                )
-        least = max(SMALLEST * abs(self.mean or 0.0), 1.0 / LARGEST)
-        if 0.0 < self.deviation < least:
-            raise ValueError(
-                f"coefficient: deviation: {self.deviation!r:.60}; must be 0, which fixes it, or at "
-                f"least {least:.2g}"
-            )
-        if not self.lower < self.upper:
-            ends = f"{self.lower!r:.60}, {self.upper!r:.60}"
-            raise ValueError(f"coefficient: lower, upper: {ends}; must be numbers that increase")
-        if self.mean is None and not self.is_bounded:
-            raise ValueError("coefficient: must have a mean or a bound")
-
-    @property
-    def is_bounded(self) -> bool:
-        """Whether it has a bound."""
-        return self.lower > -np.inf or self.upper < np.inf
 
 
 # Of bounds and of what is known of a coefficient: by how many deviations a recording may be beyond

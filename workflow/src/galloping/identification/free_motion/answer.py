@@ -23,13 +23,12 @@ from galloping.identification.free_motion.linear_system import with_covariance
 from galloping.identification.free_motion.linearity import SIGNIFICANT
 from galloping.identification.free_motion.rest import Moving, moving_recordings
 from galloping.identification.model import (
-    EnvelopePart,
-    FurtherMode,
     IdentifiedModel,
     NoModel,
     attempt,
 )
 from galloping.identification.observations import Code, Finding, Severity
+from galloping.identification.oscillations import EnvelopePart, FurtherMode
 from galloping.identification.preparation.smoothing import undisplaced
 from galloping.identification.problem import Problem
 from galloping.polynomial import velocity_pairs

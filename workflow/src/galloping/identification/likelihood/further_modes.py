@@ -13,7 +13,8 @@ from galloping.identification.free_motion.damped_modes import Stretch, fit_poles
 from galloping.identification.free_motion.mode_search import strongest_mode
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.residual_tests import NEIGHBOURS, ROUNDING
-from galloping.identification.model import FurtherMode, NoModel, attempt
+from galloping.identification.model import NoModel, attempt
+from galloping.identification.oscillations import FurtherMode
 from galloping.polynomial import velocity_pairs
 
 MOST = 4  # modes of a channel

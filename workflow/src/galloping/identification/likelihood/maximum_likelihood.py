@@ -46,7 +46,8 @@ from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel, NoModel, attempt
 from galloping.identification.preparation.interpolation import held_inputs
 from galloping.identification.preparation.weak_form import Start, begin, delayed_inputs
-from galloping.identification.problem import PRIOR, Coefficient, Prior, Problem
+from galloping.identification.prior_knowledge import PRIOR, Coefficient, Prior
+from galloping.identification.problem import Problem
 from galloping.identification.random_forces.decision import moved_at_random, random_forces
 from galloping.identification.random_forces.start import may_be_moved_at_random
 from galloping.identification.random_forces.unmodelled import unmodelled

@@ -7,7 +7,8 @@ from itertools import product
 
 import numpy as np
 
-from galloping.identification.model import NoModel, Resonance, Unusable, attempt
+from galloping.identification.model import NoModel, Unusable, attempt
+from galloping.identification.oscillations import Resonance
 from galloping.identification.problem import Problem
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.start import (

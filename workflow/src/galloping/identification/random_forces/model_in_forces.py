@@ -10,7 +10,8 @@ from functools import partial
 import numpy as np
 from scipy.special import chdtri
 
-from galloping.identification.model import MOST_DAMPING, NoModel, attempt
+from galloping.identification.model import NoModel, attempt
+from galloping.identification.oscillations import MOST_DAMPING
 from galloping.identification.preparation.rate_channels import scaled, scales_told
 from galloping.identification.problem import Problem
 from galloping.identification.random_forces.channels import Channels

@@ -16,7 +16,8 @@ from numpy.polynomial import Legendre
 from scipy.optimize import nnls
 
 from galloping.arrays import round_down
-from galloping.identification.model import MOST_DAMPING, NoModel, Unusable, attempt
+from galloping.identification.model import NoModel, Unusable, attempt
+from galloping.identification.oscillations import MOST_DAMPING
 from galloping.identification.preparation.weak_form import MOST_MISFIT, Start
 from galloping.identification.random_forces.channels import Channels
 from galloping.recording import Recording

@@ -6,7 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from galloping.identification.model import IdentifiedModel, Resonance, Unusable
+from galloping.identification.model import IdentifiedModel, Unusable
+from galloping.identification.oscillations import Resonance
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.kalman import (
     extended_filter,

@@ -1,0 +1,56 @@
+"""Errors of the command `galloping`: one line each, with an exit code."""
+
+import signal
+import sys
+from contextlib import suppress
+
+import click
+
+from galloping.extras import missing_line
+
+INTERRUPTED = 130  # exit code: Ctrl-C
+
+
+class OneLineErrors(click.Group):
+    """Errors of input end in one line and exit code 1, interruptions in one line and 130."""
+
+    def invoke(self, context: click.Context) -> object:
+        with suppress(ValueError):  # of another thread than the first
+            signal.signal(signal.SIGTERM, _end)  # so that nothing unfinished is left
+        try:
+            return super().invoke(context)
+        except (KeyboardInterrupt, SystemError) as error:
+            if not _interrupted(error):
+                raise
+            click.echo("Interrupted", err=True)
+            context.exit(INTERRUPTED)
+        except ModuleNotFoundError as error:
+            raise click.ClickException(missing_line(error)) from error
+        except BrokenPipeError:
+            raise  # whoever read the rows has enough of them
+        except OSError as error:
+            what = error.filename or (error.errno and "standard output")
+            if what == "standard output":
+                with suppress(OSError):  # else what is left in it fails once more at the end
+                    sys.stdout.close()
+            said = f"{what}: {error.strerror}" if what else str(error)
+            raise click.ClickException(_printable(said)) from error
+        except ValueError as error:
+            raise click.ClickException(_printable(str(error))) from error
+
+
+def _printable(text: str) -> str:
+    """Lines of text, without what steers a terminal: a file may have it in its name."""
+    return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
+
+
+def _end(number: int, _: object) -> None:
+    """End as by an exception, when a signal asks for it."""
+    sys.exit(128 + number)
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Whether an error is an interruption, or compiled code's account of one."""
+    return isinstance(error, KeyboardInterrupt) or (
+        error is not None and _interrupted(error.__cause__)
+    )
