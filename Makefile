@@ -99,7 +99,7 @@ bench: study
 reference: study
 	@$(SCRIPT)/keep_results.py take_reference $(OPTIONS)
 ifndef CONFIG
-	cp results/figures/overview.png results/figures/prediction.png results/reference
+	cp $(addprefix results/figures/,galloping.gif printed.png overview.png) results/reference
 	@$(MAKE) --no-print-directory reference CONFIG=config/smoke.yaml
 endif
 	@$(MAKE) --no-print-directory study

@@ -76,7 +76,7 @@ def test_links_and_pictures_of_the_readme_show_on_an_index():
     for target in own:
         kind, path = target.removeprefix("https://host.net/me/galloping/").split("/v0.1.0/")
         assert (ROOT / path.partition("#")[0]).exists()
-        assert kind == ("raw" if path.endswith(".png") else "blob")
+        assert kind == ("raw" if path.endswith((".png", ".gif")) else "blob")
 
 
 def test_public_ci_runs_commands_that_there_are_on_the_pythons_that_are_named():

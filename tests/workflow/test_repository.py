@@ -119,27 +119,49 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").g
 
 
 def rows(paper):
-    """The lines of the README's table of the paper's claims, as the report has them."""
+    """The lines of the page's table of the paper's claims, as the report has them."""
     for claim, cells in printed_numbers.rows(paper).items():
         shown = ([cell.printed for cell in cells], [cell.ours for cell in cells],
                  [cell.verdict for cell in cells])  # fmt: skip
         yield f"| {claim} | " + " | ".join("; ".join(dict.fromkeys(of)) for of in shown) + " |"
 
 
-def test_the_readme_has_the_claims_and_times_of_the_reference():
+def test_the_pages_have_the_claims_and_times_of_the_reference():
     paper = pd.read_csv(REFERENCE / "paper.csv")
     region = pd.read_csv(REFERENCE / "paper" / "paper_region.csv")
     shown = [*rows(paper)]
-    lines = (ROOT / "README.md").read_text().splitlines()
+    lines = (ROOT / "docs" / "paper.md").read_text().splitlines()
     first = lines.index(shown[0])
     assert lines[first : first + len(shown)] == shown
     origins = (read_json(REFERENCE / folder / "origin.json") for folder in ("", "smoke"))
     whole, smoke = (origin["core_minutes"] for origin in origins)
-    text = " ".join(" ".join(lines).split())
-    for said in (f"take {whole:.0f} minutes of one core", f"takes {smoke:g} minutes of one core",
+    text = " ".join((ROOT / "README.md").read_text().split())
+    for said in (f"`make` takes {whole:.0f} minutes", f"`make smoke` takes {smoke:g} minutes",
                  printed_numbers.describe_setting(paper, region),
                  printed_numbers.count(paper)):  # fmt: skip
         assert said in text
+
+
+NUMBER = re.compile(r"\d+\.\d+")
+
+
+def test_the_readme_shows_what_its_equations_print():
+    text = (ROOT / "README.md").read_text()
+    code, shown = re.search(r"```python\n(.*?)```\n\n```text\n(.*?)```", text, re.DOTALL).groups()
+    done = run(ROOT, "-c", code)
+    assert NUMBER.sub("#", done.stdout) == NUMBER.sub("#", shown), done.stderr
+    printed, found = ([*map(float, NUMBER.findall(of))] for of in (shown, done.stdout))
+    assert found == pytest.approx(printed, rel=0.02)  # the last digits are those of a machine
+
+
+@pytest.mark.slow
+def test_the_readme_shows_the_summary_of_its_recording(tmp_path):
+    out = tmp_path / "span"
+    options = ("--map", "examples/span.yaml", "--output", out)
+    done = run(ROOT, "-m", "galloping", "identify", "examples/span.csv", *map(str, options))
+    assert done.returncode == 0, done.stderr
+    shown = re.findall(r"^> (.*)$", (ROOT / "README.md").read_text(), re.MULTILINE)
+    assert " ".join(shown) in (out / "summary.md").read_text()
 
 
 def errors_of_models():
