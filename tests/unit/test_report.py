@@ -23,7 +23,7 @@ def page(tmp_path):
         PaperCell("0.83", "2.1 (0.2 to 6)", "reproduced", "so it is"),
         PaperCell("1", "9", "worse", "<"),
     ]
-    paper = {"count": "1 of 2 holds.", "rows": {"errors": cells},
+    paper = {"setting": "Fitted & consistent.", "count": "1 of 2 holds.", "rows": {"errors": cells},
              "failures": ["errors: worse; <."], "by_settings": ""}  # fmt: skip
     recording = {"name": "span", "summary": "# <Summary>", "figures": [figure]}
     return {

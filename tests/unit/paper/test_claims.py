@@ -188,7 +188,8 @@ def test_the_first_screen_counts_and_lists_them():
     held = counted.assign(held=counted["verdict"].isin(HELD)).groupby("statement")["held"].all()
     assert report.count(table).startswith(f"{held.sum()} of {len(held)} statements")
     rows = report.rows(table)
-    assert [cell.printed for cell in rows["amplitude error from 30000 points"]] == ["0.83", "1.03"]
+    assert [cell.printed for cell in rows["amplitude error from 30000 points"]] == [
+        "0.83 %", "1.03 %"]  # fmt: skip
     (found,) = rows["all terms found at noise 0.05"]
     assert (found.printed, found.ours) == ("all", "yes in 100 % of the draws")
     (gradual,) = rows["few false terms at noise 0.01"]

@@ -16,9 +16,9 @@ from galloping.configuration.yaml_file import read
 from galloping.figures.against_paper import draw_region
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.stlsq import normalised, raw
-from galloping.paper import draws, likelihood
+from galloping.paper import agreement, draws
+from galloping.paper.agreement import GROUPS, NUMBERS, PRINTED, cell_of, log_likelihoods
 from galloping.paper.draws import Amounts
-from galloping.paper.likelihood import GROUPS, NUMBERS, PRINTED, cell_of, log_likelihoods
 from galloping.paper.quick import QuickStudy, found_coefficients
 from galloping.paper.unknowns import (
     BY_NAME,
@@ -77,9 +77,12 @@ def draw_values(values, count, rng):
     motion, line = draws.line_motion(FIRST_READING.case_at(values, RESONANT), 300, 100)
     study = QuickStudy(motion, line, paper_inference.AMOUNTS)
     scores = study.draw_scores(
-        FIRST_READING.method_at(values), count, rng, unmoved_levels=likelihood.UNMOVED_LEVELS
+        FIRST_READING.method_at(values),
+        count,
+        rng,
+        unmoved_levels=agreement.UNMOVED_LEVELS,
     )
-    return likelihood.scores_by_claim(scores)
+    return agreement.scores_by_claim(scores)
 
 
 def test_a_study_is_more_probable_at_its_own_setting():
@@ -123,8 +126,8 @@ def test_false_terms_count_the_more_the_more_there_are():
 
 
 def test_every_claim_with_noise_belongs_to_a_cell_and_to_a_group():
-    assert {cell_of(claim) for claim in PRINTED} == set(likelihood.CELLS)
-    assert {likelihood.group_of(claim) for claim in PRINTED} == set(GROUPS)
+    assert {cell_of(claim) for claim in PRINTED} == set(agreement.CELLS)
+    assert {agreement.group_of(claim) for claim in PRINTED} == set(GROUPS)
     assert len(NUMBERS) == 10
 
 

@@ -45,9 +45,9 @@ class Claim:
     size of the random subset, None for the whole record. minus: a column that is taken from
     `column`, "" for none; minus_level: the noise level of that column, None for the same. kind:
     VALUE, AT_LEAST, AT_MOST, FEW (a count that the paper calls gradual or small) or BEYOND (no
-    number to judge it by). printed: the number, NaN for BEYOND. words: what
-    the paper says in place of a number. tolerance: by how much a bound may
-    be missed that stands for a word such as "exact". source: where in the paper. role: COUNTED, or
+    number to judge it by). printed: the number, NaN for BEYOND. words: what the paper says in
+    place of a number. unit: what follows a number in a table. tolerance: by how much a bound may be
+    missed that stands for a word such as "exact". source: where in the paper. role: COUNTED, or
     IMPLIED by other claims. note: how a word is read, or why it is beyond judgement.
     """
 
@@ -60,6 +60,7 @@ class Claim:
     level: float = math.nan
     printed: float = math.nan
     words: str = ""
+    unit: str = ""
     case: str = ""
     direction: str = ""
     points: int | None = None

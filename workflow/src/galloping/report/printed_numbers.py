@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from galloping.paper.agreement import NUMBERS, PRINTED
 from galloping.paper.claims import AT_LEAST, AT_MOST, CLAIMS, HELD, Claim
-from galloping.paper.likelihood import NUMBERS, PRINTED
 from galloping.paper.unknowns import UNKNOWNS
 from galloping.results import OURS
 
@@ -58,8 +58,8 @@ def inferred(region: pd.DataFrame) -> list[str]:
         named.get(name, "nothing") for name in ("determined", "undecided", "left open")
     )
     return [
-        f"The paper's printed numbers determine: {told}. They leave open: {left}. Too few effective "
-        f"settings tell: {unsure}."
+        f"The paper's printed numbers determine: {told}. They leave open: {left}. Too few "
+        f"effective settings tell: {unsure}."
     ]
 
 
@@ -174,17 +174,18 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
         "noisy recordings, so agreement with these is consistency, not confirmation."
     )
     if region is not None:
-        numbers = region["reading"].isna() & region["unknown"].isin([u.name for u in UNKNOWNS])
-        determined = int((region["verdict"][numbers] == "determined").sum())
+        first = region.drop_duplicates("unknown").set_index("unknown")["verdict"]
+        determined = int((first.reindex([u.name for u in UNKNOWNS]) == "determined").sum())
         text += f" {determined or 'None'} of them {'are' if determined > 1 else 'is'} determined."
     joint = paper[paper["role"] == "joint"]
     if len(joint):
         first = joint[joint["case"] == joint["case"].iloc[0]].to_dict("records")
-        shares = "; ".join(
-            f"{row['claim'].removesuffix(' in the same draw')}: {_percent(row['share_of_draws'])}"
+        shares = ", ".join(
+            f"{_percent(row['share_of_draws'])} keep "
+            + row["claim"].removesuffix(" in the same draw")
             for row in first
         )
-        text += f" Draws of the noise in which everything holds at once: {shares}."
+        text += f" Of the draws of the noise, {shares} at once."
     return text
 
 
@@ -271,7 +272,7 @@ def _printed(claim: Claim) -> str:
     """What the paper says, in its words where it prints no number."""
     if claim.words:
         return claim.words
-    return f"{SIGNS.get(claim.kind, '')}{claim.printed:g}"
+    return f"{SIGNS.get(claim.kind, '')}{claim.printed:g} {claim.unit}".rstrip()
 
 
 def _ours(row: dict, claim: Claim | None) -> str:
@@ -284,7 +285,8 @@ def _ours(row: dict, claim: Claim | None) -> str:
     median, low, high = (_number(row[name]) for name in ("median", "low", "high"))
     if claim.is_r2:
         return f"{row['median']:.3f}, kept in {share}"
-    return median if low == high else f"{median} ({low} to {high})"
+    value = f"{median} {claim.unit}".rstrip()
+    return value if low == high else f"{value} ({low} to {high})"
 
 
 def _percent(share: float) -> str:

@@ -7,14 +7,15 @@ import numpy as np
 import pandas as pd
 
 from galloping.intervals import QUANTILES_90
-from galloping.paper.likelihood import GROUPS, NUMBERS, PRINTED, group_of
+from galloping.paper.agreement import GROUPS, NUMBERS, PRINTED, group_of
 from galloping.paper.unknowns import BY_NAME, FIRST_READING, NAMES, UNKNOWNS
 
 RULED_OUT, UNLIKELY = -2.0, -1.0  # powers of ten below the first reading
 SURE = 2.0  # standard errors by which a verdict on a reading holds
-DETERMINED = 1 / 4  # of the range of an unknown: an interval that is shorter tells its size
 FEWEST = 1 / QUANTILES_90[0]  # effective settings, of which one lies below the interval
-NEAR = 1.5  # factor by which a draw may be off a printed number, to count as having it
+# Factor by which a draw may be off a printed number, to count as having it, and by which the ends
+# of the interval of an unknown may differ, to determine it.
+NEAR = 1.5
 EXCLUDING = 1 / 4  # of the draws that chance would give: fewer exclude each other
 EXPECTED = 10.0  # draws by chance from which the share of those seen says anything
 STEADY, SLOW = 0.02, 0.2  # change of the amplitude and attack angle that count as conditions kept
@@ -110,7 +111,7 @@ def region_samples(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Return the settings of the first reading with their posterior weights, and their draws.
 
     Columns: the unknowns; stage `tried` or `draw`; weight_all by all that is printed, and
-    weight_NAME by all but one of `likelihood.GROUPS`, each sums to 1 over the settings; of draws
+    weight_NAME by all but one of `agreement.GROUPS`, each sums to 1 over the settings; of draws
     what each gives for each claim, with the weight of its setting shared among its draws.
     """
     rows = pd.concat(parts.values(), ignore_index=True)
@@ -138,19 +139,19 @@ def region_table(samples: pd.DataFrame, readings: pd.DataFrame) -> pd.DataFrame:
     """
     tried = samples[samples["stage"] == "tried"]
     effective = 1 / np.sum(tried[f"weight_{ALL}"] ** 2)
-    best = readings.set_index("reading").loc[FIRST_READING.name]
+    best = tried.loc[tried[f"weight_{ALL}"].idxmax()]
     table = []
     for unknown in UNKNOWNS:
         low, _, high = _quantiles(tried[unknown.name], tried[f"weight_{ALL}"])
-        share = np.log(high / low) / np.log(unknown.high / unknown.low)
+        factor = high / low
         table.append({
             "unknown": unknown.name, "key": ".".join(unknown.path), "unit": unknown.unit,
             "best": best[unknown.name], "low": low, "high": high,
             "least": unknown.low, "most": unknown.high,
-            "verdict": "left open" if share >= DETERMINED
+            "verdict": "left open" if factor >= NEAR
                        else "undecided" if effective < FEWEST else "determined",
-            "why": f"the interval spans {100 * share:.0f} % of the range, in equal ratios, by "
-                   f"{effective:.1f} effective settings",
+            "why": f"the ends of the interval differ by a factor of {factor:.1f}, by "
+                   f"{effective:.0f} effective settings",
         })  # fmt: skip
     others = readings[~readings["changes"].isin(("", "steadiness", "attack angle"))]
     for kind, of_kind in others.groupby("changes", sort=False):
@@ -193,7 +194,7 @@ def predictions(samples: pd.DataFrame) -> pd.DataFrame:
         for name, column in (("fitted", f"weight_{ALL}"), ("predicted", f"weight_{group}")):
             weights = drawn[column].to_numpy(float)
             effective = 1 / np.sum(settings[column] ** 2)
-            share = float(np.sum(weights * claim.is_met(values)))
+            share = min(float(np.sum(weights * claim.is_met(values))), 1.0)  # but for rounding
             row |= {
                 f"{name}_share": share,
                 f"{name}_share_error": float(np.sqrt(share * (1 - share) / effective)),

@@ -129,7 +129,9 @@ def _joint(claims: Sequence[Claim], case: str, draws: pd.DataFrame) -> list[dict
     of_r2 = [claim for claim in bounds if claim.is_r2]
     rows = []
     for name, group in (("R2 bounds", of_r2), ("bounds and words", bounds)):
-        if len(group) > 1 and (kept := find_joint_draws(group, draws)) is not None:
+        if len(group) < 2 or (kept := find_joint_draws(group, draws)) is None:
+            continue
+        if len(kept) > 1:  # without noise there is one draw
             found = share_with_interval(kept)
             share, low, high = (100 * found[key] for key in ("share_of_draws", "share_low",
                                                              "share_high"))  # fmt: skip

@@ -29,7 +29,7 @@ from scipy.stats import multivariate_t
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
 from galloping.measurement import Motion
-from galloping.paper import likelihood
+from galloping.paper import agreement
 from galloping.paper.draws import Amounts, line_motion
 from galloping.paper.quick import FARTHEST, SHARING, QuickStudy
 from galloping.paper.unknowns import (
@@ -246,7 +246,7 @@ def _climb(
 
 def _coefficients(reading: Reading, values: Mapping[str, float]) -> list[dict[str, float]]:
     """Of both of the paper's lines."""
-    return [coefficients(_case(reading, values, name)) for name in (likelihood.CASE, OTHER_CASE)]
+    return [coefficients(_case(reading, values, name)) for name in (agreement.CASE, OTHER_CASE)]
 
 
 def _smallest(lines: Sequence[Mapping[str, float]]) -> float:
@@ -282,7 +282,7 @@ def setting_at(reading: Reading, point: np.ndarray) -> dict[str, float] | None:
     values = ratios | {"damping_vertical": 0.0, "release_vertical": 1.0, "release_horizontal": 1.0}
     if not _is_in_range(values, [name for name in NAMES if name not in FIRST_ROUND]):
         return None
-    undamped = coefficients(_case(reading, values, likelihood.CASE))
+    undamped = coefficients(_case(reading, values, agreement.CASE))
     critical = -undamped["gamma_1"] / (2 * np.sqrt(undamped["gamma_2"]))
     values["damping_vertical"] = ratios["damping_vertical"] * critical
     if not _is_in_range(values, ["damping_vertical"]):
@@ -297,7 +297,7 @@ def setting_at(reading: Reading, point: np.ndarray) -> dict[str, float] | None:
         return None
     started = {**values, "release_vertical": 0.5, "release_horizontal": 0.5}
     settled, _ = line_motion(
-        _case(reading, started, likelihood.CASE), AMOUNTS.duration, SETTLED_RATE
+        _case(reading, started, agreement.CASE), AMOUNTS.duration, SETTLED_RATE
     )
     last = settled.states[-round(AMOUNTS.duration * SETTLED_RATE / 6) :]
     amplitude = steady_amplitude(last[:, :2])
@@ -323,11 +323,11 @@ def estimate(
 ) -> dict[str, object] | None:
     """Return the likelihood of a setting estimated from draws; None where a condition excludes it.
 
-    log_likelihood: of all that is printed. without_NAME: of all but one of `likelihood.GROUPS`. By
+    log_likelihood: of all that is printed. without_NAME: of all but one of `agreement.GROUPS`. By
     the name of each factor: its logarithm. change: of the amplitudes, of the lines that are read as
     steady. attack: largest |dq_v| / U. draws: what each draw gives for each claim.
     """
-    motion, line = _motion(reading, values, likelihood.CASE)
+    motion, line = _motion(reading, values, agreement.CASE)
     if not _stays(motion):
         return None
     changes = [steadiness(motion.states)[1]]
@@ -336,20 +336,20 @@ def estimate(
     attack = float(np.abs(motion.states[:, 2]).max() / values["wind_speed"])
     if attack > reading.attack_limit or (reading.steady and not max(changes) < MOST_CHANGE):
         return None
-    steady = likelihood.log_steadiness(changes) if reading.steady else 0.0
+    steady = agreement.log_steadiness(changes) if reading.steady else 0.0
     method = reading.method_at(values)
     study = QuickStudy(motion, line, AMOUNTS)
-    scores = study.draw_scores(method, draws, rng, unmoved_levels=likelihood.UNMOVED_LEVELS)
-    claims = likelihood.scores_by_claim(scores)
-    factors = likelihood.log_likelihoods(claims)
+    scores = study.draw_scores(method, draws, rng, unmoved_levels=agreement.UNMOVED_LEVELS)
+    claims = agreement.scores_by_claim(scores)
+    factors = agreement.log_likelihoods(claims)
     row = {
         "change": max(changes),
         "attack": attack,
         "log_likelihood": sum(factors.values()) + steady,
         **factors,
     }
-    for group in likelihood.GROUPS:
-        others = likelihood.log_likelihoods(claims, left_out=(group,))
+    for group in agreement.GROUPS:
+        others = agreement.log_likelihoods(claims, left_out=(group,))
         row[f"without_{group}"] = sum(others.values()) + steady
     # those that share no random subset
     rows = range(0, draws, SHARING if draws > SHARING else 1)
