@@ -26,7 +26,7 @@ def test_the_cells_of_the_default_study():
     assert DEFAULT.cell("non_resonant", "state", "points_1000").samples == 1000
     families = DEFAULT.cell("internal_resonance", "state", "noise_0").families
     assert {name: len(methods) for name, methods in families.items()} == {
-        "sparse": 5, "likelihood": 2,
+        "paper": 1, "sparse": 4, "likelihood": 2,
     }  # fmt: skip
     assert "weak" not in [m.name for m in DEFAULT.cells[0].methods]  # exact states need none
 
@@ -130,7 +130,7 @@ def test_a_report_is_written_without_snakemake(script, tmp_path):
     summary.write_text("It gallops.")
     table.write_text("setting,exact\noracle,1\n")
     script("write_report")(
-        drawn[:1], [], [table], [summary, *drawn[1:]], tmp_path / "report.html", {}, "Words.",
+        drawn[:1], [], [table], [summary, *drawn[1:]], [], tmp_path / "report.html", {}, "Words.",
         {"trust": "How far."}, {}, DEFAULT.plain | {"recordings": {"span": {}}},
     )  # fmt: skip
     page = (tmp_path / "report.html").read_text()

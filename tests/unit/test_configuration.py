@@ -57,11 +57,14 @@ def complaint(mapping):
 
 def test_shipped_configuration_is_the_default_study_where_the_paper_stands():
     shipped, default = plain(load(read(ROOT / "config/config.yaml"))), plain(load({}))
-    inferred = ("bundle", "wind", "damping", "initial_state")  # the same for both lines
+    for case in shipped["cases"].values():  # inferred of the first line, assumed of the other
+        del case["wind"], case["initial_state"]
+    inferred = ("bundle", "damping")  # the same for both lines
     both = [{name: case.pop(name) for name in inferred} for case in shipped["cases"].values()]
     assert both[0] == both[1]
     for case in default["cases"].values():
-        assert both[0].keys() == {name: case.pop(name) for name in inferred}.keys()
+        for name in (*inferred, "wind", "initial_state"):
+            del case[name]
     for study in (shipped, default):  # winds and further settings about those of the study
         del study["sweeps"]["wind"], study["assessment"]["winds"]
         del study["assessment"]["open_parameters"]

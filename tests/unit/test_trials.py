@@ -203,10 +203,11 @@ def test_recordings_are_drawn_by_number_within_the_ranges():
 
 
 def test_free_decays_are_drawn_by_number_and_judged():
-    decay = FreeDecay.drawn(generator(1, "free_decays", 3))
-    again = FreeDecay.drawn(generator(1, "free_decays", 3))
+    case = "free decay with a second mode"
+    decay = FreeDecay.drawn(generator(1, "free_decays", case, 3))
+    again = FreeDecay.drawn(generator(1, "free_decays", case, 3))
     assert decay.recording == again.recording
-    (row,) = free_decays.trial(1, "free decay with a second mode", [3], METHODS)
+    (row,) = free_decays.trial(1, case, [3], METHODS)
     assert row["status"] == "ok" and row["sensors"] == decay.sensor
     assert abs(row["frequency_v_error_percent"]) < 0.1
     error = row["damping_v_error_percent"] / row["damping_v_bound_percent"]
