@@ -18,7 +18,7 @@
 # make reference  take the numbers of the study and of its small version as results/reference
 # make release    a wheel and a source distribution in dist, if nothing speaks against; DRAFT=yes: all the same
 # make pages      the pages of docs/ as a site to read, in results/pages; its examples are run
-# make docs       write the key table of config/README.md again from the settings
+# make docs       write again what pages show: tables of settings and results, pictures of examples
 # make tools      what development needs beside the study: style, types, pages, clusters, a browser's driver
 # make lock       pin both environments again, and check that other systems can install them
 #
@@ -106,6 +106,8 @@ endif
 
 docs: $(MADE)
 	PYTHONPATH=workflow/src $(BIN)/python -m galloping.configuration.schema config/README.md
+	PYTHONPATH=workflow/src $(BIN)/python docs/from_results.py docs/*.md
+	PYTHONPATH=workflow/src $(BIN)/python docs/draw_examples.py examples
 
 release: $(TOOLS)
 	@$(SCRIPT)/release.py dist $(if $(filter yes,$(DRAFT)),--draft)
