@@ -69,6 +69,11 @@ def _as_markdown(app, what, name, thing, options, lines) -> None:
     lines[:] = [line.replace("`", "``") for line in lines]
 
 
+def _without_substitutions(app, context, lines) -> None:
+    """Bars in the help of options are absolute values."""
+    lines[:] = [line.replace("|", "\\|") for line in lines]
+
+
 def _mathml(block: bool):
     def visit(translator, node) -> None:
         translator.body.append(tex2mathml(node.astext(), as_block=block))
@@ -81,4 +86,5 @@ def setup(app) -> None:
     _prepare_examples()
     app.connect("source-read", _with_links_of_pages)
     app.connect("autodoc-process-docstring", _as_markdown)
+    app.connect("sphinx-click-process-options", _without_substitutions)
     app.add_html_math_renderer("mathml", (_mathml(False), None), (_mathml(True), None))

@@ -161,10 +161,15 @@ def published_statuses() -> Table:
 def weak_term() -> Table:
     """How often one small quadratic term is found, and how often its interval is right."""
     found = table_of("published/published_intervals")
-    yield "Term", "Samples", "Found, %", "Found by PSI-SINDy, %", "Inside its 95 % interval, %"
+    yield ("Term", "Samples", "Found, %", "Naive selection, %", "PSI-SINDy, %",
+           "Inside its 95 % interval, %")  # fmt: skip
     for row in found.to_dict("records"):
-        published = row["found_published"]
+        published, naive = (
+            row["found_published"],
+            [row[f"found_naive_{e}"] for e in ("low", "high")],
+        )
         yield (row["case"].split()[1], f"{row['samples']:,}", f"{100 * row['found']:.1f}",
+               "" if pd.isna(naive).any() else " to ".join(f"{100 * each:.1f}" for each in naive),
                "" if pd.isna(published) else f"{100 * published:.1f}",
                f"{100 * row['holds']:.1f}")  # fmt: skip
 

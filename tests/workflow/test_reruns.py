@@ -398,3 +398,16 @@ def test_what_runs_nothing_runs_nothing(study, tmp_path):
     outputs = dry_run(study, tmp_path, *edits)
     assert len(outputs) > 70 and len(edits) > 5
     assert [output for output in outputs if output.pending] == []
+
+
+@pytest.mark.xdist_group("reruns")
+def test_the_tutorial_shows_what_its_edit_runs_again(copied):
+    page = PAGE.parents[1].joinpath("docs", "tutorial_study.md").read_text(encoding="utf-8")
+    edit = page.split("# mine.yaml\n")[1].partition("```")[0]
+    before, after = copied(), copied(settings(edit))
+    runs = pending(before, after)
+    jobs = sum(any(runs[path] for path in job["outputs"]) for job in after)
+    assert f"\n{jobs} of {len(after)} jobs will run, " in page
+    default = yaml.safe_load(PAGE.with_name("config.yaml").read_text(encoding="utf-8"))
+    release = default["cases"]["internal_resonance"]["initial_state"]["q_v"]
+    assert f"initial_state.q_v from {release} to " in page
