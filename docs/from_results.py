@@ -91,7 +91,7 @@ def claims() -> Table:
 def statuses_of_groups() -> Table:
     """How often each status was given, and how often it was right."""
     yield ("Recordings", "Noise", "Number", "Exact", "`ok`", "`ok` and wrong", "`not identifiable`",
-           "`approximate`", "`refused`", "Intervals")  # fmt: skip
+           "`approximate`", "`refused`", "Inside intervals")  # fmt: skip
     counts = ["fits", "exact", "ok", "ok_and_wrong", "not_identifiable", "approximate", "refused"]
     rows = table_of("trust/trust")
     of_fault = rows["group"] == "sensor faults"
@@ -181,7 +181,7 @@ def lines_of_study() -> Table:
     """Onset and largest attack angle of the lines of `config/config.yaml`."""
     settings = load(yaml.safe_load((ROOT / "config" / "config.yaml").read_text(encoding="utf-8")))
     time = np.arange(0.0, settings.simulation.duration, 1.0 / settings.simulation.sampling_rate)
-    yield "Line", "Wind, m/s", "Galloping begins at, m/s", "Largest attack angle, rad", "degrees"
+    yield "Line", "Wind, m/s", "Galloping begins at, m/s", "Largest attack angle, rad", "in degrees"
     for name, case in plain(settings)["cases"].items():
 
         def growth(speed: float, case: dict = case) -> float:

@@ -17,7 +17,7 @@ from draw_examples import PICTURES, draw  # noqa: E402
 from from_results import BLOCK, BLOCKS, with_tables  # noqa: E402
 
 PAGES = sorted(DOCS.glob("*.md"))
-LINKED = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *PAGES]
+LINKED = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "config").glob("*.md")), *PAGES]
 MOST_WORDS = 900  # of prose; tables, code and formulas are looked up
 read = partial(Path.read_text, encoding="utf-8")
 
