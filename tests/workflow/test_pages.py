@@ -51,7 +51,8 @@ def test_every_picture_of_the_pages_is_held_by_a_test():
         target for page in PAGES for target in re.findall(r"!\[[^]]*\]\(([^)]+)\)", read(page))
     }
     held = {f"../examples/{name}.png" for name in PICTURES}
-    taken = {"../results/reference/galloping.gif", "../results/reference/paper/paper_region.png"}
+    names = ("galloping.gif", "printed.png", "overview.png", "paper/paper_region.png")
+    taken = {f"../results/reference/{name}" for name in names}
     assert shown <= held | taken
 
 
