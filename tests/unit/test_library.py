@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
+from sklearn.utils import Tags
 
 import galloping
 from galloping import Recording
@@ -29,7 +30,9 @@ VALUES = np.column_stack([np.sin(TIME), np.cos(TIME)])
 TERMS = galloping.polynomial_library(2, 1)
 LINE = galloping.PolynomialModel(("q", "dq"), TERMS, np.array([[0, 0, 1.0], [0, -1.0, 0]]))
 FOUND = galloping.IdentifiedModel(LINE, "ok", diagnostics={"told": math.nan})
-TYPES = {"Trajectory": galloping.Trajectory, "Figure": Figure}  # imported where they are made
+TYPES = {  # imported where they are made
+    "Trajectory": galloping.Trajectory, "Figure": Figure, "DataFrame": pd.DataFrame, "Tags": Tags,
+}  # fmt: skip
 DATES = np.datetime64("2026-01-30T10:00") + (1000 * TIME).astype("timedelta64[ms]")
 
 

@@ -1,6 +1,7 @@
 """The public names: type checkers see them here, and `__init__.py` imports each at first use."""
 
 from galloping.configuration.yaml_file import ConfigurationError
+from galloping.estimator import MaximumLikelihood, NotFittedError
 from galloping.field.assess import assess
 from galloping.field.assessment import Assessment
 from galloping.field.dynamics import Dynamics, Value
@@ -11,6 +12,7 @@ from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.prior_knowledge import Coefficient, Prior
 from galloping.passes import progress
+from galloping.plotting import plot_fit, plot_forecast, plot_phase
 from galloping.polynomial import PolynomialModel
 from galloping.polynomial import library as polynomial_library
 from galloping.recording import Input, Recording
@@ -28,6 +30,8 @@ __all__ = [
     "Forecast",
     "IdentifiedModel",
     "Input",
+    "MaximumLikelihood",
+    "NotFittedError",
     "PolynomialModel",
     "Prior",
     "Recording",
@@ -45,6 +49,9 @@ __all__ = [
     "maximum_likelihood",
     "measure",
     "parse_model",
+    "plot_fit",
+    "plot_forecast",
+    "plot_phase",
     "polynomial_library",
     "progress",
     "simulate",

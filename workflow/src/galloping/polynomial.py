@@ -6,6 +6,7 @@ may have elementary functions of states as further factors (see `functions`).
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -231,6 +232,30 @@ class PolynomialModel(Immutable):
             lines.append(f"d({state})/dt = {' + '.join(parts) or '0'}")
         return tuple(lines)
 
+    def latex(self, standard_errors: ArrayLike | None = None) -> str:
+        """The equations as LaTeX, for amsmath; a velocity dX is written as X with a dot.
+
+        standard_errors: as of `equations`.
+        """
+        errors = np.nan if standard_errors is None else standard_errors
+        errors = np.broadcast_to(errors, self.coefficients.shape)
+        lines, states = [], [_latex(state, self.states) for state in self.states]
+        names = [*states, *(_latex(name, ()) for name in self.inputs)]
+        for name, row, own in zip(states, self.coefficients, errors, strict=True):
+            parts = []
+            for j in np.flatnonzero(row):
+                number = _power_of_ten(with_error(row[j], own[j]).replace("±", r"\pm"))
+                factors = latex_factors(self.terms[j], names, _power_of_ten)
+                parts.append(r" \, ".join([number, *factors]))
+            right = " + ".join(parts) or "0"
+            lines.append(rf"\frac{{\mathrm{{d}} {name}}}{{\mathrm{{d}} t}} &= {right}")
+        body = " \\\\\n".join(lines)
+        return f"\\begin{{aligned}}\n{body}\n\\end{{aligned}}"
+
+    def _repr_latex_(self) -> str:
+        """What notebooks show."""
+        return f"$$\n{self.latex()}\n$$"
+
     @property
     def support(self) -> NDArray[np.bool_]:
         """(n_states, n_terms) boolean: which terms are present."""
@@ -365,6 +390,19 @@ def _without(
 def beside(x: np.ndarray, u: np.ndarray | None) -> np.ndarray:
     """States (n, n_states) with inputs (n, n_inputs), where there are any, beside them."""
     return x if u is None else np.concatenate([x, u], axis=1)
+
+
+def _latex(state: str, states: tuple[str, ...]) -> str:
+    """A state's name as LaTeX, with a dot where it is the velocity of one of `states`."""
+    dotted = state[:1] == "d" and state[1:] in states
+    stem, _, index = (state[1:] if dotted else state).partition("_")
+    symbol = rf"\dot {stem}" if dotted else stem
+    return f"{symbol}_{{{index}}}" if index else symbol
+
+
+def _power_of_ten(number: str) -> str:
+    """A printed number with its exponents as LaTeX."""
+    return re.sub(r"e([+-]?\d+)", lambda match: rf" \cdot 10^{{{int(match[1])}}}", number)
 
 
 def with_error(value: float, error: float = np.nan) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import compress
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ from galloping.polynomial import (
 from galloping.recording import Factor, Input, windowed
 from galloping.right_hand_side import system, tables
 from galloping.taylor import Ending, at_points, integrate, solve
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 # m, far beyond any span's clearance: a model that gets here has lost its limit cycle. Of a system
 # in other units, such as mV, so it has where it is as many times as far as it began. Of a motion
@@ -39,17 +43,31 @@ class Trajectory(Immutable):
 
     time: (n,) s. states: (n, n_states), NaN from where the integration ended early.
 
-    status: `ok`, or why it ended early.
+    status: `ok`, or why it ended early. names: of the states, where they are known.
     """
 
     time: NDArray[np.float64]
     states: NDArray[np.float64]
     status: str
+    names: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         span = f" from {self.time[0]:.6g} to {self.time[-1]:.6g} s" if len(self.time) else ""
         samples, states = self.states.shape
         return f"Trajectory: {samples} samples of {states} states{span}, {self.status}"
+
+    def to_frame(self) -> "DataFrame":
+        """Return the motion as a pandas DataFrame.
+
+        Returns
+        -------
+        DataFrame
+            A row for each time, which is the index `t` in s, and a column for each state.
+        """
+        import pandas as pd  # an extra, and slow to import
+
+        names = self.names or [f"x{k}" for k in range(self.states.shape[1])]
+        return pd.DataFrame(self.states, pd.Index(self.time, name="t"), list(names))
 
 
 class Simulator:
@@ -98,13 +116,13 @@ class Simulator:
         limit = _farthest(start) if limit is None else limit
         states, _, end, ending = solve(model, start, time, steps, limit=limit)
         if ending is Ending.COMPLETE:
-            return Trajectory(time, states, "ok")
+            return Trajectory(time, states, "ok", self.states)
         why = {
             Ending.TOO_MANY_STEPS: f"stopped: more than {steps} integration steps",
             Ending.NOT_FINITE: "diverged: not finite",
             Ending.BEYOND_LIMIT: f"diverged: |x| exceeded {limit:g}",
         }[ending]
-        return ended(time, states, f"{why} at t = {end:.4g} s")
+        return ended(time, states, f"{why} at t = {end:.4g} s", self.states)
 
     def _driven(
         self,
@@ -128,21 +146,27 @@ class Simulator:
         try:
             states, _, self._step = solve_driven(model, own, x0, time, step, steps)
         except FloatingPointError as error:
-            return ended(time, np.empty((0, len(self.states))), f"stopped: {error}")
+            nowhere = np.empty((0, len(self.states)))
+            return ended(time, nowhere, f"stopped: {error}", self.states)
         limit = _farthest(x0) if limit is None else limit
         with np.errstate(over="ignore", invalid="ignore"):
             far = ~(np.sum(states**2, axis=1) < limit**2)
         if not far.any():
-            return Trajectory(time, states, "ok")
+            return Trajectory(time, states, "ok", self.states)
         at = int(np.argmax(far))
         why = f"diverged: |x| exceeded {limit:g} at t = {time[at]:.4g} s"
-        return ended(time, states[:at], why)
+        return ended(time, states[:at], why, self.states)
 
 
-def ended(time: NDArray[np.float64], states: NDArray[np.float64], status: str) -> Trajectory:
+def ended(
+    time: NDArray[np.float64],
+    states: NDArray[np.float64],
+    status: str,
+    names: tuple[str, ...] = (),
+) -> Trajectory:
     """A motion that ended early: NaN behind the states (k, n_states) that it came to."""
     missing = np.full((len(time) - len(states), states.shape[1]), np.nan)
-    return Trajectory(time, np.concatenate([states, missing]), status)
+    return Trajectory(time, np.concatenate([states, missing]), status, names)
 
 
 def _farthest(x0: NDArray[np.float64]) -> float:

@@ -1,7 +1,7 @@
 """From files to everything that is written about them: quality, model, fit, forecast, summary."""
 
 import copy
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -25,7 +25,7 @@ from galloping.identification.preparation.interpolation import (
     of_kind,
     with_interpolants,
 )
-from galloping.identification.prior_knowledge import PRIOR, Coefficient
+from galloping.identification.prior_knowledge import PRIOR, coefficients_of
 from galloping.identification.work import limited
 from galloping.passes import part, passing
 from galloping.polynomial import Exponents, PolynomialModel, library
@@ -35,7 +35,7 @@ from galloping.readers.series import Series, check_apart, read_series
 from galloping.readers.units import state_unit
 from galloping.recording import Recording, typical_inputs
 from galloping.storage import write_json, write_rows, write_text
-from galloping.terms import Bounds, Known, known_model, parse
+from galloping.terms import known_model, parse
 
 IN_WORDS = {"zero": "held", "linear": "linear", "cubic": "smooth"}
 
@@ -217,15 +217,6 @@ def analyse(
         write_outputs(folder, field, summary, case)
         write_figures(folder, field, summary)
     return summary.found
-
-
-def coefficients_of(known: Known | Bounds) -> Iterator[Coefficient]:
-    """What is known of single coefficients, as an identification takes it."""
-    if isinstance(known, Bounds):
-        yield Coefficient(known.state, known.term, lower=known.lower, upper=known.upper)
-    else:
-        for term, mean in known.terms.items():
-            yield Coefficient(known.state, term, mean, known.deviation or 0.0)
 
 
 def check_telling(series: Sequence[Series], terms: Sequence[Exponents], n_states: int) -> None:

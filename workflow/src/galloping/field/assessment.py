@@ -2,12 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from galloping.arrays import Immutable
 from galloping.field.dynamics import Value
 from galloping.readers.units import plain_unit
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +91,18 @@ class Assessment(Immutable):
     span: tuple[float, float] = (np.nan, np.nan)
     onsets: tuple[Onset, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def to_frame(self) -> "DataFrame":
+        """Return what the model says as a pandas DataFrame.
+
+        Returns
+        -------
+        DataFrame
+            The rows of `assessment_rows`, without units of inputs.
+        """
+        import pandas as pd  # an extra, and slow to import
+
+        return pd.DataFrame(assessment_rows(self, {}))
 
 
 def assessment_rows(of: Assessment, units: Mapping[str, str]) -> list[dict]:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from galloping.identification.model import IdentifiedModel
-from galloping.intervals import NORMAL_95
 from galloping.polynomial import term_name
 from galloping.readers.units import NONE, coefficient_unit
 
@@ -26,18 +25,15 @@ def model_rows(identified: IdentifiedModel, units: Mapping[str, str] = NONE) -> 
     of inputs, by name.
     """
     model, rows = identified.model, []
-    bounds = {(i, term): ends for i, term, *ends in identified.bounds}
+    low, high = identified.confidence_limits()
     inputs = {name: units.get(name, "") for name in model.inputs}
     for i, state in enumerate(model.states):
         for j, term in enumerate(model.terms):
             value, error = model.coefficients[i, j], identified.standard_errors[i, j]
-            limit = identified.detection_limits[i, j]
             present = np.isfinite(value) and value != 0
-            if not present and not np.isfinite(limit):
+            if not present and not np.isfinite(identified.detection_limits[i, j]):
                 continue
             known = i in identified.known
-            half = NORMAL_95 * error if present else limit
-            least, most = bounds.get((i, term), (-np.inf, np.inf))
             rows.append(
                 {
                     "equation": state,
@@ -45,8 +41,8 @@ def model_rows(identified: IdentifiedModel, units: Mapping[str, str] = NONE) -> 
                     "coefficient": float(value),
                     "unit": coefficient_unit(state, term, model.names, inputs),
                     "standard_error": float(error) if present else np.nan,
-                    "low": float(max(value - half, least)),
-                    "high": float(min(value + half, most)),
+                    "low": float(low[i, j]),
+                    "high": float(high[i, j]),
                     "verdict": "known" if known else "present" if present else "absent",
                 }
             )
@@ -55,10 +51,6 @@ def model_rows(identified: IdentifiedModel, units: Mapping[str, str] = NONE) -> 
 
 def forecast_rows(predicted: "Forecast") -> list[dict]:
     """Rows of forecast.csv: time and, for each channel, median and 90 % band."""
-    columns = {"time_s": predicted.time}
-    for i, name in enumerate(predicted.names):
-        columns[name] = predicted.median[:, i]
-        columns[f"{name}_low"] = predicted.low[:, i]
-        columns[f"{name}_high"] = predicted.high[:, i]
+    columns = {"time_s": predicted.time} | predicted.columns()
     rows = np.column_stack(list(columns.values())).tolist()
     return [dict(zip(columns, row, strict=True)) for row in rows]

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from galloping.passes import passing
 from galloping.polynomial import PolynomialModel
 from galloping.readers.units import NONE
 from galloping.recording import INTERPOLATED, Input, Recording
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 DRAWS = 100  # of models and starts: the ends of a 90 % band then scatter by a tenth of its width
 FOLLOWS = 1.3  # chi^2 per sample of a start that is right
@@ -48,6 +52,28 @@ class Forecast(Immutable):
     def __repr__(self) -> str:
         first, last = self.time[0], self.time[-1]
         return f"Forecast of {', '.join(self.names)} from {first:.6g} to {last:.6g} s"
+
+    def columns(self) -> dict[str, NDArray[np.float64]]:
+        """Of each channel the median and the ends of its 90 % band, (n,) each, by name."""
+        parts = {"": self.median, "_low": self.low, "_high": self.high}
+        return {
+            f"{name}{end}": values[:, k]
+            for k, name in enumerate(self.names)
+            for end, values in parts.items()
+        }
+
+    def to_frame(self) -> "DataFrame":
+        """Return the forecast as a pandas DataFrame.
+
+        Returns
+        -------
+        DataFrame
+            A row for each time, which is the index `t` in s. Of each channel `X` the columns `X`,
+            the median, and `X_low` and `X_high`, the ends of its 90 % band.
+        """
+        import pandas as pd  # an extra, and slow to import
+
+        return pd.DataFrame(self.columns(), pd.Index(self.time, name="t"))
 
     def widened(self, factors: NDArray[np.float64]) -> "Forecast":
         """The forecast with its band made wider about the median, by (n_sensed,) factors."""
@@ -141,6 +167,22 @@ class HeldOut(Immutable):
     def useful(self) -> bool:
         """Whether the forecast is worse than the mean of the samples in no channel."""
         return bool(np.isfinite(self.factors).all())
+
+    def to_frame(self) -> "DataFrame":
+        """Return the scores as a pandas DataFrame.
+
+        Returns
+        -------
+        DataFrame
+            A row for each channel, by name: `skill`, `missed`, `held`, `is_noise` and `factor`.
+        """
+        import pandas as pd  # an extra, and slow to import
+
+        scores = {
+            "skill": self.skill, "missed": self.missed, "held": self.held,
+            "is_noise": self.is_noise, "factor": self.factors,
+        }  # fmt: skip
+        return pd.DataFrame(scores, pd.Index(self.forecast.names, name="channel"))
 
 
 def held_out(

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +14,7 @@ from galloping.arrays import (
     first_from,
     increasing,
     one_thread,
+    round_down,
     round_up,
 )
 from galloping.field import dynamics as of_line
@@ -84,6 +86,10 @@ class Summary(Immutable):
 
     def __str__(self) -> str:
         return summary_text(self)
+
+    def _repr_markdown_(self) -> str:
+        """What notebooks show."""
+        return str(self)
 
     def __repr__(self) -> str:
         return f"Summary of {self.found!r}"
@@ -335,3 +341,54 @@ def motions_beside(
             smooth = np.linspace(own[0], own[-1], POINTS)
             motions.append((smooth, follow.motion(model, start, smooth)))
     return motions
+
+
+def motion_scores(
+    identified: IdentifiedModel, recordings: Sequence[Recording]
+) -> NDArray[np.float64]:
+    """Compute R2 of a model's motion in each channel of recordings.
+
+    Parameters
+    ----------
+    identified : IdentifiedModel
+        With a model that no random forces move.
+    recordings : sequence of Recording
+        Each is cut into equal stretches of about PERIODS periods, in each of which the model starts
+        where it follows the samples best.
+
+    Returns
+    -------
+    (n_channels,) array
+        Of the channels that are measured. A stretch through which the model cannot be followed
+        counts as if the mean of its recording were the motion.
+
+    Raises
+    ------
+    ValueError
+        If random forces move the model.
+    """
+    if identified.is_forced:
+        raise ValueError("score: random forces move the model, which has no motion of its own")
+    squares: dict[str, list[NDArray[np.float64]]] = {}
+    period = longest_period(recordings)
+    for recording in recordings:
+        follow, time = Following(identified, without_outliers(recording)), recording.time
+        samples = follow.samples
+        measured = np.isfinite(samples).any(axis=0)
+        mean = np.nanmean(samples[:, measured], axis=0)
+        parts = max(round_down(np.ptp(time) / (PERIODS * period)), 1)
+        edges = first_from(time, np.linspace(time[0], time[-1], parts + 1))
+        left = samples[:, measured] - mean
+        whole = left**2
+        for begin, end in pairwise((*edges[:-1], len(time))):
+            rows = slice(begin, end)
+            if np.isfinite(left[rows]).any() and (start := follow.begin(rows)) is not None:
+                motion = follow.motion(identified.model, start, time[rows])[:, measured]
+                if np.isfinite(motion).all():
+                    left[rows] = samples[rows][:, measured] - motion
+        sums = np.nansum([left**2, whole], axis=1)
+        for name, own in zip(np.array(follow.sensed.names)[measured], sums.T, strict=True):
+            squares.setdefault(str(name), []).append(own)
+    missed, whole = np.array([np.sum(own, axis=0) for own in squares.values()]).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return 1.0 - missed / whole

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 
 import numpy as np
 import pandas as pd
@@ -21,6 +22,15 @@ R2_TICKS = (0.0, 0.9, 0.95, 0.99, 0.999, 0.9999)
 # --- panels ---
 
 
+class ShownFigure(Figure):
+    """A figure that notebooks show, although pyplot does not know it."""
+
+    def _repr_png_(self) -> bytes:
+        written = BytesIO()
+        self.savefig(written, format="png", dpi=120)
+        return written.getvalue()
+
+
 def nothing(axes: Axes, reason: str) -> None:
     """An empty panel that says why."""
     hidden = {"bottom": False, "left": False, "labelbottom": False, "labelleft": False}
@@ -33,7 +43,7 @@ def panels(
     height: float, rows: int = 1, columns: int = 1, width: float = DOUBLE, **options: object
 ) -> tuple[Figure, np.ndarray]:
     """A figure, its size in inches, and its panels (rows, columns)."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = ShownFigure(figsize=(width, height), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 

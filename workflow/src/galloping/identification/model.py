@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import chain
@@ -16,18 +15,19 @@ from galloping.arrays import Immutable, checked_state, increasing
 from galloping.functions import from_plain, n_exponents, plain
 from galloping.identification.observations import Finding
 from galloping.identification.oscillations import EnvelopePart, FurtherMode, Resonance
+from galloping.intervals import NORMAL_95
 from galloping.polynomial import (
     Bound,
     Exponents,
     PolynomialModel,
-    latex_factors,
     merged,
-    with_error,
 )
 from galloping.recording import Input
 from galloping.storage import read_json, write_json
 
 if TYPE_CHECKING:
+    from pandas import DataFrame
+
     from galloping.simulation import Trajectory
 
 
@@ -272,20 +272,62 @@ class IdentifiedModel(Immutable):
 
     def latex(self) -> str:
         """The equations as LaTeX, for amsmath; a velocity dX is written as X with a dot."""
-        lines, states = [], [_latex(state, self.model.states) for state in self.model.states]
-        names = [*states, *(_latex(name, ()) for name in self.model.inputs)]
-        for name, row, errors in zip(
-            states, self.model.coefficients, self.standard_errors, strict=True
-        ):
-            parts = []
-            for j in np.flatnonzero(row):
-                number = with_error(row[j], errors[j]).replace("±", r"\pm")
-                factors = latex_factors(self.model.terms[j], names, _power_of_ten)
-                parts.append(r" \, ".join([_power_of_ten(number), *factors]))
-            right = " + ".join(parts) or "0"
-            lines.append(rf"\frac{{\mathrm{{d}} {name}}}{{\mathrm{{d}} t}} &= {right}")
-        body = " \\\\\n".join(lines)
-        return f"\\begin{{aligned}}\n{body}\n\\end{{aligned}}"
+        return self.model.latex(self.standard_errors)
+
+    def _repr_latex_(self) -> str | None:
+        """What notebooks show: the equations, and the status; None without a model."""
+        if self.status == "refused":
+            return None
+        body = self.latex().removesuffix("\n\\end{aligned}")
+        return f"$$\n{body} \\\\\n&\\text{{{self.status}}}\n\\end{{aligned}}\n$$"
+
+    def confidence_limits(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Compute the 95 % interval of each coefficient.
+
+        Returns
+        -------
+        low, high : (n_states, n_terms) arrays
+            Ends of the intervals, inside the bounds of the coefficients. The interval of a term
+            that is absent is its detection limit. NaN where neither is stated.
+        """
+        present = np.nan_to_num(self.model.coefficients) != 0
+        half = np.where(present, NORMAL_95 * self.standard_errors, self.detection_limits)
+        low, high = self.model.coefficients - half, self.model.coefficients + half
+        place = {term: j for j, term in enumerate(self.model.terms)}
+        for i, term, least, most in self.bounds:
+            if (j := place.get(term)) is not None:  # a model at values of inputs has other terms
+                low[i, j], high[i, j] = max(low[i, j], least), min(high[i, j], most)
+        return low, high
+
+    def to_frame(self, absent: bool = False) -> DataFrame:
+        """Return the coefficients as a pandas DataFrame.
+
+        Parameters
+        ----------
+        absent : whether terms that are not in the model have rows too
+
+        Returns
+        -------
+        DataFrame
+            A row for each term of each equation, by the index `equation`, `term`, and the columns
+            `coefficient`, `standard_error` (were the terms known), `unconditional_error` (without
+            that), `low` and `high`, the ends of the 95 % interval. Those of an absent term are its
+            detection limit. Errors of known coefficients are zero, and NaN of known equations.
+        """
+        import pandas as pd  # an extra, and slow to import
+
+        model, (low, high) = self.model, self.confidence_limits()
+        shown = np.full(low.shape, True) if absent else np.nan_to_num(model.coefficients) != 0
+        names = model.term_names
+        index = pd.MultiIndex.from_tuples(
+            [(model.states[i], names[j]) for i, j in np.argwhere(shown)],
+            names=("equation", "term"),
+        )
+        columns = {
+            "coefficient": model.coefficients, "standard_error": self.standard_errors,
+            "unconditional_error": self.unconditional_errors, "low": low, "high": high,
+        }  # fmt: skip
+        return pd.DataFrame({name: of[shown] for name, of in columns.items()}, index)
 
     def save(self, path: str | os.PathLike, **about: object) -> None:
         """Everything as JSON; numbers that are not finite are text.
@@ -374,19 +416,6 @@ def _of_values(kind: type, contents: Sequence[Mapping[str, object]]) -> tuple:
         kind(**{k: v if k in ("recording", "state") else float(v) for k, v in one.items()})
         for one in contents
     )
-
-
-def _latex(state: str, states: tuple[str, ...]) -> str:
-    """A state's name as LaTeX, with a dot where it is the velocity of one of `states`."""
-    dotted = state[:1] == "d" and state[1:] in states
-    stem, _, index = (state[1:] if dotted else state).partition("_")
-    symbol = rf"\dot {stem}" if dotted else stem
-    return f"{symbol}_{{{index}}}" if index else symbol
-
-
-def _power_of_ten(number: str) -> str:
-    """A printed number with its exponents as LaTeX."""
-    return re.sub(r"e([+-]?\d+)", lambda match: rf" \cdot 10^{{{int(match[1])}}}", number)
 
 
 def _shapes(states: int, terms: int) -> dict[str, tuple[int, ...]]:

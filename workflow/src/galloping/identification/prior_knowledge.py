@@ -1,5 +1,6 @@
 """What is known beforehand of the terms of a model and of single coefficients."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import isfinite
 
@@ -7,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from galloping.polynomial import Exponents
+from galloping.terms import Bounds, Known
 
 
 @dataclass(frozen=True)
@@ -122,3 +124,12 @@ class Coefficient:
     def is_bounded(self) -> bool:
         """Whether it has a bound."""
         return self.lower > -np.inf or self.upper < np.inf
+
+
+def coefficients_of(known: Known | Bounds) -> Iterator[Coefficient]:
+    """What is known of single coefficients, as an identification takes it."""
+    if isinstance(known, Bounds):
+        yield Coefficient(known.state, known.term, lower=known.lower, upper=known.upper)
+    else:
+        for term, mean in known.terms.items():
+            yield Coefficient(known.state, term, mean, known.deviation or 0.0)

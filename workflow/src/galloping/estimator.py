@@ -1,0 +1,359 @@
+"""Maximum likelihood in the shape of an estimator, as pysindy and scikit-learn have them."""
+
+import warnings
+from collections.abc import Sequence
+from inspect import signature
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from galloping.arrays import increasing
+from galloping.containers import (
+    Data,
+    Driving,
+    SampleTimes,
+    Table,
+    is_several,
+    make_inputs,
+    make_recordings,
+    split_samples,
+)
+from galloping.field.summary import motion_scores
+from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.model import IdentifiedModel
+from galloping.identification.prior_knowledge import PRIOR, Coefficient, Prior, coefficients_of
+from galloping.polynomial import Exponents
+from galloping.polynomial import library as polynomial_library
+from galloping.recording import Recording
+from galloping.terms import known_model, parse
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from sklearn.utils import Tags
+
+Library: TypeAlias = str | Sequence[str] | Sequence[Exponents] | None
+# Of the default library: cubic terms, as friction, drag and stiffness have them, where the terms
+# of an equation are then few enough to be told apart by a recording of some periods.
+DEFAULT_DEGREE, HIGH_ORDER_STATES, DEGREE_OF_MANY = 3, 4, 2
+
+
+class NotFittedError(ValueError, AttributeError):
+    """A method that needs a fitted estimator was called before `fit`."""
+
+
+class MaximumLikelihood:
+    """Identify the equations of a system from recordings of its states.
+
+    The model is dx/dt = C theta(x, u): states x, inputs u, candidate terms theta. Terms,
+    coefficients and initial states are those of `maximum_likelihood`, which fits trajectories to
+    the samples and differentiates nothing.
+
+    Parameters
+    ----------
+    library : str, sequence of str, or sequence of terms, optional
+        Candidate terms: in the grammar of `galloping.library`, such as
+        `"poly(q, dq; 3) + sin(q) + |dq| dq"`, or exponents as `polynomial_library` returns. By
+        default all monomials of the states and inputs up to `degree`.
+    degree : int, optional
+        Of the default library: 3 for up to four states and inputs together, 2 for more.
+    feature_names : sequence of str, optional
+        Names of the states: by default those of the columns, else x0, x1, ... The rate of a state
+        `X` is known to be the state `dX` where there is one.
+    input_names : sequence of str, optional
+        Names of the inputs: by default those of the columns, else u0, u1, ...
+    known : sequence of str or Coefficient
+        What is known beforehand, in the grammar of `galloping.library`: an equation, `"q = dq"`, a
+        coefficient, `"dq: q = -4 +- 0.1"`, or its bounds, `"dq: dq < 0"`.
+    prior : Prior, optional
+        Prior odds of terms; None for none.
+    between : {"cubic", "linear", "zero"}
+        What inputs are between their samples: smooth, linear, or held.
+    forced : sequence of str, optional
+        Coordinates that unmeasured random forces move, () for all. By default such forces are
+        sought only where the motion may be theirs.
+
+    Attributes
+    ----------
+    model_ : IdentifiedModel
+        The model with its covariance and verdict; `summarise`, `forecast` and `assess` take it.
+    recordings_ : list of Recording
+        What it was fitted to.
+    coef_ : (n_states, n_terms) array
+        Coefficients, zero where a term is absent, NaN where there is no model.
+    feature_names_in_, input_names_in_ : (n_states,) and (n_inputs,) arrays of str
+        Names of the states and inputs.
+    n_features_in_ : int
+        Number of states.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import galloping
+    >>> oscillator = galloping.parse_model("q = dq; dq = -4 q - 0.2 dq - q^3")
+    >>> t = np.arange(1000) / 50
+    >>> x = galloping.simulate(oscillator, [2, 0], t).states
+    >>> x = x + np.random.default_rng(1).normal(0, 0.02, x.shape)
+    >>> model = galloping.MaximumLikelihood(feature_names=["q", "dq"]).fit(x, t)
+    >>> model.coefficients().index.to_list()
+    [('q', 'dq'), ('dq', 'q'), ('dq', 'dq'), ('dq', 'q^3')]
+    >>> model.simulate([1, 0], t).shape
+    (1000, 2)
+    """
+
+    model_: IdentifiedModel
+    recordings_: list[Recording]
+    coef_: NDArray[np.float64]
+    feature_names_in_: NDArray[np.object_]
+    input_names_in_: NDArray[np.object_]
+    n_features_in_: int
+
+    def __init__(
+        self,
+        library: Library = None,
+        *,
+        degree: int | None = None,
+        feature_names: Sequence[str] | None = None,
+        input_names: Sequence[str] | None = None,
+        known: Sequence[str | Coefficient] = (),
+        prior: Prior | None = PRIOR,
+        between: str = "cubic",
+        forced: Sequence[str] | None = None,
+    ) -> None:
+        self.library = library
+        self.degree = degree
+        self.feature_names = feature_names
+        self.input_names = input_names
+        self.known = known
+        self.prior = prior
+        self.between = between
+        self.forced = forced
+
+    def fit(
+        self,
+        x: Data,
+        t: SampleTimes = None,
+        u: Driving = None,
+        *,
+        x_dot: Data | None = None,
+    ) -> "MaximumLikelihood":
+        """Fit the model to one recording or several of one system.
+
+        Parameters
+        ----------
+        x : (n, n_states) array, frame, `Recording`, or a list of these
+            States; NaN is what is missing. Frames are those of pandas, polars and xarray, and
+            mappings of columns. Of a list each is one recording.
+        t : float, (n,) array, str, or a list of these, optional
+            Step or times of the samples, s, or the column of a frame that has them. By default
+            they are the column `t` of a frame, or its index. Dates are times.
+        u : (n,) or (n, n_inputs) array, frame, mapping, names of columns of `x`, or a list
+            Inputs at the times of the samples. A mapping of names may have an `Input` with times
+            of its own.
+        x_dot : (n, n_states) array, frame, or a list of these, optional
+            Measured rates of the states, as of accelerometers.
+
+        Returns
+        -------
+        MaximumLikelihood
+            The estimator. Recordings that give no model are no error: `model_` says why, and its
+            status is `refused`.
+
+        Raises
+        ------
+        ValueError
+            If data or options do not fit, in one line.
+        """
+        recordings = self._recordings(x, t, u, x_dot, self.feature_names, self.input_names)
+        states, inputs = recordings[0].states, tuple(recordings[0].inputs)
+        terms, allowed = self._terms(states, inputs)
+        texts = [each for each in self.known if isinstance(each, str)]
+        known, known_states, single = known_model(texts, states, terms, inputs)
+        coefficients = [each for each in self.known if not isinstance(each, str)]
+        coefficients += [own for each in single for own in coefficients_of(each)]
+        self.model_ = maximum_likelihood(
+            recordings, terms, known, known_states, self.prior, forced=self.forced,
+            coefficients=coefficients, allowed=allowed,
+        )  # fmt: skip
+        self.recordings_ = recordings
+        self.coef_ = self.model_.model.coefficients
+        self.feature_names_in_ = np.array(states, dtype=object)
+        self.input_names_in_ = np.array(self.model_.model.inputs, dtype=object)
+        self.n_features_in_ = len(states)
+        return self
+
+    def predict(self, x: Data, u: Driving = None) -> Any:
+        """Compute the rates of states, the right-hand side of the model.
+
+        Parameters
+        ----------
+        x : (n, n_states) array or frame, or a list of these
+        u : (n,) or (n, n_inputs) array or frame, or a list of these
+            Inputs, of a model that has any.
+
+        Returns
+        -------
+        (n, n_states) array, or a list of these
+        """
+        model = self._fitted().model
+        if is_several(x):
+            driving = u if isinstance(u, list | tuple) else [u] * len(x)  # type: ignore[arg-type]
+            return [self.predict(*each) for each in zip(x, driving, strict=True)]  # type: ignore
+        if isinstance(x, Recording):
+            u = {name: x.inputs[name](x.time) for name in model.inputs} or None
+            x = x.values
+        _, _, values, own = split_samples(x, None, u, model.states)
+        self._check_inputs(own)
+        given = Table.of("u", own).matrix(model.inputs)[1] if model.inputs else None
+        if given is not None and len(given) != len(values):
+            raise ValueError(f"u: has {len(given)} samples; x has {len(values)}")
+        return model(values, given)
+
+    def simulate(self, x0: ArrayLike, t: ArrayLike, u: Driving = None) -> NDArray[np.float64]:
+        """Integrate the model.
+
+        Parameters
+        ----------
+        x0 : (n_states,) array
+            State at t[0].
+        t : (n,) array
+            Increasing times, s.
+        u : (n,) or (n, n_inputs) array, frame, mapping, or function of time
+            Inputs at the times `t`. A mapping of names may have an `Input` or a constant.
+
+        Returns
+        -------
+        (n, n_states) array
+            NaN from where the motion diverges, of which a RuntimeWarning tells. `model_.simulate`
+            returns a `Trajectory`.
+        """
+        found, time = self._fitted(), increasing("t", t)
+        self._check_inputs(u)
+        driving = make_inputs(u, time, found.model.inputs, self.between) if u is not None else None
+        motion = found.simulate(x0, time, driving)
+        if motion.status != "ok":
+            warnings.warn(motion.status, RuntimeWarning, stacklevel=2)
+        return motion.states
+
+    def score(
+        self,
+        x: Data,
+        t: SampleTimes = None,
+        u: Driving = None,
+        *,
+        x_dot: Data | None = None,
+    ) -> float:
+        """Return R2 of the model's motion, or of its rates where `x_dot` is given.
+
+        The recording is cut into stretches of six periods of its motion. In each the model starts
+        from the state that follows the samples best. Noisy samples need not be differentiated.
+
+        Parameters
+        ----------
+        x, t, u, x_dot : as of `fit`
+
+        Returns
+        -------
+        float
+            Mean R2 of the states, or of their rates: 1 if the motion is the samples', 0 if it is
+            no better than their mean. A stretch in which the model diverges counts as its mean.
+        """
+        found = self._fitted()
+        recordings = self._recordings(x, t, u, x_dot, found.model.states, found.model.inputs)
+        if x_dot is None:
+            return float(np.mean(motion_scores(found, recordings)))
+        given = np.concatenate([one.rates for one in recordings if one.rates is not None])
+        error = given - np.concatenate([self.predict(one) for one in recordings])
+        left, whole = np.nanmean(error**2, axis=0), np.nanvar(given, axis=0)
+        return float(np.nanmean(1.0 - left / whole))
+
+    def equations(self) -> list[str]:
+        """Return the equation of each state as text, coefficients with their standard errors."""
+        return list(self._fitted().equations())
+
+    def coefficients(self, absent: bool = False) -> "DataFrame":
+        """Return the coefficients with their errors; see `IdentifiedModel.to_frame`."""
+        return self._fitted(refused=True).to_frame(absent)
+
+    def print(self, **options: Any) -> None:
+        """Print the equations and the verdict. options: of the function `print`."""
+        print(self._fitted(refused=True), **options)
+
+    def get_feature_names(self) -> list[str]:
+        """Return the names of the library's terms, in the order of the columns of `coef_`."""
+        return list(self._fitted(refused=True).model.term_names)
+
+    # --- what scikit-learn expects of an estimator ---
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """Return the options by name. deep: has no effect, for no option is an estimator."""
+        return {name: getattr(self, name) for name in signature(type(self)).parameters}
+
+    def set_params(self, **options: Any) -> "MaximumLikelihood":
+        """Set options by name. Raises ValueError for one that there is not."""
+        names = list(signature(type(self)).parameters)
+        for name, value in options.items():
+            if name not in names:
+                raise ValueError(f"{name}: no option; must be one of {', '.join(names)}")
+            setattr(self, name, value)
+        return self
+
+    def __sklearn_tags__(self) -> "Tags":
+        from sklearn.utils import Tags, TargetTags  # an extra, which the method does not need
+
+        return Tags(estimator_type=None, target_tags=TargetTags(required=False))
+
+    def __repr__(self) -> str:
+        usual = signature(type(self)).parameters
+        shown = {n: v for n, v in self.get_params().items() if repr(v) != repr(usual[n].default)}
+        options = ", ".join(f"{name}={value!r}" for name, value in shown.items())
+        return f"{type(self).__name__}({options})"
+
+    def _repr_latex_(self) -> str | None:
+        """What notebooks show after `fit`."""
+        return self.model_._repr_latex_() if hasattr(self, "model_") else None
+
+    # --- parts ---
+
+    def _fitted(self, refused: bool = False) -> IdentifiedModel:
+        """The model. Raises NotFittedError, and ValueError if there is none unless `refused`."""
+        if not hasattr(self, "model_"):
+            raise NotFittedError(f"this {type(self).__name__} is not fitted yet: call fit first")
+        if self.model_.status == "refused" and not refused:
+            raise ValueError(f"there is no model: {self.model_.reason}")
+        return self.model_
+
+    def _recordings(
+        self,
+        x: Data,
+        t: SampleTimes,
+        u: Driving,
+        x_dot: Data | None,
+        states: Sequence[str] | None,
+        inputs: Sequence[str] | None,
+    ) -> list[Recording]:
+        return make_recordings(
+            x, t, u, x_dot, states=states, inputs=inputs or None, between=self.between
+        )
+
+    def _terms(
+        self, states: tuple[str, ...], inputs: tuple[str, ...]
+    ) -> tuple[tuple[Exponents, ...], NDArray[np.bool_] | None]:
+        """The library, and in which equations each term may be."""
+        count = len(states) + len(inputs)
+        if self.library is None:
+            few = count <= HIGH_ORDER_STATES
+            usual = DEFAULT_DEGREE if few else DEGREE_OF_MANY
+            return polynomial_library(count, usual if self.degree is None else self.degree), None
+        if self.degree is not None:
+            raise ValueError(f"degree: {self.degree!r:.60}; must be None beside a library")
+        if isinstance(self.library, str) or all(isinstance(each, str) for each in self.library):
+            return parse(self.library, states, inputs)  # type: ignore[arg-type]
+        return tuple(map(tuple, self.library)), None
+
+    def _check_inputs(self, u: object) -> None:
+        inputs = self.model_.model.inputs
+        if u is None and inputs:
+            raise ValueError(f"u: is missing; the model has the inputs {', '.join(inputs)}")
+        if u is not None and not inputs:
+            raise ValueError("u: must be left out; the model has no inputs")

@@ -1,0 +1,154 @@
+"""Figures of a model beside its recordings, each in one call; they need matplotlib."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from galloping.arrays import one_thread
+from galloping.estimator import MaximumLikelihood
+from galloping.field.following import Following, without_outliers
+from galloping.field.summary import PERIODS, forecast, longest_period, motions_beside
+from galloping.identification.inputs import checked_recordings
+from galloping.identification.model import IdentifiedModel
+from galloping.polynomial import velocity_pairs
+from galloping.readers.units import NONE
+from galloping.recording import Input, Recording
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Found: TypeAlias = MaximumLikelihood | IdentifiedModel
+Recordings: TypeAlias = Recording | Sequence[Recording] | None
+
+
+@one_thread
+def plot_fit(found: Found, recordings: Recordings = None) -> "Figure":
+    """Draw the model's motion beside the samples of a recording.
+
+    Parameters
+    ----------
+    found : MaximumLikelihood or IdentifiedModel
+        A fitted estimator, or a model with its `recordings`.
+    recordings : Recording or sequence of Recording, optional
+        The last is drawn; by default those of the estimator.
+
+    Returns
+    -------
+    Figure
+        A row for each state, and columns for the begin, the middle and the end of the recording,
+        in each of which the model starts anew. Of a model that random forces move the spectra.
+    """
+    from galloping.field.drawing import FONT_SIZE, draw_fit, draw_spectra
+    from galloping.figures.style import styled
+
+    model, given = _model_of(found, recordings)
+    with styled(FONT_SIZE):
+        if model.is_forced:
+            return draw_spectra(model, given[-1])
+        length = min(PERIODS * longest_period(given), np.ptp(given[-1].time))
+        return draw_fit(given[-1], motions_beside(model, given[-1], length))
+
+
+@one_thread
+def plot_forecast(
+    found: Found,
+    recordings: Recordings = None,
+    time: ArrayLike | None = None,
+    *,
+    inputs: Mapping[str, Input | float] = NONE,
+    seed: int = 0,
+) -> "Figure":
+    """Draw the end of a recording, and what the sensors will show after it with its 90 % band.
+
+    Parameters
+    ----------
+    found, recordings : as of `plot_fit`
+    time : (n,) array, optional
+        Times after the recording, s; by default six periods of the motion.
+    inputs : mapping
+        Inputs after the recording, by name, measured or constant.
+    seed : int
+        Of the draws behind the band.
+
+    Raises
+    ------
+    ValueError
+        If there is no forecast, as of `forecast`.
+    """
+    from galloping.field.drawing import FONT_SIZE, draw_forecast
+    from galloping.figures.style import styled
+
+    model, given = _model_of(found, recordings)
+    ahead = forecast(model, given[-1], time, inputs=inputs, seed=seed)
+    with styled(FONT_SIZE):
+        return draw_forecast([given[-1]], [ahead], float(ahead.time[-1] - given[-1].time[-1]))
+
+
+@one_thread
+def plot_phase(
+    found: Found, recordings: Recordings = None, states: Sequence[str] | None = None
+) -> "Figure":
+    """Draw a phase portrait: the samples, and the model's motion from their first state.
+
+    Parameters
+    ----------
+    found, recordings : as of `plot_fit`
+    states : sequence of str, optional
+        Two or three to be the axes: by default a displacement and its velocity, else the first two.
+
+    Returns
+    -------
+    Figure
+        The motion starts from the state that follows the first six periods of the last recording
+        best, and goes on through all of it; it is left out where it diverges.
+
+    Raises
+    ------
+    ValueError
+        If `states` are not two or three states of the model, or random forces move it.
+    """
+    from galloping.field.drawing import FONT_SIZE
+    from galloping.figures import parts
+    from galloping.figures.style import MODEL, TRUE, styled
+
+    model, given = _model_of(found, recordings)
+    names, recording = model.model.states, given[-1]
+    if model.is_forced:
+        raise ValueError("plot_phase: random forces move the model; plot_fit draws its spectra")
+    pairs = velocity_pairs(names)
+    usual = tuple(names[k] for k in next(iter(pairs.items()))) if pairs else names[:2]
+    shown = usual if states is None else tuple(states)
+    if len(shown) not in (2, 3) or not set(shown) <= set(names):
+        allowed = f"must be two or three of {', '.join(names)}"
+        raise ValueError(f"states: {list(shown)!r:.60}; {allowed}")
+    columns = [names.index(name) for name in shown]
+    follow, time = Following(model, without_outliers(recording)), recording.time
+    begun = slice(0, int(np.searchsorted(time, time[0] + PERIODS * longest_period(given))))
+    start = follow.begin(begun)
+    with styled(FONT_SIZE):
+        space = {"subplot_kw": {"projection": "3d"}} if len(shown) == 3 else {}
+        figure, ((axes,),) = parts.panels(3.4, width=4.2, **space)
+        axes.plot(
+            *recording.values[:, columns].T, ls="", marker=".", ms=2, color=TRUE, label="samples"
+        )
+        if start is not None:
+            motion = follow.motion(model.model, start, time)
+            axes.plot(*motion[:, columns].T, color=MODEL, lw=0.7, label="model")
+        axes.set(**dict(zip(("xlabel", "ylabel", "zlabel"), shown, strict=False)))
+        parts.legend(figure)
+    return figure
+
+
+def _model_of(found: Found, recordings: Recordings) -> tuple[IdentifiedModel, list[Recording]]:
+    """The model and the recordings that are drawn beside it. Raises ValueError without either."""
+    if isinstance(found, MaximumLikelihood):
+        recordings = found.recordings_ if recordings is None else recordings
+        found = found.model_
+    if not isinstance(found, IdentifiedModel):
+        kinds = "a fitted MaximumLikelihood or an IdentifiedModel"
+        raise ValueError(f"found: a {type(found).__name__}; must be {kinds}")
+    if found.status == "refused":
+        raise ValueError(f"there is no model to draw: {found.reason}")
+    return found, checked_recordings(recordings)
