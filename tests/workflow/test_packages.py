@@ -20,7 +20,9 @@ sys.path.append(str(SCRIPTS))
 check_wheels, write_environment = map(import_module, ("check_wheels", "write_environment"))
 PYPROJECT = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
 PROJECT = tomllib.loads(PYPROJECT)["project"]
-OWN = {path.stem for folder in ("tests", "workflow") for path in (ROOT / folder).rglob("*.py")}
+OWN = {
+    path.stem for folder in ("tests", "workflow", "docs") for path in (ROOT / folder).rglob("*.py")
+}
 OWN |= {"galloping", *sys.stdlib_module_names}
 LOCKS = ("requirements.lock", "requirements-dev.lock")
 # Of the library, what commands run and jobs never do.
