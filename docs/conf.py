@@ -23,13 +23,16 @@ html_show_copyright = html_show_sphinx = html_copy_source = False
 html_math_renderer = "mathml"  # which browsers draw without a script
 extensions = [
     "matplotlib.sphinxext.plot_directive",
-    "myst_parser",
+    "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx_click",
     "sphinxcontrib.programoutput",
 ]
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 600  # s, of a cell
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # docstrings say shapes and units
 plot_formats = ["svg"]

@@ -1,8 +1,8 @@
 """Maximum likelihood as users of pysindy and scikit-learn know models: data in, answers out."""
 
 import pickle
-import subprocess
-import sys
+import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -12,11 +12,13 @@ from matplotlib.figure import Figure
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.utils.validation import check_is_fitted
+from studies import run
 
 import galloping
 from galloping import MaximumLikelihood, Recording
 from galloping.containers import make_recordings
 
+ROOT = Path(__file__).parents[2]
 TIME = np.arange(1200) / 40
 DUFFING = galloping.parse_model("q = dq; dq = -4 q - 0.2 dq - q^3")
 DRIVEN = galloping.parse_model("y = -0.8 y + 0.5 F", ["F"])
@@ -263,9 +265,9 @@ def test_it_is_an_estimator(duffing):
 
 
 def test_neither_scikit_learn_nor_frames_are_imported():
-    names = "galloping.MaximumLikelihood().get_params(); from galloping.containers import *"
-    code = f"import sys, galloping; {names}; print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    asked = "galloping.MaximumLikelihood().get_params(); galloping.containers.make_recordings"
+    done = run(ROOT, "-c", f"import sys, galloping; {asked}; print(*sys.modules)")
+    assert done.returncode == 0, done.stdout
     loaded = set(done.stdout.split())
     assert not loaded & {"sklearn", "pandas", "polars", "xarray", "matplotlib", "pysindy"}
 
@@ -304,3 +306,49 @@ def test_figures_in_one_call(duffing, driven):
         galloping.plot_phase(duffing, states=["q"])
     with pytest.raises(ValueError, match="found: a Recording"):
         galloping.plot_fit(duffing.recordings_[0])
+
+
+# --- pages ---
+
+
+def code_cells(page):
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    return [block.partition("```")[0] for block in text.split("```{code-cell}\n")[1:]]
+
+
+def test_the_tutorial_runs_and_finds_its_systems(capsys):
+    names: dict = {}
+    for cell in code_cells("tutorial_systems.md"):
+        exec(compile(cell, "tutorial_systems.md", "exec"), names)
+        if "lorenz" in names and "model" in names:
+            names.setdefault("first", names["model"])
+    first, last = names["first"].coefficients(), names["model"].coefficients()
+    assert [*first.index] == [("x", "x"), ("x", "y"), ("y", "x"), ("y", "y"), ("y", "x z"),
+                              ("z", "z"), ("z", "x y")]  # fmt: skip
+    assert [*last.loc["dq"].index] == ["q", "dq", "F", "q^3"]
+    shown = capsys.readouterr().out
+    assert shown.count("\nok\n") == 2 and "\napproximate: " in shown
+
+
+@pytest.mark.filterwarnings("ignore")  # of pysindy
+def test_the_page_beside_pysindy_shows_what_its_code_prints(capsys):
+    page = (ROOT / "docs" / "beside_pysindy.md").read_text(encoding="utf-8")
+    code, *_ = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    exec(compile(code, "beside_pysindy.md", "exec"), {})
+    assert capsys.readouterr().out == "".join(re.findall(r"```text\n(.*?)```", page, re.DOTALL))
+
+
+@pytest.mark.slow
+def test_the_measurement_beside_pysindy_is_that_of_its_script():
+    done = run(ROOT, "examples/beside_pysindy.py")
+    assert done.returncode == 0, done.stdout
+    page = (ROOT / "docs" / "beside_pysindy.md").read_text(encoding="utf-8")
+    table = page[page.index("| System |") :].partition("\n\n")[0].splitlines()
+    rows = [line.split("|") for line in done.stdout.splitlines()]
+    assert len(rows) == len(table) == 15
+    for row, line in zip(rows[:-1], table[:-1], strict=True):  # the last has times
+        for ours, shown in zip(row, line.split("|"), strict=True):
+            (count, _, error), (right, _, stated) = ours.partition(","), shown.partition(",")
+            assert count == right
+            if error:
+                assert float(error.split()[0]) == pytest.approx(float(stated.split()[0]), rel=0.1)

@@ -33,15 +33,20 @@ def test_the_arguments_that_type_checkers_see_are_the_fields(name):
     assert len(init.args.args) - 1 - len(init.args.defaults) == len(required)
 
 
+def code_of(page, begin):
+    """All code of a page of docs/, by how its blocks begin."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    return "".join(block.partition("```")[0] for block in text.split(begin)[1:])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("checker", CHECKERS)
 def test_scripts_of_users_pass(checker, tmp_path):
     if not find_spec(checker):
         pytest.skip(f"{checker} is not installed: make tools")
-    page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
-    blocks = (block.partition("```")[0] for block in page.split("```python\n")[1:])
     scripts = {
-        "page": "".join(blocks),
+        "page": code_of("python.md", "```python\n"),
+        "tutorial": code_of("tutorial_systems.md", "```{code-cell}\n"),
         "examples": doctest.script_from_examples(galloping.__doc__),
         "from_python": (ROOT / "examples" / "from_python.py").read_text(encoding="utf-8"),
         "typed_script": Path(__file__).with_name("typed_script.py").read_text(encoding="utf-8"),
