@@ -117,8 +117,24 @@ def test_inputs(driven):
     assert all(np.array_equal(motion, motions[0]) for motion in motions)
     assert driven.simulate([0.0], TIME, {"F": 1})[-1] == pytest.approx(0.5 / 0.8, rel=0.05)
     assert driven.predict(Y[:5], FORCE[:5]).shape == (5, 1)
-    with pytest.raises(ValueError, match="u: is missing"):
-        driven.predict(Y)
+    assert len(driven.predict([Y, Y[:5]], [FORCE, FORCE[:5]])[1]) == 5
+    assert driven.predict(driven.recordings_[0]).shape == Y.shape
+    without = Recording(TIME, ["y"], Y)
+    for call in (lambda: driven.predict(Y), lambda: driven.predict(without),
+                 lambda: driven.score(without), lambda: driven.score(Y, TIME),
+                 lambda: driven.simulate([1.0], TIME),
+                 lambda: driven.simulate([1.0], TIME, {"G": 1.0})):  # fmt: skip
+        with pytest.raises(ValueError, match="u: F is missing"):
+            call()
+
+
+def test_a_model_without_inputs_takes_none(duffing):
+    with pytest.raises(ValueError, match="u: must be left out"):
+        duffing.predict(X, FORCE)
+    other = Recording(TIME, STATES, X, inputs={"G": galloping.Input(TIME, FORCE)})
+    assert duffing.predict(other).shape == X.shape
+    with pytest.raises(ValueError, match="x: has the states"):
+        duffing.score(Recording(TIME, ["a", "b"], X))
 
 
 def test_what_is_known_and_the_library_are_text():

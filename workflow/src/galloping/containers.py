@@ -156,7 +156,7 @@ def make_recordings(
         States; of a list each is one recording. NaN is what is missing.
     t : float, (n,) array, str, or a list of these
         Step or times of the samples, s, or the column of a frame that has them. By default they
-        are the column `t` of a frame, or its index.
+        are the column `t` of a frame, or its index if that does not count rows.
     u : (n,) or (n, n_inputs) array, frame, mapping of names, or a list of these
         Inputs at the times of `x`, an `Input` of a mapping at its own times; or names of columns of
         the frame `x`.
@@ -204,6 +204,9 @@ def _recording(
     if isinstance(x, Recording):
         if t is not None or u is not None or x_dot is not None:
             raise ValueError("t, u, x_dot: must be left out, for a Recording holds its own")
+        if states is not None and tuple(states) != x.states:
+            have = f"x: has the states {', '.join(x.states)}"
+            raise ValueError(f"{have}; must have {', '.join(states)}")
         return x
     time, names, values, driving = split_samples(x, t, u, states)
     if time is None:

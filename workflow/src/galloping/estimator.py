@@ -1,7 +1,7 @@
 """Maximum likelihood in the shape of an estimator, as pysindy and scikit-learn have them."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from inspect import signature
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -62,7 +62,7 @@ class MaximumLikelihood:
         `X` is known to be the state `dX` where there is one.
     input_names : sequence of str, optional
         Names of the inputs: by default those of the columns, else u0, u1, ...
-    known : sequence of str or Coefficient
+    known : str, or sequence of str or Coefficient
         What is known beforehand, in the grammar of `galloping.library`: an equation, `"q = dq"`, a
         coefficient, `"dq: q = -4 +- 0.1"`, or its bounds, `"dq: dq < 0"`.
     prior : Prior, optional
@@ -115,7 +115,7 @@ class MaximumLikelihood:
         degree: int | None = None,
         feature_names: Sequence[str] | None = None,
         input_names: Sequence[str] | None = None,
-        known: Sequence[str | Coefficient] = (),
+        known: str | Sequence[str | Coefficient] = (),
         prior: Prior | None = PRIOR,
         between: str = "cubic",
         forced: Sequence[str] | None = None,
@@ -167,9 +167,10 @@ class MaximumLikelihood:
         recordings = self._recordings(x, t, u, x_dot, self.feature_names, self.input_names)
         states, inputs = recordings[0].states, tuple(recordings[0].inputs)
         terms, allowed = self._terms(states, inputs)
-        texts = [each for each in self.known if isinstance(each, str)]
+        told = [self.known] if isinstance(self.known, str) else list(self.known)
+        texts = [each for each in told if isinstance(each, str)]
         known, known_states, single = known_model(texts, states, terms, inputs)
-        coefficients = [each for each in self.known if not isinstance(each, str)]
+        coefficients = [each for each in told if not isinstance(each, str)]
         coefficients += [own for each in single for own in coefficients_of(each)]
         self.model_ = maximum_likelihood(
             recordings, terms, known, known_states, self.prior, forced=self.forced,
@@ -182,7 +183,7 @@ class MaximumLikelihood:
         self.n_features_in_ = len(states)
         return self
 
-    def predict(self, x: Data, u: Driving = None) -> Any:
+    def predict(self, x: Any, u: Driving = None) -> Any:
         """Compute the rates of states, the right-hand side of the model.
 
         Parameters
@@ -197,9 +198,12 @@ class MaximumLikelihood:
         """
         model = self._fitted().model
         if is_several(x):
-            driving = u if isinstance(u, list | tuple) else [u] * len(x)  # type: ignore[arg-type]
-            return [self.predict(*each) for each in zip(x, driving, strict=True)]  # type: ignore
+            each_u: Any = u if isinstance(u, list | tuple) else [u] * len(x)
+            if len(each_u) != len(x):
+                raise ValueError(f"u: must be a list of {len(x)}, one for each recording of x")
+            return [self.predict(*each) for each in zip(x, each_u, strict=True)]
         if isinstance(x, Recording):
+            self._check_inputs(x)
             u = {name: x.inputs[name](x.time) for name in model.inputs} or None
             x = x.values
         _, _, values, own = split_samples(x, None, u, model.states)
@@ -260,6 +264,8 @@ class MaximumLikelihood:
         """
         found = self._fitted()
         recordings = self._recordings(x, t, u, x_dot, found.model.states, found.model.inputs)
+        for one in recordings:
+            self._check_inputs(one)
         if x_dot is None:
             return float(np.mean(motion_scores(found, recordings)))
         given = np.concatenate([one.rates for one in recordings if one.rates is not None])
@@ -352,8 +358,14 @@ class MaximumLikelihood:
         return tuple(map(tuple, self.library)), None
 
     def _check_inputs(self, u: object) -> None:
+        """Raise ValueError unless `u` has the inputs of the model; a Recording may have others."""
         inputs = self.model_.model.inputs
-        if u is None and inputs:
-            raise ValueError(f"u: is missing; the model has the inputs {', '.join(inputs)}")
-        if u is not None and not inputs:
+        given = u.inputs if isinstance(u, Recording) else u
+        lacking = inputs if given is None else ()
+        if isinstance(given, Mapping):
+            lacking = tuple(name for name in inputs if name not in given)
+        if lacking:
+            has = f"the model has the inputs {', '.join(inputs)}"
+            raise ValueError(f"u: {', '.join(lacking)} is missing; {has}")
+        if given is not None and not inputs and not isinstance(u, Recording):
             raise ValueError("u: must be left out; the model has no inputs")

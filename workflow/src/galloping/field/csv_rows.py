@@ -51,6 +51,6 @@ def model_rows(identified: IdentifiedModel, units: Mapping[str, str] = NONE) -> 
 
 def forecast_rows(predicted: "Forecast") -> list[dict]:
     """Rows of forecast.csv: time and, for each channel, median and 90 % band."""
-    columns = {"time_s": predicted.time} | predicted.columns()
+    columns = {"time_s": predicted.time} | predicted.channel_columns()
     rows = np.column_stack(list(columns.values())).tolist()
     return [dict(zip(columns, row, strict=True)) for row in rows]

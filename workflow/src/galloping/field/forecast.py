@@ -53,7 +53,7 @@ class Forecast(Immutable):
         first, last = self.time[0], self.time[-1]
         return f"Forecast of {', '.join(self.names)} from {first:.6g} to {last:.6g} s"
 
-    def columns(self) -> dict[str, NDArray[np.float64]]:
+    def channel_columns(self) -> dict[str, NDArray[np.float64]]:
         """Of each channel the median and the ends of its 90 % band, (n,) each, by name."""
         parts = {"": self.median, "_low": self.low, "_high": self.high}
         return {
@@ -73,7 +73,7 @@ class Forecast(Immutable):
         """
         import pandas as pd  # an extra, and slow to import
 
-        return pd.DataFrame(self.columns(), pd.Index(self.time, name="t"))
+        return pd.DataFrame(self.channel_columns(), pd.Index(self.time, name="t"))
 
     def widened(self, factors: NDArray[np.float64]) -> "Forecast":
         """The forecast with its band made wider about the median, by (n_sensed,) factors."""
