@@ -86,7 +86,8 @@ def test_no_page_is_long(page):
 
 
 def test_pages_name_modules_that_exist():
-    names = {path.name for path in (ROOT / "workflow" / "src").rglob("*.py")}
+    paths = (ROOT / folder for folder in ("workflow/src", "examples"))
+    names = {path.name for folder in paths for path in folder.rglob("*.py")}
     text = "".join(map(read, PAGES))
     named = {name.rpartition("/")[2] for name in re.findall(r"`([\w/]+\.py)`", text)}
     assert len(named) > 30 and named <= names
