@@ -3,6 +3,7 @@
 # make trust      may the verdicts be trusted? trials on thousands of recordings, in results/trust
 # make reality    what a recording gives of a line that is not its own model, in results/reality
 # make published  the settings of published methods, beside their numbers, in results/published
+# make exam       has an edit changed what is identified? some 300 recordings beside the reference
 # make paper      what the paper leaves out, inferred from its numbers, in results/paper
 # make test       the study, then its checks; SLOW=yes: all checks, as in CI
 # make repair     after a kill, a crash or an edit by hand: mend what is there, then the study
@@ -22,6 +23,7 @@
 # make tools      what development needs beside the study: style, types, pages, clusters, a browser's driver
 # make lock       pin both environments again, and check that other systems can install them
 #
+# STRATUM=names   of the exam, only these strata; BEFORE=file: an answers.csv to compare with
 # CONFIG=file     settings merged over config/config.yaml, for all that works on a study
 # ALLOW=list      publish although dirty, incomplete, outdated
 # SHA256=digest   of an archive, as it was published: for verify and restore
@@ -43,7 +45,7 @@ WHERE := $(if $(PROFILE),--workflow-profile workflow/profiles/$(PROFILE),--cores
 DIGEST := $(if $(SHA256),--sha256 '$(SHA256)')
 ALL_TESTS := $(CI)$(filter yes,$(SLOW))
 
-.PHONY: all study smoke trust reality published paper test browser repair verify publish restore prune test-faults test-slurm lint bench reference docs pages release tools lock help
+.PHONY: all study smoke trust reality published exam paper test browser repair verify publish restore prune test-faults test-slurm lint bench reference docs pages release tools lock help
 all: study
 
 study: $(if $(PROFILE),$(TOOLS),$(MADE))
@@ -54,6 +56,9 @@ smoke:
 
 trust reality published paper:
 	@$(MAKE) --no-print-directory study CONFIG=config/$@.yaml
+
+exam: $(if $(PROFILE),$(TOOLS),$(MADE))
+	@$(SCRIPT)/take_exam.py $(WHERE) $(if $(STRATUM),--stratum $(STRATUM)) $(if $(BEFORE),--before '$(BEFORE)')
 
 repair: $(if $(PROFILE),$(TOOLS),$(MADE))
 	@$(SCRIPT)/run_study.py --repair $(WHERE) $(OPTIONS)

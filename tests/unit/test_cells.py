@@ -52,6 +52,16 @@ def test_more_replicates_of_a_trial_are_further_batches():
     assert list(more["late_channels_20_to_24"].replicates) == [20, 21, 22, 23, 24]
 
 
+def test_the_trials_of_an_exam_have_one_table():
+    trials = {"a": {"kind": "systems"}, "b": {"kind": "ambient"}, "c": {"kind": "files"}}
+    assert [each.table for each in study(trials=trials).trials] == [
+        "systems",
+        "model_error",
+        "exam",
+    ]
+    assert {each.table for each in study(trials=trials, exam=True).trials} == {"exam"}
+
+
 def test_a_file_is_read_as_its_place_says(tmp_path):
     motion = Motion(("a", "b"), np.arange(3.0), np.eye(3)[:, :2], np.ones((3, 2)), "ok")
     path = tmp_path / "trajectories" / "line.npz"

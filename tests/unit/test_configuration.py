@@ -189,8 +189,11 @@ REFUSED = [
     (f"{MEASURES}.kind", "damper", "nothing", "position, coefficient"),
     (MEASURES, nested(MEASURES, FAR), "301 m is outside the span of internal_resonance"),
     (f"{MEASURES}.positions", nested(MEASURES, FAR | {"positions": []}), "is empty"),
-    ("trials.a.samples", [500], "is no key of random_lines; its own keys: protocols, levels"),
+    ("trials.a.samples", [500],
+     "is no key of random_lines; its own keys: protocols, levels, durations"),
     ("trials.a.cases", ["some"], "unknown case 'some' of random_lines; allowed: all"),
+    ("trials.a.methods", nested("trials.a", {"kind": "files", "methods": ["weak"]}),
+     "'weak' is no method of files; allowed: maximum_likelihood, weak_gls"),
     ("trials.a.durations", nested("trials.a", LONG), "12 is not allowed; of lorenz at most 10"),
 ]  # fmt: skip
 

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from galloping.configuration.kinds import KINDS
+from galloping.configuration.kinds import EXAMPLES, KINDS
+from galloping.field.sample_files import FILES
 from galloping.figures.verdicts import draw_published_intervals, draw_published_terms
 from galloping.identification import registry
 from galloping.identification.model import IdentifiedModel
@@ -32,6 +33,7 @@ KNOWN = {
     "long_and_steady": {*LONG, *CHOSEN, "limit cycle"},
     "model_error": TRUTHS,
     "published_terms": published.SETTINGS,
+    "files": FILES | EXAMPLES,
 }
 
 
@@ -93,12 +95,12 @@ def test_claims_that_do_not_hold(result, fault, term, factor, added):
 
 def of_a_random_line(seed, number, **options):
     """The fits to its two recordings, one after the other."""
-    given = {"protocols": ["state"], "levels": [0.05]} | options
+    given = {"protocols": ["state"], "levels": [0.05], "durations": [300.0]} | options
     return recorded_lines.of_random_lines(seed, "all", [number], METHODS, **given)
 
 
 def test_random_lines_and_their_table():
-    fits = pd.DataFrame(of_a_random_line(5, 0, duration=60.0))
+    fits = pd.DataFrame(of_a_random_line(5, 0, durations=[60.0]))
     assert list(fits["release"]) == [0, 1]
     table = trust(fits)
     line = table[table["case"] == "all"].to_dict("records")[0]

@@ -1,5 +1,6 @@
 # identified models, the Cramer-Rao bound, and oracles of pysindy's settings -> scores
-from galloping.deferred import trials  # the jobs import it
+from galloping.configuration.kinds import EXAMPLES
+from galloping.deferred import field, trials  # the jobs import them
 
 ORACLE_REPLICATES = 5  # the first, of which the oracle of pysindy's settings is computed
 
@@ -67,7 +68,7 @@ rule find_oracle:
 # a truth that is known -> recordings -> what is claimed of the models identified, and whether it holds
 
 
-# By kind, its function in `galloping.trials`. It takes `seed`, `case`, `replicates` (their numbers),
+# By kind, its function. It takes `seed`, `case`, `replicates` (their numbers),
 # `methods` (of `Method.settings`, by name) and the keywords `options`, and yields a row for each fit.
 TRIED_BY = {
     "default_line": trials.recorded_lines.of_the_default_line,
@@ -80,11 +81,14 @@ TRIED_BY = {
     "free_decays": trials.free_decays.trial,
     "published_terms": trials.published.exact_terms,
     "published_intervals": trials.published.relaxation_intervals,
+    "files": field.sample_files.trial,
     "paper": trials.paper_inference.trial,
 }
 
 
 rule run_trial:
+    input:
+        lambda wildcards: EXAMPLES.get(batch(wildcards).case, []),
     output:
         fits="<results>/trials/{trial}/{batch}.csv",
     log:

@@ -82,7 +82,7 @@ rule draw_figure:
 
 
 INTRODUCTIONS = ["introduction"] * bool(STUDY.cases) + list(
-    dict.fromkeys("inference" if trial.kind.table == PAPER else "trials" for trial in STUDY.trials)
+    dict.fromkeys("inference" if trial.table == PAPER else "trials" for trial in STUDY.trials)
 )
 SHOWN_TABLES = [*(name for name in TABLES if name not in NOT_SHOWN), *COMPARISONS]
 ANIMATED = ["galloping"] if LINES else []  # the only figure that is not drawn on paper

@@ -5,7 +5,7 @@
 # `galloping.study.files.read` returns it.
 from types import SimpleNamespace
 
-from galloping.configuration.kinds import EXACT_TERMS, INTERVALS, MODEL_ERROR, SYSTEMS, TRUST
+from galloping.configuration.kinds import EXACT_TERMS, EXAM, INTERVALS, MODEL_ERROR, SYSTEMS, TRUST
 from galloping.deferred import evaluation, report as pages, tables  # the jobs import them
 from galloping.results import OURS
 
@@ -54,7 +54,7 @@ def fits_of(*tables):
     return {
         f"{trial.name}/{batch.name}": f"<results>/trials/{trial.name}/{batch.name}.csv"
         for trial in STUDY.trials
-        if trial.kind.table in tables
+        if trial.table in tables
         for batch in trial.batches
     }
 
@@ -65,7 +65,7 @@ def joined(parts):
 
 
 def has_trials(*tables):
-    return any(trial.kind.table in tables for trial in STUDY.trials)
+    return any(trial.table in tables for trial in STUDY.trials)
 
 
 TABLES = {}
@@ -216,6 +216,11 @@ if has_trials(TRUST, SYSTEMS, MODEL_ERROR):
         {"kinds": {name: of.kind for name, of in STUDY.settings.trials.items()}},
         parts=fits_of(TRUST, SYSTEMS, MODEL_ERROR),
     )
+if has_trials(EXAM):
+    TABLES |= {
+        "answers": made(tables.exam.collect_answers, parts=fits_of(EXAM)),
+        "exam": made(tables.exam.sum_up_strata, answers="<results>/tables/answers.csv"),
+    }
 if has_trials(PAPER):
     TABLES |= {
         "paper_region": made(tables.inference.region_table, samples=SAMPLES, readings=READINGS),
@@ -227,8 +232,9 @@ if has_trials(PAPER):
 
 COMPARISONS = ["reference_summary", "reference_differences"]
 TABLES["columns"].settings["tables"] = [*TABLES, *COMPARISONS]
-NOT_SHOWN = {"scores", "fits", "paper_samples"}  # in the report: too long
-NOT_COMPARED = NOT_SHOWN | {  # with the reference
+TOO_LONG = {"scores", "fits", "paper_samples"}
+NOT_SHOWN = TOO_LONG | {"answers"}  # in the report
+NOT_COMPARED = TOO_LONG | {  # with the reference
     "readings", "table3_as_printed", "reproduction", "columns",
     "limit_cycles", "bifurcations",  # where a branch has its points is decided by rounding
 }  # fmt: skip

@@ -1,6 +1,7 @@
 """The study; one line says why when it cannot run or stops.
 
-Usage: run_study.py [--repair] [options for snakemake]
+Usage: run_study.py [--repair] [--only FILE ...] [options for snakemake]
+--only: make these results, with what they need, in place of the whole study.
 --repair: first make it fit to go on after a kill, a crash, an edit by hand or a lost .snakemake.
 """
 
@@ -44,6 +45,7 @@ LAST_WORDS = 20  # lines of Snakemake's that are shown where no job says what we
 def main(*arguments: str) -> int:
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--repair", action="store_true")
+    parser.add_argument("--only", nargs="+", default=[])
     own, options = parser.parse_known_args(arguments)
     parser.add_argument("--configfile", nargs="+", default=[])
     parser.add_argument("--cores", nargs="?", const="")
@@ -58,9 +60,9 @@ def main(*arguments: str) -> int:
         with locked(results, repair, repairing=own.repair) as began:
             targets = mend(results, files) if own.repair else check(results, files, repair)
             before, start = receipts(results), time.monotonic()
-            for line in announced(settings, files, before, known):
+            for line in [] if own.only else announced(settings, files, before, known):
                 print(line, flush=True)
-            status, interrupted = snakemake(results, *targets, *options)
+            status, interrupted = snakemake(results, *(own.only or targets), *options)
             for line in clear_unfinished(results):
                 print(line, file=sys.stderr)
             remember(results, inspect(results, after := receipts(results)))

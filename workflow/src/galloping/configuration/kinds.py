@@ -17,10 +17,13 @@ with Path(__file__).with_name("systems.csv").open(encoding="utf-8", newline="") 
 # leaves out, beside what others published of exact terms and of intervals
 TRUST, SYSTEMS, MODEL_ERROR, PAPER = "trust", "systems", "model_error", "paper"
 EXACT_TERMS, INTERVALS = "published_terms", "published_intervals"
+EXAM = "exam"  # of an exam, whose trials are summed up by their names
 # s, of the longest recordings that were published of each system
 LONGEST = {"lorenz": 10.0, "van_der_pol": 12.0, "rossler": 30.0}
 # quadratic coefficients of a relaxation
 GAMMAS = {f"gamma {gamma:g}": gamma for gamma in (0.0, 0.02, 0.04, 0.08, 0.12, 0.16)}
+# files that come with the project, and how their columns are read
+EXAMPLES = {name: (f"examples/{name}.csv", f"examples/{name}.yaml") for name in ("span", "gusts")}
 
 
 @dataclass(frozen=True)
@@ -29,13 +32,14 @@ class Kind:
 
     table: in which its rows are summed up. cases: those there are; a batch is of one of them.
     methods: those that are compared by default. options: further keys that it takes, with their
-    defaults.
+    defaults. usable: the methods that it can use, by default all.
     """
 
     table: str
     cases: tuple[str, ...]
     methods: tuple[str, ...] = ("maximum_likelihood",)
     options: Mapping[str, tuple] = field(default_factory=dict)
+    usable: tuple[str, ...] = ()
 
 
 KINDS = {
@@ -45,7 +49,9 @@ KINDS = {
         options={"protocols": ("state", "displacement"), "levels": (0.05, 0.1, 0.15)},
     ),
     "random_lines": Kind(
-        TRUST, cases=("all",), options={"protocols": ("state",), "levels": (0.05,)}
+        TRUST,
+        cases=("all",),
+        options={"protocols": ("state",), "levels": (0.05,), "durations": (300.0,)},
     ),
     "sensor_faults": Kind(
         TRUST,
@@ -86,6 +92,17 @@ KINDS = {
     ),
     "published_intervals": Kind(
         INTERVALS, cases=tuple(GAMMAS), options={"samples": (200, 800, 1600, 3200)}
+    ),
+    "files": Kind(
+        EXAM,
+        cases=(
+            "limit cycle in micrometres", "limit cycle in minutes", "release after rest",
+            "decay to rest", "decay with a knock", "dry friction", "large angles",
+            "dry friction, its term asked for", "large angles, sine asked for", "angle that wraps",
+            "two modes to rest", "unmeasured machine", "step of a force", "held force",
+            "force of two values", *EXAMPLES,
+        ),
+        usable=("maximum_likelihood", "weak_gls"),
     ),
     "paper": Kind(PAPER, cases=tuple(BY_NAME), methods=("paper",)),
 }  # fmt: skip

@@ -241,9 +241,13 @@ class TrialSection(
                     f"unknown case {show(case)} of {self.kind}; allowed: {', '.join(kind.cases)}",
                     "cases",
                 )
+        for method in self.methods or ():
+            if kind.usable and method not in kind.usable:
+                told = f"{show(method)} is no method of {self.kind}"
+                raise invalid(f"{told}; allowed: {', '.join(kind.usable)}", "methods")
         for duration in self.durations or ():
             for case in self.cases or kind.cases:
-                if duration > LONGEST[case]:
+                if duration > LONGEST.get(case, duration):
                     raise invalid(
                         f"{duration:g} is not allowed; of {case} at most {LONGEST[case]:g}",
                         "durations",

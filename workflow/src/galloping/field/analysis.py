@@ -173,6 +173,32 @@ def analyse(
     beside: a name and a model of the line that the summary compares with. Raises ValueError, in one
     line, for files or a question that make no sense; a recording without a model is no error.
     """
+    field, summary = identify_field(field, question)
+    case = None
+    if beside and summary.found.status != "refused":
+        found = summary.found.at(typical_inputs(summary.found.model.inputs, field.recordings))
+        case = beside[0], expected(beside[1], found, Surroundings.of(field.recordings))
+    with part("write", until=1.0):
+        write_outputs(folder, field, summary, case)
+        write_figures(folder, field, summary)
+    return summary.found
+
+
+def identify_field(field: Field, question: FieldQuestion) -> tuple[Field, Summary]:
+    """Identify one model from recordings of one system, and try it.
+
+    Returns
+    -------
+    Field
+        The recordings, with what inputs are between their samples decided.
+    Summary
+        The model, refused if there is none, and what it says of the system.
+
+    Raises
+    ------
+    ValueError
+        In one line, for files or a question that make no sense.
+    """
     mapping = field.mapping
     terms, allowed = question.terms(mapping)
     check_telling(field.series, terms, len(mapping.states))
@@ -209,14 +235,7 @@ def analyse(
                 identified, given, identify, question.seed, names=field.names,
                 faults=field.faults, are_one=len(field.series) == 1,
             )  # fmt: skip
-    case = None
-    if beside and summary.found.status != "refused":
-        found = summary.found.at(typical_inputs(summary.found.model.inputs, given))
-        case = beside[0], expected(beside[1], found, Surroundings.of(given))
-    with part("write", until=1.0):
-        write_outputs(folder, field, summary, case)
-        write_figures(folder, field, summary)
-    return summary.found
+    return field, summary
 
 
 def check_telling(series: Sequence[Series], terms: Sequence[Exponents], n_states: int) -> None:

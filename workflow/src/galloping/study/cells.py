@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from galloping.configuration.kinds import KINDS, Kind
+from galloping.configuration.kinds import EXAM, KINDS
 from galloping.configuration.load import plain
 from galloping.configuration.settings import Settings, TrialSection
 from galloping.cycles.family import PARAMETERS
@@ -77,10 +77,13 @@ class Batch:
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial. options: keywords of the kind's function, in plain values."""
+    """One trial.
+
+    table: that sums up its rows. options: keywords of the kind's function, in plain values.
+    """
 
     name: str
-    kind: Kind
+    table: str
     seed: int
     replicates: int
     batch: int
@@ -100,13 +103,13 @@ class Trial:
         )
 
 
-def configured_trial(name: str, configured: TrialSection) -> Trial:
-    """A trial as configured, keys left out at the defaults of its kind."""
+def configured_trial(name: str, configured: TrialSection, is_exam: bool = False) -> Trial:
+    """A trial as configured, keys left out at the defaults of its kind; maybe one of an exam."""
     kind = KINDS[configured.kind]
     options = {key: getattr(configured, key) or default for key, default in kind.options.items()}
     return Trial(
         name,
-        kind,
+        EXAM if is_exam else kind.table,
         configured.seed,
         configured.replicates,
         configured.batch,
@@ -301,7 +304,8 @@ class Study:
 
     @cached_property
     def trials(self) -> tuple[Trial, ...]:
-        return tuple(configured_trial(name, of) for name, of in self.settings.trials.items())
+        is_exam = self.settings.exam
+        return tuple(configured_trial(*each, is_exam) for each in self.settings.trials.items())
 
     def trial(self, name: str) -> Trial:
         return next(each for each in self.trials if each.name == name)

@@ -26,9 +26,9 @@ KEYS = frozenset((
     "case", "claim", "quantity", "key", "symbol", "equation", "term", "release", "line", "truth",
     "sensors", "path", "table", "column", "reading", "recordings", "protocol", "cell", "level",
     "points", "method", "setting", "group", "system", "samples", "replicate", "order", "state",
-    "x", "y", "wind_m_s", "direction", "what", "measure",
+    "x", "y", "wind_m_s", "direction", "what", "measure", "stratum", "recording",
 ))  # fmt: skip
-MEASURED = "seconds_median"  # of the processor, which no two runs share
+MEASURED = ("seconds", "seconds_median")  # of the processor, which no two runs share
 COLUMNS = ("row", "column", "reference", "found", "difference", "tolerance")
 WHOLE = "(row)"  # stands for a column where a row is missing or new
 HEADING = "(column)"  # stands for a row where a column is missing or new
@@ -124,7 +124,7 @@ def _by_row(*tables: pd.DataFrame) -> Iterator[pd.DataFrame]:
         names = text[keys].apply(_key).agg(", ".join, axis=1) if len(text) else text[keys[0]]
         again = names.groupby(names).cumcount() + 1  # such as points along a branch
         names = names.where(again == 1, names + ", row " + again.astype(str))
-        yield text.drop(columns=[*keys, MEASURED], errors="ignore").set_axis(names)
+        yield text.drop(columns=[*keys, *MEASURED], errors="ignore").set_axis(names)
 
 
 def _key(column: pd.Series) -> pd.Series:

@@ -87,7 +87,7 @@ def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
     asked = fits.reindex(columns=["exact", "ok_and_wrong"]).astype(float)
     fits = fits.assign(**asked).fillna({"path": ""})
     table = _summed(fits, ["group", "method", "path"], lambda own: {
-        "fits": len(own), **_counts(own), "seconds_median": own["seconds"].median(),
+        "fits": len(own), **status_counts(own), "seconds_median": own["seconds"].median(),
     })  # fmt: skip
     order = ["group", "method", "fits"]
     return table.sort_values(order, ascending=[True, True, False], kind="stable")
@@ -119,7 +119,8 @@ def _summed(
     )
 
 
-def _counts(fits: pd.DataFrame) -> dict[str, float]:
+def status_counts(fits: pd.DataFrame) -> dict[str, float]:
+    """How many fits are exact, of each status, and sure and wrong."""
     status = fits["status"].value_counts()
     return {
         "exact": fits["exact"].sum(min_count=1),
@@ -135,7 +136,7 @@ def _trust(fits: pd.DataFrame) -> dict[str, object]:
     stating = fits[fits["status"].isin(["ok", "not identifiable"])]
     return {
         "fits": len(fits),
-        **_counts(fits),
+        **status_counts(fits),
         "coverage_given_terms": _share(fits["holding_given_terms"], fits["terms_found"]),
         "coverage_unconditional": _share(stating["holding_unconditional"], stating["terms"]),
         "width_ratio": fits["width_ratio"].median(),
@@ -149,7 +150,7 @@ def _share(part: pd.Series, whole: pd.Series) -> float:
 
 
 def _systems(fits: pd.DataFrame) -> dict[str, object]:
-    counts = _counts(fits)
+    counts = status_counts(fits)
     return {
         "replicates": len(fits),
         **{name: counts[name] for name in ("exact", "ok", "ok_and_wrong", "refused")},

@@ -16,7 +16,8 @@ from galloping.physics.galerkin import STATES
 from galloping.polynomial import library
 from galloping.recording import Recording
 from galloping.streams import generator
-from galloping.trials.real_lines import DEGREE, NOISE, identified_by
+from galloping.trials.attempts import identified_by
+from galloping.trials.real_lines import DEGREE, JUDGEMENTS, NOISE
 
 FREQUENCIES, DAMPING = (0.4, 1.0), (0.003, 0.02)  # Hz; ratio to critical
 DURATIONS, RATES = (300.0, 1200.0), (5.0, 25.0)  # s, Hz
@@ -113,8 +114,11 @@ def trial(
         (true, _), bound = decays(motion.system, ()), motion.least_errors()
         for method, settings in methods.items():
             terms, name = library(len(STATES), DEGREE), ("ambient", case, str(replicate))
-            found, row = identified_by({method: settings}, [[motion.recording]], terms, name)
-            row |= {"truth": case, "sensors": "displacements", "replicate": replicate, "seed": seed}
+            found, answer = identified_by({method: settings}, [motion.recording], terms, name)
+            row = {
+                "truth": case, "sensors": "displacements", "replicate": replicate, "seed": seed,
+                **answer, **dict.fromkeys(JUDGEMENTS, np.nan),
+            }  # fmt: skip
             if found.is_forced:
                 places = np.argwhere(found.support)
                 exponents = np.array(found.model.terms)[places[:, 1]]

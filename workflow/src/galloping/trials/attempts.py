@@ -1,6 +1,8 @@
 """Recordings whose truth is known, and what is identified from them: a tidy row for each fit."""
 
+import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from time import process_time
 
@@ -9,9 +11,10 @@ import numpy as np
 from galloping.bounds import bounds_of, on_library
 from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.work import limited
 from galloping.intervals import NORMAL_95
 from galloping.measurement import Motion, noises_of, recordings_of
-from galloping.polynomial import PolynomialModel, velocity_pairs
+from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs
 from galloping.recording import Recording
 from galloping.simulation import rates_of
 
@@ -73,20 +76,19 @@ def _motion(true: PolynomialModel, time: np.ndarray, states: np.ndarray) -> Moti
 def fits(
     attempts: Iterable[Attempt], methods: Mapping[str, Mapping]
 ) -> Iterator[dict[str, object]]:
-    """A row for each attempt and method: its columns, and what `against_truth` says.
+    """A row for each attempt and method: its columns, those of `identified_by`, of `against_truth`.
 
     methods: `Method.settings` by name. weakest_t: the least |coefficient| / deviation of the true
     terms. error_over_bound: root mean square over the true terms of error / deviation, NaN unless
     the terms are exactly right. cause_named: 1 where the reason names the cause and 0 where it does
-    not, NaN where there is none. seconds: of the processor.
+    not, NaN where there is none.
     """
     for attempt in attempts:
         true, name = attempt.true, list(map(str, attempt.columns.values()))
         for method, settings in methods.items():
-            began = process_time()
-            models = identify({method: settings}, [[attempt.recording]], true.terms, name)
-            seconds = process_time() - began
-            (result,) = models[method]
+            result, answer = identified_by(
+                {method: settings}, [attempt.recording], true.terms, name
+            )
             row = against_truth(true, result)
             weakest, error = np.nan, np.nan
             if attempt.deviations is not None and np.any(np.isfinite(attempt.deviations)):
@@ -98,13 +100,70 @@ def fits(
                     error = np.sqrt(np.mean((off / deviations) ** 2))
             yield {
                 **attempt.columns,
-                "method": method,
+                **answer,
                 **row,
                 "weakest_t": float(weakest),
                 "error_over_bound": float(error),
                 "cause_named": float(attempt.cause in result.reason) if attempt.cause else np.nan,
-                "seconds": seconds,
             }
+
+
+def identified_by(
+    method: Mapping[str, Mapping],
+    recordings: Sequence[Recording],
+    terms: tuple[Exponents, ...],
+    name: Sequence[str],
+) -> tuple[IdentifiedModel, dict[str, object]]:
+    """Identify one model, and describe it: `method`, `describe_answer` and `counted_cost`.
+
+    method: a name and its `Method.settings`. name: of the recordings, for random numbers.
+    """
+    with counted_cost(recordings) as cost:
+        ((found,),) = identify(method, [recordings], terms, name).values()
+    return found, {"method": next(iter(method)), **describe_answer(found), **cost}
+
+
+@contextmanager
+def counted_cost(recordings: Sequence[Recording]) -> Iterator[dict[str, float]]:
+    """Count what a search in recordings costs.
+
+    Yields
+    ------
+    dict
+        Filled at the end of the block: `work`, s, as `identification.work` counts it without a
+        limit of its own, and `seconds` of the processor.
+    """
+    cost: dict[str, float] = {}
+    began = process_time()
+    with limited(recordings, np.inf) as work:
+        yield cost
+    cost |= {"work": work.spent, "seconds": process_time() - began}
+
+
+def describe_answer(found: IdentifiedModel) -> dict[str, str]:
+    """Describe a model by columns of a table: status, reason, path, findings and coefficients.
+
+    findings: their codes. coefficients: see `coefficients_as_text`.
+    """
+    return {
+        "status": found.status, "reason": found.reason, "path": found.diagnostics.get("path", ""),
+        "findings": " ".join(sorted(each.code for each in found.findings)),
+        "coefficients": coefficients_as_text(found),
+    }  # fmt: skip
+
+
+def coefficients_as_text(found: IdentifiedModel) -> str:
+    """Write the coefficients as JSON: by equation and term a value and its standard error.
+
+    An error that is not stated is null. A refused model has no equations.
+    """
+    model, equations = found.model, {}
+    for i, j in np.argwhere(found.support):
+        value, error = model.coefficients[i, j], found.standard_errors[i, j]
+        stated = float(f"{error:.4g}") if np.isfinite(error) else None
+        term = {model.term_names[j]: [float(f"{value:.9g}"), stated]}
+        equations.setdefault(model.states[i], {}).update(term)
+    return json.dumps(equations, separators=(",", ":"))
 
 
 def trial_of(attempts: Callable[..., Iterator[Attempt]]) -> Callable[..., Iterator[dict]]:
@@ -149,11 +208,8 @@ def against_truth(true: PolynomialModel, result: IdentifiedModel) -> dict[str, o
     wrong = counts["false_terms"] or counts["above_limit"] or counts["off"]
     ratios = (errors / trusting)[present & is_model]
     return {
-        "status": result.status,
         "exact": bool(np.array_equal(present, terms)),
         "ok_and_wrong": bool(result.status == "ok" and wrong),
         **counts,
         "width_ratio": float(np.median(ratios)) if ratios.size else np.nan,
-        "reason": result.reason,
-        "path": result.diagnostics.get("path", ""),
     }

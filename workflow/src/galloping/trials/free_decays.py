@@ -14,7 +14,8 @@ from galloping.intervals import NORMAL_95
 from galloping.polynomial import library
 from galloping.recording import Recording
 from galloping.streams import generator
-from galloping.trials.real_lines import DEGREE, identified_by
+from galloping.trials.attempts import identified_by
+from galloping.trials.real_lines import DEGREE, JUDGEMENTS
 
 STATES = ("q", "dq")
 SENSORS = ("displacement", "acceleration")
@@ -107,8 +108,11 @@ def trial(
         decay = FreeDecay.drawn(generator(seed, "free_decays", case, replicate))
         for method, settings in methods.items():
             terms, name = library(len(STATES), DEGREE), ("free_decays", case, str(replicate))
-            found, row = identified_by({method: settings}, [[decay.recording]], terms, name)
-            row |= {"truth": case, "sensors": decay.sensor, "replicate": replicate, "seed": seed}
+            found, answer = identified_by({method: settings}, [decay.recording], terms, name)
+            row = {
+                "truth": case, "sensors": decay.sensor, "replicate": replicate, "seed": seed,
+                **answer, **dict.fromkeys(JUDGEMENTS, np.nan),
+            }  # fmt: skip
             yield row | (_judged(decay, found) if found.status != "refused" else {})
 
 

@@ -19,14 +19,13 @@ import numpy as np
 
 from galloping.bounds import Experiment, on_library, state_bound
 from galloping.configuration.kinds import GAMMAS, LONGEST, PUBLISHED
-from galloping.identification.cell import identify
 from galloping.intervals import NORMAL_95
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
 from galloping.simulation import Simulator
 from galloping.streams import generator
 from galloping.terms import known_model
-from galloping.trials.attempts import Attempt, measured, trial_of
+from galloping.trials.attempts import Attempt, identified_by, measured, trial_of
 
 PERIODS = 30
 REMEMBERED = 4  # periods of a chaotic flow from which its bound is formed
@@ -162,8 +161,9 @@ def relaxation_intervals(
 ) -> Iterator[dict[str, object]]:
     """A row for each fit to a relaxation with the quadratic coefficient of `case`.
 
-    status, exact: as in `attempts.against_truth`. found: whether the model has x^2. holds: whether
-    the interval of 95 % that does not trust the terms has its true coefficient; width: of it.
+    Beside the columns of `attempts.identified_by`: exact, as in `attempts.against_truth`; found,
+    whether the model has x^2; holds, whether the interval of 95 % that does not trust the terms
+    has its true coefficient; width, of that interval.
     """
     true = model_of(RELAXATION.format(GAMMAS[case]), 3)
     quadratic = true.terms.index((2,))
@@ -178,14 +178,13 @@ def relaxation_intervals(
             noise = np.array([[RELAXATION_NOISE], [np.nan]])
             recording = Recording(time, true.states, values, known_noise=noise)
             name = list(map(str, columns.values()))
-            for method, models in identify(methods, [[recording]], true.terms, name).items():
-                (result,) = models
+            for method, settings in methods.items():
+                result, answer = identified_by({method: settings}, [recording], true.terms, name)
                 error = result.unconditional_errors[0, quadratic]
                 distance = abs(result.model.coefficients[0, quadratic] - GAMMAS[case])
                 yield {
                     **columns,
-                    "method": method,
-                    "status": result.status,
+                    **answer,
                     "exact": bool(np.array_equal(result.support, true.support)),
                     "found": bool(result.support[0, quadratic]),
                     "holds": bool(distance <= NORMAL_95 * error),

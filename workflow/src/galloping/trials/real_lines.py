@@ -8,13 +8,11 @@ judged by what it says of the line: amplitude, frequencies, net damping, and for
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from time import process_time
 
 import numpy as np
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
-from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95, drawn
 from galloping.physics import continuous
@@ -24,6 +22,7 @@ from galloping.recording import Input, Recording
 from galloping.simulation import Simulator
 from galloping.streams import generator
 from galloping.terms import parse
+from galloping.trials.attempts import identified_by
 
 CASE = "internal_resonance"
 DEGREE = 3
@@ -35,12 +34,12 @@ QUANTITIES = (
     "amplitude_v", "amplitude_w", "damping_v", "frequency_v", "damping_w", "frequency_w",
 )  # fmt: skip
 JUDGED = 5  # the first of them, whose intervals are counted: w has no bar for its frequency
-COLUMNS = (
-    "truth", "sensors", "method", "replicate", "seed", "status", "reason", "path", "terms",
+JUDGEMENTS = (  # columns, empty where a model says nothing of them
+    "terms",
     *(f"{name}_error_percent" for name in QUANTITIES),
     *(f"{name}_interval_percent" for name in QUANTITIES),
     "damping_v_bound_percent", "damping_w_bound_percent",
-    "intervals_held", "forecast_r2", "other_winds_error_percent", "seconds",
+    "intervals_held", "forecast_r2", "other_winds_error_percent",
 )  # fmt: skip
 
 
@@ -213,13 +212,16 @@ def trial(
         values = combined(line, truth, clean + noise)
         if not truth.velocities:
             values[:, 2:] = np.nan
-        recordings = [(Recording(time, STATES, values, inputs=measured),)]
+        recordings = [Recording(time, STATES, values, inputs=measured)]
         for method, settings in methods.items():
             if truth.wind and method not in DRIVEN:
                 continue
             name = ("model_error", case, str(replicate))
-            identified, row = identified_by({method: settings}, recordings, terms, name)
-            row |= {"truth": case, "sensors": truth.sensors, "replicate": replicate, "seed": seed}
+            identified, said = identified_by({method: settings}, recordings, terms, name)
+            row = {
+                "truth": case, "sensors": truth.sensors, "replicate": replicate, "seed": seed,
+                **said, **dict.fromkeys(JUDGEMENTS, np.nan),
+            }  # fmt: skip
             if identified.status != "refused":
                 draws = generator(seed, "model_error", case, replicate, method)
                 held = identified.at(dict.fromkeys(inputs, line.speed))
@@ -233,18 +235,6 @@ def trial(
                         for speed, amplitude in others.items()
                     )
             yield row
-
-
-def identified_by(
-    method: Mapping[str, Mapping], recordings: Sequence, terms: Sequence, name: Sequence[str]
-) -> tuple[IdentifiedModel, dict[str, object]]:
-    """What one method gives of recordings, and the row that says so."""
-    began = process_time()
-    ((found,),) = identify(method, recordings, terms, name).values()
-    return found, dict.fromkeys(COLUMNS, np.nan) | {
-        "method": next(iter(method)), "status": found.status, "reason": found.reason,
-        "path": found.diagnostics.get("path", ""), "seconds": process_time() - began,
-    }  # fmt: skip
 
 
 def _other_winds(

@@ -133,12 +133,15 @@ def _or_absent(rng: np.random.Generator, size: float) -> list[float]:
 @trial_of
 def of_random_lines(
     seed: int, case: str, replicates: Sequence[int], *, protocols: list[str], levels: list[float],
-    duration: float = DURATION, sampling_rate: float = RATE,
+    durations: list[float],
 ) -> Iterator[Attempt]:  # fmt: skip
-    """Lines drawn at random, each from two releases; the replicates are the lines."""
-    time = time_grid(duration, sampling_rate)
+    """Lines drawn at random, each from two releases; the replicates are the lines.
+
+    durations: s, of the recordings.
+    """
     simulator = Simulator(STATES, TERMS)
-    for number in replicates:
+    for duration, number in product(durations, replicates):
+        time = time_grid(duration, RATE)
         true, motions = next(lines(generator(seed, "random line", number), simulator, time))
         for protocol in protocols:
             for level in levels:
@@ -148,7 +151,9 @@ def of_random_lines(
                         "seed": seed, "replicate": number, "release": release,
                     }  # fmt: skip
                     attempt = measured(columns, true, time, states)
-                    yield replace(attempt, deviations=deviations_at_the_bound(attempt, states))
+                    deviations = deviations_at_the_bound(attempt, states)
+                    columns |= {"duration": duration}  # on which the noise does not depend
+                    yield replace(attempt, columns=columns, deviations=deviations)
 
 
 @trial_of

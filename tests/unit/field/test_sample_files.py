@@ -1,0 +1,64 @@
+"""Files of known truth: the motions obey their equations, and what is said of them is judged."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from galloping.field.analysis import FieldQuestion, identify_field
+from galloping.field.sample_files import FILES, Oscillation, judge, trial, write_and_read
+from galloping.identification.observations import Code
+from galloping.streams import generator
+
+MODE = Oscillation(3.0, 0.05)
+
+
+def test_a_free_motion_obeys_its_equation_from_its_release_on():
+    time = np.linspace(-1.0, 5.0, 601)
+    x, dx, ddx = (MODE.free(time, 0.2, derivative) for derivative in range(3))
+    np.testing.assert_allclose(ddx, MODE.rates[1] @ [x, dx], atol=1e-12)
+    np.testing.assert_allclose(np.gradient(x, time)[105:-1], dx[105:-1], atol=1e-3)
+    assert x[100] == pytest.approx(0.2) and dx[100] == pytest.approx(0.0, abs=1e-12)
+    assert not np.any(x[:100])
+
+
+def test_a_driven_motion_is_free_without_a_force_and_rests_at_a_steady_one():
+    free = MODE.driven(np.zeros(500), 0.01, start=0.2)
+    np.testing.assert_allclose(free, MODE.free(0.01 * np.arange(500), 0.2), atol=1e-12)
+    steady = MODE.driven(np.full(10000, 1.8), 0.01)
+    assert steady[-1] == pytest.approx(1.8 / MODE.frequency**2)
+
+
+def sample(case, replicate=0):
+    return FILES[case](generator(11, "file", case, replicate))
+
+
+@pytest.mark.parametrize("case", FILES)
+def test_a_file_is_drawn_by_number_and_can_be_read(case):
+    one, again, other = sample(case), sample(case), sample(case, 1)
+    for header, values in one.columns.items():
+        np.testing.assert_array_equal(values, again.columns[header])
+    assert one.mode == again.mode != other.mode
+    field = write_and_read(one)
+    assert len(field.recordings) == 1
+    assert field.mapping.states == tuple(one.mapping["states"])
+
+
+def test_what_is_said_of_a_file_is_judged():
+    known = sample("decay to rest")
+    _, said = identify_field(write_and_read(known), FieldQuestion())
+    row = judge(known, said)
+    assert said.found.status == "ok" and row["exact"] and not row["ok_and_wrong"]
+    assert row["intervals_held"] == 1.0 and np.isnan(row["cause_named"])
+    assert judge(replace(known, cause=Code.KNOCKED), said)["cause_named"] == 0.0
+    slower = replace(known, mode=Oscillation(0.99 * known.mode.frequency, known.mode.damping))
+    assert judge(slower, said)["intervals_held"] == 0.5
+    without_equation = replace(slower, equation="")
+    row = judge(without_equation, said)
+    assert row["ok_and_wrong"] and "exact" not in row
+
+
+def test_a_file_is_identified_as_by_the_command():
+    row = next(trial(11, "limit cycle in micrometres", [0], {"maximum_likelihood": {}}))
+    assert (row["case"], row["replicate"], row["status"]) == ("limit cycle in micrometres", 0, "ok")
+    assert row["exact"] and not row["ok_and_wrong"] and row["work"] > 0.0

@@ -1,0 +1,128 @@
+"""The exam: answers of the identification to fixed recordings, beside those of an earlier commit.
+
+Usage: take_exam.py [--stratum NAME ...] [--before FILE] [--configfile FILE ...] [options of
+run_study.py]
+--stratum: only these trials of the configuration.
+--before: answers to compare with, an `answers.csv`; else those of the reference.
+Exit code 1 if a measure of a stratum is worse by more than two standard errors.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pandas as pd
+from run_study import main as run_study
+
+from galloping.configuration.load import configured
+from galloping.configuration.yaml_file import ConfigurationError
+from galloping.study.cells import Study, Trial
+from galloping.study.files import read_table
+from galloping.tables import exam
+
+SHOWN = {  # columns of `exam.sum_up_strata`, and the measures of their differences
+    "exact": "exact", "ok": "ok", "ok_and_wrong": "ok_and_wrong", "refused": "refused",
+    "coverage": "intervals_held", "cause_named": "cause_named", "work": "work",
+}  # fmt: skip
+
+
+def main(*arguments: str) -> int:
+    parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
+    parser.add_argument("--stratum", nargs="+", default=[])
+    parser.add_argument("--before")
+    parser.add_argument("--configfile", nargs="+", default=["config/exam.yaml"])
+    given, options = parser.parse_known_args(arguments)
+    try:
+        study = Study(configured(["config/config.yaml", *given.configfile]))
+        trials = select_trials(study, given.stratum)
+        before = read_before(study, given.before)
+    except (ConfigurationError, ValueError) as error:
+        sys.exit(str(error))
+    folder = f"{study.settings.results}/trials"
+    parts = [f"{trial.name}/{batch.name}" for trial in trials for batch in trial.batches]
+    only = ["--only", *(f"{folder}/{part}.csv" for part in parts)] if given.stratum else []
+    if status := run_study(*only, *options, "--configfile", *given.configfile):
+        return status
+    now = exam.collect_answers({part: read_table(f"{folder}/{part}.csv") for part in parts})
+    before = before[before["stratum"].isin([trial.name for trial in trials])]
+    compared = exam.compare_measures(before, now)
+    print(*format_table(exam.sum_up_strata(now), compared), sep="\n")
+    print(*format_changes(before, now), sep="\n")
+    worse = [row for row in compared.to_dict("records") if exam.is_worse(row)]
+    for row in worse:
+        print(f"Worse by more than two standard errors: {row['measure']} of {row['stratum']}")
+    return int(bool(worse))
+
+
+def select_trials(study: Study, strata: Sequence[str]) -> list[Trial]:
+    """Select the trials of these names, by default all. Raises ValueError for another name."""
+    if not study.settings.exam:
+        raise ValueError("exam: false; the configuration of an exam says true")
+    known = [trial.name for trial in study.trials]
+    for name in strata:
+        if name not in known:
+            raise ValueError(f"STRATUM: {name!r} is no stratum; must be of {', '.join(known)}")
+    return [trial for trial in study.trials if not strata or trial.name in strata]
+
+
+def read_before(study: Study, file: str | None) -> pd.DataFrame:
+    """Read the answers to compare with; none if there is no reference.
+
+    Raises ValueError, in one line, for a file that is no table of answers.
+    """
+    path = Path(file or Path(study.settings.reference, "answers.csv"))
+    if not file and not path.exists():
+        return pd.DataFrame(columns=exam.COLUMNS)
+    try:
+        found = read_table(path)
+    except (OSError, ValueError) as error:
+        raise ValueError(f"BEFORE: {path}: cannot be read: {str(error).strip()}") from None
+    if missing := [column for column in exam.COLUMNS if column not in found]:
+        raise ValueError(f"BEFORE: {path}: has no column {missing[0]}; must be an answers.csv")
+    return exam.with_types(found)
+
+
+def format_table(strata: pd.DataFrame, compared: pd.DataFrame) -> Iterator[str]:
+    """A line for each stratum: values, with differences from the values before in brackets."""
+    shifts = {
+        (row["stratum"], row["method"], row["measure"]): row for row in compared.to_dict("records")
+    }
+    rows = [["stratum", "answers", *(name.replace("_", " ") for name in SHOWN), "seconds"]]
+    for row in strata.to_dict("records"):
+        cells = [row["stratum"], str(row["fits"])]
+        for column, measure in SHOWN.items():
+            shift = shifts.get((row["stratum"], row["method"], measure))
+            cells.append(_format_cell(column, row[column], shift))
+        rows.append([*cells, f"{row['seconds']:.0f}"])
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+    yield "(difference from before; *: of more than two standard errors, paired by recording)"
+
+
+def _format_cell(column: str, value: float, shift: dict | None) -> str:
+    if pd.isna(value):
+        return "-"
+    form = {"coverage": ".3f", "work": ".1f"}.get(column, ".0f")
+    text = f"{value:{form}}"
+    if shift is None or not shift["difference"]:
+        return text
+    share = shift["pairs"] if column == "coverage" else 1
+    return f"{text} ({shift['difference'] / share:+{form}}{'*' * shift['is_significant']})"
+
+
+def format_changes(before: pd.DataFrame, now: pd.DataFrame) -> Iterator[str]:
+    """A line for each answer that is another one."""
+    if before.empty:
+        yield "There are no answers to compare with."
+        return
+    found = exam.find_changes(before, now)
+    reworded = found["change"] == exam.REWORDED
+    yield f"{(~reworded).sum()} of {len(now)} answers changed, {reworded.sum()} in words alone"
+    for row in found[~reworded].itertuples():
+        yield f"{row.stratum}: {row.recording}: {row.change}"
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

@@ -1,0 +1,196 @@
+"""Answers of the identification to fixed recordings, by stratum and beside those of another commit.
+
+Answers to the same recording are compared in pairs. If a change of code is as likely to raise a
+measure of a recording as to lower it, the sum of the differences has the standard error
+sqrt(sum(difference^2)) (R. A. Fisher's randomisation test; of yes and no Q. McNemar's, 1947).
+"""
+
+import json
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import pandas as pd
+
+from galloping.tables.trial_summaries import status_counts
+
+NAMED_BY = (  # columns that tell recordings of one stratum apart
+    "case", "truth", "system", "protocol", "samples", "duration", "level", "replicate", "release",
+)  # fmt: skip
+JUDGED = ("exact", "ok_and_wrong", "cause_named")  # 1 or 0, empty where nothing is judged so
+COLUMNS = (
+    "stratum", "recording", "method", "status", *JUDGED, "intervals_held", "coefficients",
+    "findings", "reason", "path", "work", "seconds",
+)  # fmt: skip
+KEYS = ["stratum", "recording", "method"]
+TEXTS = ("findings", "reason", "path")  # empty, not missing
+ALL = "all"  # strata together
+# Measures of a stratum, and whether more of one is better (1) or worse (-1).
+MEASURES = {
+    "exact": 1, "ok": 1, "ok_and_wrong": -1, "refused": -1, "intervals_held": 1, "cause_named": 1,
+    "work": -1,
+}  # fmt: skip
+SIGNIFICANT = 2.0  # standard errors
+# The same is a coefficient that moved by less than this share of its standard error, and a standard
+# error that changed by less than this share.
+SAME = 0.01
+UNSTATED = 0.01  # of a coefficient, in place of a standard error that is not stated
+REWORDED = "reworded"
+
+
+def collect_answers(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Collect a row for each recording and method, with COLUMNS.
+
+    parts: rows of trials, by trial and batch; a trial is a stratum. intervals_held: the share of
+    the 95 % intervals that hold the truth, of those that are judged.
+    """
+    found = []
+    for name, part in parts.items():
+        columns = [column for column in NAMED_BY if column in part]
+        rows = part.assign(
+            stratum=name.split("/")[0],
+            recording=part[columns].apply(_name_recording, axis=1),
+            intervals_held=_share_of_intervals(part),
+        )
+        found.append(with_types(rows.reindex(columns=COLUMNS)))
+    return pd.concat(found, ignore_index=True)
+
+
+def with_types(answers: pd.DataFrame) -> pd.DataFrame:
+    """Return answers as they were before they were written to a file: empty texts, and numbers."""
+    numbers = answers[[*JUDGED, "intervals_held"]].astype(float)
+    texts = answers[[*TEXTS]].astype(object).fillna("")
+    return answers.assign(**numbers, **texts)
+
+
+def _name_recording(row: pd.Series) -> str:
+    parts = (value if isinstance(value, str) else f"{key} {value:g}" for key, value in row.items())
+    return ", ".join(parts)
+
+
+def _share_of_intervals(rows: pd.DataFrame) -> pd.Series | float:
+    """The share that holds the truth; of coefficients, for models that state which terms exist."""
+    if "intervals_held" in rows:
+        return rows["intervals_held"]
+    if "holds" in rows:
+        return rows["holds"].astype(float)
+    if "holding_unconditional" not in rows:
+        return np.nan
+    share = rows["holding_unconditional"] / rows["terms"]
+    return share.where(rows["status"].isin(["ok", "not identifiable"]))
+
+
+def sum_up_strata(answers: pd.DataFrame) -> pd.DataFrame:
+    """Sum up a row for each stratum and method, and one for all strata together.
+
+    coverage: mean over the recordings. Counts are empty where nothing is judged so.
+    """
+    rows = pd.concat([answers, answers.assign(stratum=ALL)])
+    return pd.DataFrame(
+        dict(zip(("stratum", "method"), key, strict=True)) | _sum_up(own)
+        for key, own in rows.groupby(["stratum", "method"], sort=False)
+    )
+
+
+def _sum_up(rows: pd.DataFrame) -> dict[str, float]:
+    return {
+        "fits": len(rows),
+        **status_counts(rows),
+        "coverage": rows["intervals_held"].mean(),
+        "cause_named": rows["cause_named"].sum(min_count=1),
+        "work": rows["work"].sum(),
+        "seconds": rows["seconds"].sum(),
+    }
+
+
+def compare_measures(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
+    """Compare the measures of the recordings that two tables of answers share.
+
+    Returns a row for each stratum, method and measure, and for all strata together: pairs, of which
+    both answers are judged so; difference, the sum of now - before over the pairs; standard_error
+    of it; is_significant: whether the difference is more than SIGNIFICANT standard errors.
+    """
+    both = _measure(before).add_suffix(" before").join(_measure(now), how="inner").reset_index()
+    rows = pd.concat([both, both.assign(stratum=ALL)])
+    return pd.DataFrame(
+        {"stratum": stratum, "method": method, "measure": measure, **_sum_differences(own, measure)}
+        for (stratum, method), own in rows.groupby(["stratum", "method"], sort=False)
+        for measure in MEASURES
+    )
+
+
+def _measure(answers: pd.DataFrame) -> pd.DataFrame:
+    status = {name: (answers["status"] == name).astype(float) for name in ("ok", "refused")}
+    return answers.assign(**status).set_index(KEYS)[list(MEASURES)]
+
+
+def _sum_differences(rows: pd.DataFrame, measure: str) -> dict[str, float]:
+    change = (rows[measure] - rows[f"{measure} before"]).dropna()
+    error = float(np.sqrt(np.sum(change**2)))
+    return {
+        "pairs": len(change),
+        "difference": float(change.sum()),
+        "standard_error": error,
+        "is_significant": bool(abs(change.sum()) > SIGNIFICANT * error),
+    }
+
+
+def is_worse(difference: Mapping[str, object]) -> bool:
+    """Whether a row of `compare_measures` is significantly worse; work never is."""
+    better = MEASURES[difference["measure"]]
+    worse = difference["difference"] * better < 0.0
+    return bool(difference["is_significant"] and worse and difference["measure"] != "work")
+
+
+def find_changes(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
+    """Find the recordings whose answer is another one: KEYS and `change`, in words.
+
+    An answer is its status, how it is judged, its findings, its terms, and their coefficients and
+    standard errors. If the reason alone differs, the change is REWORDED. A recording that one table
+    lacks is a change.
+    """
+    pairs = before.merge(now, on=KEYS, how="outer", suffixes=("", "_now"), indicator=True)
+    missing = {"left_only": "left out", "right_only": "new"}
+    found = []
+    for row in pairs.to_dict("records"):
+        change = missing.get(row["_merge"]) or "; ".join(_describe_changes(row))
+        if not change and row["reason"] != row["reason_now"]:
+            change = REWORDED
+        if change:
+            found.append({key: row[key] for key in KEYS} | {"change": change})
+    return pd.DataFrame(found, columns=[*KEYS, "change"])
+
+
+def _describe_changes(row: Mapping[str, object]) -> Iterator[str]:
+    """In words, of an answer and the same column with `_now`."""
+    if row["status"] != row["status_now"]:
+        yield f"{row['status']} -> {row['status_now']}"
+    for name in (*JUDGED, "intervals_held"):
+        first, second = row[name], row[f"{name}_now"]
+        if not np.array_equal(first, second, equal_nan=True):
+            yield f"{name.replace('_', ' ')} {first:.3g} -> {second:.3g}"
+    first, second = (set(row[name].split()) for name in ("findings", "findings_now"))
+    for sign, codes in (("-", first - second), ("+", second - first)):
+        if codes:
+            yield ", ".join(f"{sign}{code}" for code in sorted(codes))
+    first, second = (_read_model(row[name]) for name in ("coefficients", "coefficients_now"))
+    for sign, terms in (("-", first.keys() - second.keys()), ("+", second.keys() - first.keys())):
+        if terms:
+            yield ", ".join(f"{sign}{term} in d({state})" for state, term in sorted(terms))
+    shifts, widths = [0.0], [0.0]
+    for place in first.keys() & second.keys():
+        (value, error), (value_now, error_now) = first[place], second[place]
+        shifts.append(abs(value_now - value) / (error or UNSTATED * abs(value)))
+        if error != error_now:
+            widths.append(abs(error_now / error - 1.0) if error and error_now else np.inf)
+    if max(shifts) > SAME:
+        yield f"coefficients by up to {max(shifts):.2g} standard errors"
+    if max(widths) > SAME:
+        yield f"standard errors by up to {max(widths):.2g} of them"
+
+
+def _read_model(text: str) -> dict[tuple[str, str], tuple[float, float | None]]:
+    """Read value and standard error by equation and term, as of `attempts.describe_answer`."""
+    equations = json.loads(text)
+    return {
+        (state, term): tuple(of) for state, row in equations.items() for term, of in row.items()
+    }
