@@ -1,7 +1,7 @@
 """Figures: the same bytes for the same data, one look per method, and nothing that stops them."""
 
 from dataclasses import replace
-from itertools import combinations, cycle
+from itertools import combinations
 
 import numpy as np
 import pandas as pd
@@ -10,16 +10,14 @@ from lines import RESONANT, edited
 from pictures import drawn
 
 from galloping.figures import errors
-from galloping.figures.against_paper import draw_claims
-from galloping.figures.each_term import draw_coefficients, draw_identifiability
+from galloping.figures.each_term import draw_coefficients
 from galloping.figures.motions import draw_histories, draw_recovery
 from galloping.figures.schematics import draw_aerodynamic_load, draw_flow, draw_line
 from galloping.figures.style import METHODS, method_style, write_figure
-from galloping.figures.verdicts import draw_reduction, draw_trust
+from galloping.figures.verdicts import draw_trust
 from galloping.identification.model import IdentifiedModel
 from galloping.measurement import BY_NAME as PROTOCOLS
 from galloping.measurement import Motion
-from galloping.paper.claims import CLAIMS
 from galloping.physics.galerkin import derive
 from galloping.polynomial import library
 from galloping.results import Reconstruction
@@ -68,10 +66,13 @@ SWING = Motion(("q_v", "q_w", "dq_v", "dq_w"), T, STATES, np.gradient(STATES, T,
 
 
 def test_same_data_same_bytes_without_a_date(tmp_path):
-    first = written(tmp_path, lambda: errors.draw_methods(scores(), NOISE))
-    assert written(tmp_path, lambda: errors.draw_methods(scores(), NOISE)) == first
+    settings = {**NOISE, **CELL}
+    first = written(tmp_path, lambda: errors.draw_draws(scores(), settings))
+    assert written(tmp_path, lambda: errors.draw_draws(scores(), settings)) == first
     assert b"<dc:date>" not in first[0]
     assert b"Software" not in first[1]
+    title = errors.draw_draws(scores(), settings).get_label().encode()
+    assert title and all(title in file for file in first)  # the report and the reader of a PNG
 
 
 def test_a_method_looks_the_same_everywhere_and_unlike_the_others():
@@ -82,7 +83,12 @@ def test_a_method_looks_the_same_everywhere_and_unlike_the_others():
         assert one.color != other.color and one.marker != other.marker
 
 
-def test_every_draw_is_shown_with_the_median_and_what_the_paper_prints():
+def lines_of(axes):
+    """What is drawn, by label: x and y of each line."""
+    return {line.get_label(): np.array(line.get_data()) for line in axes.lines}
+
+
+def test_the_median_is_shown_with_its_range_and_what_the_paper_prints():
     case = "internal_resonance"
     table = scores((0.01, 0.05), case=case, worst=90.0).assign(mean_error_linear_percent=[
         7.0, 1.0, 2.0, 3.0, 8.0, 2.0, 4.0, 6.0
@@ -90,62 +96,58 @@ def test_every_draw_is_shown_with_the_median_and_what_the_paper_prints():
     more = table[4:5].rename(columns={"replicate": "draw"})
     more = pd.concat([more.assign(draw=k, mean_error_linear_percent=k + 1.0) for k in range(9)])
     (of_paper,) = errors.printed("mean_error_linear_percent", case)
-    for further, every in (((), table["mean_error_linear_percent"]), ((more,), range(1, 10))):
+    few = np.percentile([8, 2, 4, 6], (5, 95))
+    for further, ends in (((), few), ((more,), np.percentile(range(1, 10), (5, 95)))):
         figure = errors.draw_draws(table, {**NOISE, **CELL, "case": case}, *further)
-        drawn_lines = {line.get_label(): list(line.get_ydata()) for line in figure.axes[0].lines}
-        (shown_draws,) = (y for label, y in drawn_lines.items() if label.startswith("each of"))
-        assert set(every) <= set(shown_draws)
-        assert drawn_lines["typical draw: the median"] == [2.5, 5.0]
-        assert drawn_lines["paper: printed"] == [of_paper.printed]
+        (axes,) = figure.axes
+        medians = [y for line in axes.lines if len(y := line.get_ydata()) == 2]
+        assert list(medians[0]) == [2.5, 5.0]  # of the linear terms, the first
+        low, high = axes.collections[0].get_segments()[-1][:, 1]
+        assert (low, high) == pytest.approx(ends)
+        stars = [line.get_ydata()[0] for line in axes.lines if line.get_marker() == "*"]
+        assert of_paper.printed in stars
+        assert "2.5 % at noise 0.01, 5 % at noise 0.05" in figure.get_label()
 
 
-def test_the_share_of_draws_above_a_bound_is_written_beside_it():
-    case = "internal_resonance"
-    table = scores((0, 0.05), case=case).assign(r2_q_v=[1.0, 0.995, 0.98, 0.97, 0.999])
-    figure = errors.draw_draws(table, {**NOISE, **CELL, "case": case, "quantities": ["r2"]})
-    assert [text.get_text() for text in figure.axes[0].texts] == ["50 % above"]
-    assert figure.axes[0].get_xticklabels()[0].get_text() == "0"
+def test_a_motion_without_a_model_is_beyond_the_axis():
+    table = scores((0, 0.05), case="internal_resonance")
+    table = table.assign(r2_q_v=[1.0, -np.inf, -np.inf, -np.inf, 0.999])
+    figure = errors.draw_draws(table, {**NOISE, **CELL, "case": "internal_resonance",
+                                       "quantities": ["r2"]})  # fmt: skip
+    (axes,) = figure.axes
+    triangles = [line.get_ydata()[0] for line in axes.lines if line.get_marker() == "v"]
+    assert triangles == [0.0] and "no model at noise 0.05" in figure.get_label()
+    assert all(label.get_text() != "0" for label in axes.get_xticklabels())  # noisy levels alone
 
 
-def test_false_terms_of_every_draw_are_the_first_panel_of_the_coefficients():
+def test_false_terms_are_counted_and_coefficients_are_over_the_true_ones():
     table = scores((0, 0.05)).assign(spurious=[0, 3, 5, 7, 40])
     settings = COEFFICIENTS | {"levels": {"a": 0.05}}
     figure = draw_coefficients(LINE, {"a": {"weak": line_models()}}, settings, table)
-    texts = [text.get_text() for text in figure.axes[0].texts]
-    assert texts == ["0", "6"]
-    drawn_points = np.concatenate([line.get_ydata() for line in figure.axes[0].lines])
-    assert {3, 5, 7, 40} <= set(drawn_points)
+    above, below = figure.axes
+    assert next(iter(lines_of(above).values()))[1] == [6]
+    ratios = np.concatenate([line.get_ydata() for line in below.lines if line.get_marker() == "o"])
+    assert np.isin([0.5, 1.0], ratios.round(9)).all()  # found in one of two fits, and in both
+    assert figure.get_label().endswith("6 at noise 0.05")
 
 
-def test_efficiency_with_failures_and_joint_recordings():
-    settings = {"cases": ["line", "other"], "protocols": ["state", "displacement"],
-                "methods": ["weak", "maximum_likelihood", "absent", "bound"],
-                "labels": NOISE["labels"]}  # fmt: skip
-    whole = pd.DataFrame(
-        {"case": "line", "recordings": recordings, "protocol": "state", "level": level,
-         "points": 30001, "method": method, "efficiency": value, "no_model": lost, "replicates": 20}
-        for recordings, level, value, lost in (
-            (1, 0.01, 1.0, 0), (1, 0.05, 1.2, 1), (2, 0.05, np.nan, 0)
-        )
-        for method in ("weak", "maximum_likelihood", "bound")
-    )  # fmt: skip
-    figure = errors.draw_efficiency(whole, settings)
-    written = [text.get_text() for text in figure.axes[0].texts]
-    assert written == ["1 of 20"] * 2  # of the methods that lost a draw, not of the bound
-    ticks = [label.get_text() for label in figure.axes[0].get_xticklabels()]
-    assert ticks == ["0.01", "0.05", "0.05\n2 rec."]
-    for these in ("recordings == 1", "method == 'bound'", "method == 'none'", "recordings == 2"):
-        drawn(lambda these=these: errors.draw_efficiency(whole.query(these), settings))
+def test_the_distance_of_a_reconstruction_is_drawn_and_said():
+    off = Reconstruction(T, STATES + 2e-7 * T[:, np.newaxis] / 100, STATES, STATES)
+    recovered = {"line": {"weak": off}}
+    figure = draw_recovery({"line": [SWING]}, recovered, {**NAMES, **CELL, "level": 0})
+    *_, last = figure.axes
+    (time, distance), *_ = lines_of(last).values()
+    assert distance[-1] == pytest.approx(2e-7) and distance[time.searchsorted(50)] < 1.1e-7
+    assert "Without noise" in figure.get_label() and "2e-07 m" in figure.get_label()
 
 
-def identifiable(t, recordings=(1, 2)):
-    return pd.DataFrame(
-        {"case": "line", "recordings": count, "protocol": "state", "level": level,
-         "points": 30001, "equation": equation, "term": term, "t": t * count}
-        for count in recordings
-        for level in (0.01, 0.1)
-        for equation, term in (("vertical", "q_v q_w^2"), ("horizontal", "dq_w"))
-    )  # fmt: skip
+def test_the_band_of_histories_is_said_and_a_diverged_motion_is_named():
+    cells = HISTORIES | {"cells": {"a": "noise 0.1"}}
+    figure = draw_histories([SWING], {"a": shown(0.0)}, cells)
+    assert "100 % with noise 0.1" in figure.get_label()  # 2 m wide, as the motion
+    assert figure.axes[0].get_xlim() == (70.0, 100.0)
+    lost = draw_histories([SWING], {"a": shown(np.nan)}, cells)
+    assert lost.get_label() == "" and "diverge" in lost.axes[0].get_title(loc="left")
 
 
 def test_the_best_of_pysindy_has_the_lowest_median_over_the_levels():
@@ -166,19 +168,6 @@ def line_models():
     return [IdentifiedModel(each, "unjudged") for each in (line, replace(line, coefficients=off))]
 
 
-def claims():
-    """Of every claim of the paper one row, with failures and cells that were not run."""
-    verdicts = {"better": 0.1, "seldom met": 1.0, "not run": np.nan, "not met": np.inf}
-    return pd.DataFrame(
-        {"claim": claim.name, "case": "line", "quantity": claim.quantity,
-         "paper_value": claim.printed, "study_value": value, "low": value, "high": value,
-         "met_by": 0.5 if replicates else np.nan, "replicates": replicates, "protocol": "state",
-         "method": "weak", "verdict": verdict}
-        for claim, (verdict, value) in zip(CLAIMS, cycle(verdicts.items()))
-        for replicates in [0 if verdict == "not run" else 2]
-    )  # fmt: skip
-
-
 def shown(bad):
     """A motion identified by two methods, which may have ended early."""
     motion = Reconstruction(T, STATES + bad, STATES + bad - 1, STATES + bad + 1)
@@ -189,10 +178,9 @@ PAIR = edited(bundle__subconductors=2)
 NO_PEERS = pd.DataFrame(
     columns=["case", "protocol", "level", "method", "setting", "mean_error_percent"]
 )
-HISTORIES = {**CELL, "window": (50, 100)}
-COEFFICIENTS = {**CELL, "kind": "noise", "unit": "m", "degree": 3}
-FLOW = {"degree": 3, "protocols": ["state"], "methods": ["weak"], "levels": [0], "points": [1000],
-        "replicates": 1}  # fmt: skip
+HISTORIES = CELL
+COEFFICIENTS = {**CELL, "kind": "noise", "label": "noise", "degree": 3}
+FLOW = {"degree": 3, "methods": ["weak"], "levels": [0], "points": [1000]}
 FOUR = ["paper", "weak", "maximum_likelihood", "bound"]
 DRAWN = [  # of any number, size and kind, with what each is drawn of
     *((draw, scores(levels, points, error), {**extent, **CELL, "quantities": [quantity]})
@@ -200,10 +188,7 @@ DRAWN = [  # of any number, size and kind, with what each is drawn of
           ("coefficients", (0,), (), 5.0), ("coefficients", (0.05,), (), 0.0),
           ("coefficients", (0, 0.01), (), np.inf), ("r2", (0, 0.01), (1000,), np.inf),
           ("amplitude", (0, 0.01, 0.05), (1000, 5000), 5.0))
-      for extent in (NOISE, AMOUNT) for draw in (errors.draw_methods, errors.draw_draws)),
-    *((draw_identifiability, table,
-       {"cases": ["line", "other"], "protocols": ["state", "derivative"], "level": 0.05})
-      for table in (identifiable(0.0), identifiable(1e5, [1]), identifiable(1)[:0])),
+      for extent in (NOISE, AMOUNT) for draw in (errors.draw_draws,)),
     *((errors.draw_overview, scores(levels, error=error, methods=methods).fillna(0.0),
        {"case": "line", "protocol": "state", "label": "noise"}, NO_PEERS)
       for methods, error, levels in (
@@ -215,11 +200,9 @@ DRAWN = [  # of any number, size and kind, with what each is drawn of
       for bad in (0.0, np.nan)),
     (draw_coefficients, LINE, {"a": {"weak": line_models()}}, COEFFICIENTS | {"levels": {"a": 0}},
      scores((0, 0.01)).assign(spurious=3)),
-    (draw_claims, claims(), {"combinations": [["state", "weak"]]}),
     # nothing to show
     (draw_histories, [SWING], {}, HISTORIES | {"cells": {}}),
     (draw_coefficients, LINE, {}, COEFFICIENTS | {"levels": {}}, scores()),
-    (draw_claims, claims()[:0], {"combinations": []}),
     # the configured line
     (draw_line, derive(PAIR), {"case": "pair", "line": PAIR}),
     (draw_aerodynamic_load, [SWING], {"line": PAIR}),
@@ -242,16 +225,13 @@ def test_a_status_is_right_where_its_claim_holds_or_its_doubt_is_due():
     figure = draw_trust(fits.assign(group="lines"))
     written = [text.get_text() for text in figure.axes[0].texts]
     assert written == ["1 of 2", "1 of 2", "0 of 1", "1 of 1"]
+    assert figure.get_label().startswith("1 of 2 models")
 
 
-def test_no_point_of_the_reduction_is_cut_off():
-    stretches = dict.fromkeys(("r2_0_100_s", "r2_100_200_s", "r2_200_300_s"), 0.5)
-    table = pd.DataFrame(
-        {"line": line, "direction": direction, "amplitude_m": amplitude, "limit_cycle_m": 1.0,
-         "amplitude_error_percent": error, "limit_cycle_error_percent": error, **stretches}
-        for direction in ("vertical", "horizontal")
-        for line, amplitude, error in (("two modes", 1.0, 0.0), ("9 modes", 3.0, np.nan))
-    )  # fmt: skip
-    axes = draw_reduction(table).axes[0]
-    assert axes.get_ylim()[0] == 0 and axes.get_ylim()[1] > 3.2
-    assert "another motion" in axes.get_legend_handles_labels()[1]
+def test_an_overview_says_who_errs_least():
+    table = scores((0, 0.05), error=5.0, methods=("maximum_likelihood", "weak"))
+    better = table["method"] == "maximum_likelihood"
+    table.loc[better, COLUMNS] /= 10
+    settings = {"case": "line", "protocol": "state", "label": "noise"}
+    said = errors.draw_overview(table, settings, NO_PEERS).get_label()
+    assert said.index("maximum likelihood") < said.index("weak form")

@@ -14,12 +14,20 @@ from galloping.cycles.family import line_family
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import Design, derived, ranked
 from galloping.cycles.settling import settle
-from galloping.figures.against_paper import draw_reproduction
 from galloping.figures.engineering import draw_measures, draw_orbits, write_animation
 from galloping.figures.motions import draw_limit_cycles, draw_prediction, draw_resonance_map
 from galloping.figures.parts import TALLEST
 from galloping.physics import measures
-from galloping.physics.measures import FOOT, cigre, clearance, davison, ice_removal, pendulum, toye
+from galloping.physics.measures import (
+    FOOT,
+    NOTHING,
+    cigre,
+    clearance,
+    davison,
+    ice_removal,
+    pendulum,
+    toye,
+)
 
 
 def test_diagram():
@@ -39,6 +47,9 @@ def test_diagram():
         return drawn(lambda: draw_limit_cycles(cycles, changes, settings))
 
     assert figure(None) != figure(RESONANT)  # which is shaded
+    settings = {"parameter": "wind_speed", "label": "wind speed", "cases": {"line": RESONANT}}
+    said = draw_limit_cycles(cycles, changes, settings).get_label()
+    assert f"{hopf['value']:.1f} m/s (line)" in said
 
 
 def test_parameters_without_a_hopf_bifurcation_in_their_range():
@@ -70,9 +81,18 @@ def test_map_and_orbits():
     more = pd.concat([table, table.assign(y_parameter="span"), table])  # of other sweeps
     assert drawn(lambda: draw_resonance_map(more, settings)) == alone
     assert drawn(lambda: draw_resonance_map(more[more["y_parameter"] == "span"], settings))
+    bounded = table[np.isfinite(table["w_m"])]
+    ratio = bounded.loc[bounded["w_m"].idxmax(), "frequency_ratio"]
+    assert f"{ratio:.2f} times" in draw_resonance_map(table, settings).get_label()
+
+
+def test_orbits_that_leave_all_design_ellipses_are_named():
     angle = np.linspace(0, 6.28, 50)
-    orbits = {"line": {8.0: np.column_stack([np.cos(angle), np.sin(2 * angle)])}}
-    drawn(lambda: draw_orbits(orbits, {"cases": {"line": RESONANT}}))
+    near = 0.3 * np.column_stack([np.cos(angle), np.sin(2 * angle)])
+    far = near * [20, 1]
+    for orbits, said in (({8.0: near}, "stays within"), ({8.0: near, 12.0: far}, "12 m/s (line)")):
+        figure = draw_orbits({"line": orbits}, {"cases": {"line": RESONANT}})
+        assert said in figure.get_label()
 
 
 def test_clearance_and_measures():
@@ -89,7 +109,13 @@ def test_clearance_and_measures():
     found = ranked(parts, RESONANT, tried, design, simulator(), no_draws)
     table = pd.DataFrame(found).assign(case="line")
     assert table["measure"][0] == "ice removed" and "torsion" in " ".join(table["note"])
-    drawn(lambda: draw_measures(table, {"cases": ["line"]}))
+    figure = draw_measures(table, {"cases": ["line"]})
+    assert figure.get_label() == ""  # no measure beside removal of the ice that helps
+    written = [text.get_text() for text in figure.axes[0].texts]
+    assert written == [f"{value:.3g}" for value in table["v_m"]]
+    as_it_is = table[1:].assign(measure=NOTHING.label, v_m=2 * table["v_m"].iloc[1])
+    said = draw_measures(pd.concat([table, as_it_is]), {"cases": ["line"]}).get_label()
+    assert f"{table['measure'][1]}" in said
     many = [f"line {k}" for k in range(20)]
     tall = draw_measures(pd.concat([table.assign(case=name) for name in many]), {"cases": many})
     assert len(tall.axes) == 3 * len(many) and tall.get_figheight() <= TALLEST
@@ -106,9 +132,16 @@ def test_prediction():
     lost = Prediction(wide.winds, nothing, nothing, nothing, np.ones(2), "it does not settle")
     told += rows.prediction_rows({**cell, "method": "stlsq"}, lost, true, "unjudged")
     assert not any(row["inside"] for row in told[4:])
-    settings = {"case": "line", "protocols": ["state"], "method": "maximum_likelihood",
+    settings = {"case": "line", "protocol": "state", "method": "maximum_likelihood",
                 "replicate": 0, "recorded": 12.0, "peer": "stlsq"}  # fmt: skip
-    drawn(lambda: draw_prediction(pd.DataFrame(told), settings))
+    figure = draw_prediction(pd.DataFrame(told), settings)
+    assert "8 to 12 m/s are predicted within 0 %" in figure.get_label()
+    lines = {line.get_label(): line for line in figure.axes[0].lines}
+    ours = lines["maximum likelihood (not identifiable)"]  # the status, beside the name alone
+    np.testing.assert_allclose(ours.get_ydata(), true[:, 0])
+    (lost_at,) = (line for label, line in lines.items() if label.startswith("no stable limit"))
+    assert list(lost_at.get_xdata()) == [8.0, 12.0]
+    assert not any(text.get_text() for axes in figure.axes for text in axes.texts)
 
 
 def test_the_animation_moves_as_far_as_the_span_and_is_the_same_twice(tmp_path):
@@ -136,7 +169,7 @@ def test_the_animation_moves_as_far_as_the_span_and_is_the_same_twice(tmp_path):
 def test_a_study_without_sweeps_or_models_says_so():
     nothing = pd.DataFrame(columns=["case"])
     assert drawn(lambda: draw_limit_cycles(nothing, nothing, {}))
-    for draw in (draw_resonance_map, draw_prediction, draw_reproduction):
+    for draw in (draw_resonance_map, draw_prediction):
         assert drawn(lambda draw=draw: draw(nothing, {}))
 
 

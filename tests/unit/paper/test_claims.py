@@ -6,7 +6,7 @@ import pytest
 from lines import CASES, RESONANT
 from pictures import drawn
 
-from galloping.figures.against_paper import draw_printed, draw_reproduction
+from galloping.figures.against_paper import draw_printed
 from galloping.measurement import Motion
 from galloping.paper.claims import (
     BEYOND_JUDGEMENT,
@@ -222,7 +222,6 @@ def test_other_settings_are_judged_one_at_a_time():
     assert exact.to_dict() == {12.0: True, 14.0: True, 0.002: True, 1.0: False}
     assert set(rows.loc[rows["claim"] == "all terms found at noise 0.01", "verdict"]) == {"not run"}
     assert "threshold 1" in report.by_settings(rows)
-    drawn(lambda: draw_reproduction(rows, {"labels": {"wind_speed": "wind", "threshold": "t"}}))
 
 
 def test_an_inferred_value_says_so_and_another_does_not():

@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from lines import RESONANT
-from pictures import drawn
 from scipy.special import logsumexp
 
 from galloping.configuration.load import load, plain
@@ -214,7 +213,12 @@ def test_tables_and_figure(tried):
     assert predicted["predicted_share"].between(0, 1).all()
     pairs = tables.exclusions(parts)
     assert (pairs["both"] <= pairs[["first", "second"]].min(axis=1)).all()
-    drawn(lambda: draw_region(samples, readings))
+    region = tables.region_table(samples, readings)
+    figure = draw_region(region, readings)
+    known = (table.loc[list(NAMES), "verdict"].dropna() == "determined").sum()
+    assert f"{known} of {len(NAMES)}" in figure.get_label()
+    shares = [bar.get_width() for bar in figure.axes[0].containers[1]]
+    assert len(shares) == len(NAMES) and all(0 <= share <= 100 for share in shares)
 
 
 def test_every_reading_is_a_line_that_can_gallop():

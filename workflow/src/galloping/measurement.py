@@ -59,12 +59,16 @@ class Protocol:
         one, other = (self.noise(1.0, np.full((2, 2), size)) for size in (1.0, 2.0))
         return bool(np.any(one.states != other.states) or np.any(one.rates != other.rates))
 
-    def noise_unit(self, relative: bool) -> str:
-        """What a noise level counts in, in words. relative: as in `channel_scale`."""
+    def noise_label(self, relative: bool) -> str:
+        """What a noise level is, with its unit. relative: as in `channel_scale`."""
         if relative and self.is_scaled:
-            return "standard deviations"
-        units = {DERIVATIVES: "m/s, m/s²", ALL_STATES: "m, m/s", DISPLACEMENTS_ALONE: "m"}
-        return units.get(self.measures, "m/s²")
+            return "sensor noise, standard deviations of each channel"
+        labels = {
+            DERIVATIVES: "noise of the derivatives, SI units",
+            ALL_STATES: "sensor noise, SI units",
+            DISPLACEMENTS_ALONE: "sensor noise, m",
+        }
+        return labels.get(self.measures, "sensor noise, m/s²")
 
 
 def _derivatives(level: float, scale: np.ndarray) -> Noise:

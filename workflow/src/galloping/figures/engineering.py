@@ -11,12 +11,13 @@ from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
+from matplotlib.path import Path
 
 from galloping.figures import parts
 from galloping.figures.schematics import INK, arrow
 from galloping.figures.style import MODEL, PAPER, TRUE, spoken, styled
 from galloping.physics.galerkin import Line, modes, positions
-from galloping.physics.measures import design_ellipses
+from galloping.physics.measures import NOTHING, design_ellipses
 from galloping.storage import replacing
 
 COLUMNS = 3  # of panels of orbits
@@ -28,7 +29,7 @@ ELLIPSES = {
 SHOWN = 4000  # places at the end of an orbit, some twenty rounds: more would lie over each other
 LEVEL = {"color": TRUE, "lw": 0.8, "ls": (0, (6, 3))}
 MEASURED = {
-    "v_m": "vertical half range, m",
+    "v_m": "vertical amplitude, m",
     "critical_wind_m_s": "critical wind, m/s",
     "clearance_m": "least clearance, m",
 }
@@ -54,7 +55,24 @@ def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapp
         _orbits(axes, settings["cases"][name], orbits[name], reach)
         axes.set_ylabel("" if k % columns else "vertical, m from rest")
     parts.legend(figure, columns=6, loc="outside lower center")
+    outside = {
+        name: wind
+        for name in names
+        if (wind := _first_outside(settings["cases"][name], orbits[name])) is not None
+    }
+    said = " and ".join(f"{wind:g} m/s ({spoken(name)})" for name, wind in outside.items())
+    inside = "Every orbit stays within a design ellipse"
+    figure.set_label(f"The orbit leaves all design ellipses at {said}" if outside else inside)
     return figure
+
+
+def _first_outside(case: Mapping, orbits: Mapping[float, np.ndarray]) -> float | None:
+    """Return the lowest of the winds at which an orbit has places outside of all ellipses."""
+    outlines = [Path(ellipse.outline()) for ellipse in design_ellipses(case).values()]
+    for wind, places in sorted(orbits.items()):
+        if not np.any([outline.contains_points(places) for outline in outlines], axis=0).all():
+            return wind
+    return None
 
 
 def _orbits(axes: Axes, case: Mapping, orbits: Mapping[float, np.ndarray], reach: float) -> None:
@@ -92,7 +110,7 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
     """
     most = table[table["case"].isin(settings["cases"])]["case"].value_counts().max()
     figure, grids = parts.case_grids(
-        settings["cases"], 1, len(MEASURED), 0.4, 0.7 + 0.26 * most, sharex=False
+        settings["cases"], 1, len(MEASURED), 0.4, 0.7 + 0.2 * most, sharex=False
     )
     for row, (case, grid) in enumerate(grids.items()):
         of_case = table[table["case"] == case].sort_values("rank")
@@ -104,29 +122,38 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
             parts.rows(axes, labels)
             for place, value in enumerate(values):
                 is_known = np.isfinite(value[0])
-                axes.text(  # an interval may be too narrow to be seen
-                    0.03, place - 0.17, _told(*value), transform=axes.get_yaxis_transform(),
-                    size="x-small", color=MODEL if is_known else PAPER, zorder=4,
-                    bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},  # upon the limit
-                )  # fmt: skip
                 if is_known:
                     limits = (-np.inf, np.inf)
                     parts.dot(axes, place, value, limits, MODEL, "o", 3.5, bar={"lw": 1.6})
-            axes.set(xlim=(-0.04 * reach, 1.08 * max(reach, 1e-3)), ylim=(len(values) - 0.4, -0.7))
+                axes.annotate(
+                    _said(value[0]), (np.nanmax(value) if is_known else 0.0, place), (5, 0),
+                    textcoords="offset points", va="center", size="small",
+                    color=MODEL if is_known else PAPER,
+                )  # fmt: skip
+            axes.set(xlim=(-0.04 * reach, 1.4 * max(reach, 1e-3)))
         limit = float(of_case["limit_m"].iloc[0])
         axes.axvline(limit, color=PAPER, lw=0.9, ls=(0, (4, 2)), label="clearance to keep")
     parts.legend(figure)
+    figure.set_label(_most_useful(table[table["case"] == next(iter(settings["cases"]))]))
     return figure
 
 
-def _told(value: float, low: float, high: float) -> str:
-    """The number and both ends of its interval, to the first digit of their difference."""
-    if not np.isfinite(value):
-        return "never" if np.isposinf(value) else "no bounded motion"
-    if not low < high < np.inf:
+def _most_useful(of_case: pd.DataFrame) -> str:
+    """Say the vertical amplitude as the line is, and with the best measure that leaves the ice."""
+    galloping = of_case[of_case["v_m"] > 0].set_index("measure")["v_m"]
+    if NOTHING.label not in galloping or galloping.idxmin() == NOTHING.label:
+        return ""
+    return (
+        f"The best measure that leaves the ice, {galloping.idxmin()}, reduces the vertical "
+        f"amplitude from {galloping[NOTHING.label]:.2g} to {galloping.min():.2g} m"
+    )
+
+
+def _said(value: float) -> str:
+    """A value with three digits, or why there is none."""
+    if np.isfinite(value):
         return f"{value:.3g}"
-    decimals = max(0, -int(np.floor(np.log10(high - low))))
-    return f"{value:.{decimals}f}  ({low:.{decimals}f} to {high:.{decimals}f})"
+    return "never" if np.isposinf(value) else "no bounded motion"
 
 
 def write_animation(

@@ -1,9 +1,8 @@
 """Motions: figures 4, 8 and 9, true and reconstructed; what a line settles to along a parameter and
-over two, as identified models predict it at other wind speeds and beyond the end of the record.
+over two, and as identified models predict it at other wind speeds.
 """
 
 from collections.abc import Mapping, Sequence
-from textwrap import fill, shorten
 
 import numpy as np
 import pandas as pd
@@ -19,8 +18,11 @@ from galloping.results import Reconstruction
 
 LAST = 30.0  # s at the end of the record, where single periods can be seen
 HEADROOM = 1.5  # of the true motion: what goes beyond is cut
+ROW = 0.72  # inches
+ROUNDING = 1e-17  # m: the least distance that is drawn
 TRUE_LINE = {"color": style.TRUE, "lw": 2.0, "ls": "-"}
-MODEL_LINE = {"color": style.MODEL, "lw": 0.8, "ls": "--"}
+MODEL_LINE = {"color": style.MODEL, "lw": 0.9, "ls": (0, (3, 1.5))}
+CASE_DASHES = ("-", (0, (4, 1.5)), (0, (1, 1)), "-.")
 
 
 def draw_recovery(
@@ -28,54 +30,56 @@ def draw_recovery(
     reconstructions: Mapping[str, Mapping[str, Reconstruction]],
     settings: Mapping,
 ) -> Figure:
-    """Whole record, its last seconds, and their phase portrait; two rows for each case.
+    """Draw the last seconds of the first case, and how far each reconstruction is from the truth.
 
     trajectories: motions by case, of which the first counts. reconstructions: by case and method,
     of the cell at the lowest level. settings: cases, protocol, method and level.
     """
-    cases = settings["cases"]
-    height = parts.height(0.6, 2.9, len(cases))
-    figure, grid = parts.panels(height, 2 * len(cases), 3, width_ratios=(2, 2, 1.25))
-    for k, row in enumerate(grid):
-        case, (j, state) = cases[k // 2], (k % 2, list(style.STATE_LABELS)[k % 2])
-        true, motion = trajectories[case][0], reconstructions[case][settings["method"]]
-        name = style.STATE_LABELS[state]
-        last = max(true.time[0], true.time[-1] - LAST), true.time[-1]
-        titles = (
-            f"{style.spoken(case)}, {style.DIRECTIONS[state]}:\n{_distance(true, motion, j)}",
-            f"the last {LAST:g} s",
-            "their phase portrait",
+    cases, method = settings["cases"], settings["method"]
+    figure, grid = parts.panels(3.2, 3, width=style.SINGLE, height_ratios=(1, 1, 1.3))
+    *upper, lower = grid[:, 0]
+    true, motion = trajectories[cases[0]][0], reconstructions[cases[0]][method]
+    span = _last(true)
+    for j, (axes, (state, name)) in enumerate(zip(upper, style.STATE_LABELS.items(), strict=True)):
+        axes.plot(true.time, true.states[:, j], **TRUE_LINE, label="true")
+        label = "reconstructed"
+        axes.plot(motion.time, motion.representative[:, j], **MODEL_LINE, label=label)
+        axes.set(xlim=span, ylabel=f"{name}, m")
+        parts.letter(axes, j, f"{style.DIRECTIONS[state]}, {style.spoken(cases[0])}")
+    upper[0].tick_params(labelbottom=False)
+    parts.letter(lower, len(upper), "largest distance so far")
+    largest = []
+    for k, case in enumerate(cases):
+        time, distance = _distance(trajectories[case][0], reconstructions[case][method])
+        look = {"color": style.SERIES[k % len(style.SERIES)][0], "lw": 1.2}
+        dashes = CASE_DASHES[k % len(CASE_DASHES)]
+        lower.plot(
+            time, np.maximum(distance, ROUNDING), ls=dashes, label=style.spoken(case), **look
         )
-        for column, (axes, title) in enumerate(zip(row, titles, strict=True)):
-            parts.letter(axes, 3 * k + column, title)
-        for time, states, look, whole in (
-            (true.time, true.states, TRUE_LINE, {"lw": 1.2}),
-            (motion.time, motion.representative, MODEL_LINE, {"lw": 0.4, "ls": "-"}),
-        ):
-            late = (time >= last[0]) & (time <= last[1])
-            row[0].plot(time, states[:, j], **look | whole)
-            row[1].plot(time[late], states[late, j], **look)
-            row[2].plot(states[late, j], states[late, j + 2], **look)
-        for axes, span in zip(row, ((true.time[0], last[1]), last), strict=False):
-            axes.set(xlim=span, xlabel="time, s" if j else "")
-        row[0].set_ylabel(f"{name}, m")
-        row[2].set(xlabel=f"{name}, m", ylabel=rf"$\dot{{q}}_{state[-1]}$, m/s")
-    by = (
-        f"reconstructed by {style.method_style(settings['method']).label} "
-        f"(protocol {settings['protocol']}, noise level {settings['level']:g})"
-    )
-    keys = parts.key("true", **TRUE_LINE), parts.key(by, **MODEL_LINE)
-    parts.legend(figure, *keys, columns=2)
+        largest.append(distance[-1] if len(distance) else np.nan)
+    lower.set(yscale="log", xlabel="time, s", ylabel="m", xlim=(true.time[0], true.time[-1]))
+    parts.legend(figure, columns=2)
+    noise = f"At noise {settings['level']:g}" if settings["level"] else "Without noise"
+    how_far = f"at most {np.max(largest):.0e} m from the true motion"
+    if not np.all(np.isfinite(largest)):
+        how_far = "lost before the end of a record"
+    figure.set_label(f"{noise} the reconstructed motion is {how_far}")
     return figure
 
 
-def _distance(true: Motion, motion: Reconstruction, column: int) -> str:
-    """How far apart the two motions are at most, at the times of the thinned one."""
-    expected = np.interp(motion.time, true.time, true.states[:, column])
-    largest = np.max(np.abs(motion.representative[:, column] - expected))
-    if not np.isfinite(largest):
-        return "motion ended early"
-    return f"at most {style.scientific(largest)} m apart"
+def _last(true: Motion) -> tuple[float, float]:
+    """The last seconds of a motion."""
+    return max(true.time[0], true.time[-1] - LAST), true.time[-1]
+
+
+def _distance(true: Motion, motion: Reconstruction) -> tuple[np.ndarray, np.ndarray]:
+    """Times, and the largest distance of the displacements up to each; NaN once a motion ended."""
+    count = len(style.STATE_LABELS)
+    expected = np.column_stack(
+        [np.interp(motion.time, true.time, true.states[:, j]) for j in range(count)]
+    )
+    distance = np.abs(motion.representative[:, :count] - expected).max(axis=1)
+    return motion.time, np.maximum.accumulate(distance)
 
 
 def draw_histories(
@@ -83,50 +87,52 @@ def draw_histories(
     reconstructions: Mapping[str, Mapping[str, Reconstruction]],
     settings: Mapping,
 ) -> Figure:
-    """Two rows, q_v and q_w, for each cell, by one method, over the whole window.
+    """Draw the vertical displacement in the last seconds, a row for each cell, by one method.
 
     trajectory: the true motions, of which the first counts. reconstructions: by cell and method.
-    settings: case, protocol, method; the labels of the cells; window in s.
+    settings: case, protocol, method; the labels of the cells.
     """
     true, cells = trajectory[0], settings["cells"]
     if true.status != "ok":
         return parts.nothing_at_all(f"nothing to show: the line itself {true.status}")
     if not cells:
         return parts.nothing_at_all("nothing to show: this study has no such recordings")
-    figure, grid = parts.panels(0.8 + 1.9 * len(cells), 2 * len(cells), sharex=True)
-    grid = grid[:, 0]
-    for k, (cell, label) in enumerate(cells.items()):
-        motion = reconstructions[cell][settings["method"]]
-        parts.letter(grid[2 * k], k, label)
-        for j, name in enumerate(style.STATE_LABELS.values()):
-            _history(grid[2 * k + j], true, motion, j, settings["window"])
-            grid[2 * k + j].set_ylabel(f"{name}, m")
-    grid[-1].set_xlabel("time, s")
-    figure.align_ylabels(grid)
-    parts.legend(figure, columns=3, title=parts.origin(settings))
+    figure, grid = parts.panels(
+        0.8 + ROW * len(cells), len(cells), width=style.SINGLE, sharex=True, sharey=True
+    )
+    spreads = {}
+    for k, ((cell, label), axes) in enumerate(zip(cells.items(), grid[:, 0], strict=True)):
+        spread = _history(axes, true, reconstructions[cell][settings["method"]])
+        lost = "" if np.isfinite(spread) else "; some realisations diverge"
+        parts.letter(axes, k, label + lost)
+        axes.set_ylabel(f"{style.STATE_LABELS['q_v']}, m")
+        spreads[label] = spread
+    axes.set_xlabel("time, s")
+    parts.legend(figure, columns=2)
+    known = {label: spread for label, spread in spreads.items() if np.isfinite(spread)}
+    if known:
+        ends = dict.fromkeys([next(iter(known)), next(reversed(known))])
+        said = [f"{100 * known[label]:.0f} % with {label}" for label in ends]
+        figure.set_label(
+            f"Spread of the reconstructions in the last {LAST:g} s, over the range of the motion: "
+            + ", ".join(said)
+        )
     return figure
 
 
-def _history(
-    axes: Axes, true: Motion, motion: Reconstruction, column: int, window: Sequence[float]
-) -> None:
-    inside, shown = ((each.time >= window[0]) & (each.time <= window[1]) for each in (true, motion))
-    time, states = motion.time[shown], true.states[inside, column]
+def _history(axes: Axes, true: Motion, motion: Reconstruction) -> float:
+    """Draw the last seconds of q_v, and return the mean width of the band over the true range."""
+    span = _last(true)
+    inside, shown = ((each.time >= span[0]) & (each.time <= span[1]) for each in (true, motion))
+    time, states = motion.time[shown], true.states[inside, 0]
     curves = motion.representative, motion.low, motion.high
-    middle, low, high = (of[shown, column] for of in curves)
-    parts.band(axes, time, low, high, "5th to 95th percentile of all draws")
-    axes.plot(true.time[inside], states, color=style.TRUE, lw=1.8, label="true")
-    axes.plot(time, middle, **MODEL_LINE, label="reconstructed, the draw with the median $R^2$")
+    middle, low, high = (of[shown, 0] for of in curves)
+    parts.band(axes, time, low, high, "5th to 95th percentile")
+    axes.plot(true.time[inside], states, **TRUE_LINE, label="true")
+    axes.plot(time, middle, **MODEL_LINE, label="realisation with the median $R^2$")
     centre, half = (states.max() + states.min()) / 2, np.ptp(states) / 2
-    axes.set(xlim=window, ylim=(centre - HEADROOM * half, centre + HEADROOM * half))
-    if not np.all(np.isfinite(low) & np.isfinite(high)):
-        note = "no band where the motion of a draw has ended"
-        if not np.any(np.isfinite(middle)):
-            note = "the motion of the median draw ended before this window"
-        axes.text(
-            0.995, 0.96, note, transform=axes.transAxes, ha="right", va="top", fontsize="small",
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1},
-        )  # fmt: skip
+    axes.set(xlim=span, ylim=(centre - HEADROOM * half, centre + HEADROOM * half))
+    return float(np.mean(high - low) / (2 * half))
 
 
 STATES = {"v": "q_v", "w": "q_w"}
@@ -156,7 +162,7 @@ def draw_limit_cycles(
     """
     if cycles.empty:
         return parts.nothing_at_all("this study varies no single parameter")
-    figure, grids = parts.case_grids(list(settings["cases"]), 1, len(STATES), 0.9, 2.2)
+    figure, grids = parts.case_grids(list(settings["cases"]), 1, len(STATES), 0.9, 1.9)
     for row, (case, grid) in enumerate(grids.items()):
         own = {"case": case, "parameter": settings["parameter"]}
         of_case = [parts.where(table, **own) for table in (cycles, bifurcations)]
@@ -164,15 +170,20 @@ def draw_limit_cycles(
             _title(axes, row * len(STATES) + column, STATES[direction])
             _branches(axes, *of_case, direction)
             axes.set(xlabel=settings["label"], xlim=(0, 1.03 * cycles["value"].max()))
-        grid[0, 0].set_ylabel("half range, m")
+        grid[0, 0].set_ylabel("amplitude, m")
         if settings["cases"][case]:
             _beyond_small_angles(grid[0], settings["cases"][case])
     parts.legend(figure, columns=4)
+    own = {"parameter": settings["parameter"], "name": "Hopf"}
+    begins = parts.where(bifurcations, **own).groupby("case")["value"].min()
+    said = [f"{begins[case]:.1f} m/s ({style.spoken(case)})" for case in grids if case in begins]
+    if said:
+        figure.set_label(f"Galloping begins at a wind of {' and '.join(said)}")
     return figure
 
 
 def _beyond_small_angles(panels: Sequence[Axes], case: Mapping) -> None:
-    """Shades half ranges whose velocity, at the mode's own frequency, is not small to the wind."""
+    """Shade amplitudes whose velocity, at the mode's own frequency, is not small to the wind."""
     low, high = panels[0].get_ylim()  # all panels share it
     for axes, mode in zip(panels, at_rest(case)[1:], strict=False):
         wind = np.array(axes.get_xlim())
@@ -209,7 +220,7 @@ def _branches(axes: Axes, cycles: pd.DataFrame, bifurcations: pd.DataFrame, dire
 
 
 def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
-    """Half range of both directions over wind and tension, and where the frequencies are 2:1.
+    """Amplitude of both directions over wind and tension, and where the frequencies are 2:1.
 
     table: resonance_map.csv, which may hold maps over other parameters as well. settings: case,
     x_label, y_label, y_scale (units of the axis in one of the table, such as 1000 for kN).
@@ -230,7 +241,7 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
             grid.columns, grid.index, grid.to_numpy(), cmap="cividis", vmin=0, vmax=HIGHEST,
             shading="nearest", rasterized=True,
         )  # fmt: skip
-        figure.colorbar(shown, ax=axes, label="half range, m", pad=0.02, extend="max")
+        figure.colorbar(shown, ax=axes, label="amplitude, m", pad=0.02, extend="max")
         resonance = axes.contour(ratio.columns, ratio.index, ratio.to_numpy(), levels=[2.0],
                                  colors="white", linewidths=1.4)  # fmt: skip
         resonance.set_path_effects(dark)
@@ -246,98 +257,65 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
         axes.set(xlabel=settings["x_label"], ylabel=settings["y_label"])
     line = parts.key(r"$\omega_v = 2\,\omega_w$", color="white", ls="-", lw=1.4, path_effects=dark)
     parts.legend(figure, line, columns=3, loc="outside lower center")
+    bounded = table[np.isfinite(table["w_m"])]
+    if len(bounded):
+        most = bounded.loc[bounded["w_m"].idxmax()]
+        figure.set_label(
+            "The horizontal amplitude is largest where the vertical frequency is "
+            f"{most['frequency_ratio']:.2f} times the horizontal one"
+        )
     return figure
 
 
 def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
-    """Amplitude against wind for one replicate: truth, prediction and 95 % band; below each panel
-    the same as deviation from the truth, of the first method.
+    """Draw amplitude against wind: truth, and what models of one recording predict.
 
-    table: prediction.csv. settings: case, protocols, method, replicate, recorded (wind speed of
+    table: prediction.csv. settings: case, protocol, method, replicate, recorded (wind speed of
     the recording, m/s) and, where another method is to be compared, peer.
     """
     if table.empty:
         return parts.nothing_at_all("no model of this study states how sure it is")
-    protocols, method = settings["protocols"], settings["method"]
-    own = {name: settings[name] for name in ("case", "replicate")}
+    own = {name: settings[name] for name in ("case", "protocol", "replicate")}
     chosen = parts.where(table, **own).sort_values("wind_m_s")
-    figure, grid = parts.panels(
-        0.8 + 2.7 * len(protocols), 2 * len(protocols), len(STATES), sharex=True,
-        height_ratios=[2, 1] * len(protocols),
-    )  # fmt: skip
-    methods = [method, *([settings["peer"]] if settings.get("peer") else [])]
-    for row, protocol in enumerate(protocols):
-        for column, (direction, state) in enumerate(STATES.items()):
-            axes, below = grid[2 * row : 2 * row + 2, column]
-            _title(axes, row * len(STATES) + column, state, f", from {protocol}")
-            own = {"protocol": protocol, "direction": direction}
-            lines = {name: parts.where(chosen, method=name, **own) for name in methods}
-            _predicted(axes, below, lines)
-            for pane in (axes, below):
-                label = "wind of the recording"
-                pane.axvline(settings["recorded"], color=style.TRUE, lw=0.8, ls=":", label=label)
-        grid[2 * row, 0].set_ylabel("half range, m")
-        grid[2 * row + 1, 0].set_ylabel("deviation, %")
-    for axes in grid[-1]:
-        axes.set_xlabel("wind speed, m/s")
-    parts.legend(figure)
+    methods = [method for method in (settings["method"], settings.get("peer")) if method]
+    figure, (panes,) = parts.panels(2.7, 1, len(STATES))
+    for k, (axes, direction) in enumerate(zip(panes, STATES, strict=True)):
+        _title(axes, k, STATES[direction])
+        lines = {m: parts.where(chosen, method=m, direction=direction) for m in methods}
+        _predicted(axes, lines)
+        axes.axvline(settings["recorded"], color=style.TRUE, lw=0.8, ls=":",
+                     label="wind of the recording")  # fmt: skip
+        axes.set(xlabel="wind speed, m/s", ylabel="" if k else "amplitude, m")
+    parts.legend(figure, columns=3)
+    ours = parts.where(chosen, method=settings["method"]).dropna(subset=["predicted_m", "true_m"])
+    if len(ours):
+        error = 100 * (ours["predicted_m"] / ours["true_m"] - 1).abs().max()
+        least, most = ours["wind_m_s"].min(), ours["wind_m_s"].max()
+        figure.set_label(
+            f"From one recording at {settings['recorded']:g} m/s, amplitudes at {least:g} to "
+            f"{most:g} m/s are predicted within {error:.2g} %"
+        )
     return figure
 
 
-def _predicted(axes: Axes, below: Axes, lines: Mapping[str, pd.DataFrame]) -> None:
-    """lines: rows by method, of which the first has a band, and its deviation below."""
-    for k, (method, line) in enumerate(lines.items()):
-        if line.empty:
-            continue
-        wind, own = line["wind_m_s"], style.method_style(method)
-        if line["predicted_m"].isna().any():
-            reason = next(iter(line["reason"].dropna()), "no stable limit cycle")
-            axes.text(0.97, 0.05, fill(shorten(f"{own.label}: {reason}", 80), 40), ha="right",
-                      color=own.color, fontsize="small", transform=axes.transAxes)  # fmt: skip
-        if k == 0:
-            axes.plot(wind, line["true_m"], color=style.TRUE, lw=4, zorder=0.9, label="truth")
-            parts.band(axes, wind, line["low_m"], line["high_m"], "95 % band")
-            doubtful = sorted(set(line["verdict"]) - {"ok"})
-            if doubtful:
-                axes.text(0.03, 0.95, doubtful[0].partition(":")[0], va="top",
-                          transform=axes.transAxes, color=style.PAPER)  # fmt: skip
-        look = parts.line_look(method) | {"lw": 1.0, "marker": own.marker}
-        axes.plot(wind, line["predicted_m"], label=own.label, **look)
-        if k == 0:
-            low, value, high = (
-                100 * (line[of] / line["true_m"] - 1) for of in ("low_m", "predicted_m", "high_m")
-            )
-            below.axhline(0, color=style.TRUE, lw=2, zorder=0.9)
-            parts.band(below, wind, low, high, "95 % band")
-            below.plot(wind, value, **look)
+def _predicted(axes: Axes, lines: Mapping[str, pd.DataFrame]) -> None:
+    """lines: rows by method, of which the first has an interval."""
+    first = next(iter(lines.values()))
+    axes.plot(first["wind_m_s"], first["true_m"], color=style.TRUE, lw=4, zorder=0.9, label="truth")
+    axes.vlines(first["wind_m_s"], first["low_m"], first["high_m"], color="k", lw=1.6, zorder=5,
+                label="95 % interval")  # fmt: skip
+    for method, line in lines.items():
+        look, doubt = parts.line_look(method) | {"lw": 1.0}, _doubt(line)
+        own = style.method_style(method)
+        axes.plot(line["wind_m_s"], line["predicted_m"], marker=own.marker,
+                  label=own.label + doubt, **look)  # fmt: skip
+        rest = line[line["predicted_m"].isna()]
+        label = f"no stable limit cycle: {own.label}" if len(rest) else None
+        axes.plot(rest["wind_m_s"], np.zeros(len(rest)), ls="", marker="x", color=own.color,
+                  ms=6, label=label)  # fmt: skip
 
 
-def draw_limit_cycle_ahead(table: pd.DataFrame, settings: Mapping) -> Figure:
-    """Predicted limit cycle with its interval against noise, a panel for each displacement.
-
-    table: limit_cycle_ahead.csv. settings: window, s, of the paper's steady state.
-    """
-    if table.empty:
-        return parts.nothing_at_all("no model of this study states how sure it is")
-    states, protocols = table["state"].unique(), table["protocol"].unique()
-    axis, (begin, end) = parts.LogAxis.of(table["level"]), settings["window"]
-    figure, (grid,) = parts.panels(2.9, 1, len(states))
-    for k, (state, axes) in enumerate(zip(states, grid, strict=True)):
-        of_state = table[table["state"] == state]
-        _title(axes, k, state)
-        axis.prepare(axes, "noise level, in the unit of each protocol")
-        axes.axhline(of_state["true_m"].iloc[0], color=style.TRUE, lw=4, zorder=1,
-                     label="true limit cycle")  # fmt: skip
-        axes.axhline(of_state["recorded_m"].iloc[0], color=style.PAPER, lw=1.0, ls="--", zorder=1,
-                     label=f"recorded, {begin:g}-{end:g} s")  # fmt: skip
-        for j, protocol in enumerate(protocols):
-            rows = of_state[of_state["protocol"] == protocol].sort_values("level")
-            shift = APART * (j - (len(protocols) - 1) / 2)
-            places = np.array([axis.position(level, shift) for level in rows["level"]])
-            look = style.PROTOCOLS[protocol]
-            axes.vlines(places, rows["low_m"], rows["high_m"], color=look["color"], lw=1.2)
-            label = f"predicted from {protocol}"
-            axes.plot(places, rows["predicted_m"], ls="", label=label, **look)
-    grid[0].set_ylabel("half range, m")
-    parts.legend(figure, columnspacing=1.2, handlelength=1.8)
-    return figure
+def _doubt(line: pd.DataFrame) -> str:
+    """The status of a method that judges its models, if it is not ok, to stand behind its name."""
+    doubtful = sorted(set(line["verdict"]) - {"ok", "unjudged"})
+    return f" ({doubtful[0].partition(':')[0]})" if doubtful else ""

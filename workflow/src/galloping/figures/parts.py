@@ -83,26 +83,6 @@ def case_grids(
     return figure, grids
 
 
-def method_grid(
-    settings: Mapping, rows: int, each: float
-) -> tuple[Figure, dict[tuple[str, int, str], Axes]]:
-    """Panels by case, row and protocol: a headed block for each case, a column for each protocol.
-
-    settings: cases and protocols. each: height of a row, in inches.
-    """
-    protocols = settings["protocols"]
-    figure, grids = case_grids(settings["cases"], rows, len(protocols), 0.8, each * rows)
-    grid = {
-        (case, row, protocol): axes
-        for case, block in grids.items()
-        for row, line in enumerate(block)
-        for protocol, axes in zip(protocols, line, strict=True)
-    }
-    for index, ((_, _, protocol), axes) in enumerate(grid.items()):
-        letter(axes, index, f"from {protocol}")
-    return figure, grid
-
-
 def wrapped_grid(count: int, columns: int, height: float) -> tuple[Figure, list[Axes]]:
     """So many panels with the same axes, at most `columns` beside each other.
 
@@ -144,13 +124,19 @@ class LogAxis:
         places = [self.position(v) for v in self.values]
         axes.set_xscale("log")
         axes.set_xlim(min(places) / 1.3, max(places) * 1.3)
-        short = [f"{v / 1000:g}k" if v >= 1000 else f"{v:g}" for v in self.values]
-        axes.set_xticks(places, short, fontsize=0.75 * rcParams["font.size"])
+        axes.set_xticks(
+            places, list(map(short, self.values)), fontsize=0.75 * rcParams["font.size"]
+        )
         axes.xaxis.set_minor_locator(NullLocator())
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel(label)
         if 0 in self.values and self.values[-1] > 0:
             axes.axvline(np.sqrt(self.zero * (2 * self.zero)), color="#bbbbbb", lw=0.6, ls=":")
+
+
+def short(value: float) -> str:
+    """A value as a tick has it, thousands as k."""
+    return f"{value / 1000:g}k" if value >= 1000 else f"{value:g}"
 
 
 def prepare_log(axes: Axes, limits: tuple[float, float], label: str) -> None:
@@ -187,9 +173,8 @@ def series(
     values: np.ndarray,
     method: str,
     limits: tuple[float, float],
-    joined: Sequence[bool] | None = None,
 ) -> None:
-    """Medians of one method, intervals as bars; those `joined` (all) lie on one line.
+    """Medians of one method on a line, intervals as bars.
 
     x: (n,). values: (3, n) median, low and high, places on the axis. Values beyond `limits`,
     failures (inf) among them, stand at the limit as open triangles. A method without a marker is
@@ -198,13 +183,12 @@ def series(
     style, look = method_style(method), line_look(method)
     x, values = np.asarray(x, float), np.asarray(values, float)
     inside, low, high = np.clip(values, *limits)
-    line = np.ones(len(x), bool) if joined is None else np.asarray(joined, bool)
     if not style.marker:
-        dash = "_" if line.sum() == 1 else ""  # a line needs two points
-        axes.plot(x[line], inside[line], **look | {"markersize": 14}, marker=dash, zorder=4.5)
+        dash = "_" if len(x) == 1 else ""  # a line needs two points
+        axes.plot(x, inside, **look | {"markersize": 14}, marker=dash, zorder=4.5)
         return
     axes.vlines(x, low, high, color=style.color, lw=0.9)
-    axes.plot(x[line], inside[line], **look, zorder=2 + style.weight)
+    axes.plot(x, inside, **look, zorder=2 + style.weight)
     points(axes, x, values[0], limits, style.color, style.marker, look["markersize"])
 
 
@@ -223,12 +207,6 @@ def points(
         if chosen.any():
             clipped = np.clip(y[chosen], *limits)
             axes.plot(x[chosen], clipped, marker=own, mfc=face, label=label, **look)
-
-
-def jitter(count: int, width: float) -> np.ndarray:
-    """Return displacements that spread `count` points over a width, neighbours far apart."""
-    golden = (np.sqrt(5) - 1) / 2
-    return width * (np.arange(count) * golden % 1 - 0.5)
 
 
 def band(
@@ -252,7 +230,7 @@ def rows(axes: Axes, labels: Sequence[str], lines: bool = True) -> None:
 
 def dot(
     axes: Axes, y: float, values: Sequence[float], limits: tuple[float, float], color: str,
-    marker: str, size: float, filled: bool = True, bar: Mapping | None = None,
+    marker: str, size: float, bar: Mapping | None = None,
 ) -> None:  # fmt: skip
     """Median and the interval (low, high) in a row; a median off the axis is an open arrowhead.
 
@@ -263,7 +241,7 @@ def dot(
     axes.hlines(y, low, high, **{"color": color, "lw": 0.8} | (bar or {}))
     axes.plot(
         median, y, ls="", marker=head or marker, ms=size, mec=color, mew=0.7, zorder=4,
-        mfc=color if filled and not head else "white", clip_on=not head,
+        mfc="white" if head else color, clip_on=not head,
         label=BEYOND if head else None,
     )  # fmt: skip
 
@@ -302,12 +280,6 @@ def where(table: pd.DataFrame, **values: object) -> pd.DataFrame:
     for name, value in values.items():
         table = table[table[name] == value]
     return table
-
-
-def in_order(table: pd.DataFrame, methods: Sequence[str]) -> list[str]:
-    """The methods that the table holds."""
-    present = set(table["method"])
-    return [name for name in methods if name in present]
 
 
 def key(label: str, **look: object) -> Line2D:

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from math import comb
-from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,17 +10,17 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle, FancyBboxPatch, Polygon
 
 from galloping.figures import parts
-from galloping.figures.style import BAND, DOUBLE, MODEL, PAPER, TRUE, method_style, spoken
+from galloping.figures.style import BAND, MODEL, PAPER, SINGLE, TRUE, spoken
 from galloping.measurement import Motion
 from galloping.physics.galerkin import MODES, STATES, Derived, Line, ice_coefficients, positions
 
 ICE, METAL, INK = "#d6e6f2", "#6b6b6b", "#111111"
-HEIGHT = 2.9
-ELEVATION = (0.075, 0.15, 0.63, 0.76)  # of the figure: left, bottom, width, height
-SECTION = (0.735, 0.1, 0.26, 0.82)
+HEIGHT = 3.2
+ELEVATION = (0.16, 0.53, 0.82, 0.4)  # of the figure: left, bottom, width, height
+SECTION = (0.1, 0.0, 0.8, 0.37)
 # the flow chart's unit is the inch
-CHART, BOX = 3.0, (2.0, 0.74)
-COLUMNS, ROWS = (1.1, 3.5, 5.9), (2.57, 1.5, 0.43)
+CHART, BOX = 2.7, (0.98, 0.62)
+COLUMNS, ROWS = (0.52, 1.67, 2.82), (2.36, 1.4, 0.34)
 PATH = [(0, 0), (1, 0), (2, 0), (2, 1), (1, 1), (0, 1), (0, 2), (1, 2), (2, 2)]  # column, row
 COLORS = ("#e6e6e6", "#fdf1d8", "#d6e6f2")  # truth, data, identified model
 
@@ -59,7 +58,9 @@ def draw_line(model: Derived, settings: Mapping) -> Figure:
     model: what follows from the line. settings: case, its name; line, its parameters.
     """
     case = settings["line"]
-    figure = Figure(figsize=(DOUBLE, HEIGHT))
+    figure = Figure(figsize=(SINGLE, HEIGHT))
+    ratio = model.quantities["omega_v_rad_s"] / model.quantities["omega_w_rad_s"]
+    figure.set_label(f"The vertical natural frequency is {ratio:.2f} times the horizontal one")
     _elevation(figure.add_axes(ELEVATION), case, model.quantities, settings["case"])
     _section(figure.add_axes(SECTION), case["bundle"]["subconductors"])
     return figure
@@ -67,13 +68,13 @@ def draw_line(model: Derived, settings: Mapping) -> Figure:
 
 def _elevation(axes: Axes, case: Mapping, derived: Mapping, name: str) -> None:
     span, sag = case["line"]["span"], derived["sag_m"]
-    low, high, left, right = -1.75 * sag, 0.95 * sag, -0.06 * span, 1.06 * span
+    low, high, left, right = -2.1 * sag, 1.15 * sag, -0.08 * span, 1.06 * span
     axes.set(xlim=(left, right), ylim=(low, high), yticks=sorted({0.0, -round(sag, 2)}),
              xlabel="distance from the left support, m",
-             ylabel="height above the supports, m")  # fmt: skip
-    width, height = DOUBLE * ELEVATION[2], HEIGHT * ELEVATION[3]
+             ylabel="height, m")  # fmt: skip
+    width, height = SINGLE * ELEVATION[2], HEIGHT * ELEVATION[3]
     exaggeration = (height / (high - low)) / (width / (right - left))
-    parts.letter(axes, 0, f"elevation, {spoken(name)}; heights × {exaggeration:.3g}")
+    parts.letter(axes, 0, f"{spoken(name)}; heights × {exaggeration:.3g}")
 
     def rest(s):
         return -4 * sag * (s / span) * (1 - s / span)
@@ -90,10 +91,9 @@ def _elevation(axes: Axes, case: Mapping, derived: Mapping, name: str) -> None:
     middle = 0.44 * span
     arrow(axes, (middle, 0), (middle, rest(middle)), style="<|-|>", width=0.8)
     numbers = (
-        rf"$l$ = {span:g} m, $H$ = {case['line']['tension'] / 1e3:g} kN a conductor,"
-        rf" $\lambda^2$ = {derived['irvine_parameter']:.3g}" "\n"
-        rf"$\omega_v$ = {derived['omega_v_rad_s']:.3f} rad/s,"
-        rf" $\omega_w$ = {derived['omega_w_rad_s']:.3f} rad/s"
+        rf"$l$ = {span:g} m, $H$ = {case['line']['tension'] / 1e3:g} kN" "\n"
+        rf"$\omega_v$ = {derived['omega_v_rad_s']:.3f} rad/s" "\n"
+        rf"$\omega_w$ = {derived['omega_w_rad_s']:.3f} rad/s"
     )  # fmt: skip
     # the coordinate s with the displacement Y along it, V upwards, W towards the reader
     x, y, along, up = 0.03 * span, 0.3 * sag, 0.13 * span, 0.5 * sag
@@ -104,7 +104,7 @@ def _elevation(axes: Axes, case: Mapping, derived: Mapping, name: str) -> None:
     _say(
         axes,
         (0.84 * span, rest(0.84 * span) - 0.05 * sag, "at rest", "left", "top"),
-        (0.98 * span, 0.92 * sag, numbers, "right", "top"),
+        (0.98 * span, 1.15 * sag, numbers, "right", "top"),
         (x + along * 1.05, y, "$s$, $Y$", "left", "center"),
         (x + 0.08 * along, y + up, "$V$", "left", "center"),
         (x - 0.16 * along, y, "$W$", "right", "center"),
@@ -112,7 +112,7 @@ def _elevation(axes: Axes, case: Mapping, derived: Mapping, name: str) -> None:
           for k, place in enumerate(spacers, start=1)),
     )  # fmt: skip
     first = r"first mode, $V=\phi_v(s)\,q_v$"
-    _say(axes, (0.53 * span, 0.12 * sag, first, "left", "baseline"), color=MODEL)
+    _say(axes, (0.5 * span, -1.45 * sag, first, "center", "top"), color=MODEL)
     ground = {"facecolor": "white", "edgecolor": "none", "pad": 1}
     where = middle - 0.01 * span, -0.35 * sag
     _say(axes, (*where, f"sag {sag:.2f} m", "right", "center"), bbox=ground)
@@ -150,21 +150,24 @@ def draw_aerodynamic_load(trajectory: Sequence[Motion], settings: Mapping) -> Fi
     velocity = motion.states[:, motion.names.index("dq_v")]
     if motion.status != "ok":
         velocity = np.zeros(1)  # of a line that diverges no angle is shown
-    figure = Figure(figsize=(DOUBLE, 2.75), layout="constrained")
-    left, right = figure.subfigures(1, 2, width_ratios=(1.15, 1))
-    _vectors(left.subplots())
+    figure = Figure(figsize=(SINGLE, 3.2), layout="constrained")
+    above, below = figure.subfigures(2, 1, height_ratios=(1.2, 1))
+    _vectors(above.subplots())
     attack = velocity / case["wind"]["speed"]
-    upper, lower = right.subplots(2, 1, sharex=True)
+    left, right = below.subplots(1, 2)
     vertical, horizontal = ice_coefficients(case["ice"])
-    _curve(upper, vertical, attack, "$C_Y$", "-")
-    _curve(lower, horizontal, attack, "$C_Z$", "--")
-    parts.letter(upper, 1, f"$C_Y$: {_formula(vertical)}")
-    parts.letter(lower, 2, f"$C_Z$: {_formula(horizontal)}")
-    lower.set_xlabel("attack angle $\\alpha$, rad\n(shaded: angles of the simulated motion)")
+    _curve(left, vertical, attack, "-")
+    _curve(right, horizontal, attack, "--")
+    parts.letter(left, 1, "vertical, $C_Y$")
+    parts.letter(right, 2, "horizontal, $C_Z$")
+    largest = np.max(np.abs(attack))
+    if motion.status == "ok":
+        figure.set_label(f"The attack angle of the motion stays within ±{largest:.2f} rad")
     return figure
 
 
-def _curve(axes: Axes, values: tuple[float, ...], attack: np.ndarray, name: str, line: str) -> None:
+def _curve(axes: Axes, values: tuple[float, ...], attack: np.ndarray, line: str) -> None:
+    """Draw a force coefficient without its static part, and shade the angles of the motion."""
     reach = 1.3 * max(float(np.max(np.abs(attack))), 0.05)
     alpha = np.linspace(-reach, reach, 201)
     axes.axvspan(float(attack.min()), float(attack.max()), color=BAND, alpha=0.45, lw=0)
@@ -172,17 +175,7 @@ def _curve(axes: Axes, values: tuple[float, ...], attack: np.ndarray, name: str,
     axes.axvline(0, color=TRUE, lw=0.6)
     force = sum(value * alpha**power for power, value in enumerate(values, start=1))
     axes.plot(alpha, force, color=MODEL, ls=line, lw=1.4)
-    axes.set(xlim=(-reach, reach), ylabel=f"{name} − static part")
-
-
-def _formula(values: tuple[float, ...]) -> str:
-    """The cubic polynomial, without the terms that are zero."""
-    terms = [
-        f"{'−' if value < 0 else '+'} {abs(value):g} α{('', '²', '³')[power - 1]}"
-        for power, value in enumerate(values, start=1)
-        if value
-    ]
-    return " ".join(terms).removeprefix("+ ") or "0"
+    axes.set(xlim=(-reach, reach), xlabel="attack angle $\\alpha$, rad")
 
 
 def _vectors(axes: Axes) -> None:
@@ -200,7 +193,7 @@ def _vectors(axes: Axes) -> None:
     _say(axes, (-1.5, -0.08, "wind $U$", "center", "top"),
          (start[0] - 0.06, 0.31, r"$-\dot V$", "right", "center"),
          (0.62, 0.65, r"velocity $\dot V$", "left", "center"), color=MODEL)  # fmt: skip
-    _say(axes, (-1.35, 0.5, "relative wind $U_r$", "left", "center"), color=PAPER)
+    _say(axes, (-2.1, 0.68, "relative wind $U_r$", "left", "bottom"), color=PAPER)
     law = (r"$\alpha \approx \dot V / U$,   $F_{Y,Z} = \frac{1}{2}\rho D U^2\,"
            r"C_{Y,Z}(\alpha)$")  # fmt: skip
     _say(axes, (0.07, 1.13, "$F_Y$", "left", "center"), (1.15, 0.12, "$F_Z$", "center", "bottom"))
@@ -213,12 +206,12 @@ def _vectors(axes: Axes) -> None:
 def draw_flow(settings: Mapping) -> Figure:
     """Boxes joined in reading order, and the way of the truth into the comparison.
 
-    settings: degree of the library, protocols, methods, replicates; least and greatest of the noise
-    levels and of the points of the subsets.
+    settings: degree of the library, methods; least and greatest of the noise levels and of the
+    points of the subsets.
     """
-    figure = Figure(figsize=(DOUBLE, CHART))
+    figure = Figure(figsize=(SINGLE, CHART))
     axes = figure.add_axes((0, 0, 1, 1))
-    axes.set(xlim=(0, DOUBLE), ylim=(0, CHART))
+    axes.set(xlim=(0, SINGLE), ylim=(0, CHART))
     axes.axis("off")
     width, height = BOX
     for (column, row), (title, text) in zip(PATH, _boxes(settings), strict=True):
@@ -229,8 +222,7 @@ def draw_flow(settings: Mapping) -> Figure:
         ))  # fmt: skip
         top = y + height / 2
         _say(axes, (x, top - 0.07, title, "center", "top"), weight="bold")
-        _say(axes, (x, top - 0.24, fill(text, 36), "center", "top"), fontsize="small",
-             linespacing=1.15)  # fmt: skip
+        _say(axes, (x, top - 0.24, text, "center", "top"), fontsize="small")
     for (column, row), (next_column, next_row) in pairwise(PATH):
         side, down = next_column - column, next_row - row
         arrow(
@@ -239,13 +231,13 @@ def draw_flow(settings: Mapping) -> Figure:
             (COLUMNS[next_column] - side * width / 2, ROWS[next_row] + down * height / 2),
         )
     # the way of the truth around identification, straight into the comparison
-    right, margin = COLUMNS[2] + width / 2, DOUBLE - 0.14
+    right, margin = COLUMNS[2] + width / 2, SINGLE - 0.06
     axes.plot([right, margin, margin], [ROWS[0], ROWS[0], ROWS[2]], color=PAPER, lw=1.0,
               ls=(0, (4, 2)))  # fmt: skip
     arrow(axes, (margin, ROWS[2]), (right, ROWS[2]), color=PAPER)
     where = margin - 0.05, (ROWS[1] + ROWS[2]) / 2
-    _say(axes, (*where, "true coefficients and motion", "right", "center"), color=PAPER,
-         fontsize="small")  # fmt: skip
+    _say(axes, (*where, "the truth", "right", "center"), color=PAPER, fontsize="small")
+    figure.set_label("Identification sees the recordings alone")
     return figure
 
 
@@ -253,24 +245,16 @@ def _boxes(settings: Mapping) -> list[tuple[str, str]]:
     """Title and text of each box, in the order of `PATH`."""
     degree = settings["degree"]
     candidates = comb(len(STATES) + degree, degree)
-    methods = "; ".join(method_style(name).label for name in settings["methods"])
-    protocols = " or ".join(settings["protocols"])
-    noise, points = (
-        " to ".join(f"{value:g}" for value in dict.fromkeys(settings[name]))
-        for name in ("levels", "points")
-    )
+    noise = " to ".join(f"{level:g}" for level in dict.fromkeys(settings["levels"]))
+    points = " to ".join(map(parts.short, dict.fromkeys(settings["points"])))
     return [
-        ("Line and wind", "conductor, bundle, span, tension, spacers, ice, wind speed, damping"),
-        ("Galloping equations", "Galerkin projection on the first modes: γ₁…γ₈ and κ₁…κ₁₀"),
-        ("True motion", "Taylor integration to machine precision: displacements and velocities"),
-        ("Recordings", f"protocol {protocols}; noise {noise}; subsets of {points} points; "
-         f"{settings['replicates']} replicates"),
-        ("Candidate library", f"{candidates} monomials up to degree {degree}: regressed on "
-         "derivatives or integrals, or fitted to the motion"),
-        ("Identification", f"{methods}; terms by a rule from the data alone"),
-        ("Identified model", "support and coefficients of both equations, for each replicate"),
-        ("Reconstructed motion", "integrated from the true initial state; one that diverges is "
-         "kept as a failure"),
-        ("Comparison", "coefficient errors, terms found, $R^2$, amplitude, frequency: medians, "
-         "intervals, claims"),
-    ]  # fmt: skip
+        ("line and wind", "span, ice,\ndamping"),
+        ("equations", "Galerkin,\nγ and κ"),
+        ("true motion", "Taylor series"),
+        ("recordings", f"noise {noise},\n{points} samples"),
+        ("candidates", f"{candidates} monomials\nto degree {degree}"),
+        ("identification", f"{len(settings['methods'])} methods"),
+        ("model", "terms and\ncoefficients"),
+        ("reconstruction", "from the true\nfirst state"),
+        ("comparison", "terms, errors,\n$R^2$, amplitude"),
+    ]

@@ -68,13 +68,6 @@ METHODS = {
     "maximum_likelihood": MethodStyle("maximum likelihood", "#e6007e", "p", "-", 1.5),
     BOUND: MethodStyle("Cramér-Rao bound", "#000000", "", (0, (3, 1.5)), 1.1),
 }
-# Colour and marker of a protocol, where methods are not told apart.
-PROTOCOLS = {
-    "derivative": {"color": "#11115a", "marker": "o"},
-    "state": {"color": "#e69f00", "marker": "D"},
-    "displacement": {"color": "#2fa86a", "marker": "s"},
-    "acceleration": {"color": "#b0457f", "marker": "^"},
-}
 # For those without a place of their own above: picked by the name alone. No triangles and no star,
 # which stand for values beyond the axis and for the paper.
 _COLORS = ("#5f5f5f", "#a6611a", "#17a2a8")
@@ -123,17 +116,20 @@ def write_figure(
     dpi: float,
     font_size: float,
 ) -> None:
-    """What `draw` returns, drawn and written in the project's style."""
+    """Draw and write what `draw` returns in the project's style, with its label as the title."""
     with styled(font_size):
         figure = draw()
+        title = figure.get_label()
         if layout := figure.get_layout_engine():
             for axes in figure.axes:  # ticks point inwards: no spine needs room, but each is slow
                 axes.spines[:].set_in_layout(False)
             layout.execute(figure)  # once, without drawing, for both files
             figure.set_layout_engine(None)
         for path, form in ((svg, "svg"), (png, "png")):
+            options = WRITTEN[form]
+            metadata = options["metadata"] | ({"Title": title} if title else {})
             with replacing(path) as partial:
-                figure.savefig(partial, format=form, dpi=dpi, **WRITTEN[form])
+                figure.savefig(partial, format=form, dpi=dpi, **options | {"metadata": metadata})
                 if form == "svg":
                     _shorten(partial)
 

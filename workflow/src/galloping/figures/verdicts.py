@@ -1,5 +1,5 @@
-"""What verdicts and intervals are worth: on trials whose truth is known, beside what others
-published, and of lines that are not their own model.
+"""How often statuses and intervals are right: on trials whose truth is known, beside published
+methods, and on lines that are not their own model.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ from matplotlib.patches import Patch
 
 from galloping.configuration.kinds import GAMMAS
 from galloping.figures import parts
-from galloping.figures.style import MODEL, PAPER, QUIET, SERIES, SHADE, method_style, spoken
+from galloping.figures.style import MODEL, QUIET, SERIES, SHADE, method_style, spoken
 from galloping.results import OURS
 from galloping.tables.trial_summaries import METHODS
 
@@ -31,10 +31,6 @@ ERRORS = {
 LIMITS = (3e-3, 300.0)  # percent
 DOUBTFUL = 30.0  # percent: beyond, a value is hardly known
 HEIGHT = 0.62  # of a row, shared by the methods
-TWO_MODES = "two modes"
-WORTH = {"amplitude_m": "amplitude\n200-300 s, m", "limit_cycle_m": "limit cycle, m", "r2": "$R^2$"}
-LOOKS = {"vertical": {"color": MODEL, "marker": "o"}, "horizontal": {"color": PAPER, "marker": "s"}}
-STRETCHES = {"r2_0_100_s": "white", "r2_100_200_s": "#bbbbbb", "r2_200_300_s": ""}
 
 
 def draw_trust(table: pd.DataFrame) -> Figure:
@@ -62,6 +58,10 @@ def draw_trust(table: pd.DataFrame) -> Figure:
         axes.set_xlabel("share of the fits, %")
     right = Patch(facecolor=MODEL, label="right")
     parts.legend(figure, right, Patch(label="ok and wrong, or a doubt without need", **WHOLE))
+    sure = table[table["status"] == "ok"]
+    figure.set_label(
+        f"{sure['right'].sum():,} of {len(sure):,} models with the status ok are right"
+    )
     return figure
 
 
@@ -99,6 +99,12 @@ def draw_published_terms(table: pd.DataFrame) -> Figure:
         axes.set_xlabel("noise, %")
     ours = parts.key(style.label, color=style.color, marker=style.marker, ms=4, ls="-")
     parts.legend(figure, ours)
+    others = table[list(OTHERS)].max(axis=1).dropna()
+    ahead = (table.loc[others.index, "exact"] >= others).sum()
+    figure.set_label(
+        f"Exact terms at least as often as the best published method in {ahead} of {len(others)} "
+        "cells"
+    )
     return figure
 
 
@@ -128,6 +134,10 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
     right.set(ylim=(min(78.0, table["holds"].min() - 2.0), 101), xlabel="quadratic coefficient")
     right.plot([], [], "o", ms=9, mfc="none", mec="k", label="published power")
     parts.legend(figure, columns=6)
+    holds = table["holds"].min(), table["holds"].max()
+    figure.set_label(
+        f"95 % intervals contain the coefficient in {holds[0]:.0f} to {holds[1]:.0f} %"
+    )
     return figure
 
 
@@ -169,41 +179,10 @@ def draw_model_error(table: pd.DataFrame) -> Figure:
     for axes in (*panels, answers):
         parts.rows(axes, names)
     parts.legend(figure, *parts.method_keys(methods), columns=len(methods) + 1)
-    return figure
-
-
-def draw_reduction(table: pd.DataFrame) -> Figure:
-    """Amplitude, limit cycle and R2 by line: a row for each quantity, a column for each direction.
-
-    table: reduction.csv. The two-mode model is the dashed line; crosses move in another way. R2 is
-    that of its displacement in three stretches of the record.
-    """
-    lines = [name for name in table["line"].unique() if name != TWO_MODES]
-    figure, grid = parts.panels(6.0, len(WORTH), 2, sharex=True)
-    places = np.arange(len(lines))
-    for column, (direction, look) in enumerate(LOOKS.items()):
-        values = table[table["direction"] == direction].set_index("line")
-        of_lines, last = values.loc[lines], grid[-1, column]
-        for row, (quantity, label) in enumerate(WORTH.items()):
-            axes = grid[row, column]
-            parts.letter(axes, 2 * row + column, direction)
-            axes.set_ylabel("" if column else label)
-            if axes is last:
-                continue
-            apart = of_lines[f"{quantity.removesuffix('_m')}_error_percent"].isna().to_numpy()
-            height, other = of_lines[quantity].to_numpy(), {"marker": "x"}
-            axes.plot(places[~apart], height[~apart], ls="", **look, label=direction)
-            axes.plot(places[apart], height[apart], ls="", **look | other, label="another motion")
-            two = values.loc[TWO_MODES, quantity]
-            axes.axhline(two, color="k", lw=0.8, ls="--", label="two-mode model")
-            axes.set_ylim(0, 1.12 * np.nanmax([*height, two]))
-        parts.prepare_r2(last, last.get_ylabel(), ticks=(0.0, 0.9, 0.99, 0.999, 0.9999))
-        for key, face in STRETCHES.items():
-            shade = {"mec": look["color"], "mfc": face or look["color"], "marker": look["marker"]}
-            last.plot(places, parts.r2_place(of_lines[key]), ls="", clip_on=False, **shade)
-        last.set_xticks(places, lines, rotation=60, ha="right")
-    for key, face in STRETCHES.items():
-        seconds = key.removeprefix("r2_").removesuffix("_s").replace("_", "-")
-        last.plot([], [], "o", mec="k", mfc=face or "k", label=f"$R^2$, {seconds} s")
-    parts.legend(figure, columns=4)
+    errors = table.loc[table["method"] == OURS, [f"{name}_error_percent" for name in ERRORS]]
+    frequency, *_, damping, _ = errors.median()
+    figure.set_label(
+        f"Maximum likelihood errs by {frequency:.1g} % in the vertical frequency and {damping:.1g} "
+        "% in the vertical net damping, in the median over the lines"
+    )
     return figure
