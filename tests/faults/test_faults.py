@@ -21,7 +21,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("copies")]
 
 SMOKE = ("--configfile", "config/smoke.yaml")
 REPAIR = "`make repair CONFIG=config/smoke.yaml`"
-FIGURES = [f"figures/{name}.svg" for name in ("figure05", "figure06", "figure07", "claims")]
+FIGURES = [f"figures/{name}.svg" for name in ("figure05", "figure06", "figure07", "overview")]
 PATIENCE = 600  # seconds
 
 

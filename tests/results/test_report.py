@@ -2,6 +2,7 @@
 tables are used with the keyboard, at 200 % too, nothing comes from outside.
 """
 
+import re
 from contextlib import suppress
 
 import pandas as pd
@@ -33,18 +34,36 @@ def elements(page, css):
     return page.find_elements(By.CSS_SELECTOR, css)
 
 
-def test_it_begins_with_what_was_found(page):
-    sentences = [element.text for element in elements(page, "#found li")]
+def test_it_begins_with_the_paper_and_says_what_was_found(page):
+    first, *others = (s.get_attribute("id") for s in elements(page, "main > section"))
+    assert first == "paper" and others[:2] == ["methods", "engineering"]
+    assert elements(page, "#paper b")[0].is_displayed() and elements(page, ".equations table")
+    sentences = [element.text for element in elements(page, "#methods li")]
     assert any("maximum likelihood" in sentence for sentence in sentences)
-    assert elements(page, "#found img")[0].is_displayed()
-    assert "tension" in elements(page, "#settings dl")[0].text
+    assert "tension" in elements(page, "#appendix dl")[0].text
+
+
+def test_the_paper_takes_five_screens(page):
+    size = page.get_window_size()
+    page.set_window_size(1280, 900)
+    try:
+        page.execute_script("document.querySelectorAll('img').forEach(i => i.loading = 'eager')")
+        WebDriverWait(page, 30, poll_frequency=0.05).until(
+            lambda _: page.execute_script("return [...document.images].every(i => i.complete)")
+        )
+        end = page.execute_script(
+            "return document.querySelector('#paper').getBoundingClientRect().bottom + scrollY"
+        )
+        assert end <= 5 * 900
+    finally:
+        page.set_window_size(size["width"], size["height"])
 
 
 def test_every_figure_loads_with_its_caption_and_nothing_comes_from_outside(page, results):
     drawn = (results / "figures").iterdir()
     names = {path.stem for path in drawn if path.suffix in (".svg", ".gif")}
     figures = {figure.get_attribute("id"): figure for figure in elements(page, "figure[id]")}
-    assert figures.keys() == names
+    assert figures.keys() == names and len(names) <= 18
     for figure in figures.values():
         page.execute_script("arguments[0].scrollIntoView()", figure)
         image = figure.find_element(By.TAG_NAME, "img")
@@ -53,19 +72,20 @@ def test_every_figure_loads_with_its_caption_and_nothing_comes_from_outside(page
         )
     captions = [figure.find_element(By.TAG_NAME, "figcaption").text for figure in figures.values()]
     assert min(map(len, captions)) > 40 and len(set(captions)) == len(captions)
+    assert max(len(caption.split()) for caption in captions) <= 50
     fetched = page.execute_script(
         "return performance.getEntriesByType('resource').map(e => e.name)"
     )
     assert {url.partition(":")[0] for url in fetched} <= {"data"}
 
 
-def test_figures_stand_in_the_order_of_the_paper_and_then_beyond(page):
-    of_paper, beyond = (
-        [figure.get_attribute("id") for figure in section.find_elements(By.TAG_NAME, "figure")]
-        for section in page.find_elements(By.XPATH, "//section[h2[starts-with(., 'Figures')]]")
-    )
-    assert of_paper == [f"figure{k:02d}" for k in range(1, 11)]
-    assert "efficiency" in beyond and "figure06_methods" in beyond
+def test_figures_stand_in_the_order_of_the_paper_with_what_they_show(page):
+    figures = elements(page, "#paper figure")
+    names = [figure.get_attribute("id") for figure in figures]
+    assert names == ["printed", *(f"figure{k:02d}" for k in range(1, 11))]
+    titles = [figure.find_element(By.TAG_NAME, "h3").text for figure in figures[1:]]
+    for number, title in enumerate(titles, start=1):
+        assert re.match(rf"Figure {number}\. \w.{{15,}}", title)
 
 
 def test_a_table_is_searched_sorted_and_saved_with_the_keyboard_alone(page, results):

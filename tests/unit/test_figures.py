@@ -16,6 +16,7 @@ from galloping.figures.schematics import draw_aerodynamic_load, draw_flow, draw_
 from galloping.figures.style import METHODS, method_style, write_figure
 from galloping.figures.verdicts import draw_trust
 from galloping.identification.model import IdentifiedModel
+from galloping.intervals import interval
 from galloping.measurement import BY_NAME as PROTOCOLS
 from galloping.measurement import Motion
 from galloping.physics.galerkin import derive
@@ -96,14 +97,13 @@ def test_the_median_is_shown_with_its_range_and_what_the_paper_prints():
     more = table[4:5].rename(columns={"replicate": "draw"})
     more = pd.concat([more.assign(draw=k, mean_error_linear_percent=k + 1.0) for k in range(9)])
     (of_paper,) = errors.printed("mean_error_linear_percent", case)
-    few = np.percentile([8, 2, 4, 6], (5, 95))
-    for further, ends in (((), few), ((more,), np.percentile(range(1, 10), (5, 95)))):
+    for further, values in (((), [8.0, 2.0, 4.0, 6.0]), ((more,), np.arange(1.0, 10.0))):
         figure = errors.draw_draws(table, {**NOISE, **CELL, "case": case}, *further)
         (axes,) = figure.axes
         medians = [y for line in axes.lines if len(y := line.get_ydata()) == 2]
         assert list(medians[0]) == [2.5, 5.0]  # of the linear terms, the first
         low, high = axes.collections[0].get_segments()[-1][:, 1]
-        assert (low, high) == pytest.approx(ends)
+        assert (low, high) == pytest.approx(interval(values)[1:])
         stars = [line.get_ydata()[0] for line in axes.lines if line.get_marker() == "*"]
         assert of_paper.printed in stars
         assert "2.5 % at noise 0.01, 5 % at noise 0.05" in figure.get_label()

@@ -14,7 +14,7 @@ from galloping.identification.model import IdentifiedModel
 from galloping.identification.work import ENDED
 from galloping.physics.galerkin import coefficients, model
 from galloping.polynomial import library
-from galloping.report.printed_numbers import verdicts
+from galloping.report.sentences import verdicts
 from galloping.streams import generator
 from galloping.tables.trial_summaries import paths, published_intervals, published_terms, trust
 from galloping.trials import free_decays, published, recorded_lines

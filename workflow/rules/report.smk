@@ -112,13 +112,19 @@ rule write_report:
             "labels": {name: what.label for name, what in FIGURES.items()}
             | dict.fromkeys(ANIMATED, "the span, moving")
         },
+        parts={
+            "parts": {name: what.part for name, what in FIGURES.items()}
+            | dict.fromkeys(ANIMATED, ENGINEERING_PART)
+        },
         introduction=lambda wildcards: {
             "introduction": "\n".join(captions(".", *INTRODUCTIONS).values())
         },
         captions=lambda wildcards: {"captions": captions("figures", *FIGURES, *ANIMATED)},
         headline={
             "headline": (
-                {"case": LINES[0], "protocol": shown.sensor_protocol(STUDY).name} if LINES else {}
+                {"case": LINES[0], "protocol": shown.sensor_protocol(STUDY).name}
+                if LINES
+                else {"case": "", "protocol": ""}
             )
         },
         study={"study": STUDY.plain},

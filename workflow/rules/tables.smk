@@ -77,6 +77,7 @@ if LINES:
     least_noise = {case.name: shown.least_noise(STUDY, case).id for case in STUDY.cases}
     noisy = {each.id: each.columns for each in STUDY.cells if each.level > 0}  # have a bound
     ahead = {each.id: each.columns for each in shown.ahead_cells(STUDY)}
+    beside = shown.equations_beside(STUDY)
     TABLES |= {
         "table1_conductor": made(
             tables.line_parameters.conductor,
@@ -101,6 +102,26 @@ if LINES:
             identified={
                 case: f"<results>/identified/{cell}/{paper_method.family}.npz"
                 for case, cell in least_noise.items()
+            },
+        ),
+        "equations": made(
+            tables.table3.equations,
+            {
+                "case": FIRST,
+                "degree": DEGREE,
+                "fits": {
+                    cell.id: {
+                        "protocol": cell.protocol.name,
+                        "method": method.name,
+                        "level": cell.level,
+                    }
+                    for cell, method in beside
+                },
+            },
+            model=MODEL,
+            identified={
+                cell.id: f"<results>/identified/{cell.id}/{method.family}.npz"
+                for cell, method in beside
             },
         ),
         "noise_coefficients": made(tables.scores.noise_coefficients, scores=SCORES),
@@ -235,6 +256,6 @@ TABLES["columns"].settings["tables"] = [*TABLES, *COMPARISONS]
 TOO_LONG = {"scores", "fits", "paper_samples"}
 NOT_SHOWN = TOO_LONG | {"answers"}  # in the report
 NOT_COMPARED = TOO_LONG | {  # with the reference
-    "readings", "table3_as_printed", "reproduction", "columns",
+    "readings", "table3_as_printed", "equations", "reproduction", "columns",
     "limit_cycles", "bifurcations",  # where a branch has its points is decided by rounding
 }  # fmt: skip

@@ -1,19 +1,22 @@
 """The report of a study, one self-contained page."""
 
-from os.path import relpath
 from pathlib import Path
 
+from galloping.figures.style import METHODS, method_style
 from galloping.report.data_dictionary import captions as captions_of_tables
-from galloping.report.page import Item, made_by, render, versions
-from galloping.report.printed_numbers import headline as found
-from galloping.report.printed_numbers import inferred, section, verdicts
+from galloping.report.equations import side_by_side
+from galloping.report.page import PARTS, Item, made_by, render, versions
+from galloping.report.printed_numbers import section
+from galloping.report.sentences import inferred, on_engineering, on_methods
 from galloping.reproducibility.job import run
 from galloping.storage import write_text
 from galloping.study.files import read_table
 
-PAGES = "results/pages"  # where `make pages` writes
-FIRST = ("overview", "trust", "paper_region")  # the figures that may stand first
-FOUND = ("efficiency", "noise_coefficients", "limit_cycles", "bifurcations")  # in the first case
+SPOKEN_OF = (
+    "efficiency", "noise_coefficients", "noise_r2", "identifiability", "trust", "limit_cycles",
+    "bifurcations", "limit_cycle_ahead", "reduction", "paper", "reproduction", "equations",
+    "paper_region",
+)  # fmt: skip
 CAPTIONS_OF_FIELD = {
     "quality": "The samples, with gaps, and their spectra.",
     "fit": "The samples and the model's motion, which begins anew in each stretch.",
@@ -42,43 +45,39 @@ def _recording(name: str, paths: list[str]) -> dict:
 
 
 def write_report(
-    figures, animation, tables, recordings, region, report, labels, introduction, captions,
+    figures, animation, tables, recordings, region, report, labels, parts, introduction, captions,
     headline, study,
 ):  # fmt: skip
     drawn = _items([*figures, *animation], captions, labels)
-    told_of = captions_of_tables()
-    shown = _items(tables, {name: told_of[name] for name in (Path(t).stem for t in tables)}, {})
-
-    def told(sentences, *names: str, **options) -> list[str]:
-        """Sentences about tables, where the study has these."""
-        if not all(name in shown for name in names):
-            return []
-        return sentences(*(read_table(shown[name].path) for name in names), **options)
-
-    paper, varied = (
-        read_table(shown[name].path) if name in shown else None
-        for name in ("paper", "reproduction")
-    )
-    known = read_table(region) if region else None
-    first = next((drawn.pop(name) for name in FIRST if name in drawn), None)
+    said_of = captions_of_tables()
+    shown = _items(tables, {name: said_of[name] for name in (Path(t).stem for t in tables)}, {})
+    read = {name: read_table(shown[name].path) for name in SPOKEN_OF if name in shown}
+    paper, known = read.get("paper"), read_table(region) if region else None
+    sentences = {
+        "paper": inferred(read["paper_region"]) if "paper_region" in read else [],
+        "methods": on_methods(read, **headline),
+        "engineering": on_engineering(read, **headline),
+    }
+    by_part = {
+        part: {
+            "sentences": sentences[part],
+            "figures": [item for name, item in drawn.items() if parts[name] == part],
+        }
+        for part in PARTS
+    }
+    equations = read.get("equations")
+    names = {name: method_style(name).label for name in METHODS}
     page = {
         "title": "Galloping of iced overhead lines",
-        "paper": section(paper, varied, known) if paper is not None else None,
-        "printed": drawn.pop("printed", None),
+        "paper": None if paper is None else section(paper, read.get("reproduction"), known),
+        "equations": None if equations is None else side_by_side(equations, names),
         "made": made_by(),
-        "headline": [
-            *told(found, *FOUND, **headline),
-            *told(verdicts, "trust"),
-            *told(inferred, "paper_region"),
-        ],
-        "first": first,
+        "parts": {name: part if any(part.values()) else None for name, part in by_part.items()},
         "study": study,
         "introduction": introduction,
-        "figures": list(drawn.values()),
         "tables": list(shown.values()),
         "recordings": [_recording(name, recordings) for name in study["recordings"]],
         "versions": versions(),
-        "pages": Path(relpath(PAGES, Path(report).parent)).as_posix(),
     }
     write_text(report, render(page))
 

@@ -113,9 +113,10 @@ def test_clearance_and_measures():
     assert figure.get_label() == ""  # no measure beside removal of the ice that helps
     written = [text.get_text() for text in figure.axes[0].texts]
     assert written == [f"{value:.3g}" for value in table["v_m"]]
-    as_it_is = table[1:].assign(measure=NOTHING.label, v_m=2 * table["v_m"].iloc[1])
-    said = draw_measures(pd.concat([table, as_it_is]), {"cases": ["line"]}).get_label()
-    assert f"{table['measure'][1]}" in said
+    as_it_is = table.set_index("measure").loc[NOTHING.label, "v_m"]
+    better = table[:1].assign(measure="a damper", v_m=as_it_is / 2)
+    said = draw_measures(pd.concat([table, better]), {"cases": ["line"]}).get_label()
+    assert f"a damper, reduces the vertical amplitude from {as_it_is:.2g}" in said
     many = [f"line {k}" for k in range(20)]
     tall = draw_measures(pd.concat([table.assign(case=name) for name in many]), {"cases": many})
     assert len(tall.axes) == 3 * len(many) and tall.get_figheight() <= TALLEST

@@ -56,7 +56,7 @@ def draw_coefficients(
         for cell in settings["levels"]
     ]
     true = found[0][found[0]["true"] != 0]
-    figure, ((above,), (below,)) = parts.panels(3.6, 2, width=SINGLE, height_ratios=(1, 1.2))
+    figure, ((above,), (below,)) = parts.panels(3.0, 2, width=SINGLE, height_ratios=(1, 1.2))
     possible = len(EQUATIONS) * len(terms) - len(true)
     realisations = replace_cells(table, draws, settings)
     _false_terms(above, realisations, possible, settings["label"])

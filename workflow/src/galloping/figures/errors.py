@@ -74,12 +74,12 @@ QUANTITIES = {
     "coefficients": Quantity(
         {f"mean_error_{order}_percent": f"{order} terms" for order in ORDERS},
         "mean error of\nthe coefficients, %",
-        "Median error of the {}",
+        "Median error, {}",
     ),
     "r2": Quantity(
         {"r2_q_v": "vertical motion", "r2_q_w": "horizontal motion"},
         "$R^2$ over the record",
-        "Median R² of the {}",
+        "Median R², {}",
         is_r2=True,
     ),
     "amplitude": Quantity(
@@ -88,7 +88,7 @@ QUANTITIES = {
             "amplitude_error_q_w_percent": "horizontal motion",
         },
         "error of the steady\namplitude, %",
-        "Median amplitude error of the {}",
+        "Median amplitude error, {}",
     ),
 }
 AT = {"level": "at noise {:g}", "points": "from {:,.0f} samples"}
@@ -121,7 +121,7 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
     if chosen.empty:
         return parts.nothing_at_all("the paper's method has no noisy recordings in this study")
     quantities = [QUANTITIES[name] for name in settings["quantities"]]
-    height = 0.85 + 1.75 * len(quantities)
+    height = 0.85 + (1.75 if len(quantities) == 1 else 1.35 * len(quantities))
     figure, grid = parts.panels(height, len(quantities), width=SINGLE, sharex=True)
     panes, places = grid[:, 0], parts.LogAxis.of(chosen[x])
     for quantity, axes in zip(quantities, panes, strict=True):

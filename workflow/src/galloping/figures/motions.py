@@ -18,7 +18,7 @@ from galloping.results import Reconstruction
 
 LAST = 30.0  # s at the end of the record, where single periods can be seen
 HEADROOM = 1.5  # of the true motion: what goes beyond is cut
-ROW = 0.72  # inches
+ROW = 0.68  # inches
 ROUNDING = 1e-17  # m: the least distance that is drawn
 TRUE_LINE = {"color": style.TRUE, "lw": 2.0, "ls": "-"}
 MODEL_LINE = {"color": style.MODEL, "lw": 0.9, "ls": (0, (3, 1.5))}
@@ -36,7 +36,7 @@ def draw_recovery(
     of the cell at the lowest level. settings: cases, protocol, method and level.
     """
     cases, method = settings["cases"], settings["method"]
-    figure, grid = parts.panels(3.2, 3, width=style.SINGLE, height_ratios=(1, 1, 1.3))
+    figure, grid = parts.panels(2.8, 3, width=style.SINGLE, height_ratios=(1, 1, 1.3))
     *upper, lower = grid[:, 0]
     true, motion = trajectories[cases[0]][0], reconstructions[cases[0]][method]
     span = _last(true)
@@ -113,10 +113,7 @@ def draw_histories(
     if known:
         ends = dict.fromkeys([next(iter(known)), next(reversed(known))])
         said = [f"{100 * known[label]:.0f} % with {label}" for label in ends]
-        figure.set_label(
-            f"Spread of the reconstructions in the last {LAST:g} s, over the range of the motion: "
-            + ", ".join(said)
-        )
+        figure.set_label(f"Reconstructions spread over a share of the motion: {', '.join(said)}")
     return figure
 
 
@@ -278,15 +275,16 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
     own = {name: settings[name] for name in ("case", "protocol", "replicate")}
     chosen = parts.where(table, **own).sort_values("wind_m_s")
     methods = [method for method in (settings["method"], settings.get("peer")) if method]
-    figure, (panes,) = parts.panels(2.7, 1, len(STATES))
-    for k, (axes, direction) in enumerate(zip(panes, STATES, strict=True)):
+    figure, panes = parts.panels(4.0, len(STATES), width=style.SINGLE, sharex=True)
+    for k, (axes, direction) in enumerate(zip(panes[:, 0], STATES, strict=True)):
         _title(axes, k, STATES[direction])
         lines = {m: parts.where(chosen, method=m, direction=direction) for m in methods}
         _predicted(axes, lines)
         axes.axvline(settings["recorded"], color=style.TRUE, lw=0.8, ls=":",
                      label="wind of the recording")  # fmt: skip
-        axes.set(xlabel="wind speed, m/s", ylabel="" if k else "amplitude, m")
-    parts.legend(figure, columns=3)
+        axes.set_ylabel("amplitude, m")
+    axes.set_xlabel("wind speed, m/s")
+    parts.legend(figure, columns=2)
     ours = parts.where(chosen, method=settings["method"]).dropna(subset=["predicted_m", "true_m"])
     if len(ours):
         error = 100 * (ours["predicted_m"] / ours["true_m"] - 1).abs().max()
@@ -310,7 +308,7 @@ def _predicted(axes: Axes, lines: Mapping[str, pd.DataFrame]) -> None:
         axes.plot(line["wind_m_s"], line["predicted_m"], marker=own.marker,
                   label=own.label + doubt, **look)  # fmt: skip
         rest = line[line["predicted_m"].isna()]
-        label = f"no stable limit cycle: {own.label}" if len(rest) else None
+        label = "no stable limit cycle" if len(rest) else None
         axes.plot(rest["wind_m_s"], np.zeros(len(rest)), ls="", marker="x", color=own.color,
                   ms=6, label=label)  # fmt: skip
 

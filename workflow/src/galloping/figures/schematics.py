@@ -15,9 +15,9 @@ from galloping.measurement import Motion
 from galloping.physics.galerkin import MODES, STATES, Derived, Line, ice_coefficients, positions
 
 ICE, METAL, INK = "#d6e6f2", "#6b6b6b", "#111111"
-HEIGHT = 3.2
-ELEVATION = (0.16, 0.53, 0.82, 0.4)  # of the figure: left, bottom, width, height
-SECTION = (0.1, 0.0, 0.8, 0.37)
+HEIGHT = 2.85
+ELEVATION = (0.16, 0.56, 0.82, 0.37)  # of the figure: left, bottom, width, height
+SECTION = (0.1, 0.0, 0.8, 0.34)
 # the flow chart's unit is the inch
 CHART, BOX = 2.7, (0.98, 0.62)
 COLUMNS, ROWS = (0.52, 1.67, 2.82), (2.36, 1.4, 0.34)
@@ -150,7 +150,7 @@ def draw_aerodynamic_load(trajectory: Sequence[Motion], settings: Mapping) -> Fi
     velocity = motion.states[:, motion.names.index("dq_v")]
     if motion.status != "ok":
         velocity = np.zeros(1)  # of a line that diverges no angle is shown
-    figure = Figure(figsize=(SINGLE, 3.2), layout="constrained")
+    figure = Figure(figsize=(SINGLE, 2.85), layout="constrained")
     above, below = figure.subfigures(2, 1, height_ratios=(1.2, 1))
     _vectors(above.subplots())
     attack = velocity / case["wind"]["speed"]

@@ -1,11 +1,13 @@
-"""One self-contained HTML page of a study: headline, settings, figures and tables with captions,
-and the versions behind it.
+"""One self-contained HTML page of a study, in parts: the paper, methods, line engineering, and an
+appendix with all tables and the versions behind them.
 """
 
 import re
 from base64 import b64encode
 from collections.abc import Mapping
 from dataclasses import dataclass
+from html import unescape
+from math import inf, isfinite
 from pathlib import Path
 from urllib.parse import quote
 
@@ -19,10 +21,13 @@ from galloping.reproducibility.digest import commit, environment
 
 LIBRARIES = ("numpy", "scipy", "pandas", "numba", "pysindy", "matplotlib", "snakemake")
 PLAIN = " !'()*,/:;=@[]{}|^+"  # may stand in a data URI between double quotes
-# of an SVG: what stands before it, its comments and its metadata
-UNSEEN = re.compile(r"\A.*?(?=<svg)|<!--.*?-->\s*|<metadata>.*?</metadata>\s*", re.DOTALL)
-OF_PAPER = re.compile(r"figure\d\d")  # names of the figures that the paper has, too
-ENLARGED = 2.0  # px of the page for a pt of the print
+# of an SVG: what stands before it, its comments, metadata and title
+UNSEEN = re.compile(r"\A.*?(?=<svg)|<!--.*?-->\s*|<(metadata|title)>.*?</\1>\s*", re.DOTALL)
+OF_PAPER = re.compile(r"figure(\d\d)")  # names of the figures that the paper has, too
+TITLE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
+ENLARGED = 1.8  # px of the page for a pt of the print: two figures of one column beside each other
+COLUMN = 260.0  # pt: wider figures take the whole page
+PARTS = {"paper": "The paper", "methods": "Methods", "engineering": "Line engineering"}
 MEDIA = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif", ".csv": "text/csv"}
 
 
@@ -30,7 +35,7 @@ MEDIA = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif", ".cs
 class Item:
     """A figure (SVG, PNG or GIF) or a table (CSV) as the page shows it.
 
-    label: its title. caption: reStructuredText.
+    label: what it is about, in a few words. caption: reStructuredText.
     """
 
     name: str
@@ -39,8 +44,35 @@ class Item:
     path: Path
 
     @property
+    def title(self) -> str:
+        """What a figure shows, as its file says, else its label; with its number in the paper."""
+        found = TITLE.search(self._svg)
+        text = unescape(found[1]) if found else self.label
+        number = OF_PAPER.fullmatch(self.name)
+        return f"Figure {int(number[1])}. {text}" if number else text
+
+    @property
     def caption_html(self) -> Markup:
         return as_html(self.caption)
+
+    @property
+    def _svg(self) -> str:
+        return self.path.read_text(encoding="utf-8") if self.path.suffix == ".svg" else ""
+
+    @property
+    def _points(self) -> float:
+        """Printed width of an SVG in pt, infinite of other files."""
+        found = re.search(r'<svg[^>]* width="([\d.]+)pt"', self._svg)
+        return float(found[1]) if found else inf
+
+    @property
+    def is_wide(self) -> bool:
+        return self._points > COLUMN
+
+    @property
+    def width(self) -> str:
+        """Of an SVG on the page, its printed size enlarged for a screen; '' of other files."""
+        return f"{ENLARGED * self._points:.0f}px" if isfinite(self._points) else ""
 
     @property
     def uri(self) -> Markup:
@@ -54,14 +86,6 @@ class Item:
                 text = text.replace('"', "'").replace("\n", " ") if "'" not in text else text
             content = f"charset=utf-8,{quote(text, safe=PLAIN)}"
         return Markup(f"data:{MEDIA[self.path.suffix]};{content}")
-
-    @property
-    def width(self) -> str:
-        """Of an SVG on the page, its printed size enlarged for a screen; '' of other files."""
-        if self.path.suffix != ".svg":
-            return ""
-        found = re.search(r'<svg[^>]* width="([\d.]+)pt"', self.path.read_text(encoding="utf-8"))
-        return f"{ENLARGED * float(found[1]):.0f}px" if found else ""
 
     @property
     def rows(self) -> pd.DataFrame:
@@ -82,12 +106,11 @@ def render(page: Mapping) -> str:
     """The page as HTML that refers to nothing outside itself, the same bytes for the same page.
 
     page: what it shows, by name. title. paper: what the paper prints beside ours, as of
-    `printed_numbers.section`, with the figure `printed`, or None. made: by which commit. headline:
-    sentences that say what was found beyond the paper, with the figure `first`. study: its
-    settings, in plain values. introduction: reStructuredText. figures, tables: lists of Item.
-    recordings: what those from the field gave, each with its name, a summary in Markdown, shown as
-    it is, and figures. versions: of Python and the libraries, by name. pages: folder of the
-    documents, from that of the report.
+    `printed_numbers.section`, or None. equations: as of `side_by_side`, or None. made: by which
+    commit. parts: by name (PARTS) sentences and figures, lists of str and Item. study: its
+    settings, in plain values. introduction: reStructuredText. tables: list of Item. recordings:
+    what those from the field gave, each with its name, a summary in Markdown, shown as it is, and
+    figures. versions: of Python and the libraries, by name.
     """
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -95,12 +118,10 @@ def render(page: Mapping) -> str:
     template = environment.from_string(
         Path(__file__).with_name("page.html.jinja").read_text(encoding="utf-8")
     )
-    of_paper = [item for item in page["figures"] if OF_PAPER.fullmatch(item.name)]
-    others = [item for item in page["figures"] if item not in of_paper]
-    groups = {"Figures of the paper": of_paper, "Figures beyond the paper": others}
     return template.render(
         page=page,
-        figure_groups={title: items for title, items in groups.items() if items},
+        titles=PARTS,
+        anchors={f"table-{item.name}" for item in page["tables"]},
         introduction=as_html(page["introduction"]),
         meaning=meaning,
     )

@@ -1,4 +1,4 @@
-"""What was found, in sentences and rows whose every number is read from the study's tables."""
+"""The paper's printed numbers beside ours: sentences and rows, made from the study's tables."""
 
 from dataclasses import dataclass
 
@@ -8,116 +8,6 @@ import pandas as pd
 from galloping.paper.agreement import NUMBERS, PRINTED
 from galloping.paper.claims import AT_LEAST, AT_MOST, CLAIMS, HELD, Claim
 from galloping.paper.unknowns import UNKNOWNS
-from galloping.results import OURS
-
-
-def headline(
-    efficiency: pd.DataFrame,
-    errors: pd.DataFrame,
-    cycles: pd.DataFrame,
-    bifurcations: pd.DataFrame,
-    *,
-    case: str,
-    protocol: str,
-) -> list[str]:
-    """Sentences on identification from sensors and on the galloping itself.
-
-    efficiency, errors, cycles, bifurcations: efficiency.csv, noise_coefficients.csv,
-    limit_cycles.csv and bifurcations.csv. case: the line that the sentences are about. protocol:
-    that of its sensors. A sentence whose rows the study does not have is left out.
-    """
-    sentences = (
-        _from_sensors(efficiency, errors, case, protocol),
-        _least_data(efficiency, case, protocol),
-        _galloping(cycles, bifurcations, case),
-    )
-    return list(filter(None, sentences))
-
-
-def verdicts(trust: pd.DataFrame) -> list[str]:
-    """A sentence on each group of fits in trust.csv: how often a verdict was sure and wrong."""
-    own = trust[~trust["case"].str.startswith("every t")]  # rows that are a part of others
-    sentences = []
-    for group, rows in own.groupby("group", sort=False):
-        fits, sure, wrong = (int(rows[name].sum()) for name in ("fits", "ok", "ok_and_wrong"))
-        refused = int(rows["refused"].sum())
-        sentences.append(
-            f"Of {fits:,} fits to {group}, {sure:,} were ok, {wrong:,} of them wrong "
-            f"({100 * wrong / fits:.2g} % of all), and {refused:,} were refused."
-        )
-    return sentences
-
-
-def inferred(region: pd.DataFrame) -> list[str]:
-    """A sentence on what the paper's numbers tell of what it leaves out, of paper_region.csv."""
-    named = {
-        verdict: ", ".join(name.replace("_", " ") for name in of["unknown"])
-        for verdict, of in region.groupby("verdict")
-    }
-    told, unsure, left = (
-        named.get(name, "nothing") for name in ("determined", "undecided", "left open")
-    )
-    return [
-        f"The paper's printed numbers determine: {told}. They leave open: {left}. Too few "
-        f"effective settings tell: {unsure}."
-    ]
-
-
-def _from_sensors(efficiency: pd.DataFrame, errors: pd.DataFrame, case: str, protocol: str) -> str:
-    rows = efficiency[(efficiency["case"] == case) & (efficiency["protocol"] == protocol)]
-    rows = rows[(rows["method"] == OURS) & (rows["points"] == rows["points"].max())]
-    rows = rows[rows["level"] > 0].sort_values("level")
-    if rows.empty:
-        return ""
-    row = rows.iloc[(rows["level"] - 0.05).abs().argmin()]
-    at = (errors["case"] == case) & (errors["protocol"] == protocol)
-    at &= errors["level"] == row["level"]
-    medians = errors[at].groupby("method")["mean_error_percent"].mean().dropna()
-    if OURS not in medians:  # a continuous line has no true coefficients
-        return ""
-    peers = medians.drop([OURS, "bound", "weak_gls"], errors="ignore")
-    beside = f", against {peers.min():.2g} % by {peers.idxmin()}" if len(peers) else ""
-    return (
-        f"From {protocol} measurements of {case} with {100 * row['level']:g} % noise, maximum "
-        f"likelihood finds exactly the true terms in {row['exact_support']} of "
-        f"{row['replicates']} recordings, with a mean coefficient error of "
-        f"{medians[OURS]:.2g} %{beside}; its error is {row['efficiency']:.2f} times the "
-        f"Cramér-Rao bound."
-    )
-
-
-def _least_data(efficiency: pd.DataFrame, case: str, protocol: str) -> str:
-    rows = efficiency[(efficiency["case"] == case) & (efficiency["protocol"] == protocol)]
-    rows = rows[(rows["method"] == OURS) & (rows["exact_support"] >= 0.95 * rows["replicates"])]
-    noisy = rows[rows["level"] > 0]
-    if noisy.empty:
-        return ""
-    highest, fewest = noisy["level"].max(), noisy["points"].min()
-    return (
-        f"It finds the true terms in at least 95 % of the recordings up to {100 * highest:g} % "
-        f"noise and down to {fewest:,} samples."
-    )
-
-
-def _galloping(cycles: pd.DataFrame, bifurcations: pd.DataFrame, case: str) -> str:
-    if cycles.empty or bifurcations.empty:  # of a study without sweeps: they have no parameter
-        return ""
-    along = (bifurcations["case"] == case) & (bifurcations["parameter"] == "wind_speed")
-    onset = bifurcations[along & (bifurcations["name"] == "Hopf")]["value"]
-    steady = cycles[(cycles["case"] == case) & (cycles["parameter"] == "wind_speed")]
-    steady = steady[steady["stable"].astype(str) == "True"]
-    if onset.empty or steady.empty:
-        return ""
-    strongest = steady.loc[steady["value"].idxmax()]
-    return (
-        f"{case} gallops from a wind of {onset.min():.2f} m/s on; up to "
-        f"{strongest['value']:.3g} m/s it settles to a limit cycle, there with half ranges of "
-        f"{strongest['v_m']:.2f} m (vertical) and {strongest['w_m']:.2f} m (horizontal)."
-    )
-
-
-# --- the paper's printed numbers beside ours, and what holds ---
-
 
 STATES = {"vertical": "q_v", "horizontal": "q_w"}
 SIGNS = {AT_LEAST: "≥ ", AT_MOST: "≤ "}
@@ -126,16 +16,21 @@ BY_NAME = {claim.name: claim for claim in CLAIMS}
 
 @dataclass(frozen=True)
 class PaperCell:
-    """One printed number, bound or word beside ours. verdict: as of `galloping.paper.claims`."""
+    """One printed number, bound or word beside ours.
+
+    verdict: as of `galloping.paper.claims`. held: whether the claim comes out; None to read it from
+    the verdict.
+    """
 
     printed: str
     ours: str
     verdict: str
     reason: str
+    held: bool | None = None
 
     @property
     def holds(self) -> bool:
-        return self.verdict in HELD
+        return self.verdict in HELD if self.held is None else self.held
 
 
 def section(paper: pd.DataFrame, varied: pd.DataFrame | None, region: pd.DataFrame | None) -> dict:
@@ -150,13 +45,13 @@ def section(paper: pd.DataFrame, varied: pd.DataFrame | None, region: pd.DataFra
     -------
     dict
         setting: the sentence on where the study is. count: the sentence on how many statements come
-        out. rows: the table. failures: a sentence for each claim that does not. by_settings: a
-        sentence on settings that the paper does not print, or "".
+        out. rows: the table, a cell for each statement. failures: a sentence for each claim that
+        does not. by_settings: a sentence on settings that the paper does not print, or "".
     """
     return {
         "setting": describe_setting(paper, region),
         "count": count(paper),
-        "rows": rows(paper),
+        "rows": {statement: merged(cells) for statement, cells in rows(paper).items()},
         "failures": unheld(paper),
         "by_settings": "" if varied is None else by_settings(varied),
     }
@@ -225,6 +120,15 @@ def rows(paper: pd.DataFrame) -> dict[str, list[PaperCell]]:
             claim += f" ({row['case'].replace('_', '-')})"
         found.setdefault(claim, []).append(_cell(row))
     return found
+
+
+def merged(cells: list[PaperCell]) -> PaperCell:
+    """Return one cell for both directions of a statement, with what they have in common once."""
+    names = ("printed", "ours", "verdict", "reason")
+    return PaperCell(
+        *("; ".join(dict.fromkeys(getattr(cell, name) for cell in cells)) for name in names),
+        held=all(cell.holds for cell in cells),
+    )
 
 
 def unheld(paper: pd.DataFrame) -> list[str]:

@@ -86,26 +86,19 @@ def sensor_protocol(study: Study) -> Protocol:
     return next(sensors, study.protocols[0])
 
 
-def our_pair(study: Study) -> Pair:
-    """What can be had from sensors, of a study that has maximum likelihood."""
-    ours = next(method for method in study.methods if method.name == OURS)
-    return sensor_protocol(study), ours
-
-
-def has_ours(study: Study) -> bool:
-    """Whether our method runs on lines, and is not what stands for the paper's."""
-    names = [method.name for method in study.methods]
-    return bool(study.cases) and OURS in names and our_pair(study) != paper_pair(study)
-
-
-def claim_pairs(study: Study) -> list[Pair]:
-    """Protocols that the paper's method can use, which needs velocities, by the paper's methods
-    and ours.
+def equations_beside(study: Study) -> list[tuple[Cell, Method]]:
+    """Whole records of the first case, and what identified them, whose equations are set side by
+    side: the paper's pair at the lowest noise level and at that of the subsets, and ours from
+    sensors at the latter.
     """
-    _, first = paper_pair(study)
-    methods = [m for m in study.methods if m in study.methods[:2] or m.name == OURS]
-    protocols = [protocol for protocol in study.protocols if runs((protocol, first))]
-    return [pair for protocol in protocols for m in methods if runs(pair := (protocol, m))]
+    first, level = study.cases[0], study.settings.measurement.subsets.level
+    papers = paper_pair(study)
+    found = {least_noise(study, first).id: (least_noise(study, first), papers[1])}
+    ours = [(sensor_protocol(study), m) for m in study.methods if m.name == OURS]
+    for pair in (papers, *ours):
+        cells = _cells(study, first, pair, NOISE)
+        found |= {cell.id: (cell, pair[1]) for cell in cells if cell.level == level}
+    return list(found.values())
 
 
 def least_noise(study: Study, case: Case) -> Cell:

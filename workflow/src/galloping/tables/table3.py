@@ -76,6 +76,47 @@ def table3(
     return table[[*first, *named]]
 
 
+def equations(
+    model: Derived,
+    identified: Mapping[str, Mapping[str, list[IdentifiedModel]]],
+    settings: Mapping,
+) -> pd.DataFrame:
+    """Return the terms of one line beside those identified from single recordings.
+
+    Each fit has a row for each true term and for each false one that it found; values are those of
+    the left-hand side. A missing term has an empty value.
+
+    Parameters
+    ----------
+    model : Derived
+        Of the line.
+    identified : Mapping
+        Replicates by cell and method, of which the first counts.
+    settings : Mapping
+        case; degree of the library; fits, by cell: protocol, method and level.
+    """
+    terms, parts = library(len(STATES), settings["degree"]), []
+    for cell, fit in settings["fits"].items():
+        first = identified[cell][fit["method"]][0]
+        part = identified_terms(model.model, [first], terms).drop(columns=["low", "high", "found"])
+        names = [term_name(term, STATES) for term in terms]
+        errors = (
+            pd.DataFrame(first.standard_errors, list(STATES), names)
+            if first.standard_errors is not None
+            else pd.DataFrame(np.nan, list(STATES), names)
+        )
+        rows = {name: STATES[row] for row, name in EQUATIONS.items()}
+        part["standard_error"] = [
+            errors.loc[rows[equation]].get(term, np.nan)
+            for equation, term in zip(part["equation"], part["term"], strict=True)
+        ]
+        part["identified"] = part["identified"].where(part["identified"] != 0)
+        parts.append(part.assign(case=settings["case"], **fit))
+    return pd.concat(parts, ignore_index=True)[
+        ["case", "protocol", "method", "level", *TERMS[:5], "standard_error"]
+    ]
+
+
 def as_printed(table3: pd.DataFrame) -> pd.DataFrame:
     """Table 3 as the paper lays it out: gamma of each number, and kappa in parentheses.
 

@@ -1,0 +1,66 @@
+"""The true and the identified equations side by side, as the page shows them."""
+
+import re
+from collections.abc import Mapping
+from math import floor, log10
+
+import pandas as pd
+from markupsafe import Markup
+
+FACTOR = re.compile(r"(d?)q_(\w)(?:\^(\d+))?")
+FIT = ["protocol", "method", "level"]
+
+
+def side_by_side(table: pd.DataFrame, labels: Mapping[str, str]) -> dict[str, dict] | None:
+    """Return what a table of each equation has: heads of fits, rows and numbers of false terms.
+
+    table: equations.csv. labels: of the methods. None without a true term.
+    """
+    true = table[table["true"].fillna(0) != 0]
+    if true.empty:
+        return None
+    found = {}
+    for equation, of_equation in table.groupby("equation", sort=False):
+        fits = {
+            _head(method, level, labels): rows
+            for (_, method, level), rows in of_equation.groupby(FIT, sort=False)
+        }
+        own = true[true["equation"] == equation].drop_duplicates("term")
+        found[equation] = {
+            "heads": list(fits),
+            "rows": [
+                [as_symbols(row["term"]), f"{row['true']:.4g}".replace("-", "\N{MINUS SIGN}")]
+                + [_value(rows[rows["term"] == row["term"]]) for rows in fits.values()]
+                for row in own.to_dict("records")
+            ],
+            "false_terms": [
+                int(((rows["true"] == 0) & rows["identified"].notna()).sum())
+                for rows in fits.values()
+            ],
+        }
+    return found
+
+
+def _head(method: str, level: float, labels: Mapping[str, str]) -> str:
+    return f"{labels.get(method, method)}, {f'noise {level:g}' if level else 'no noise'}"
+
+
+def _value(rows: pd.DataFrame) -> str:
+    """A coefficient with its standard error, where there is one, both to the digits of that."""
+    if rows.empty or pd.isna(rows["identified"].iloc[0]):
+        return "not found"
+    value, error = rows[["identified", "standard_error"]].iloc[0]
+    text = f"{value:.4g}"
+    if error > 0:
+        digits = max(0, -floor(log10(error)))
+        text = f"{value:.{digits}f} ± {error:.{digits}f}"
+    return text.replace("-", "\N{MINUS SIGN}")
+
+
+def as_symbols(term: str) -> Markup:
+    """A monomial such as `dq_v^2 q_w` in HTML, velocities with a dot."""
+    text = ""
+    for dot, index, power in FACTOR.findall(term):
+        letter = "q\N{COMBINING DOT ABOVE}" if dot else "q"
+        text += f"<i>{letter}</i><sub>{index}</sub>" + (f"<sup>{power}</sup>" if power else "")
+    return Markup(text or "1")

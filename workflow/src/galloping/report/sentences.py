@@ -1,0 +1,206 @@
+"""Sentences on what a study found beyond the paper; every number is read from its tables."""
+
+from collections.abc import Mapping
+from math import floor, isfinite
+
+import pandas as pd
+
+from galloping.results import OURS, PAPER_METHOD
+
+LEVEL = 0.05  # of the noise that sentences are about, or the nearest of the study
+
+
+def on_methods(tables: Mapping[str, pd.DataFrame], case: str, protocol: str) -> list[str]:
+    """Return sentences on identification.
+
+    tables: those of the study by name, of which it may lack any. case: the line that the sentences
+    are about. protocol: that of its sensors. A sentence whose rows are missing is left out.
+    """
+    about = {"case": case, "protocol": protocol}
+    sentences: list[str] = []
+    if {"efficiency", "noise_coefficients"} <= set(tables):
+        efficiency = tables["efficiency"]
+        sentences.append(_from_sensors(efficiency, tables["noise_coefficients"], **about))
+        sentences.append(_least_data(efficiency, **about))
+    if "noise_r2" in tables:
+        sentences.append(_reconstructed(tables["noise_r2"], **about))
+    if "identifiability" in tables:
+        sentences.append(_identifiable(tables["identifiability"], protocol))
+    if "trust" in tables:
+        sentences += verdicts(tables["trust"])
+    return list(filter(None, sentences))
+
+
+def on_engineering(tables: Mapping[str, pd.DataFrame], case: str, protocol: str) -> list[str]:
+    """Return sentences on the galloping itself. Parameters as of `on_methods`."""
+    sentences: list[str] = []
+    if {"limit_cycles", "bifurcations"} <= set(tables):
+        sentences.append(_galloping(tables["limit_cycles"], tables["bifurcations"], case))
+    if "limit_cycle_ahead" in tables:
+        sentences.append(_ahead(tables["limit_cycle_ahead"], case, protocol))
+    if "reduction" in tables:
+        sentences.append(_two_modes(tables["reduction"], case))
+    return list(filter(None, sentences))
+
+
+def verdicts(trust: pd.DataFrame) -> list[str]:
+    """A sentence on each group of fits in trust.csv: how often a verdict was sure and wrong."""
+    own = trust[~trust["case"].str.startswith("every t")]  # rows that are a part of others
+    sentences = []
+    for group, rows in own.groupby("group", sort=False):
+        fits, sure, wrong = (int(rows[name].sum()) for name in ("fits", "ok", "ok_and_wrong"))
+        refused = int(rows["refused"].sum())
+        sentences.append(
+            f"{sure:,} of {fits:,} fits to {group} were ok, {wrong:,} of these were wrong "
+            f"({100 * wrong / fits:.2g} % of all), and {refused:,} were refused."
+        )
+    return sentences
+
+
+def inferred(region: pd.DataFrame) -> list[str]:
+    """A sentence on what the paper's numbers tell of what it leaves out, of paper_region.csv."""
+    named = {
+        verdict: ", ".join(name.replace("_", " ") for name in of["unknown"])
+        for verdict, of in region.groupby("verdict")
+    }
+    told, unsure, left = (
+        named.get(name, "nothing") for name in ("determined", "undecided", "left open")
+    )
+    return [
+        f"The paper's printed numbers determine: {told}. They leave open: {left}. Too few "
+        f"effective settings tell: {unsure}."
+    ]
+
+
+def _from_sensors(efficiency: pd.DataFrame, errors: pd.DataFrame, case: str, protocol: str) -> str:
+    rows = efficiency[(efficiency["case"] == case) & (efficiency["protocol"] == protocol)]
+    rows = rows[(rows["method"] == OURS) & (rows["points"] == rows["points"].max())]
+    rows = _nearest(rows)
+    if rows.empty:
+        return ""
+    row = rows.iloc[0]
+    at = (errors["case"] == case) & (errors["protocol"] == protocol)
+    at &= errors["level"] == row["level"]
+    medians = errors[at].groupby("method")["mean_error_percent"].mean().dropna()
+    if OURS not in medians:  # a continuous line has no true coefficients
+        return ""
+    peers = medians.drop([OURS, "bound", "weak_gls"], errors="ignore")
+    beside = f", against {peers.min():.2g} % by {peers.idxmin()}" if len(peers) else ""
+    return (
+        f"From {protocol} measurements of {_spoken(case)} with {100 * row['level']:g} % noise, "
+        f"maximum likelihood finds exactly the true terms in {row['exact_support']} of "
+        f"{row['replicates']} recordings, with a mean coefficient error of "
+        f"{medians[OURS]:.2g} %{beside}; its error is {row['efficiency']:.2f} times the "
+        f"Cramér-Rao bound."
+    )
+
+
+def _least_data(efficiency: pd.DataFrame, case: str, protocol: str) -> str:
+    rows = efficiency[(efficiency["case"] == case) & (efficiency["protocol"] == protocol)]
+    rows = rows[(rows["method"] == OURS) & (rows["exact_support"] >= 0.95 * rows["replicates"])]
+    noisy = rows[rows["level"] > 0]
+    if noisy.empty:
+        return ""
+    highest, fewest = noisy["level"].max(), noisy["points"].min()
+    return (
+        f"It finds the true terms in at least 95 % of the recordings up to {100 * highest:g} % "
+        f"noise and down to {fewest:,} samples."
+    )
+
+
+def _galloping(cycles: pd.DataFrame, bifurcations: pd.DataFrame, case: str) -> str:
+    if cycles.empty or bifurcations.empty:  # of a study without sweeps: they have no parameter
+        return ""
+    along = (bifurcations["case"] == case) & (bifurcations["parameter"] == "wind_speed")
+    onset = bifurcations[along & (bifurcations["name"] == "Hopf")]["value"]
+    steady = cycles[(cycles["case"] == case) & (cycles["parameter"] == "wind_speed")]
+    steady = steady[steady["stable"].astype(str) == "True"]
+    if onset.empty or steady.empty:
+        return ""
+    strongest = steady.loc[steady["value"].idxmax()]
+    return (
+        f"{_spoken(case).capitalize()} gallops from a wind of {onset.min():.2f} m/s. Up to "
+        f"{strongest['value']:.3g} m/s it settles to a limit cycle, there with amplitudes of "
+        f"{strongest['v_m']:.2f} m (vertical) and {strongest['w_m']:.2f} m (horizontal)."
+    )
+
+
+def _nearest(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows at the noise level of the sentences."""
+    levels = table.loc[table["level"] > 0, "level"]
+    if levels.empty:
+        return table[:0]
+    return table[table["level"] == levels.loc[(levels - LEVEL).abs().idxmin()]]
+
+
+def _reconstructed(r2: pd.DataFrame, case: str, protocol: str) -> str:
+    rows = r2[(r2["case"] == case) & (r2["protocol"] == protocol) & (r2["level"] > 0)]
+    worst = rows.groupby(["method", "level"])["r2_median"].min().unstack("level")
+    if OURS not in worst.index:
+        return ""
+    text = (
+        f"Reconstructions by maximum likelihood have a median R² of at least "
+        f"{_rounded_down(worst.loc[OURS].min())} in both directions up to "
+        f"{100 * worst.columns.max():g} % noise"
+    )
+    if PAPER_METHOD in worst.index:
+        papers = _rounded_down(worst.loc[PAPER_METHOD].min())
+        text += f", against {papers} by the paper's method from the same sensors"
+    return f"{text}."
+
+
+def _rounded_down(r2: float) -> str:
+    """R2 with four digits behind the point, one of which is below 1 if it is."""
+    return f"{floor(1e4 * r2) / 1e4:.4f}".replace("-", "\N{MINUS SIGN}") if isfinite(r2) else "none"
+
+
+def _identifiable(table: pd.DataFrame, protocol: str) -> str:
+    rows = _nearest(table[(table["protocol"] == protocol) & table["t"].notna()])
+    rows = rows[rows["points"] == rows["points"].max()] if len(rows) else rows
+    said = []
+    for (case, recordings), of in rows.groupby(["case", "recordings"], sort=False):
+        known = (of["verdict"] == "identifiable").sum()
+        text = f"{known} of {len(of)} terms of {_spoken(case)}"
+        said.append(text + (f" from {recordings} recordings together" if recordings > 1 else ""))
+    if not said:
+        return ""
+    return (
+        f"By the Cramér-Rao bound, at {100 * rows['level'].iloc[0]:g} % noise an unbiased method "
+        f"can identify {', '.join(said)}."
+    )
+
+
+def _ahead(table: pd.DataFrame, case: str, protocol: str) -> str:
+    rows = _nearest(table[(table["case"] == case) & (table["protocol"] == protocol)])
+    rows = rows.dropna(subset=["recorded_m", "true_m", "predicted_m"])
+    if rows.empty:
+        return ""
+    said = [
+        f"{row['state']}: {row['recorded_m']:.3f} m recorded, {row['true_m']:.3f} m on the limit "
+        f"cycle, {row['predicted_m']:.3f} m ({row['low_m']:.3f} to {row['high_m']:.3f}) predicted"
+        for row in rows.to_dict("records")
+    ]
+    return (
+        f"A model identified from the record of {_spoken(case)} predicts the limit cycle to which "
+        f"the motion goes on. Amplitudes of {'; '.join(said)}."
+    )
+
+
+def _two_modes(table: pd.DataFrame, case: str) -> str:
+    vertical = table[table["direction"] == "vertical"].set_index("line")["amplitude_m"]
+    if "two modes" not in vertical:
+        return ""
+    changes = 100 * (vertical.drop("two modes") / vertical["two modes"] - 1).dropna()
+    small = changes.abs() < 1
+    said = [f"{change:+.0f} % ({line})" for line, change in changes[~small].items()]
+    said = [text.replace("-", "\N{MINUS SIGN}", 1) for text in said]
+    if small.any():
+        said.append(f"less than 1 % ({', '.join(changes.index[small])})")
+    return (
+        f"What the two-mode model of {_spoken(case)} leaves out changes the vertical amplitude "
+        f"over 200 to 300 s: {', '.join(said)}."
+    )
+
+
+def _spoken(case: str) -> str:
+    return f"the {case.replace('_', '-')} line"
