@@ -122,7 +122,7 @@ def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:
                    bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5})  # fmt: skip
     parts.rows(right, list(map(_symbols, readings["reading"])), lines=False)
     right.set(xlim=(min(LEAST_SHOWN, powers.min() - 1), max(2.0, powers.max() + 4.0)),
-              xlabel="$\\log_{10}$ of the evidence over that of the first reading")  # fmt: skip
+              xlabel="$\\log_{10}$ of the relative evidence")  # fmt: skip
     parts.legend(figure)
     determined = (numbers["verdict"] == "determined").sum()
     figure.set_label(
