@@ -140,8 +140,9 @@ def test_a_report_is_written_without_snakemake(script, tmp_path):
     summary.write_text("It gallops.")
     table.write_text("setting,exact\noracle,1\n")
     script("write_report")(
-        drawn[:1], [], [table], [summary, *drawn[1:]], [], tmp_path / "report.html", {}, "Words.",
-        {"trust": "How far."}, {}, DEFAULT.plain | {"recordings": {"span": {}}},
+        drawn[:1], [], [table], [summary, *drawn[1:]], [], tmp_path / "report.html", {},
+        {"trust": "methods"}, "Words.", {"trust": "How far."}, {"case": "", "protocol": ""},
+        DEFAULT.plain | {"recordings": {"span": {}}},
     )  # fmt: skip
     page = (tmp_path / "report.html").read_text()
     assert all(text in page for text in ("Words.", "How far.", "It gallops.", "oracle"))

@@ -145,7 +145,7 @@ def test_the_band_of_histories_is_said_and_a_diverged_motion_is_named():
     cells = HISTORIES | {"cells": {"a": "noise 0.1"}}
     figure = draw_histories([SWING], {"a": shown(0.0)}, cells)
     assert "100 % with noise 0.1" in figure.get_label()  # 2 m wide, as the motion
-    assert figure.axes[0].get_xlim() == (70.0, 100.0)
+    assert figure.axes[0].get_xlim() == (90.0, 100.0)
     lost = draw_histories([SWING], {"a": shown(np.nan)}, cells)
     assert lost.get_label() == "" and "diverge" in lost.axes[0].get_title(loc="left")
 

@@ -110,7 +110,7 @@ rule write_report:
     params:
         labels={
             "labels": {name: what.label for name, what in FIGURES.items()}
-            | dict.fromkeys(ANIMATED, "the span, moving")
+            | dict.fromkeys(ANIMATED, "the span in motion")
         },
         parts={
             "parts": {name: what.part for name, what in FIGURES.items()}

@@ -72,7 +72,10 @@ def write_report(
         "paper": None if paper is None else section(paper, read.get("reproduction"), known),
         "equations": None if equations is None else side_by_side(equations, names),
         "made": made_by(),
-        "parts": {name: part if any(part.values()) else None for name, part in by_part.items()},
+        "parts": {
+            name: part if any(part.values()) or (name == "methods" and introduction) else None
+            for name, part in by_part.items()
+        },
         "study": study,
         "introduction": introduction,
         "tables": list(shown.values()),

@@ -166,7 +166,7 @@ def _trend(chosen: pd.DataFrame, x: str, quantity: Quantity) -> str:
     name, label = next(iter(quantity.columns.items()))
     if chosen.get(name, NONE).isna().all():
         return ""
-    medians = chosen.groupby(x)[name].median().dropna()
+    medians = _interval(chosen, x, name)["median"]
     ends = dict.fromkeys([medians.index[0], medians.index[-1]])
     said = [f"{quantity.say(medians[end])} {AT[x].format(end)}" for end in ends]
     return f"{quantity.in_words.format(label)}: {', '.join(said)}"
@@ -252,7 +252,8 @@ def _compared(errors: pd.DataFrame, names: Mapping[str, str]) -> str:
     levels = np.unique(errors["level"])
     middle = levels[(len(levels) - 1) // 2]
     medians = errors[errors["level"] == middle].set_index("method")["median"]
-    medians = medians.reindex(set(names) - {BOUND, ORACLES}).dropna().sort_values()
+    shown = [name for name in names if name not in (BOUND, ORACLES)]
+    medians = medians.reindex(shown).dropna().sort_values(kind="stable")
     said = [f"{value:.2g} % by {method_style(name).label}" for name, value in medians.items()]
     return f"Median coefficient error at sensor noise {middle:g}: {', '.join(said)}"
 

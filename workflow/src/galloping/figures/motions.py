@@ -16,10 +16,9 @@ from galloping.measurement import Motion
 from galloping.physics.galerkin import at_rest
 from galloping.results import Reconstruction
 
-LAST = 30.0  # s at the end of the record, where single periods can be seen
+LAST = 0.1  # of the record, at its end, where single periods can be seen
 HEADROOM = 1.5  # of the true motion: what goes beyond is cut
 ROW = 0.68  # inches
-ROUNDING = 1e-17  # m: the least distance that is drawn
 TRUE_LINE = {"color": style.TRUE, "lw": 2.0, "ls": "-"}
 MODEL_LINE = {"color": style.MODEL, "lw": 0.9, "ls": (0, (3, 1.5))}
 CASE_DASHES = ("-", (0, (4, 1.5)), (0, (1, 1)), "-.")
@@ -30,7 +29,7 @@ def draw_recovery(
     reconstructions: Mapping[str, Mapping[str, Reconstruction]],
     settings: Mapping,
 ) -> Figure:
-    """Draw the last seconds of the first case, and how far each reconstruction is from the truth.
+    """Draw the end of the first case's record, and how far each reconstruction is from the truth.
 
     trajectories: motions by case, of which the first counts. reconstructions: by case and method,
     of the cell at the lowest level. settings: cases, protocol, method and level.
@@ -51,11 +50,9 @@ def draw_recovery(
     largest = []
     for k, case in enumerate(cases):
         time, distance = _distance(trajectories[case][0], reconstructions[case][method])
-        look = {"color": style.SERIES[k % len(style.SERIES)][0], "lw": 1.2}
-        dashes = CASE_DASHES[k % len(CASE_DASHES)]
-        lower.plot(
-            time, np.maximum(distance, ROUNDING), ls=dashes, label=style.spoken(case), **look
-        )
+        color, dashes = style.SERIES[k % len(style.SERIES)][0], CASE_DASHES[k % len(CASE_DASHES)]
+        shown = np.where(distance > 0, distance, np.nan)
+        lower.plot(time, shown, color=color, ls=dashes, lw=1.2, label=style.spoken(case))
         largest.append(distance[-1] if len(distance) else np.nan)
     lower.set(yscale="log", xlabel="time, s", ylabel="m", xlim=(true.time[0], true.time[-1]))
     parts.legend(figure, columns=2)
@@ -68,8 +65,9 @@ def draw_recovery(
 
 
 def _last(true: Motion) -> tuple[float, float]:
-    """The last seconds of a motion."""
-    return max(true.time[0], true.time[-1] - LAST), true.time[-1]
+    """The last part of a motion, s."""
+    begin, end = true.time[0], true.time[-1]
+    return end - LAST * (end - begin), end
 
 
 def _distance(true: Motion, motion: Reconstruction) -> tuple[np.ndarray, np.ndarray]:
@@ -87,7 +85,7 @@ def draw_histories(
     reconstructions: Mapping[str, Mapping[str, Reconstruction]],
     settings: Mapping,
 ) -> Figure:
-    """Draw the vertical displacement in the last seconds, a row for each cell, by one method.
+    """Draw the vertical displacement at the end of the record, a row for each cell, by one method.
 
     trajectory: the true motions, of which the first counts. reconstructions: by cell and method.
     settings: case, protocol, method; the labels of the cells.
@@ -118,7 +116,7 @@ def draw_histories(
 
 
 def _history(axes: Axes, true: Motion, motion: Reconstruction) -> float:
-    """Draw the last seconds of q_v, and return the mean width of the band over the true range."""
+    """Draw the end of q_v, and return the mean width of the band over the true range."""
     span = _last(true)
     inside, shown = ((each.time >= span[0]) & (each.time <= span[1]) for each in (true, motion))
     time, states = motion.time[shown], true.states[inside, 0]

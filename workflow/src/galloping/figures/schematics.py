@@ -15,7 +15,7 @@ from galloping.measurement import Motion
 from galloping.physics.galerkin import MODES, STATES, Derived, Line, ice_coefficients, positions
 
 ICE, METAL, INK = "#d6e6f2", "#6b6b6b", "#111111"
-HEIGHT = 2.85
+HEIGHT = 3.0
 ELEVATION = (0.16, 0.56, 0.82, 0.37)  # of the figure: left, bottom, width, height
 SECTION = (0.1, 0.0, 0.8, 0.34)
 # the flow chart's unit is the inch
@@ -68,7 +68,7 @@ def draw_line(model: Derived, settings: Mapping) -> Figure:
 
 def _elevation(axes: Axes, case: Mapping, derived: Mapping, name: str) -> None:
     span, sag = case["line"]["span"], derived["sag_m"]
-    low, high, left, right = -2.1 * sag, 1.15 * sag, -0.08 * span, 1.06 * span
+    low, high, left, right = -2.1 * sag, 1.35 * sag, -0.08 * span, 1.06 * span
     axes.set(xlim=(left, right), ylim=(low, high), yticks=sorted({0.0, -round(sag, 2)}),
              xlabel="distance from the left support, m",
              ylabel="height, m")  # fmt: skip
@@ -92,8 +92,7 @@ def _elevation(axes: Axes, case: Mapping, derived: Mapping, name: str) -> None:
     arrow(axes, (middle, 0), (middle, rest(middle)), style="<|-|>", width=0.8)
     numbers = (
         rf"$l$ = {span:g} m, $H$ = {case['line']['tension'] / 1e3:g} kN" "\n"
-        rf"$\omega_v$ = {derived['omega_v_rad_s']:.3f} rad/s" "\n"
-        rf"$\omega_w$ = {derived['omega_w_rad_s']:.3f} rad/s"
+        rf"$\omega$ = {derived['omega_v_rad_s']:.3f}, {derived['omega_w_rad_s']:.3f} rad/s"
     )  # fmt: skip
     # the coordinate s with the displacement Y along it, V upwards, W towards the reader
     x, y, along, up = 0.03 * span, 0.3 * sag, 0.13 * span, 0.5 * sag
@@ -104,7 +103,7 @@ def _elevation(axes: Axes, case: Mapping, derived: Mapping, name: str) -> None:
     _say(
         axes,
         (0.84 * span, rest(0.84 * span) - 0.05 * sag, "at rest", "left", "top"),
-        (0.98 * span, 1.15 * sag, numbers, "right", "top"),
+        (0.98 * span, 1.4 * sag, numbers, "right", "top"),
         (x + along * 1.05, y, "$s$, $Y$", "left", "center"),
         (x + 0.08 * along, y + up, "$V$", "left", "center"),
         (x - 0.16 * along, y, "$W$", "right", "center"),
@@ -131,11 +130,11 @@ def _section(axes: Axes, count: int) -> None:
         arrow(axes, (0, 0), end)
     for height in (-0.35, 0, 0.35):
         arrow(axes, (-1.75, height), (-1.25, height), color=MODEL)
-    _say(axes, (0.06, 0.52, "$V$", "left", "center"), (0.55, -0.06, "$W$", "center", "top"))
-    _say(axes, (-1.5, 0.45, "wind $U$", "center", "bottom"), color=MODEL)
+    _say(axes, (0.06, 0.52, "$V$", "left", "center"), (0.58, 0.0, "$W$", "left", "center"))
+    _say(axes, (-1.62, 0.45, "wind $U$", "center", "bottom"), color=MODEL)
     _say(axes, (-0.05, -0.12, "reference\ncurve", "center", "top"),
          (0.0, -1.08, "spacer frame, ice to windward", "center", "top"),
-         fontsize="small")  # fmt: skip
+         fontsize="x-small")  # fmt: skip
     axes.set(xlim=(-1.9, 1.15), ylim=(-1.35, 1.25), aspect="equal")
     axes.axis("off")
     parts.letter(axes, 1, f"bundle of {count}, not to scale")

@@ -49,6 +49,7 @@ class Item:
         found = TITLE.search(self._svg)
         text = unescape(found[1]) if found else self.label
         number = OF_PAPER.fullmatch(self.name)
+        text = text[:1].upper() + text[1:]
         return f"Figure {int(number[1])}. {text}" if number else text
 
     @property
