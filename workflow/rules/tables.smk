@@ -108,6 +108,7 @@ if LINES:
             tables.table3.equations,
             {
                 "case": FIRST,
+                "is_continuous": first_case.is_continuous,
                 "degree": DEGREE,
                 "fits": {
                     cell.id: {

@@ -16,7 +16,7 @@ from galloping.physics.galerkin import Derived, coefficients, model
 from galloping.polynomial import library
 from galloping.tables.line_parameters import spacers
 from galloping.tables.scores import all_scores, data_amount, noise_coefficients, noise_r2
-from galloping.tables.table3 import table3
+from galloping.tables.table3 import equations, table3
 
 INF = float("inf")
 
@@ -125,6 +125,28 @@ def test_table_3_shows_true_and_spurious_terms():
     assert by_symbol.loc["kappa_3", "term"] == "q_v q_w"
     unknown = table3(*made, about | {"continuous": ["a"]})
     assert unknown[["true", "relative_error_percent"]].isna().all(axis=None)
+
+
+def test_equations_are_those_of_single_recordings_with_their_errors():
+    true, terms = coefficients(RESONANT), library(4, 3)
+    line = Derived(model(true), true, {})
+    on_library = line.model.on_library(terms)
+    off = on_library.coefficients.copy()
+    off[3, terms.index((0, 0, 0, 1))] = 0.0  # kappa_1 missed
+    off[3, terms.index((1, 0, 0, 0))] = -0.5  # a false term
+    stated = np.where(on_library.support, 0.01, np.nan)
+    first = IdentifiedModel(on_library, "ok", standard_errors=stated)
+    other = IdentifiedModel(replace(on_library, coefficients=off), "unjudged")
+    fits = {cell: {"protocol": "state", "method": cell, "level": 0.1} for cell in ("ours", "paper")}
+    settings = {"case": "a", "is_continuous": False, "degree": 3, "fits": fits}
+    identified = {"ours": {"ours": [first, other]}, "paper": {"paper": [other, first]}}
+    table = equations(line, identified, settings)
+    ours, paper = (rows.set_index("symbol") for _, rows in table.groupby("method"))
+    assert (ours["identified"] == ours["true"]).all() and (ours["standard_error"] == 0.01).all()
+    assert np.isnan(paper.loc["kappa_1", "identified"]) and paper["standard_error"].isna().all()
+    assert tuple(paper.loc["kappa_8", ["true", "identified"]]) == (0.0, 0.5)
+    unknown = equations(line, identified, settings | {"is_continuous": True})
+    assert unknown["true"].isna().all()
 
 
 def test_spacers_have_units_and_provenance():

@@ -93,28 +93,27 @@ def equations(
     identified : Mapping
         Replicates by cell and method, of which the first counts.
     settings : Mapping
-        case; degree of the library; fits, by cell: protocol, method and level.
+        case; is_continuous, of a line whose model has no true values; degree of the library; fits,
+        by cell: protocol, method and level.
     """
     terms, parts = library(len(STATES), settings["degree"]), []
     for cell, fit in settings["fits"].items():
         first = identified[cell][fit["method"]][0]
         part = identified_terms(model.model, [first], terms).drop(columns=["low", "high", "found"])
-        names = [term_name(term, STATES) for term in terms]
-        errors = (
-            pd.DataFrame(first.standard_errors, list(STATES), names)
-            if first.standard_errors is not None
-            else pd.DataFrame(np.nan, list(STATES), names)
-        )
-        rows = {name: STATES[row] for row, name in EQUATIONS.items()}
-        part["standard_error"] = [
-            errors.loc[rows[equation]].get(term, np.nan)
-            for equation, term in zip(part["equation"], part["term"], strict=True)
-        ]
+        errors = first.standard_errors
+        stated = {
+            (equation, term_name(terms[j], STATES)): errors[row, j]
+            for row, equation in EQUATIONS.items()
+            for j in range(len(terms) if errors is not None else 0)
+        }
+        keys = zip(part["equation"], part["term"], strict=True)
+        part["standard_error"] = [stated.get(key, np.nan) for key in keys]
         part["identified"] = part["identified"].where(part["identified"] != 0)
         parts.append(part.assign(case=settings["case"], **fit))
-    return pd.concat(parts, ignore_index=True)[
-        ["case", "protocol", "method", "level", *TERMS[:5], "standard_error"]
-    ]
+    found = pd.concat(parts, ignore_index=True)
+    if settings["is_continuous"]:
+        found["true"] = np.nan
+    return found[["case", "protocol", "method", "level", *TERMS[:5], "standard_error"]]
 
 
 def as_printed(table3: pd.DataFrame) -> pd.DataFrame:
