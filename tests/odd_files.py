@@ -450,12 +450,12 @@ REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
 # name of the file: content, options, what `inspect` says of it
 QUESTIONED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "huge.csv": (lines(v=3e11 * V), PLAIN,
-        ("v, row 2: a range of 6e+11 m is no galloping", "is the unit right?")),
+        ("row 2: v has a range of 6e+11 m, which is no galloping", "is the unit right?")),
     "thousandths.csv": (lines("t [s],v [mm],w [mm]"), BY_NAME,
-        ("v, row 2: a range of 0.002 m is no galloping",)),
+        ("row 2: v has a range of 0.002 m, which is no galloping",)),
     "milliseconds.csv": (lines(t=1e3 * TIME), PLAIN,
         ("0.0004", "is no frequency of a span", "is the unit of the time right?")),
-    "minutes.csv": (lines(t=TIME / 60), PLAIN, ("Hz is no frequency of a span",)),
+    "minutes.csv": (lines(t=TIME / 60), PLAIN, ("Hz, which is no frequency of a span",)),
     "codes.csv": (lines(v=coded(-9999)), PLAIN,
         ("column 'v': 5 samples of -9999, a code for missing ones, were left out",)),
     "fill.csv": (lines(v=coded(1e20)), PLAIN,
@@ -480,13 +480,13 @@ QUESTIONED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "clipped.csv": (lines(v=np.clip(V, -0.3, 2)), PLAIN, ("clipped at -0.3",)),
     "stuck.csv": (lines(v=np.where(TIME > 20.0, V[500], V)), PLAIN,
         ("column 'v': 499 samples of a sensor that was stuck, from row 503 on, were left out",)),
-    "moved.csv": (lines(v=V + 0.5 * (TIME > 20.0)), PLAIN, ("v, row 503: jumps by 0.4",)),
+    "moved.csv": (lines(v=V + 0.5 * (TIME > 20.0)), PLAIN, ("row 503: v jumps by 0.4",)),
     "ice_falls.csv": (lines(v=FALLEN), PLAIN, ("shifts its mean by 0.399 m",)),
     "sign.csv": (table("t [s],v [m],acc_v [m/s^2],w [m]", TIME, V, 6.8 * V + W, W), (),
-        ("acc_v, row 2: goes with 'v', and an acceleration goes against it: is its sign right?",)),
+        ("row 2: acc_v goes with 'v', and an acceleration goes against it: is its sign right?",)),
     "swapped.csv": (lines(v=0.01 * W, w=V), PLAIN,
-        ("w, row 2: moves 199 times as far as 'v'", "are the columns swapped?")),
-    "coarse.csv": (lines(v=np.round(V, 1)), PLAIN, ("v, row 2: only 21 different values",)),
+        ("row 2: w moves 199 times as far as 'v'", "are the columns swapped?")),
+    "coarse.csv": (lines(v=np.round(V, 1)), PLAIN, ("row 2: v has only 21 different values",)),
 }  # fmt: skip
 
 

@@ -99,7 +99,7 @@ def test_no_model_at_a_bound_that_is_infinite():
     covariance[3, 3] = np.inf
     blind = replace(found, covariance=covariance)
     model = at_the_bound(line, blind, np.random.default_rng(0))
-    assert model.verdict == "refused: bound: a term is undetermined"
+    assert (model.status, model.codes) == ("refused", "term_undetermined")
 
 
 def test_the_bound_from_accelerations_is_that_of_their_dependence_on_everything_unknown():

@@ -10,6 +10,7 @@ from galloping.evaluation import score as scores
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
 from galloping.evaluation.score import Truth, evaluate, gallops, reconstruct, reconstruction, score
 from galloping.identification.model import IdentifiedModel, Unusable
+from galloping.identification.observations import Code, Finding
 from galloping.identification.sparse.evidence import reduce
 from galloping.measurement import Motion
 from galloping.physics.galerkin import coefficients, model
@@ -146,7 +147,7 @@ def test_the_steady_window_is_where_amplitudes_are_read(truth):
 @pytest.mark.parametrize("failure", ["fit", "motion"])
 def test_failures_are_rows_of_worst_values(truth, failure):
     if failure == "fit":
-        result = IdentifiedModel.refused(truth.model.states, truth.model.terms, "stlsq: no luck")
+        result = IdentifiedModel.refused(truth.model.states, truth.model.terms, [])
     else:
         coefficients = truth.model.coefficients.copy()
         coefficients[2, 3] = 3.0  # strong negative damping
@@ -155,7 +156,7 @@ def test_failures_are_rows_of_worst_values(truth, failure):
     bound = np.full((4, 35), 0.1)
     (motion,) = reconstruct(truth, [result])
     row = score(truth, result, motion, bound)
-    expected = "refused: stlsq: no luck" if failure == "fit" else "diverged: |x| exceeded 1000"
+    expected = "refused: No model" if failure == "fit" else "diverged: |x| exceeded 1000"
     assert row["motion"].startswith(expected)
     for state in ("q_v", "q_w"):
         assert row[f"r2_{state}"] == row[f"r2_steady_{state}"] == -INF
@@ -207,13 +208,13 @@ def test_a_line_that_diverges_is_a_row_with_its_reason():
     truth = Truth(line, time, states, (10, 20), "diverged: |x| exceeded 1000 at t = 3 s")
     with np.errstate(invalid="raise"):
         motion = Motion(line.states, time, states, line(states), truth.status)
-    with pytest.raises(Unusable, match="needs every state"):  # which makes a row of it
+    with pytest.raises(Unusable, match="every state at every sample"):  # which makes a row of it
         reduce(recorded(motion), library(4, 3))
-    failed = IdentifiedModel.refused(line.states, line.terms, "stlsq: no data")
+    failed = IdentifiedModel.refused(line.states, line.terms, [Finding.of(Code.STATE_ZERO)])
     (motion,) = reconstruct(truth, [failed])
     row = score(truth, failed, motion, np.full(line.coefficients.shape, np.nan))
     assert row.pop("motion") == "the line itself diverged: |x| exceeded 1000 at t = 3 s"
-    assert row.pop("verdict") == "refused: stlsq: no data"
+    assert row.pop("verdict") == failed.verdict
     assert np.isnan(list(row.values())).all()
 
 

@@ -13,6 +13,8 @@ from galloping.configuration.load import load, plain
 from galloping.identification import cell
 from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel, Unusable
+from galloping.identification.observations import Code, Finding
+from galloping.identification.oscillations import Resonance
 from galloping.identification.registry import BY_NAME, METHODS
 from galloping.identification.sparse.evidence import differentiate, reduce
 from galloping.identification.sparse.stlsq import bagged_medians
@@ -143,7 +145,7 @@ def test_smoothing_takes_out_noise_alone(sampling, sigma):
 
 
 def test_too_few_samples_to_differentiate():
-    with pytest.raises(ValueError, match="recording: 12 samples are too few to differentiate"):
+    with pytest.raises(ValueError, match="12 samples are too few"):
         differentiate(np.arange(12.0), np.ones((12, 1)))
 
 
@@ -166,10 +168,10 @@ def test_weak_form_refuses_what_it_cannot_use(resonant):
     values = good.values.copy()
     values[3, 0] = np.nan
     results = run("weak", [subset, replace(good, values=values), good])
-    assert [found.verdict for found in results] == [
-        "refused: weak: needs a regularly sampled recording",
-        "refused: weak: needs every state at every sample",
-        "unjudged",
+    assert [(found.status, found.codes) for found in results] == [
+        ("refused", "irregular_samples"),
+        ("refused", "incomplete_samples"),
+        ("unjudged", ""),
     ]
 
 
@@ -180,7 +182,7 @@ def test_a_motionless_recording_is_a_row_with_a_reason(resonant, method):
     values[:, 1] = values[:, 3] = rates[:, 1] = rates[:, 3] = 0
     still = replace(recording, values=values, rates=rates)
     failed, good = run(method, [still, recording])
-    assert failed.reason == f"{method}: a state or a derivative is zero throughout the recording"
+    assert failed.codes == "state_zero"
     assert failed.model.coefficients.shape == (4, len(TERMS))
     assert np.isnan(failed.model.coefficients).all()
     assert good.status == "unjudged"
@@ -238,17 +240,20 @@ def test_results_come_back_from_files(tmp_path):
     model = OSCILLATOR
     errors = np.array([[np.nan] * 3, [0.01, np.nan, 2e-4]])
     kept = IdentifiedModel(
-        model, "not identifiable", "one term", errors, detection_limits=np.full((2, 3), np.inf),
+        model, "not identifiable", (Finding.of(Code.TERM_PLAUSIBLE, terms="q", chi2=-9.0),), errors,
+        detection_limits=np.full((2, 3), np.inf),
         covariance=np.eye(2), chi2=1.5, known=(0,),
     )  # fmt: skip
-    of_its_recording = {"removed_share": 0.25, "path": "few terms"}
     sure = replace(
-        kept, sigma=np.ones((1, 2)), initial_states=np.zeros((1, 2)), diagnostics=of_its_recording
-    )
-    failed = IdentifiedModel.refused(model.states, model.terms, "stlsq: no luck")
+        kept, sigma=np.ones((1, 2)), initial_states=np.zeros((1, 2)), rivals=np.ones((4, 2, 3)),
+        rival_share=0.1, forces=np.diag([0.0, 0.2]),
+        diagnostics={"told": 0.25, "path": "few terms"},
+        resonances=(Resonance(2.0, 0.1, (0.1, 0.01), (0.0, 1.0), (0.0, 0.1, 0.2)),),
+    )  # fmt: skip
+    failed = IdentifiedModel.refused(model.states, model.terms, [Finding.of(Code.STATE_ZERO)])
     unjudged = IdentifiedModel(model, "unjudged", thresholds=np.array([0.1, 0.2]))
     for name in ("a.npz", "b.npz"):
-        write_identified(tmp_path / name, {"a": [sure, failed], "b": [unjudged]})
+        write_identified(tmp_path / name, {"a": [kept, failed], "b": [unjudged]})
     assert read_identified(tmp_path / "a.npz") == {"a": [kept, failed], "b": [unjudged]}
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
     for result in (sure, failed, unjudged):
@@ -280,6 +285,7 @@ def test_only_recordings_that_give_no_model_are_refused(monkeypatch):
         monkeypatch.setattr(cell, "resolve_name", lambda name: Mock(side_effect=error))
         return identify(settings, [still], library(1, 1), NAME)["mine"][0]
 
-    assert raising(Unusable("nothing moves")).reason == "mine: nothing moves"
+    assert raising(Unusable(Code.NO_MOTION)).codes == "no_motion"
+    assert raising(FloatingPointError("overflow")).findings[0].data == {"error": "overflow"}
     with pytest.raises(ValueError, match="shapes differ"):
         raising(ValueError("shapes differ"))

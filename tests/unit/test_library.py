@@ -23,6 +23,7 @@ from sklearn.utils import Tags
 import galloping
 from galloping import Recording
 from galloping.arrays import Immutable
+from galloping.identification.observations import Code, Finding
 
 ROOT = Path(__file__).parents[2]
 TIME = np.arange(200) / 20
@@ -120,7 +121,7 @@ def test_equal_things_are_equal_and_have_one_hash(tmp_path):
     found.save(tmp_path / "found.json")
     for one, same, other in (
         (found, galloping.IdentifiedModel.load(tmp_path / "found.json"), replace(found, chi2=9.0)),
-        (FOUND, pickle.loads(pickle.dumps(FOUND)), replace(FOUND, reason="none")),
+        (FOUND, pickle.loads(pickle.dumps(FOUND)), FOUND.with_findings(Finding.of(Code.NO_TERM))),
         (LINE, copy.deepcopy(LINE), replace(LINE, coefficients=2 * LINE.coefficients)),
         (recording(), recording(values=VALUES.tolist()), recording()[:100]),
         (MOTION, galloping.Trajectory(TIME, VALUES, "ok"), ENDED),
@@ -240,8 +241,8 @@ galloping.simulate(GUSTY, [0.1, 0.0], TIME + 1.0, {"U": U}) | inputs: U: not the
 galloping.PolynomialModel(("a",), ((1,), (2,)), [[0]]) | coefficients: shape (1, 1), expected (1, 2)
 LINE.on_library(((1, 0),)) | term dq is not in the library
 galloping.IdentifiedModel(LINE, "sure") | status: 'sure' must be one of ok, not identifiable
-NONE.simulate([0.0, 0.0], [0.0, 1.0]) | there is no model to simulate: no luck
-galloping.forecast(NONE, recording()) | there is no model to forecast with: no luck
+NONE.simulate([0.0, 0.0], [0.0, 1.0]) | there is no model to simulate: No model was found.
+galloping.forecast(NONE, recording()) | there is no model to forecast with: No model was found.
 galloping.polynomial_library(2, -1) | degree: -1; must be a whole number >= 0
 galloping.simulate(LINE, [0, 0, 0], TIME) | initial_state: 3 numbers for the 2 states q, dq
 galloping.simulate(LINE, [0], TIME) | initial_state: {ONE}
@@ -285,7 +286,7 @@ ENDINGS = {
 NOT_A_TIME = np.datetime64("NaT")
 SHORT = Recording(TIME[:10], ("q", "dq"), VALUES[:10])
 OTHER = recording(states=("a", "b"))
-NONE = galloping.IdentifiedModel.refused(LINE.states, TERMS, "no luck")
+NONE = galloping.IdentifiedModel.refused(LINE.states, TERMS, [])
 U = galloping.Input(TIME, np.cos(TIME))
 DRIVEN = recording(inputs={"U": U})
 GUSTY = galloping.PolynomialModel(

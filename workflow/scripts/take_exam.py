@@ -118,9 +118,8 @@ def format_changes(before: pd.DataFrame, now: pd.DataFrame) -> Iterator[str]:
         yield "There are no answers to compare with."
         return
     found = exam.find_changes(before, now)
-    reworded = found["change"] == exam.REWORDED
-    yield f"{(~reworded).sum()} of {len(now)} answers changed, {reworded.sum()} in words alone"
-    for row in found[~reworded].itertuples():
+    yield f"{len(found)} of {len(now)} answers changed"
+    for row in found.itertuples():
         yield f"{row.stratum}: {row.recording}: {row.change}"
 
 

@@ -148,7 +148,7 @@ def test_ranking():
     assert lost["kind"].startswith("diverged") and np.isnan(lost["v_m"])
 
 
-REFUSED = IdentifiedModel.refused(STATES, library(4, 3), "no reason")
+REFUSED = IdentifiedModel.refused(STATES, library(4, 3), [])
 
 
 def test_limit_cycle_of_the_line_with_its_interval(resonant):
@@ -163,7 +163,7 @@ def test_limit_cycle_of_the_line_with_its_interval(resonant):
     unsure = replace(stated(line, 1e-3), covariance=np.zeros((0, 0)))
     _, low, _ = limit_cycle_ahead(unsure, START, np.random.default_rng(1))
     assert np.all(np.isnan(low))
-    with pytest.raises(ValueError, match="there is no model to simulate: no reason"):
+    with pytest.raises(ValueError, match="there is no model to simulate: No model was found"):
         limit_cycle_ahead(REFUSED, START, np.random.default_rng(1))
 
 

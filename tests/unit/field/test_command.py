@@ -108,13 +108,13 @@ def test_errors_are_one_line(arguments, code, said):
 
 
 def test_a_refused_model_and_a_broken_mapping_are_told_in_one_line(tmp_path):
-    refused = IdentifiedModel.refused(("q", "dq"), ((1, 0), (0, 1)), "nothing follows the data")
+    refused = IdentifiedModel.refused(("q", "dq"), ((1, 0), (0, 1)), [])
     refused.save(tmp_path / "model.json")
     write_text(tmp_path / "map.yaml", "states: [q\n")
     write_text(tmp_path / "case.yaml", "wind: {speed: 14}\nwind: {speed: 15}\n")
     for says, *options in (
-        ("holds no model; refused: nothing", "forecast", tmp_path / "model.json", SPAN),
-        ("holds no model; refused: nothing", "simulate", tmp_path / "model.json"),
+        ("holds no model; refused: No model", "forecast", tmp_path / "model.json", SPAN),
+        ("holds no model; refused: No model", "simulate", tmp_path / "model.json"),
         ("map.yaml:2: ", "inspect", SPAN, "--map", tmp_path / "map.yaml"),
         ("case.yaml:2: ", "derive", tmp_path / "case.yaml"),
     ):

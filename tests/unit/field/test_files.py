@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from scipy.signal import StateSpace, lfilter, lsim
 
-from galloping.field.quality import QUIET, quality
+from galloping.field.quality import quality
 from galloping.readers import FileError
 from galloping.readers.mapping import MappingError, channel_of, validated
 from galloping.readers.recordings import recording
@@ -148,9 +148,9 @@ def test_quality_tells_noise_frequency_outliers_gaps_and_clipping(tmp_path):
     v = report["channels"]["v"]
     assert v["noise"] == pytest.approx(0.05, rel=0.05)
     assert v["dominant_frequencies_hz"][0] == pytest.approx(2.6 / (2 * np.pi), abs=0.004)
-    said = {(p["column"], p["row"], p["what"].split()[0]) for p in report["problems"]}
-    assert ("v", 9, "1") in said
-    assert any(column == "w" and what == "clipped" for column, _, what in said)
+    said = {(p["column"], p["row"], p["code"]) for p in report["problems"]}
+    assert ("v", 9, "outliers_seen") in said
+    assert any(column == "w" and code == "clipped" for column, _, code in said)
     json.dumps(report, allow_nan=False)
 
 
@@ -158,9 +158,9 @@ def test_quick_swings_and_gaps_are_no_outliers_and_what_a_sensor_missed_is_told(
     time = np.arange(7500) / 25
     frame = pd.DataFrame({"t": time, "v": 1000 * np.sin(15 * time), "w": np.cos(1.3 * time)})
     frame.loc[1000:2500, "w"] = np.nan
-    assert questioned(tmp_path / "a.csv", frame)["problems"] == [
-        {"column": "w", "row": 1001, "what": "no samples for 20% of the time"}
-    ]
+    (problem,) = questioned(tmp_path / "a.csv", frame)["problems"]
+    assert (problem["column"], problem["row"], problem["code"]) == ("w", 1001, "samples_missing")
+    assert problem["data"]["share"] == pytest.approx(0.2, abs=0.005)
 
 
 @pytest.mark.parametrize(("share", "said"), [(0.0, ["w"]), (0.3, [])])
@@ -168,8 +168,9 @@ def test_a_sensor_that_shows_nothing_of_its_own_is_told(tmp_path, share, said):
     noises = 0.02 * np.random.default_rng(3).standard_normal((2, len(TIME)))
     frame = FRAME.assign(v=1000 * (V + noises[0]), w=1.7 * V + share * W + noises[1])
     problems = questioned(tmp_path / "a.csv", frame)["problems"]
-    same = [one for one in problems if one["what"].startswith("shows only what 'v' shows, 1.7")]
+    same = [one for one in problems if one["code"] == "shown_twice"]
     assert [one["column"] for one in same] == said
+    assert [round(one["data"]["times"], 1) for one in same] == [1.7] * len(said)
 
 
 def test_a_motion_that_dies_out_does_not_jump(tmp_path):
@@ -182,8 +183,8 @@ def test_a_motion_that_dies_out_does_not_jump(tmp_path):
         report = questioned(
             tmp_path / "a.csv", pd.DataFrame({"t": time, "v": -900 * seen, "w": seen})
         )
-        told = [each["what"] for each in report["problems"] if each["column"] == "w"]
-        assert any(what.startswith("jumps by") for what in told) == jumps
+        told = [each["code"] for each in report["problems"] if each["column"] == "w"]
+        assert ("channel_jumps" in told) == jumps
 
 
 def test_samples_that_a_camera_missed_are_no_jumps(tmp_path):
@@ -201,7 +202,7 @@ def test_what_follows_gusts_is_neither_too_short_nor_in_a_wrong_unit(tmp_path):
     assert "periods" not in str(questioned(tmp_path / "a.csv", pd.DataFrame({"t": time, **own})))
     slow = own | {"w": np.sin(0.15 * time)}  # seven periods
     (one,) = questioned(tmp_path / "b.csv", pd.DataFrame({"t": time, **slow}))["problems"]
-    assert (one["column"], one["what"]) == ("w", "less than 10 periods of the motion")
+    assert (one["column"], one["code"]) == ("w", "few_periods")
 
 
 def test_a_random_force_in_an_accelerometer_is_no_noise(tmp_path):
@@ -214,6 +215,6 @@ def test_a_random_force_in_an_accelerometer_is_no_noise(tmp_path):
 
     def said(values):
         path = write(tmp_path / "a.csv", pd.DataFrame({"t": time, "v": values}))
-        return [each["what"] for each in quality(read_series(path, mapping), mapping)["problems"]]
+        return [each["code"] for each in quality(read_series(path, mapping), mapping)["problems"]]
 
-    assert said(moved) == [] and said(force) == [QUIET]
+    assert said(moved) == [] and said(force) == ["mostly_noise"]

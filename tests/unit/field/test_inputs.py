@@ -16,8 +16,9 @@ from scipy.ndimage import gaussian_filter1d
 import galloping
 from galloping import IdentifiedModel, Input, PolynomialModel, Recording
 from galloping.field.analysis import read_field
-from galloping.field.helps import plain_reasons
+from galloping.field.helps import meanings_and_advice
 from galloping.field.objections import objected
+from galloping.identification.observations import Code, Finding
 from galloping.readers.mapping import input_of, validated
 from galloping.readers.series import read_series
 from galloping.readers.units import USUAL, coefficient_unit
@@ -112,7 +113,7 @@ def test_an_anemometer_that_lags_is_put_right(tmp_path):
     told = run("inspect", path, "--states", "y", "--input", "U", "--delay", "U=2")
     assert "input U is not known for 1.96 s" in told and "U is an input" in told
     assert "columns that are not used: note" in told
-    ((meaning, help_),) = plain_reasons("U is delayed against the motion by 1.3 s")
+    ((meaning, help_),) = meanings_and_advice([Finding.of(Code.INPUT_DELAYED_BY, "U", delay_s=1.3)])
     assert meaning.startswith("U lags behind the motion by 1.3 s") and "--delay COLUMN=1.3" in help_
 
 
@@ -279,4 +280,4 @@ def test_what_an_input_drives_is_not_said_to_be_moved_by_random_forces():
         return galloping.maximum_likelihood(own, ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
 
     found = objected(identify([recording]), [recording], ["a"], np.pi, identify)
-    assert found.status == "approximate" and "random forces" not in found.reason
+    assert found.status == "approximate" and not found.has_finding(Code.KEPT_UP)

@@ -15,6 +15,7 @@ from galloping.field.forecast import check_followed
 from galloping.field.objections import objected, outlived
 from galloping.field.summary import dynamics, summarise
 from galloping.field.wording import in_words
+from galloping.identification.observations import Code
 from galloping.polynomial import PolynomialModel
 
 TERMS = polynomial_library(2, 3)
@@ -131,7 +132,7 @@ def test_a_model_whose_motion_lasts_where_the_recorded_one_dies_out_is_refused()
     steady = motions.on_its_limit_cycle()
     assert not outlived(replace(lasting(0.0)), [steady])
     said = objected(lasting(0.0), [recording], ["a"], 1.0, lambda parts: lasting(0.0))
-    assert said.status == "refused" and "dies out" in said.reason
+    assert said.status == "refused" and said.has_finding(Code.OUTLIVED)
 
 
 @pytest.mark.parametrize(
@@ -220,6 +221,6 @@ def test_all_numbers_of_a_summary_are_there_for_programs(folder):
 def test_of_a_refused_recording_the_samples_are_told(tmp_path):
     values = np.random.default_rng(0).standard_normal((500, 2))
     recording = Recording(np.arange(500) / 25, motions.STATES, values)
-    refused = IdentifiedModel.refused(motions.STATES, TERMS, "no luck")
+    refused = IdentifiedModel.refused(motions.STATES, TERMS, [])
     summary = summarise(refused, recording)
     assert "| q, recorded |" in str(summary)

@@ -14,7 +14,7 @@ from galloping import polynomial_library as library
 from galloping.field.advice import advice
 from galloping.field.excerpts import PERIODS, STRETCHES, excerpts
 from galloping.field.summary import hold_out, longest_period
-from galloping.identification.likelihood.verdict import REPEATS
+from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.smoothing import shortest_period
 from galloping.physics.galerkin import coefficients, model
 from galloping.streams import generator
@@ -57,7 +57,7 @@ def test_a_known_noise_replaces_the_estimate_and_a_wrong_one_is_named(tmp_path):
     free, known, wrong = told(None, None), told(f"{1e3 * v} mm", w), told(v / 5, w / 5)
     assert np.isnan(free.chi2) and known.chi2 == pytest.approx(1.0, abs=0.1)
     assert known.sigma[0, :2] == pytest.approx([v, w])
-    assert wrong.status == "approximate" and "noise larger than it was said" in wrong.reason
+    assert wrong.status == "approximate" and wrong.has_finding(Code.NOISE_EXCEEDS_KNOWN)
 
 
 def test_long_recordings_are_identified_from_their_liveliest_and_largest_stretches(field):
@@ -89,7 +89,7 @@ def test_advice_ranks_recordings_by_what_they_tell_of_the_weakest_term(field):
     again = dict(told.options)["the same motion again"]
     assert told.error / again == pytest.approx(np.sqrt(2.0), rel=0.2)
     assert advice(replace(identified, status="approximate"), field.recordings[0], 5.0) is None
-    repeats = replace(identified, status="not identifiable", reason=REPEATS)
+    repeats = identified.with_findings(Finding.of(Code.MOTION_REPEATS))
     assert advice(repeats, field.recordings[0], 5.0) is None
 
 

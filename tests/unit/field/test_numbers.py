@@ -14,6 +14,7 @@ from galloping.field.forecast import check_followed, forecast, held_out, with_fa
 from galloping.field.objections import difference, kept_up, objected, unmoved
 from galloping.field.summary import Summary, hold_out, longest_period
 from galloping.identification.likelihood.repetition import Followed, only_repeats
+from galloping.identification.observations import Code, Finding
 from galloping.identification.random_forces.start import wavers
 from galloping.polynomial import PolynomialModel, design_matrix, library
 from galloping.readers import FileError
@@ -89,7 +90,9 @@ def test_a_clock_that_jumps_parts_a_recording(tmp_path, jump):
     (report,) = field.reports
     assert report["channels"]["q_v"]["dominant_frequencies_hz"][0] == pytest.approx(0.42, abs=0.03)
     assert longest_period(field.recordings) < 10.0
-    assert not any("less than" in problem["what"] for problem in report["problems"][:1])
+    assert not any(
+        problem["code"] in ("few_periods", "sampled_coarsely") for problem in report["problems"][:1]
+    )
     assert "part it into recordings" in report["notes"][-1]
 
 
@@ -192,8 +195,10 @@ def missing(status, share):
     """The model of one recording or of several, and the share of q_v that its forecasts miss."""
     told = {"error_share_all_q_v": share, "forecast_r2": 0.95} if status == "approximate" else {}
     if status == "refused":
-        return IdentifiedModel.refused(files.STATES, TERMS, "nothing follows")
-    return IdentifiedModel(files.line().on_library(TERMS), status, diagnostics=told)
+        return IdentifiedModel.refused(files.STATES, TERMS, [])
+    found = IdentifiedModel(files.line().on_library(TERMS), status, diagnostics=told)
+    missed = Finding.of(Code.FORECASTS_MISS, "q_v", share=share, span_s=10.0)
+    return found.with_findings(missed) if status == "approximate" else found
 
 
 @pytest.mark.parametrize(
@@ -211,8 +216,8 @@ def missing(status, share):
 def test_recordings_differ_where_models_of_each_miss_much_less(together, alone, differs):
     models = iter([missing(*each) for each in alone])
     parts = [recorded(seed=1), recorded(seed=2)]
-    result, _ = difference(missing(*together), parts, lambda _: next(models))
-    assert ("by itself miss" in result) == bool(result) == differs
+    result = difference(missing(*together), parts, lambda _: next(models))
+    assert (result is not None) == differs
 
 
 def test_parts_of_one_recording_qualify_their_model_and_two_recordings_refuse_it():
@@ -221,8 +226,8 @@ def test_parts_of_one_recording_qualify_their_model_and_two_recordings_refuse_it
         said = objected(missing("approximate", 0.2), parts, ["a from 0 s", "a from 160 s"], 2.4,
                         lambda _: alone, are_one=are_one)  # fmt: skip
         assert said.status == status
-        assert "do not share one model" in said.reason
-        assert "its forecasts miss 20.0% of q_v" in said.reason
+        (different,) = (f for f in said.findings if "differ" in f.code)
+        assert (different.subject, different.data["missed"]) == ("q_v", 0.2)
 
 
 def test_a_motion_that_lasts_on_a_stable_line_is_forced(tmp_path):
@@ -278,14 +283,15 @@ def test_a_motion_on_an_unstable_orbit_repeats():
 
 def test_a_known_fault_is_the_first_reason_where_there_is_no_model(tmp_path):
     field = files.read(files.cameras(tmp_path / "a.csv", harm=files.clipped))
-    refused = IdentifiedModel.refused(files.STATES, TERMS, "the iteration diverges")
+    refused = IdentifiedModel.refused(files.STATES, TERMS, [Finding.of(Code.ITERATION_DIVERGES)])
     period = longest_period(field.recordings)
     given = (field.recordings, field.names, period, lambda parts: refused, field.faults)
-    reason = objected(refused, *given).reason
-    assert re.match(r"q_v of a\.csv is clipped at -0\.3, from row \d+ on; the iteration", reason)
-    wind = IdentifiedModel.refused(files.STATES, ((1, 0, 0, 0, 1),), "diverges", ("U",))
+    first, *_, last = objected(refused, *given).findings
+    assert (first.code, first.subject) == (Code.CLIPPED, "q_v of a.csv")
+    assert first.data["at"] == pytest.approx(-0.3) and last.code == Code.ITERATION_DIVERGES
+    wind = IdentifiedModel.refused(files.STATES, ((1, 0, 0, 0, 1),), refused.findings, ("U",))
     again = objected(wind, field.recordings, field.names, 5.0, lambda parts: wind)
-    assert again.verdict == "refused: diverges" and again.model.inputs == ("U",)
+    assert again.codes == "iteration_diverges" and again.model.inputs == ("U",)
 
 
 LIMIT_CYCLE = {"q_v": 1.305, "q_w": 2.133}  # m, of the line in 12 m/s, simulated over 4000 s

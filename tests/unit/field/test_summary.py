@@ -68,9 +68,9 @@ def test_a_summary_is_text_and_figures(summary):
 
 
 def test_a_refused_model_says_so_and_no_more(recorded):
-    refused = galloping.IdentifiedModel.refused(recorded.states, ((1, 0, 0, 0),), "no luck")
+    refused = galloping.IdentifiedModel.refused(recorded.states, ((1, 0, 0, 0),), [])
     summary = galloping.summarise(refused, recorded)
-    assert "**refused: no luck**" in str(summary) and "### The line" not in str(summary)
+    assert "**refused: No model was found.**" in str(summary) and "### The line" not in str(summary)
     assert summary.dynamics is summary.held_out is summary.forecast is summary.advice is None
 
 
@@ -79,7 +79,7 @@ def test_a_sensor_that_only_a_later_recording_has_is_told():
     values, rates = np.full((2, 500, 4), np.nan)
     values[:, 0], rates[:, 3] = np.sin(2.6 * time), np.cos(1.3 * time)
     first = galloping.Recording(time, ("q_v", "q_w", "dq_v", "dq_w"), values)
-    refused = galloping.IdentifiedModel.refused(first.states, ((1, 0, 0, 0),), "no luck")
+    refused = galloping.IdentifiedModel.refused(first.states, ((1, 0, 0, 0),), [])
     text = str(galloping.Summary(refused, (first, replace(first, rates=rates))))
     assert "| vertical displacement, recorded | -1.00 to 1.00 m |" in text
     assert "| horizontal acceleration, recorded | -1.00 to 1.00 m/s^2 |" in text
@@ -112,7 +112,7 @@ def test_whether_a_line_gallops_is_one_line_of_a_summary(summary, damping, kind,
 def test_a_motion_that_keeps_its_size_may_be_galloping(summary):
     values = {state: Value(*NONE) for state in ("q_v", "q_w")}
     known = replace(summary.dynamics, damping=values)
-    found = replace(summary.found, status="not identifiable", reason="")
+    found = replace(summary.found, status="not identifiable", findings=())
     text = str(replace(summary, dynamics=known, found=found))
     assert (
         "the recorded motion keeps its size, as far as the samples tell. So does galloping" in text

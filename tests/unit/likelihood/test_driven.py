@@ -1,6 +1,5 @@
 """Identification of what measured inputs drive: a Duffing oscillator, a line in gusts."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +8,7 @@ from identification_cases import assert_found, deviations, unknown_support
 
 import galloping
 from galloping import Coefficient, Input
+from galloping.identification.observations import Code
 from galloping.identification.preparation.weak_form import begin, delayed_inputs
 from galloping.identification.problem import posed
 
@@ -100,7 +100,7 @@ def test_no_stretch_with_the_input_is_refused():
     values = np.where(np.arange(1601) % 80 < 60, FORCE.values, np.nan)
     recording = replace(recorded(DUFFING, {"F": FORCE}), inputs={"F": Input(TIME, values)})
     found = galloping.maximum_likelihood(recording, CUBIC)
-    assert found.verdict == "refused: no 100 samples in a row with F beside them"
+    assert (found.status, found.codes) == ("refused", "inputs_missing")
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -113,8 +113,8 @@ def test_what_no_model_follows_is_followed_best_when_it_runs_freely(seed):
     recording = recorded(odd, {"F": Input(TIME, multisine(TIME, seed))}, level=0.002)
     found = galloping.maximum_likelihood(recording, DUFFING_TERMS)
     assert found.status == "approximate"
-    assert "over the whole recording it leaves" in found.reason
-    assert "such as gusts" not in found.reason  # which were measured
+    assert found.has_finding(Code.FREE_RUN_MISSES)
+    assert not found.has_finding(Code.FORCES)  # which were measured
 
     def error(coefficients):
         model = replace(DUFFING, coefficients=coefficients)
@@ -158,7 +158,8 @@ def test_single_coefficients_are_fixed_or_bounded(protocol):
     # what the data contradict is named, where it is surely so
     cubed, far = free.model.coefficients[1, cubic], 20.0 * deviation
     wrong = told(Coefficient("dy", (3, 0, 0), cubed + far, deviation))
-    assert wrong.status != "ok" and "contradicts what was known: y^3 in d(dy)/dt" in wrong.reason
+    assert wrong.status != "ok" and wrong.findings[0].code == Code.PRIOR_CONTRADICTED
+    assert wrong.findings[0].data["term"] == "y^3 in d(dy)/dt"
     assert told(Coefficient("dy", (3, 0, 0), cubed + 0.1 * far, deviation)).status == "ok"
 
     # not told by the data, yet not left out
@@ -201,8 +202,9 @@ def test_an_input_that_comes_late_is_named(delay):
     assert galloping.maximum_likelihood(recording, WIND_LIBRARY).status == "ok"
     found = galloping.maximum_likelihood(replace(recording, inputs=aside), WIND_LIBRARY)
     assert found.status == "approximate"
-    said = re.match(r"U is delayed against the motion by (-?[\d.]+) s; (?!U )", found.reason)
-    assert float(said[1]) == pytest.approx(delay, abs=0.1)
+    (late,) = (each for each in found.findings if each.subject == "U" and "delay" in each.code)
+    assert late.code == Code.INPUT_DELAYED_BY
+    assert late.data["delay_s"] == pytest.approx(delay, abs=0.1)
 
 
 def test_recordings_share_their_inputs_by_name():

@@ -17,6 +17,7 @@ from galloping import (
 )
 from galloping.identification.likelihood import trajectory_fit
 from galloping.identification.likelihood.missing_terms import missing_kind
+from galloping.identification.observations import Code
 from galloping.identification.preparation.weak_form import begin
 from galloping.identification.prior_knowledge import PRIOR
 from galloping.identification.problem import posed
@@ -64,14 +65,15 @@ def test_oscillators_are_found_with_errors_near_the_bound(kind):
                                              ("dry friction", "sign(dq)")])  # fmt: skip
 def test_the_kind_of_term_that_a_polynomial_library_lacks_is_named(kind, named):
     _, recording, *_ = recorded(kind, REPORTING, 0)
-    assert named in kind_lacking(recording)
+    (missing,) = kind_lacking(recording)
+    assert missing.code == Code.TERM_MISSING and named in missing.data["term"]
 
 
 def test_no_kind_of_term_is_named_beside_a_right_library():
     true = parse_model("q = dq; dq = -q + 0.3 dq - 0.3 q^2 dq")
     time = np.linspace(0.0, 60.0, 1201)
     states = simulate(true, (0.1, 0.0), time).states
-    assert kind_lacking(noisy(true, states, time, 0.05, 4)) == ""
+    assert kind_lacking(noisy(true, states, time, 0.05, 4)) == []
 
 
 def kind_lacking(recording):
@@ -89,7 +91,7 @@ def test_a_quotient_of_what_crosses_zero_is_refused_with_the_divisor():
     recording = noisy(true, simulate(true, (1.0, 0.0), time).states, time, 0.02, 1)
     terms, _ = library("q + dq + 1/(q - 0.5)", STATES)
     found = maximum_likelihood(recording, terms)
-    assert found.status == "refused" and "1/(q - 0.5)" in found.reason
+    assert found.status == "refused" and found.findings[0].subject == "1/(q - 0.5)"
     terms, _ = library("q + dq + 1/(q - 5)", STATES)
     assert maximum_likelihood(recording, terms).support.sum() == 2
 
@@ -124,7 +126,7 @@ def test_a_coefficient_stays_within_its_bounds():
     found = bounded(q=(-3.95, 0.0))
     column = CUBIC.index((1, 0))
     assert found.model.coefficients[1, column] >= -3.95
-    assert "contradicts" not in found.reason
+    assert not found.has_finding(Code.BOUNDS_CONTRADICTED)
     wrong = bounded(dq=(0.0, np.inf))  # it gains energy, says who sets the bound
     assert not wrong.support[1, CUBIC.index((0, 1))] and wrong.status != "ok"
 

@@ -20,6 +20,7 @@ from identification_cases import (
 from galloping import Prior, Recording, maximum_likelihood, weak_gls
 from galloping import polynomial_library as library
 from galloping.bounds import Experiment, state_bound
+from galloping.identification.observations import Code
 
 
 def line_bound(level: float) -> np.ndarray:
@@ -101,7 +102,7 @@ def test_the_non_resonant_line_needs_a_second_recording() -> None:
     missing = unknown_support(true) & ~alone.support
     assert missing.any()  # one of t = 2.1
     assert np.all(np.abs(true.coefficients[missing]) < alone.detection_limits[missing])
-    assert alone.reason
+    assert alone.findings
     both = maximum_likelihood(recordings, true.terms)
     assert_found(both, true)
     assert both.initial_states[1] == pytest.approx(starts[1], abs=0.05)
@@ -149,5 +150,5 @@ def test_segments_may_all_end_where_a_state_is_zero():
     time = np.linspace(0.0, 33 * 2.0 * np.pi, 2000)
     exact = Recording(time, ("x", "dx"), np.column_stack([np.cos(time), -np.sin(time)]))
     found = maximum_likelihood(exact, library(2, 1))
-    assert found.verdict.startswith("not identifiable: the motion only repeats")
+    assert found.status == "not identifiable" and found.has_finding(Code.MOTION_REPEATS)
     assert found.support.tolist() == [[False] * 3, [False, True, False]]

@@ -20,6 +20,7 @@ from galloping import Input, PolynomialModel, Recording, Simulator, maximum_like
 from galloping import polynomial_library as library
 from galloping.identification.likelihood import trajectory_fit
 from galloping.identification.likelihood.instrument import FORCES
+from galloping.identification.observations import Code
 from galloping.physics.galerkin import STATES
 from galloping.simulation import time_grid
 from galloping.streams import generator
@@ -138,7 +139,7 @@ def test_forces_that_change_slowly_show_between_four_segments() -> None:
     motion = simulate(drifting, (0.5, 0.0), time, force).states
     recording = noisy(OSCILLATOR, motion, time, 0.05, 202611277)
     found = maximum_likelihood(recording, OSCILLATOR.terms)
-    assert found.status == "approximate" and found.reason.startswith(FORCES)
+    assert found.status == "approximate" and found.has_finding(*FORCES)
 
 
 @pytest.mark.parametrize("path", OPEN)
@@ -147,7 +148,7 @@ def test_what_is_hard_to_tell_is_never_sure_and_wrong(path, record_property) -> 
     found = maximum_likelihood(recording, true.terms)
     record_property("path", found.diagnostics["path"])
     assert not against_truth(true, found)["ok_and_wrong"]
-    assert found.status == "ok" or found.reason
+    assert found.status == "ok" or found.findings
     assert (found.status == "refused") == bool(np.isnan(found.model.coefficients).all())
 
 
@@ -169,20 +170,17 @@ def test_a_term_that_the_library_lacks_leaves_a_model_that_forecasts(
 
 
 @pytest.mark.parametrize(
-    ("level", "seed", "reason"),
-    [
-        (0.03, 0, "x^2 in d(z)/dt may be missing: the data would not show many times its equation"),
-        (0.01, 3, "the data would not show a mixture of terms over 12 times as large"),
-    ],
+    ("level", "seed", "code"),
+    [(0.03, 0, Code.TERM_MAY_BE_MISSING), (0.01, 3, Code.MIXTURE_MAY_HIDE)],
 )
-def test_terms_that_others_may_balance_are_no_ok(level, seed, reason):
+def test_terms_that_others_may_balance_are_no_ok(level, seed, code):
     """As where a motion stays near a surface: other terms have the same motion there."""
     true, time = SYSTEMS["wake"].model, np.linspace(0.0, 30.0 * SYSTEMS["wake"].period, 500)
     motion = simulate(true, SYSTEMS["wake"].start, time).states
     recording = noisy(true, motion, time, level, seed)
     found = maximum_likelihood(recording, true.terms)
     assert found.status == "not identifiable"
-    assert reason in found.reason
+    assert found.has_finding(code)
 
 
 @pytest.mark.parametrize(
@@ -212,7 +210,7 @@ def test_a_term_is_not_imitated_because_its_chain_grows_far():
     noise = generator(20262020, "n", 8, 0).standard_normal(motions[0].shape)
     values = motions[0] + 0.05 * motions[0].std(0) * noise
     found = maximum_likelihood(Recording(time, STATES, values), true.terms)
-    assert (found.status, found.reason) == ("ok", "")
+    assert (found.status, found.codes) == ("ok", "")
 
 
 def test_of_little_noise_a_constant_is_no_cheaper_than_other_terms():

@@ -9,6 +9,7 @@ import pytest
 from identification_cases import RELEASE, assert_found, deviations, solution
 
 from galloping import Recording, derive, maximum_likelihood, polynomial_library, simulate
+from galloping.identification.observations import Code
 
 TERMS = polynomial_library(4, 3)
 TIME = np.arange(0, 120, 0.04)
@@ -50,7 +51,8 @@ def test_a_camera_of_unknown_scale_is_calibrated_by_the_accelerometer():
     told = [both.diagnostics[f"scale_{state}"] for state in ("q_v", "q_w")]
     assert told == pytest.approx([1.15, 1.15], rel=4e-3)
     assert np.nanmax(np.abs(deviations(both, LINE))) < 5
-    assert alone.status == "refused" and "the scale of q_v cannot be told" in alone.reason
+    assert (alone.status, alone.codes) == ("refused", "scale_undetermined")
+    assert alone.findings[0].subject == "q_v"
 
 
 # duration and step, s; release, m; noise, of the deviation
@@ -91,5 +93,5 @@ def test_what_the_library_lacks_is_no_noise_of_derivatives(lacking: float, statu
     recording = Recording(time, LINE.states, x, rates + noise, exact=True)
     found = maximum_likelihood(recording, TERMS)
     assert found.status == status, found.reason
-    assert ("goes on from sample to sample" in found.reason) == bool(lacking)
+    assert found.has_finding(Code.DERIVATIVES_CORRELATED) == bool(lacking)
     assert np.all(np.isfinite(found.standard_errors[found.support]))

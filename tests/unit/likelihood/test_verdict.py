@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from galloping import IdentifiedModel, PolynomialModel, Prior
-from galloping.identification.answers import laws_untold, with_inputs
-from galloping.identification.likelihood.instrument import FORCES
+from galloping.identification.answers import undetermined_laws
 from galloping.identification.likelihood.verdict import Regression, judged, open_questions
+from galloping.identification.observations import Code, Finding
 from galloping.identification.plausible import (
     Plausible,
     plausible_supports,
@@ -91,7 +91,8 @@ def test_a_term_that_another_can_replace_is_not_identifiable() -> None:
     true[0] = 1.0
     result = verdict_on(true, columns, rng)
     assert result.status == "not identifiable"
-    assert "the data cannot tell" in result.reason and " in d(" in result.reason
+    rival = result.findings[0]
+    assert rival.code == Code.RIVAL_TERMS and " in d(" in rival.data["terms"]
 
 
 def test_an_absent_term_has_a_limit_and_no_bearing_on_the_verdict() -> None:
@@ -108,7 +109,7 @@ def test_an_absent_term_has_a_limit_and_no_bearing_on_the_verdict() -> None:
 def test_nothing_found_is_not_identifiable() -> None:
     rng = np.random.default_rng(5)
     result = verdict_on(np.zeros(12), rng.normal(size=(2000, 12)), rng)
-    assert (result.status, result.reason) == ("not identifiable", "no term stands out of the noise")
+    assert (result.status, result.codes) == ("not identifiable", "no_term")
 
 
 # of two states to the second degree: x, y and x y are the candidates 1, 2 and 4 of dx/dt
@@ -137,18 +138,19 @@ def test_between_terms_that_the_data_cannot_tell_apart_the_prior_takes_the_simpl
     result = verdict(problem, columns, rates, FALSE)
     assert np.flatnonzero(result.support[0]).tolist() == [1, Y]
     assert result.status == "ok"
-    assert "the data alone cannot tell y in d(x)/dt from x y in d(x)/dt" in result.reason
-    assert "the prior prefers the simpler terms" in result.reason
+    told = result.findings[0]
+    assert told.code == Code.PRIOR_DECIDES
+    assert (told.data["terms"], told.data["rivals"]) == ("y in d(x)/dt", "x y in d(x)/dt")
     without, *_ = alike(None)
     result = verdict(without, columns, rates, FALSE)
-    assert result.status == "not identifiable" and "the data cannot tell" in result.reason
+    assert result.status == "not identifiable" and result.has_finding(Code.RIVAL_TERMS)
 
 
 def test_the_prior_yields_to_the_data() -> None:
     problem, columns, rates, noise = alike(Prior(), 4000)
     result = verdict(problem, columns, rates + 3.0 * columns[:, XY] + noise, FALSE)
     assert np.flatnonzero(result.support[0]).tolist() == [1, XY]
-    assert (result.status, result.reason) == ("ok", "")
+    assert (result.status, result.codes) == ("ok", "")
 
 
 def test_a_simple_term_that_the_data_would_not_show_is_never_under_an_ok() -> None:
@@ -159,7 +161,7 @@ def test_a_simple_term_that_the_data_would_not_show_is_never_under_an_ok() -> No
     result = verdict(problem, columns[:40], (rates + noise)[:40], FALSE)
     assert np.flatnonzero(result.support[0]).tolist() == [1]
     assert result.status == "not identifiable"
-    assert "in d(x)/dt may be missing: the data would not show" in result.reason
+    assert result.has_finding(Code.TERM_MAY_BE_MISSING)
 
 
 @pytest.mark.parametrize(("apart", "status"), [(0.03, "ok"), (0.017, "not identifiable")])
@@ -171,7 +173,8 @@ def test_a_nonlinear_term_that_others_balance_may_be_twice_its_equation_unseen(
     columns[:, XY] = columns[:, 1] + apart * np.random.default_rng(1).normal(size=4000)
     result = verdict(problem, columns, rates + noise, [1])
     assert (result.status, np.flatnonzero(result.support[0]).tolist()) == (status, [1])
-    assert ("x y in d(x)/dt may be missing" in result.reason) == (status != "ok")
+    missing = [f.data["term"] for f in result.findings if f.code == Code.TERM_MAY_BE_MISSING]
+    assert missing == (["x y in d(x)/dt"] if status != "ok" else [])
 
 
 def test_the_prior_costs_the_same_in_any_unit() -> None:
@@ -219,8 +222,8 @@ def test_supports_that_lack_a_term_may_weigh_a_fifth() -> None:
     for share in (0.15, 0.25):
         weight = np.array([1.0 - share, share])
         plausible = Plausible(supports, np.zeros(2), weight, nothing, nothing)
-        said = open_questions(problem, whitened, plausible)
-        assert ("supports without a term found weigh" in said) == (share > 0.2)
+        codes = [each.code for each in open_questions(problem, whitened, plausible)]
+        assert (Code.RIVAL_TERMS in codes) == (share > 0.2)
 
 
 def test_supports_of_which_two_terms_are_others_are_weighed() -> None:
@@ -251,7 +254,8 @@ def test_a_term_that_noise_brings_once_in_a_thousand_is_a_doubt(z: float, doubte
     observed = columns[:, present] @ [1.0, z / np.sqrt(rows)] + noise
     result = verdict(PROBLEM, columns, observed, [0])
     assert np.flatnonzero(result.support[0]).tolist() == [0]
-    assert ("x^5 in d(x)/dt is plausible, below the limit" in result.reason) == doubted
+    plausible = [f.data["terms"] for f in result.findings if f.code == Code.TERM_PLAUSIBLE]
+    assert plausible == (["x^5 in d(x)/dt"] if doubted else [])
 
 
 def test_the_prior_settles_ties_and_nothing_else() -> None:
@@ -272,17 +276,15 @@ def test_a_law_that_one_mean_wind_does_not_tell_is_said() -> None:
     model = PolynomialModel(("q", "dq"), terms, [[0, 1, 0], [-4.0, 0, 0.01]], ("U",))
     about = {"U_low": 9.5, "U_high": 10.5}
 
-    def said(limit: float) -> str:
+    def said(limit: float) -> list[Finding]:
         limits = np.array([[np.nan] * 3, [np.nan, limit, np.nan]])
-        return laws_untold(IdentifiedModel(model, "ok", detection_limits=limits), [10.0], about)
+        identified = IdentifiedModel(model, "ok", detection_limits=limits)
+        return undetermined_laws(identified, [10.0], about)
 
-    assert said(0.05) == "U from 9.5 to 10.5 hardly tells how dq in d(dq)/dt changes with it"
-    assert said(0.01) == said(np.nan) == ""
-
-
-def test_a_refusal_beside_a_measured_wind_names_no_gusts() -> None:
-    none = IdentifiedModel.refused(("x",), ((1, 0), (0, 1)), FORCES, ("U",))
-    assert with_inputs(none, [], []).reason == "forces besides the model act, or terms are missing"
+    (short,) = said(0.05)
+    assert (short.code, short.subject) == (Code.INPUT_RANGE_SHORT, "U")
+    assert short.data == {"low": 9.5, "high": 10.5, "terms": "dq in d(dq)/dt"}
+    assert said(0.01) == said(np.nan) == []
 
 
 def chosen(columns, observed, penalty, start=None, sigma=1.0):

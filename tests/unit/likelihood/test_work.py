@@ -6,11 +6,12 @@ from identification_cases import line, model, noisy, solution
 
 from galloping import Input, Recording, maximum_likelihood
 from galloping import polynomial_library as library
+from galloping.identification.observations import Code
 from galloping.identification.preparation.screening import prepared
 from galloping.identification.preparation.weak_form import weak_fit
 from galloping.identification.problem import posed
 from galloping.identification.selection import select
-from galloping.identification.work import ENDED, MOST, allowance, limited
+from galloping.identification.work import MOST, allowance, limited
 from galloping.trials.published import SYSTEMS
 
 # its first swings are far quicker than most of the record: the first time scale gives no model
@@ -39,7 +40,7 @@ def test_a_search_within_its_limit_is_that_without_one(recording, whole):
     found, used = whole
     assert found.status == "ok" and 0 < used < 0.1 * MOST
     again, counted = searched(recording, 2.0 * used)  # each start has a portion
-    assert counted == used and again.reason == found.reason
+    assert counted == used and again.findings == found.findings
     assert np.array_equal(again.model.coefficients, found.model.coefficients)
     assert np.array_equal(again.covariance, found.covariance)
 
@@ -48,10 +49,10 @@ def test_a_search_within_its_limit_is_that_without_one(recording, whole):
 def test_a_search_at_its_limit_ends_and_is_not_ok(recording, whole, share):
     most = share * whole[1]
     found, used = searched(recording, most)
-    assert found.status != "ok" and found.reason.split("; ").count(ENDED) == 1
+    assert found.status != "ok" and found.codes.split().count(Code.LIMIT_OF_WORK) == 1
     assert used < whole[1]
     again, counted = searched(recording, most)
-    assert counted == used and again.reason == found.reason
+    assert counted == used and again.findings == found.findings
 
 
 def test_a_search_may_count_36_s_and_in_proportion_more_of_a_longer_recording():
@@ -60,7 +61,7 @@ def test_a_search_may_count_36_s_and_in_proportion_more_of_a_longer_recording():
 
 def test_nothing_is_begun_where_no_work_is_left(recording):
     found, used = searched(recording, 0.0)
-    assert (found.status, found.reason, used) == ("refused", ENDED, 0.0)
+    assert (found.status, used) == ("refused", 0.0) and found.has_finding(Code.LIMIT_OF_WORK)
 
 
 def hyperchaos(rng):

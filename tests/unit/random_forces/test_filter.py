@@ -9,6 +9,7 @@ from scipy.stats import multivariate_normal
 
 from galloping import Input
 from galloping.identification.model import Unusable
+from galloping.identification.observations import Code
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.kalman import kalman_filter
 from galloping.identification.random_forces.steps import Steps, discretised
@@ -143,7 +144,9 @@ def test_a_jump_is_no_random_force():
     noise[700, 1] = -14.0
     left = whiteness([noise[:300], noise], 0.1, np.array([0.5]))
     assert left.relevant and not left.white
-    assert left.in_words(["q_v", "q_w"]).startswith("q_w jumps after 70 s, by 14 deviations")
+    jump = left.finding(["q_v", "q_w"])
+    assert (jump.code, jump.subject) == (Code.INNOVATION_JUMPS, "q_w")
+    assert jump.data == {"after_s": pytest.approx(70.0), "size": pytest.approx(14.0, abs=0.5)}
 
 
 def test_modes_slower_than_a_recording_are_no_mistake():

@@ -13,6 +13,7 @@ from galloping import Recording, maximum_likelihood, polynomial_library
 from galloping.field.excerpts import by_excerpts
 from galloping.field.objections import objected
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import Resonance
 from galloping.identification.random_forces.forced_motion import model_spectra
 
@@ -35,7 +36,7 @@ def found(recording):
 
 def test_both_modes_of_one_sensor_are_told(found, recording):
     assert found.status == "ok" and len(found.resonances) == 1
-    assert "beside those of the coordinates" in found.reason
+    assert found.has_finding(Code.MODE_BESIDE)
     summary = galloping.summarise(found, recording)
     told = summary.dynamics
     assert len(told.frequencies) == len(MODES)
@@ -106,7 +107,7 @@ def test_halves_of_unlike_frequency_make_no_sound_model():
     identify = partial(maximum_likelihood, terms=TERMS, forced=())
     said = objected(identify(recording), [recording], ["a"], 1 / 0.4, identify)
     assert said.status == "approximate"
-    assert "do not share one model" in said.reason
+    assert said.has_finding(Code.FREQUENCY_CHANGES)
 
 
 @pytest.mark.parametrize(("force", "status"), [(0.0, "ok"), (0.4, "approximate")])
@@ -125,7 +126,7 @@ def test_friction_is_no_random_force(force: float, status: str) -> None:
     terms = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
     found = maximum_likelihood(recording, terms, forced=())
     assert found.status == status
-    assert ("what it leaves goes with dx" in found.reason) == bool(force)
+    assert (Finding.of(Code.FORCE_MISSING, "dx") in found.findings) == bool(force)
 
 
 def test_friction_that_ends_a_swing_is_no_random_force() -> None:
@@ -168,6 +169,6 @@ def test_forces_that_are_not_white_leave_an_approximate_model_of_the_slow_mode()
     recording = displacements(TIME, motion, noise=0.05 * motion.std(), seed=9)
     found = maximum_likelihood(recording, polynomial_library(2, degree=3))
     assert found.status == "approximate" and found.is_forced
-    assert "not white" in found.reason and 0.4 < found.diagnostics["below"] < 1.0
+    assert found.has_finding(Code.FORCES_NOT_WHITE) and 0.4 < found.diagnostics["below"] < 1.0
     (frequency,) = galloping.dynamics(found, recording).frequencies.values()
     assert frequency.value == pytest.approx(0.4, rel=0.02)

@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 from galloping.tables.exam import (
-    REWORDED,
     collect_answers,
     compare_measures,
     find_changes,
@@ -25,7 +24,7 @@ def fits(n=10, **columns):
         "case": "all", "replicate": np.arange(n), "method": "maximum_likelihood", "status": "ok",
         "exact": True, "ok_and_wrong": False, "cause_named": np.nan, "terms": 2,
         "holding_unconditional": 2, "coefficients": json.dumps(TRUE), "findings": np.nan,
-        "reason": np.nan, "path": "a", "work": 1.0, "seconds": 2.0,
+        "path": "a", "work": 1.0, "seconds": 2.0,
     }  # fmt: skip
     return pd.DataFrame(rows | columns)
 
@@ -125,7 +124,6 @@ def test_an_answer_that_is_another_one_is_told():
     assert "0.5 of them" in changed(coefficients=model(q=[-4.0, 0.015]))
     assert "inf" in changed(coefficients=model(q=[-4.0, None]))
     assert changed(findings="knocked released") == "+knocked, +released"
-    assert changed(reason="other words") == REWORDED
 
 
 def test_answers_survive_a_file(tmp_path):

@@ -165,9 +165,9 @@ def identify(
     needs a channel.
 
     Everything is written to the folder of --output, or nothing; begin with its summary.md. --json
-    prints status, reason, the paths of all files, the units of inputs, all numbers of the summary
-    as in summary.json, each with its interval and unit, and the coefficients, each with its unit
-    and error, as "galloping show --json" does.
+    prints status, reason, findings with their codes, the paths of all files, the units of inputs,
+    all numbers of the summary as in summary.json, each with its interval and unit, and the
+    coefficients, each with its unit and error, as "galloping show --json" does.
     """
     from galloping.field import OUTPUTS
     from galloping.field.analysis import FieldQuestion, analyse, read_field
@@ -196,6 +196,7 @@ def identify(
     if as_json:
         units = dict(field.series[0].units)
         about = {"status": identified.status, "reason": identified.reason, "output": output}
+        about["findings"] = [each.as_dict() for each in identified.findings]
         about["files"] = {name: str(Path(output) / name) for name in OUTPUTS}
         numbers = {"summary": read_json(Path(output) / "summary.json")}
         rows = model_rows(identified, units)

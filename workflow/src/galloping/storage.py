@@ -104,9 +104,9 @@ def write_text(path: str | os.PathLike, text: str) -> None:
         partial.write_text(text, encoding="utf-8")
 
 
-def write_json(path: str | os.PathLike, content: object) -> None:
-    """Plain values as indented JSON. Raises ValueError for NaN and infinity."""
-    write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+def write_json(path: str | os.PathLike, content: object, indent: int | None = 2) -> None:
+    """Plain values as JSON, indented or in one line. Raises ValueError for NaN and infinity."""
+    write_text(path, json.dumps(content, indent=indent, allow_nan=False) + "\n")
 
 
 def read_json(path: str | os.PathLike) -> dict:

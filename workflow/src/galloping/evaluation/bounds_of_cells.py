@@ -9,6 +9,7 @@ import numpy as np
 from galloping import bounds as cramer_rao
 from galloping.bounds import Bound, Experiment
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.observations import Code, Finding
 from galloping.intervals import IDENTIFIABLE, normal
 from galloping.measurement import Motion, noises_of, recordings_of
 from galloping.physics.galerkin import EQUATIONS
@@ -26,8 +27,11 @@ def at_the_bound(
     leave a coefficient undetermined, there is no such method, and no model.
     """
     if lacking or not np.all(np.isfinite(found.covariance)):
-        why = f"the library lacks {', '.join(lacking)}" if lacking else "a term is undetermined"
-        return IdentifiedModel.refused(model.states, model.terms, f"bound: {why}")
+        if lacking:
+            why = Finding.of(Code.TERMS_NOT_IN_LIBRARY, terms=", ".join(lacking))
+        else:
+            why = Finding.of(Code.TERM_UNDETERMINED)
+        return IdentifiedModel.refused(model.states, model.terms, [why])
     coefficients, free = model.coefficients.copy(), tuple(found.free.T)
     coefficients[free] = normal(coefficients[free], found.covariance, 1, rng)[0]
     drawn = replace(model, coefficients=coefficients)

@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 
 from galloping.evaluation.score import ORDERS, UNKNOWN, Truth, reconstruct, score
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.model import IdentifiedModel, finding_of
 from galloping.identification.sparse import evidence, frols, stlsq
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import Path, nonzero
@@ -90,7 +90,7 @@ def _chosen(
         evidence = make(recordings, true.terms)
         models = {method: alternatives(evidence, path) for method, path in paths.items()}
     except (ValueError, np.linalg.LinAlgError) as error:
-        nothing = IdentifiedModel.refused(true.states, true.terms, f"oracle: {error}")
+        nothing = IdentifiedModel.refused(true.states, true.terms, [finding_of(error)])
         yield from ((method, [nothing] * len(CHOICES)) for method in paths)
         return
     for method, each in models.items():

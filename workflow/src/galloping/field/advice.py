@@ -9,8 +9,8 @@ from galloping.arrays import round_down, round_up
 from galloping.bounds import Experiment, bound_of, information
 from galloping.field.dynamics import Surroundings
 from galloping.field.helps import is_span
-from galloping.identification.likelihood.verdict import REPEATS
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.observations import Code
 from galloping.polynomial import term_name, velocity_pairs
 from galloping.readers.units import coefficient_unit, state_unit
 from galloping.recording import Recording
@@ -51,7 +51,7 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
     """
     exact = identified.status in ("ok", "not identifiable") and len(identified.covariance)
     driven = identified.is_forced or identified.model.inputs  # which differ in another recording
-    repeats = REPEATS in identified.reason
+    repeats = identified.has_finding(Code.MOTION_REPEATS)
     if driven or repeats or not exact or not np.isfinite(identified.sigma[-1]).any():
         return None
     model, states = identified.model, identified.model.states

@@ -14,12 +14,13 @@ from galloping.field.dynamics import Dynamics, Surroundings, expected
 from galloping.field.excerpts import by_excerpts, excerpts
 from galloping.field.findings import findings
 from galloping.field.following import Sensed
-from galloping.field.quality import JUMPS, MOVES, QUIET, SHOWN, quality
+from galloping.field.quality import finding_of, quality
 from galloping.field.summary import METHODS, Summary, longest_period, summarised
 from galloping.field.terminal import SEARCHED, json_text
 from galloping.field.wording import escape_markdown, rendered
 from galloping.identification.inputs import asked
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.interpolation import (
     choose_interpolants,
     of_kind,
@@ -37,6 +38,9 @@ from galloping.recording import Recording, typical_inputs
 from galloping.storage import write_json, write_rows, write_text
 from galloping.terms import known_model, parse
 
+FAULTS = (  # of channels, for which there may be no model
+    Code.CLIPPED, Code.CHANNEL_JUMPS, Code.MEAN_MOVES, Code.MOSTLY_NOISE, Code.SHOWN_TWICE,
+)  # fmt: skip
 IN_WORDS = {"zero": "held", "linear": "linear", "cubic": "smooth"}
 
 
@@ -80,19 +84,15 @@ class Field:
         return replace(self, series=series, recordings=recordings, reports=reports)
 
     @property
-    def faults(self) -> list[str]:
-        """Why there may be no model, as reasons: channels that are cut off, jump, are mostly noise,
-        or show no motion of their own.
+    def faults(self) -> list[Finding]:
+        """Why there may be no model: channels that are cut off, jump, are mostly noise, or show no
+        motion of their own.
         """
-        # and what comes before it
-        said = dict.fromkeys((JUMPS, MOVES, SHOWN), "") | dict.fromkeys(("clipped", QUIET), "is ")
         return [
-            escape_markdown(f"{problem['column']} of {report['file']} ".replace(";", ","))
-            + f"{said[kind]}{problem['what']}, from row {problem['row']} on"
+            replace(one, subject=escape_markdown(f"{one.subject} of {report['file']}"))
             for report in self.reports
             for problem in report["problems"]
-            for kind in said
-            if problem["what"].startswith(kind)
+            if (one := finding_of(problem)).code in FAULTS
         ]
 
 
@@ -121,7 +121,7 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
             )
         recordings += parts
         names += [
-            escape_markdown(one.path.name.replace(";", ","))
+            escape_markdown(one.path.name)
             + (f" from {each.time[0]:.4g} s" if len(parts) > 1 else "")
             for each in parts
         ]

@@ -20,7 +20,7 @@ from galloping.field.dynamics import Surroundings
 from galloping.field.excerpts import excerpts
 from galloping.field.following import Following, without_outliers
 from galloping.identification.inputs import while_driven
-from galloping.identification.model import RANGE, IdentifiedModel, NoModel, Unusable, attempt
+from galloping.identification.model import RANGE, IdentifiedModel, NoModel, attempt
 from galloping.intervals import drawn_with_rivals
 from galloping.passes import passing
 from galloping.polynomial import Exponents, PolynomialModel, has_functions, library, velocity_pairs
@@ -195,7 +195,7 @@ class _Regression:
         of the model from its start (n_states,); sum of squares and number of the samples taken
         together; and (n, n_states) states of the motion.
 
-        Raises FloatingPointError and Unusable if the model diverges.
+        Raises FloatingPointError if the model diverges.
         """
         model, recording = self.identified.model, without_outliers(recording)
         follow, n = Following(self.identified, recording), len(model.states)
@@ -218,7 +218,7 @@ class _Regression:
             rows = np.insert(rows, rows.shape[2] - n, residual, axis=2)
             gram = fisher_information(rows, rows.shape[2] - n)
         except ValueError as error:
-            raise Unusable(str(error)) from error
+            raise FloatingPointError(str(error)) from error
         return gram, float(np.sum(residual**2)), np.count_nonzero(weight), motion[:, :n]
 
     def _slopes(

@@ -16,8 +16,8 @@ from galloping.field.excerpts import excerpts
 from galloping.field.following import Sensed, without_outliers
 from galloping.field.helps import shown_units, units_in
 from galloping.field.quality import peaks_of, spectrum
-from galloping.identification.likelihood.verdict import REPEATS
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.observations import Code
 from galloping.identification.random_forces.tracking import Forces
 from galloping.polynomial import design_matrix, term_name, velocity_pairs
 from galloping.readers.units import coefficient_unit, meaning, plain_unit
@@ -165,6 +165,7 @@ class Findings:
 
     status: str
     reason: str
+    findings: tuple[dict, ...]
     recorded: tuple[RecordedMotion, ...]
     columns: tuple[RecordedMotion, ...]
     system: SystemEstimates | None
@@ -208,6 +209,7 @@ def findings(
     return Findings(
         status=found.status,
         reason=found.reason,
+        findings=tuple(each.as_dict() for each in found.findings),
         recorded=recorded,
         columns=tuple(_columns(reports, recorded)),
         system=_system(known, found, units) if known else None,
@@ -241,7 +243,9 @@ def is_blind(found: IdentifiedModel, known: Dynamics) -> bool:
 def _system(
     known: Dynamics, found: IdentifiedModel | None, units: Mapping[str, str]
 ) -> SystemEstimates:
-    hidden = found is not None and (REPEATS in found.reason or is_blind(found, known))
+    hidden = found is not None and (
+        found.has_finding(Code.MOTION_REPEATS) or is_blind(found, known)
+    )
     small = [] if hidden else [
         name for name, value in known.frequencies.items() if np.isfinite(value.value)
     ]  # fmt: skip

@@ -1,32 +1,17 @@
-"""What would help most, in the words of an engineer, and what a verdict's reason means."""
+"""What would help most, in the words of an engineer, and what the findings of a verdict mean."""
 
-import csv
-import re
 from collections.abc import Iterable, Mapping, Sequence
-from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from galloping.field.quality import MOVES, QUIET, SHOWN, SIGN, SWAPPED
+from galloping.field.quality import finding_of
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.observations import Code, Finding
+from galloping.identification.sentences import explain
 from galloping.readers.units import meaning
 
 if TYPE_CHECKING:
     from galloping.field.summary import Summary
 
-PROBLEMS = (  # part of what is wrong with samples, and what would help
-    ("is the unit", "the right units: the recorded motion is none that a span has"),
-    (SIGN, "the right sign of that acceleration"),
-    (SWAPPED, "a check of which column is vertical"),
-    ("less than 10 periods", "a longer recording, of ten periods of the motion or more"),
-    ("less than 10 samples", "a higher sampling rate, of ten samples in a period or more"),
-    (QUIET, "a larger motion, or better sensors"),
-    ("no samples for", "sensors that record without gaps, at the same times"),
-    ("jumps by", "a sensor whose zero holds still"),
-    (MOVES, "what was recorded before the mean moved, and after it, each by itself"),
-    ("the mean drifts", "a sensor whose zero holds still"),
-    ("clipped", "a sensor with a larger range"),
-    ("different values", "a sensor of finer resolution"),
-)
 HELPS = {
     "wind": "the wind speed, recorded beside the motion (`--input`)",
     "places": "sensors at more places along the span, which tell its modes apart (`position` in a "
@@ -41,16 +26,16 @@ KNOWN = 0.01  # standard error of a coefficient that no further recording needs 
 
 def what_helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
     """What would help, that which helps most first."""
-    said = [problem["what"] for report in reports for problem in report["problems"]]
+    problems = [finding_of(problem) for report in reports for problem in report["problems"]]
     span, units = is_span(of.found), units_in(reports)
-    helps = [help_ for part, help_ in PROBLEMS if any(part in what for what in said)]
+    helps = [more for _, more in meanings_and_advice(problems, span) if more]
     if of.found.status == "refused" and (alone := _alone(reports)):
         helps.insert(0, f"a model without {alone}, which has no motion of its own (`--states`)")
     if len({"q_v", "q_w"}.intersection(of.found.model.states)) == 1:
         helps.append(
             "a sensor of the other direction: vertical and horizontal motion drive each other"
         )
-    for _, more in plain_reasons(of.found.reason, span):
+    for _, more in meanings_and_advice(of.found.findings, span):
         helps += [more] if more and more not in " ".join(helps) else []
     advice = of.advice
     if advice and advice.options and advice.error > KNOWN * abs(advice.coefficient):
@@ -97,38 +82,15 @@ def _alone(reports: Sequence[dict]) -> str:
         problem["column"]
         for report in reports
         for problem in report["problems"]
-        if problem["what"].startswith((QUIET, SHOWN))
+        if problem["code"] in (Code.MOSTLY_NOISE, Code.SHOWN_TWICE)
     }
     others = {column for report in reports for column in report["channels"]} - idle
     return listed(sorted(idle)) if idle and others else ""
 
 
-def plain_reasons(reason: str, of_span: bool = True) -> list[tuple[str, str]]:
-    """What the parts of a verdict's reason mean, and what would help; none where it has none.
-
-    Those that weigh more come first, as in `reasons.csv`. That the model is inadequate, the last of
-    all, is said where nothing tells more. of_span: whether what is in <> in that file is said, or
-    what is behind a bar in it.
-    """
-    text = files(__package__).joinpath("reasons.csv").read_text(encoding="utf-8")
-    side = 0 if of_span else 1
-    known, fitting = list(csv.DictReader(text.splitlines())), {}
-    for clause in reason.split("; "):
-        for k, row in enumerate(known):
-            if match := re.search(row["pattern"], clause):
-                meant, help_ = (
-                    match.expand(re.sub("<(.*?)>", lambda of: _side(of[1], side), row[key]))
-                    for key in ("meaning", "help")
-                )
-                fitting.setdefault(k, (meant, help_.format(**HELPS)))
-                break
-    found = [fitting[k] for k in sorted(fitting)]
-    return found[:-1] if len(found) > 1 and len(known) - 1 in fitting else found
-
-
-def _side(text: str, side: int) -> str:
-    """What is before (0) or behind (1) the bar in a text; nothing is behind where there is none."""
-    return f"{text}|".split("|")[side]
+def meanings_and_advice(findings: Iterable[Finding], is_span: bool = True) -> list[tuple[str, str]]:
+    """Say what findings that bear on a verdict mean, and what would help (`sentences.explain`)."""
+    return explain(findings, True, is_span, HELPS)
 
 
 def units_in(reports: Sequence[dict]) -> dict[str, str]:

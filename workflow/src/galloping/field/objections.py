@@ -1,7 +1,7 @@
 """Where recordings are not motions of one system left to itself, and a model is refused for it."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -11,12 +11,11 @@ from galloping.arrays import first_from
 from galloping.field.dynamics import Surroundings, dynamics
 from galloping.field.excerpts import excerpts
 from galloping.field.following import Following
-from galloping.identification.likelihood.instrument import DRIFTS
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import LITTLE_TOLD, IdentifiedModel
+from galloping.identification.observations import Code, Finding
 from galloping.identification.random_forces.start import wavers
 from galloping.identification.random_forces.unmodelled import unmodelled
-from galloping.identification.work import ENDED
 from galloping.intervals import NORMAL_95
 from galloping.polynomial import library, velocity_pairs
 from galloping.recording import Recording
@@ -37,17 +36,6 @@ SHARE = "error_share_all_"  # and a channel: a diagnostic of approximate models
 
 Identify = Callable[[Sequence[Recording]], IdentifiedModel]
 
-FORCED = (
-    "the motion lasts, where the line by itself comes to rest: random forces, such as those of "
-    "gusts, traffic or other spans, keep it up (ambient vibration), and no model in such forces "
-    "follows it"
-)
-OUTLIVED = (
-    "the recorded motion dies out, and that of every model that comes near it goes on: terms are "
-    "missing, such as those of friction or play, or modes"
-)
-BY_ITSELF = "identify each wind, and each state of the line, by itself"
-
 
 def objected(
     identified: IdentifiedModel,
@@ -55,124 +43,127 @@ def objected(
     names: Sequence[str],
     period: float,
     identify: Identify,
-    faults: Sequence[str] = (),
+    faults: Sequence[Finding] = (),
     are_one: bool = False,
 ) -> IdentifiedModel:
     """The model, refused where its recordings are not motions of one system left to itself.
 
-    Of a single recording, the parts of which are not, this is the first reason of an approximate
-    model. are_one: whether the recordings are parts of a single one. names: of the recordings, for
-    who reads the reason. period: s, the longest of the motion. identify: the method, with its
-    library and known equations. faults: of the recordings, as `quality` names them, the first
-    reasons where there is no model.
+    Of a single recording, the parts of which are not, this is a finding of an approximate model.
+    are_one: whether the recordings are parts of a single one. names: of the recordings, for who
+    reads the finding. period: s, the longest of the motion. identify: the method, with its library
+    and known equations. faults: of the recordings, as `quality` finds them, which are added if
+    there is no model.
     """
     inexact = identified.status in ("approximate", "refused") and not identified.is_forced
-    more = unmodelled(list(recordings)) if inexact else ""
-    objection = _forced(identified, recordings, period) or _outlived(identified, recordings)
-    if objection:
-        objection = more or objection
+    more = unmodelled(list(recordings)) if inexact else []
+    objections = _forced(identified, recordings, period) or _outlived(identified, recordings)
+    if objections:
+        objections = more or objections
     elif (not are_one or identified.status == "refused") and (
-        found := difference(identified, recordings, identify)[0]
+        found := difference(identified, recordings, identify)
     ):
-        objection = f"{', '.join(names)} do not share one model: {found}; {BY_ITSELF}"
-    if objection or identified.status == "refused":
-        reason = "; ".join([*faults, objection or identified.reason])
-        model = identified.model
-        return IdentifiedModel.refused(model.states, model.terms, reason, model.inputs)
+        objections = [found.between(names)]
+    if objections or identified.status == "refused":
+        findings, model = (*faults, *(objections or identified.findings)), identified.model
+        return IdentifiedModel.refused(model.states, model.terms, findings, model.inputs)
     if (len(recordings) == 1 or are_one) and not more:
         more = _changing(identified, recordings, period, identify)
     alone = identified.is_forced and len(recordings) == 1 and not more
-    if alone and (more := _changing_at_random(identified, recordings[0], period)):
-        identified = replace(identified, status="approximate")
-    return replace(identified, reason=f"{more}; {identified.reason}") if more else identified
+    if alone:
+        more = _changing_at_random(identified, recordings[0], period)
+    return identified.with_findings(*more)
 
 
-def _forced(identified: IdentifiedModel, recordings: Sequence[Recording], period: float) -> str:
+def _forced(
+    identified: IdentifiedModel, recordings: Sequence[Recording], period: float
+) -> list[Finding]:
+    """Find whether random forces keep the motion up, in which no model follows it."""
+    kept = [Finding.of(Code.KEPT_UP)]
     if identified.is_forced:
-        return ""
+        return []
     own, has_model = excerpts(list(recordings)), identified.status != "refused"
     if has_model and (still := unmoved(identified)):
-        return (
-            f"nothing recorded tells what accelerates {', '.join(still)}: it does not stand "
-            "out of the noise, or random forces keep it up"
-        )
+        return [Finding.of(Code.NOT_ACCELERATED, name) for name in still]
     if identified.model.inputs:  # they keep it up; a model that comes to rest may lack terms
-        return ""
+        return []
     for parts in (own, recordings) if has_model else ():  # whichever the model was found from
         if len(parts) == len(identified.initial_states) and kept_up(identified, parts):
-            return FORCED
+            return kept
     if not identified.tells_little or not wavers(recordings, period):
-        return ""
+        return []
     linear = maximum_likelihood(own, library(len(identified.model.states), 1))
-    if ENDED in identified.reason or ENDED in linear.reason:  # a search to its end may tell more
-        return ""
+    if any(each.has_finding(Code.LIMIT_OF_WORK) for each in (identified, linear)):
+        return []  # a search to its end may tell more
     told = linear.diagnostics.get("forecast_r2", 0.0)  # none of a model in random forces
-    return FORCED if told < LITTLE_TOLD or kept_up(linear, own) else ""
+    return kept if told < LITTLE_TOLD or kept_up(linear, own) else []
 
 
-def _outlived(identified: IdentifiedModel, recordings: Sequence[Recording]) -> str:
+def _outlived(identified: IdentifiedModel, recordings: Sequence[Recording]) -> list[Finding]:
+    """Find whether the model goes on moving where the recorded motion dies out."""
     inexact = identified.status == "approximate" and not identified.is_forced
     if inexact and not identified.model.inputs:
         for parts in (excerpts(list(recordings)), recordings):
             if len(parts) == len(identified.initial_states) and outlived(identified, parts):
-                return OUTLIVED
-    return ""
+                return [Finding.of(Code.OUTLIVED)]
+    return []
 
 
 def _changing(
     identified: IdentifiedModel, parts: Sequence[Recording], period: float, identify: Identify
-) -> str:
+) -> list[Finding]:
     """What sets the parts of one recording apart, its thirds where it has no gaps, which a gusty
     wind may do as well.
     """
     if identified.status != "approximate" or identified.envelope:
-        return ""
+        return []
     if len(parts) == 1:
         (recording,), time = parts, parts[0].time
         if np.ptp(time) < THIRDS * LEAST_PERIODS * period:
-            return ""
+            return []
         edges = first_from(time, np.linspace(time[0], time[-1], THIRDS + 1))
         parts = [recording[a:b] for a, b in pairwise(edges)]
-    found, missed = difference(identified, parts, identify)
-    drifts = missed > 0.0 and DRIFTS in identified.reason  # which part by part it does as well
-    if drifts or not found:
-        return ""
-    return _unlike(parts, found)
+    found = difference(identified, parts, identify)
+    drifts = identified.has_finding(Code.DRIFTS, Code.RESIDUAL_DRIFTS)
+    if not found or (drifts and found.own > 0.0):  # what drifts does so part by part as well
+        return []
+    return [found.within(_spans(parts))]
 
 
-def _unlike(parts: Sequence[Recording], found: str) -> str:
+def _spans(parts: Sequence[Recording]) -> str:
     ends = ((float(f"{end:.3g}") for end in part.time[[0, -1]]) for part in parts)
-    spans = ", ".join(f"{first:g} to {last:g} s" for first, last in ends)
-    return (
-        f"the parts of the recording ({spans}) do not share one model, as where a wind changes or "
-        f"gusts, or a sensor's zero moves: {found}; {BY_ITSELF}"
-    )
+    return ", ".join(f"{first:g} to {last:g} s" for first, last in ends)
 
 
-def _changing_at_random(identified: IdentifiedModel, recording: Recording, period: float) -> str:
+def _changing_at_random(
+    identified: IdentifiedModel, recording: Recording, period: float
+) -> list[Finding]:
     """What sets the halves of a recording apart that random forces moved: a frequency or a damping,
-    by UNLIKE standard errors; '' where nothing does.
+    by UNLIKE standard errors.
     """
     if identified.model.inputs or np.ptp(recording.time) < 2 * LEAST_PERIODS * period:
-        return ""
+        return []
     middle, model = len(recording.time) // 2, identified.model
     halves, told = [recording[:middle], recording[middle:]], []
     for half in halves:
         known = tuple(model.states[i] for i in identified.known)
         found = maximum_likelihood([half], model.terms, model, known, forced=())
         if found.status == "refused":
-            return ""
+            return []
         of = dynamics(found, Surroundings.of([half]), np.random.default_rng(0))
         told.append((of.frequencies, of.damping))
-    for names, unit, factor in ((0, "Hz", 1.0), (1, "% of critical damping", 100.0)):
+    for names, code, unit, factor in (
+        (0, Code.FREQUENCY_CHANGES, "hz", 1.0), (1, Code.DAMPING_CHANGES, "percent", 100.0),
+    ):  # fmt: skip
         first, second = told[0][names], told[1][names]
         for name in first.keys() & second.keys():
             one, other = first[name], second[name]
             error = np.hypot(one.high - one.low, other.high - other.low) / (2.0 * NORMAL_95)
             if abs(one.value - other.value) > UNLIKE * error:
-                both = f"{factor * one.value:.3g} and then {factor * other.value:.3g} {unit}"
-                return _unlike(halves, f"{name} has {both}")
-    return ""
+                values = {
+                    f"first_{unit}": factor * one.value, f"second_{unit}": factor * other.value
+                }  # fmt: skip
+                return [Finding.of(code, name, spans=_spans(halves), **values)]
+    return []
 
 
 def unmoved(identified: IdentifiedModel) -> list[str]:
@@ -240,31 +231,50 @@ def _above(samples: np.ndarray, noise: float) -> float:
     return float(np.sqrt(max(np.var(samples) - noise**2, 0.0)))
 
 
+@dataclass(frozen=True)
+class Difference:
+    """What sets parts of recordings apart that were identified together.
+
+    channel: of which it is plainest. missed, own: share of its motion that forecasts miss, by the
+    one model, infinite where there is none, and at the median by those of the parts.
+    """
+
+    channel: str
+    missed: float
+    own: float
+
+    def between(self, names: Sequence[str]) -> Finding:
+        """Return the finding on recordings of some names, of which no model can be trusted."""
+        shares = {"names": ", ".join(names), "own": self.own}
+        if np.isinf(self.missed):
+            return Finding.of(Code.NO_COMMON_MODEL, self.channel, **shares)
+        return Finding.of(Code.RECORDINGS_DIFFER, self.channel, missed=self.missed, **shares)
+
+    def within(self, spans: str) -> Finding:
+        """Return the finding on parts of one recording, named by their spans."""
+        shares = {"missed": self.missed, "own": self.own}
+        return Finding.of(Code.PARTS_DIFFER, self.channel, spans=spans, **shares)
+
+
 def difference(
     together: IdentifiedModel, parts: Sequence[Recording], identify: Identify
-) -> tuple[str, float]:
-    """What sets parts of recordings apart that were identified together, '' where nothing does, and
-    what share of the motion models of each miss.
+) -> Difference | None:
+    """What sets parts of recordings apart that were identified together, None where nothing does.
 
-    A model that is exact misses nothing, and what is followed by one is one system. Told is of the
-    channel of which it is plainest, what share of its motion forecasts miss: by the one model, and
-    at the median by those of the parts.
+    A model that is exact misses nothing, and what is followed by one is one system.
     """
     if together.status not in ("approximate", "refused") or len(parts) < 2:
-        return "", 0.0
+        return None
     alone = [identify([part]) for part in parts]
     if any(each.status == "refused" for each in alone):
-        return "", 0.0
+        return None
     told = {key for each in (together, *alone) for key in each.diagnostics if SHARE in key}
     found = []
     for key in sorted(told) or [SHARE + together.model.states[0]]:
         name, missed = key.removeprefix(SHARE), together.diagnostics.get(key, np.nan)
         own = float(np.median([each.diagnostics.get(key, 0.0) for each in alone]))
-        miss = f"{own:.1%}" if own else "nothing but noise"
         if together.status == "refused" and own < RELEVANT:
-            both = f"none follows all; models of each by itself miss {miss} of {name}"
-            found.append((0.0, both, own))
+            found.append(Difference(name, np.inf, own))
         elif missed > max(RELEVANT, WORSE * own):
-            both = f"its forecasts miss {missed:.1%} of {name}, and models of each by itself"
-            found.append((missed, f"{both} miss {miss}", own))
-    return max(found, key=lambda each: each[0], default=(0.0, "", 0.0))[1:]
+            found.append(Difference(name, missed, own))
+    return max(found, key=lambda each: each.missed, default=None)

@@ -8,9 +8,11 @@ from numpy.polynomial.legendre import Legendre, legvander
 from scipy.ndimage import maximum_filter1d, median_filter
 
 from galloping.arrays import TIME_ROUNDING, round_down, round_up
-from galloping.field.noticed import sentence_of
+from galloping.field.noticed import sentences_of
 from galloping.identification.free_motion.rest import moving_samples
+from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.screening import piled
+from galloping.identification.sentences import sentence_of
 from galloping.readers.units import state_unit
 
 if TYPE_CHECKING:
@@ -18,8 +20,7 @@ if TYPE_CHECKING:
     from galloping.readers.series import Series
 
 NEIGHBOURS = 5  # samples of which the median is taken
-MOVES = "shifts its mean by"
-JUMPS, JUMP = "jumps by", 0.05  # of its range, that a channel jumps at least
+JUMP = 0.05  # of its range, that a channel jumps at least
 AROUND = 16  # quarters of a period on each side: a step stands out of what recurs there
 OUTLIER = 8.0  # noise deviations from the median of the neighbours: 1 in 10^15 by chance
 REPORTED_GAP = 3.0  # median steps between two samples: more is told as a gap, jitter never
@@ -34,10 +35,9 @@ STANDS_OUT = 20.0  # times what is around it at the median: no peak of white noi
 RECURS, NEAR = 0.6, 1.6  # correlation of a motion with itself, up to so many times a period later
 # Variance of the difference of two channels, over that of their noise, below which both show the
 # same motion; the variance of a noise is told to a few percent.
-SAME, SHOWN = 1.3, "shows only what"
-QUIET = "hardly more than noise"
-SIGN, WITH = "is its sign right?", 0.5  # correlation of an acceleration with its displacement
-SWAPPED, SIDEWAYS = "are the columns swapped?", 10.0  # times as far as a line moves vertically
+SAME = 1.3
+WITH = 0.5  # correlation of an acceleration with its displacement
+SIDEWAYS = 10.0  # times as far as a line moves vertically
 # What no span does; beyond it a unit is most likely wrong. From the lowest to the highest sample:
 RANGES = {"m": (0.005, 50.0), "m/s": (0.005, 100.0), "m/s^2": (0.005, 1000.0)}
 FREQUENCIES = 0.02, 20.0  # Hz, of galloping and of what else moves a span that much
@@ -46,8 +46,8 @@ FREQUENCIES = 0.02, 20.0  # Hz, of galloping and of what else moves a span that 
 def quality(series: "Series", mapping: "ColumnMapping") -> dict:
     """Plain values: `sampling`, entries of `channels` and `inputs` by column, `problems`, `notes`.
 
-    A problem names its column, the row in the file where it begins, and what it is. Frequencies in
-    Hz, times in s, values in SI units.
+    A problem names its column, the row in the file where it begins, its code with data, and what it
+    is, in words. Frequencies in Hz, times in s, values in SI units.
     """
     time = series.time
     steps = np.diff(time)
@@ -73,7 +73,7 @@ def quality(series: "Series", mapping: "ColumnMapping") -> dict:
         "notes": list(series.notes),
     }
     moves, rests = moving_samples(time, series.values)
-    report["notes"] += map(sentence_of, rests)
+    report["notes"] += sentences_of(rests)
     for channel, values in zip(mapping.channels, series.values.T, strict=True):
         unit = state_unit(channel.measures)
         _, is_rate = mapping.target(channel)
@@ -82,7 +82,7 @@ def quality(series: "Series", mapping: "ColumnMapping") -> dict:
         place = {"measures": channel.measures, "position_m": channel.position}
         report["channels"][channel.column] = place | described
         report["problems"] += [
-            {"column": channel.column, "row": int(row), "what": what} for row, what in problems
+            _problem(row, Finding.of(code, channel.column, **data)) for row, code, data in problems
         ]
     report["problems"] += _too_short(series, mapping, report)
     report["problems"] += _shown_twice(series, mapping, report["channels"])
@@ -91,13 +91,26 @@ def quality(series: "Series", mapping: "ColumnMapping") -> dict:
     return report
 
 
+def _problem(row: int, finding: Finding) -> dict:
+    about = finding.as_dict()
+    return {
+        "column": finding.subject, "row": int(row), "code": about["code"], "data": about["data"],
+        "what": sentence_of(finding),
+    }  # fmt: skip
+
+
+def finding_of(problem: dict) -> Finding:
+    """Return a problem of a report as a finding on its column."""
+    return Finding.of(Code(problem["code"]), problem["column"], **problem["data"])
+
+
 def _too_short(series: "Series", mapping: "ColumnMapping", report: dict) -> list[dict]:
     """Problems of channels that hold fewer than PERIODS of their motion.
 
     What does not recur is no motion of its own where another channel holds as many periods: it
     follows gusts, say. What moves about another mean is a problem by that.
     """
-    moved = {one["column"] for one in report["problems"] if one["what"].startswith(MOVES)}
+    moved = {one["column"] for one in report["problems"] if one["code"] == Code.MEAN_MOVES}
     few, enough, least = {}, False, PERIODS * (1.0 - TIME_ROUNDING)
     for channel, values in zip(mapping.channels, series.values.T, strict=True):
         known = np.isfinite(values)
@@ -107,11 +120,7 @@ def _too_short(series: "Series", mapping: "ColumnMapping", report: dict) -> list
         if len(periods) and periods[0] < least and channel.column not in moved:
             few[channel.column] = known, values, frequencies[0]
     return [
-        {
-            "column": column,
-            "row": int(series.rows[known][0]),
-            "what": f"less than {PERIODS} periods of the motion",
-        }
+        _problem(series.rows[known][0], Finding.of(Code.FEW_PERIODS, column, periods=PERIODS))
         for column, (known, values, frequency) in few.items()
         if not enough or _recurs(series.time[known], values[known], frequency)
     ]
@@ -154,8 +163,10 @@ def _shown_twice(series: "Series", mapping: "ColumnMapping", channels: dict) -> 
         least, across = np.linalg.eigh(pair)
         if least[0] < SAME:
             times = abs(across[1, 1] / across[0, 1] * noises[1] / noises[0])
-            what = f"{SHOWN} {one.column!r} shows, {times:.3g} times as large, and noise"
-            found.append({"column": other.column, "row": int(series.rows[0]), "what": what})
+            same = {"other": one.column, "times": times}
+            found.append(
+                _problem(series.rows[0], Finding.of(Code.SHOWN_TWICE, other.column, **same))
+            )
     return found
 
 
@@ -170,17 +181,16 @@ def _mixed_up(series: "Series", mapping: "ColumnMapping", channels: dict) -> lis
             pair = pair[np.isfinite(pair).all(axis=1)]
             if len(pair) > DIFFERENT and np.corrcoef(pair.T)[0, 1] > WITH:
                 other = mapping.channels[against].column
-                what = f"goes with {other!r}, and an acceleration goes against it: {SIGN}"
-                found.append({"column": column, "row": int(series.rows[0]), "what": what})
+                wrong = Finding.of(Code.SIGN_UNLIKELY, column, other=other)
+                found.append(_problem(series.rows[0], wrong))
         if measures.endswith("q_w") and across is not None:
             other = mapping.channels[across].column
             times = channels[column]["standard_deviation"] / max(
                 channels[other]["standard_deviation"], np.finfo(float).tiny
             )
             if times > SIDEWAYS:
-                what = f"moves {times:.0f} times as far as {other!r}, and galloping is mostly "
-                what += f"vertical: {SWAPPED}"
-                found.append({"column": column, "row": int(series.rows[0]), "what": what})
+                swapped = Finding.of(Code.COLUMNS_SWAPPED, column, other=other, times=times)
+                found.append(_problem(series.rows[0], swapped))
     return found
 
 
@@ -237,8 +247,8 @@ def peaks_of(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _channel(
     time: np.ndarray, values: np.ndarray, step: float, rows: np.ndarray, unit: str, is_rate: bool
-) -> tuple[dict, list[tuple[int, str]]]:
-    """What a channel is like, and its problems: the row where each begins, and what it is.
+) -> tuple[dict, list[tuple[int, Code, dict]]]:
+    """What a channel is like, and its problems: the row where each begins, its code and its data.
 
     is_rate: whether it shows random forces, such as an acceleration does, which are no noise: it
     then is hardly more than that where no frequency stands out.
@@ -265,33 +275,33 @@ def _channel(
     means = np.array([part.mean() for part in thirds])
     drifts = np.ptp(means) > max(motion, 10 * sigma)
     moves, by = _moves(t, y) if drifts else (0, 0.0)
-    problems = []
+    problems, shown = [], "" if unit == "1" else unit
     coarse = len(peaks) > 0 and frequency[peaks[0]] * step > (1.0 + TIME_ROUNDING) / PER_PERIOD
     if outliers.any():
-        problems.append((row[outliers][0], f"{outliers.sum()} outliers"))
+        problems.append((row[outliers][0], Code.OUTLIERS_SEEN, {"count": outliers.sum()}))
     at_end = np.isin(y, piled(y))
     flat = np.convolve(at_end, np.ones(CLIPPED), mode="valid") >= CLIPPED
     if flat.any():
         at = np.argmax(flat)
-        problems.append((row[at], f"clipped at {y[at]:g}"))
+        problems.append((row[at], Code.CLIPPED, {"at": y[at]}))
     elif (jumps := _jumps(t, y, turn / step)) is not None:
         at, by = jumps
-        problems.append((row[at], f"{JUMPS} {by:.3g} {unit}".removesuffix(" 1")))
+        problems.append((row[at], Code.CHANNEL_JUMPS, {"change": by, "unit": shown}))
     if (missed := 1.0 - sampled(t) / sampled(time)) > MISSED:
         last = row[after[0] - 1] if len(after) else row[-1]
-        problems.append((last, f"no samples for {missed:.0%} of the time"))
+        problems.append((last, Code.SAMPLES_MISSING, {"share": missed}))
     if (different := len(np.unique(y))) < DIFFERENT:
-        problems.append((row[0], f"only {different} different values"))
+        problems.append((row[0], Code.RESOLVED_COARSELY, {"values": different}))
     stands_out = around.max() * np.log(2.0) > STANDS_OUT * 5.0 * np.median(share)
     if motion < SIGNAL * sigma and not (coarse or (is_rate and stands_out)):
-        problems.append((row[0], QUIET))
+        problems.append((row[0], Code.MOSTLY_NOISE, {}))
     if coarse:
-        problems.append((row[0], f"less than {PER_PERIOD} samples in a period"))
+        problems.append((row[0], Code.SAMPLED_COARSELY, {"samples": PER_PERIOD}))
     if moves:
-        problems.append((row[moves], f"{MOVES} {by:.3g} {unit}".removesuffix(" 1")))
+        problems.append((row[moves], Code.MEAN_MOVES, {"change": by, "unit": shown}))
     elif drifts:
-        problems.append((row[0], "the mean drifts by more than the motion"))
-    problems += [(rows[0], what) for what in _unlikely(described, unit, t, y)]
+        problems.append((row[0], Code.MEAN_DRIFTS, {}))
+    problems += [(rows[0], *unlikely) for unlikely in _unlikely(described, unit, t, y)]
     return described, problems
 
 
@@ -363,25 +373,23 @@ def _extent(values: np.ndarray) -> dict[str, float]:
     }
 
 
-def _unlikely(described: dict, unit: str, time: np.ndarray, values: np.ndarray) -> list[str]:
+def _unlikely(
+    described: dict, unit: str, time: np.ndarray, values: np.ndarray
+) -> list[tuple[Code, dict]]:
     """What no span does, of a channel that measures one in `unit`."""
     if unit not in RANGES:
         return []
     (least, most), size = RANGES[unit], described["highest"] - described["lowest"]
     said = []
     if not least <= size <= most:
-        said.append(
-            f"a range of {size:.3g} {unit} is no galloping ({least:g} to {most:g} {unit}): is the "
-            "unit right?"
-        )
+        about = {"size": size, "least": least, "most": most, "unit": unit}
+        said.append((Code.UNIT_UNLIKELY, about))
     slowest, fastest = FREQUENCIES
     dominant = described["dominant_frequencies_hz"]
     likely = any(slowest <= frequency <= fastest for frequency in dominant)
     if dominant and not likely and _recurs(time, values, dominant[0]):
-        said.append(
-            f"{dominant[0]:.3g} Hz is no frequency of a span ({slowest:g} to {fastest:g} Hz): is "
-            "the unit of the time right?"
-        )
+        about = {"frequency_hz": dominant[0], "least": slowest, "most": fastest}
+        said.append((Code.TIME_UNIT_UNLIKELY, about))
     return said
 
 

@@ -316,10 +316,9 @@ def judge(sample: SampleFile, summary: Summary) -> dict[str, object]:
         if mode.damping:  # otherwise the damping is not that of small motions
             pairs.append((stated.damping.get(first), mode.damping))
         off = [_distance(value, truth) for value, truth in pairs if value is not None]
-    codes = {each.code for each in found.findings}
     row = {
         "intervals_held": float(np.mean(np.array(off) <= 1.0)) if off else np.nan,
-        "cause_named": float(sample.cause in codes) if sample.cause else np.nan,
+        "cause_named": float(found.has_finding(sample.cause)) if sample.cause else np.nan,
     }
     if not sample.equation:
         is_far = any(distance > FAR / NORMAL_95 for distance in off)

@@ -30,14 +30,14 @@ from galloping.field.helps import (
     is_span,
     listed,
     may_be_wind,
-    plain_reasons,
+    meanings_and_advice,
     shown_units,
     units_in,
     what_helps,
 )
 from galloping.field.noticed import envelope_rows, sentences_of
-from galloping.identification.likelihood.verdict import REPEATS
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.observations import Code
 from galloping.readers.units import meaning, plain_unit
 from galloping.recording import Recording
 
@@ -54,7 +54,8 @@ ENDS = {
 }
 RUNS_AWAY = "in simulation the motion runs away"
 TECHNICAL = "## Technical part"
-PARTS = r"parts of the recording .* do not share one model"  # of a reason
+PARTS_DIFFER = Code.PARTS_DIFFER, Code.FREQUENCY_CHANGES, Code.DAMPING_CHANGES
+UNITS = Code.UNIT_UNLIKELY, Code.TIME_UNIT_UNLIKELY
 MOST_DIGITS = 6  # of a number: no clock and no scale of an instrument is known better
 TWO_DIGITS = 3.55  # first digits of half an interval, below which two of them are told
 PLAIN = 1e-3, 1e6  # between which numbers are written without a power of ten
@@ -77,7 +78,7 @@ def rendered(of: "Summary", told: Findings, reports: Sequence[dict] = ()) -> str
     """The same of numbers that are known. reports: as of `summary_text`."""
     found, known = of.found, of.dynamics
     problems = [
-        escape_markdown(f"{report['file']}, {p['column']}, from row {p['row']} on: {p['what']}")
+        escape_markdown(f"{report['file']}, from row {p['row']} on: {p['what']}")
         for report in reports
         for p in report["problems"]
     ]
@@ -99,15 +100,15 @@ def rendered(of: "Summary", told: Findings, reports: Sequence[dict] = ()) -> str
         "gallops": "gallops" if of_span else "oscillates by itself",
         "exact": [n for n in found.model.inputs if not of.recordings[-1].inputs[n].error],
         "held": [n for n in found.model.inputs if of.recordings[-1].inputs[n].between == "zero"],
-        "odd": any("is the unit" in problem for problem in problems),
-        "repeats": REPEATS in found.reason,
+        "odd": any(p["code"] in UNITS for report in reports for p in report["problems"]),
+        "repeats": found.has_finding(Code.MOTION_REPEATS),
         "keeps": known is not None and keeps(known),
         "blind": known is not None and is_blind(found, known),
-        "mixed": re.search(PARTS, found.reason),
+        "mixed": found.has_finding(*PARTS_DIFFER),
         "margins": _margins(known, of.recordings, found) if found.is_forced and known else [],
         "meanings": [
             re.sub("(?<=[Tt])he line", line[1:], why)
-            for why, _ in plain_reasons(found.reason, of_span)
+            for why, _ in meanings_and_advice(found.findings, of_span)
             if why
         ],
         "problems": problems,

@@ -13,6 +13,7 @@ from math import isfinite
 import numpy as np
 
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
 from galloping.intervals import DRAWS, drawn_with_rivals
 from galloping.polynomial import Exponents, term_name
@@ -156,14 +157,14 @@ def with_alias_rivals(problem: Problem, identified: IdentifiedModel) -> Identifi
     share = (others + identified.rival_share) / (others + 1.0)
     copies = round(len(rivals) * identified.rival_share / others)
     rivals += [identified.rivals[k % len(identified.rivals)] for k in range(copies)]
-    reason = "; ".join(filter(None, [identified.reason, _words(problem, identified, exchanges)]))
-    return replace(identified, rivals=np.array(rivals), rival_share=share, reason=reason)
+    found = replace(identified, rivals=np.array(rivals), rival_share=share)
+    return found.with_findings(_exchangeable(problem, identified, exchanges))
 
 
-def _words(
+def _exchangeable(
     problem: Problem, identified: IdentifiedModel, exchanges: Sequence[tuple[Alias, Exponents]]
-) -> str:
-    """Say which terms could be others."""
+) -> Finding:
+    """Return which terms could be others."""
     names = identified.model.names
     parts = dict.fromkeys(
         f"{term_name(alias.term, names)} from {term_name(term, names)} in "
@@ -171,4 +172,4 @@ def _words(
         for alias, term in exchanges
     )
     several = ", ".join(list(parts)[:SHOWN])
-    return f"the recorded values of {', '.join(problem.inputs)} cannot tell {several}"
+    return Finding.of(Code.ALIASED_TERMS, ", ".join(problem.inputs), terms=several)

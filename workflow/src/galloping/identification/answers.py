@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from galloping.identification.model import BY_TERM, RANGE, IdentifiedModel
+from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import MOST_SURPRISE, Problem
 from galloping.intervals import QUANTILES_90
-from galloping.polynomial import exponents_of, has_functions, term_name
+from galloping.polynomial import exponents_of, has_functions
 from galloping.recording import Recording
-
-GUSTS = ", such as gusts"  # of forces besides a model, but where the wind was measured
 
 
 def by(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:
@@ -23,9 +22,9 @@ def by(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:
     return replace(identified, diagnostics={**identified.diagnostics, "path": ", ".join(stages)})
 
 
-def refused(problem: Problem, reason: str) -> IdentifiedModel:
-    """The answer where there is no model: status `refused`, with the reason."""
-    return IdentifiedModel.refused(problem.states, problem.terms, reason, problem.inputs)
+def refused(problem: Problem, findings: Iterable[Finding]) -> IdentifiedModel:
+    """The answer if there is no model, with what was noticed."""
+    return IdentifiedModel.refused(problem.states, problem.terms, findings, problem.inputs)
 
 
 def on_terms_of(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
@@ -62,19 +61,22 @@ def beside_known(problem: Problem, identified: IdentifiedModel) -> IdentifiedMod
         share = np.fmax(1.0 - (identified.standard_errors / deviation) ** 2, 1e-6)
         surprise = abs(found - mean) / (deviation * np.sqrt(share))
     denied = [
-        f"{term_name(problem.terms[j], problem.names)} in d({problem.states[i]})/dt is "
-        f"{found[i, j]:.3g}, and {mean[i, j]:.3g} ± {deviation[i, j]:.2g}"
+        Finding.of(
+            Code.PRIOR_CONTRADICTED, problem.states[i], term=problem.coefficient_name(i, j),
+            value=found[i, j], expected=mean[i, j], deviation=deviation[i, j],
+        )
         for i, j in np.argwhere(surprise > MOST_SURPRISE)
-    ]
+    ]  # fmt: skip
     for i, term, least, most in problem.bounds:  # of models that are found without them
         j = problem.terms.index(term)
         if np.nan_to_num(found[i, j]) and not least <= found[i, j] <= most:
-            name = f"{term_name(term, problem.names)} in d({problem.states[i]})/dt"
-            denied.append(f"{name} is {found[i, j]:.3g}, and {least:.3g} to {most:.3g}")
-    if not denied:
-        return identified
-    clause = f"the recording contradicts what was known: {', '.join(denied)} was said"
-    return identified.doubted("; ".join(filter(None, [clause, identified.reason])))
+            denied.append(
+                Finding.of(
+                    Code.BOUNDS_CONTRADICTED, problem.states[i],
+                    term=problem.coefficient_name(i, j), value=found[i, j], least=least, most=most,
+                )
+            )  # fmt: skip
+    return identified.with_findings(*denied)
 
 
 def with_inputs(
@@ -87,11 +89,8 @@ def with_inputs(
     the power of the input. given: recordings as they came; used: the stretches with inputs.
     """
     names = identified.model.inputs
-    if not names:
+    if not names or identified.status == "refused":
         return identified
-    reason = identified.reason.replace(GUSTS, "")
-    if identified.status == "refused":
-        return replace(identified, reason=reason)
     samples, kept = (sum(one.samples for one in each) for each in (given, used))
     about = {**identified.diagnostics, "without_inputs_share": 1.0 - kept / samples}
     places = np.argwhere(identified.support)
@@ -112,15 +111,15 @@ def with_inputs(
         errors = np.array(getattr(identified, name))
         errors[at] = np.hypot(errors[at], np.sqrt(np.diag(added)))
         wider[name] = errors
-    reason = "; ".join(filter(None, [reason, laws_untold(identified, sizes, about)]))
-    return replace(identified, reason=reason, diagnostics=about, **wider)
+    untold = undetermined_laws(identified, sizes, about)
+    return replace(identified, diagnostics=about, **wider).with_findings(*untold)
 
 
-def laws_untold(
+def undetermined_laws(
     identified: IdentifiedModel, sizes: Sequence[float], about: Mapping[str, object]
-) -> str:
-    """One line on the linear terms whose change with the inputs the recordings hardly tell, with
-    the ranges recorded, '' where there are none.
+) -> list[Finding]:
+    """Find the linear terms whose change with the inputs the recordings hardly determine, a finding
+    for each input, with the range recorded.
 
     Of such a term the same with another power of the inputs is absent, though it may be a quarter
     as large as those found: at other inputs they part. sizes: root mean square of each input.
@@ -140,10 +139,10 @@ def laws_untold(
             f"{state} in d({model.states[i]})/dt"
             for i in np.flatnonzero((size > 0.0) & (most > 0.25 * size))
         ]
-    if not untold:
-        return ""
-    ranges = [
-        f"{name} from {about[name + RANGE[0]]:.3g} to {about[name + RANGE[1]]:.3g}"
-        for name in model.inputs
-    ]
-    return f"{' and '.join(ranges)} hardly tells how {', '.join(untold)} changes with it"
+    return [
+        Finding.of(
+            Code.INPUT_RANGE_SHORT, name, low=about[name + RANGE[0]], high=about[name + RANGE[1]],
+            terms=", ".join(untold),
+        )
+        for name in (model.inputs if untold else ())
+    ]  # fmt: skip

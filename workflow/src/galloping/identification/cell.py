@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, partial
 from pkgutil import resolve_name
 
-from galloping.identification.model import NO_MODEL, IdentifiedModel
+from galloping.identification.model import NO_MODEL, IdentifiedModel, finding_of
 from galloping.polynomial import Exponents
 from galloping.recording import Recording
 from galloping.streams import generator
@@ -38,10 +38,9 @@ def identify(
                     evidence(settings["evidence"]), **options
                 )
             except NO_MODEL as error:
-                reason = f"{method}: {str(error).splitlines()[0]}"
                 states, inputs = recordings[0].states, tuple(recordings[0].inputs)
                 inputs = inputs[: len(terms[0]) - len(states)]
-                model = IdentifiedModel.refused(states, terms, reason, inputs)
+                model = IdentifiedModel.refused(states, terms, [finding_of(error)], inputs)
             models[method].append(model)
     return models
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from galloping.functions import Function, n_exponents
 from galloping.identification.aliases import without_aliases
 from galloping.identification.model import Unusable
+from galloping.identification.observations import Code
 from galloping.identification.prior_knowledge import Coefficient, Prior
 from galloping.identification.problem import Problem, posed
 from galloping.polynomial import Exponents, PolynomialModel
@@ -110,5 +111,5 @@ def while_driven(recordings: list[Recording], inputs: tuple[str, ...]) -> list[R
     """
     found = [piece for one in recordings for piece in one.driven(inputs, FEWEST)]
     if not found:
-        raise Unusable(f"no {FEWEST} samples in a row with {', '.join(inputs)} beside them")
+        raise Unusable(Code.INPUTS_MISSING, ", ".join(inputs), samples=FEWEST)
     return found

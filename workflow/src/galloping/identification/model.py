@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import chain
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import Immutable, checked_state, increasing
 from galloping.functions import from_plain, n_exponents, plain
-from galloping.identification.observations import Finding
+from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import EnvelopePart, FurtherMode, Resonance
+from galloping.identification.sentences import reason_of, sentence_of
+from galloping.identification.status import STATUSES, status_of
 from galloping.intervals import NORMAL_95
 from galloping.polynomial import (
     Bound,
@@ -31,8 +33,25 @@ if TYPE_CHECKING:
     from galloping.simulation import Trajectory
 
 
-class Unusable(ValueError):
+class NotFound(Exception):
+    """A finding because of which a search gives no model."""
+
+    def __init__(self, code: Code, subject: str = "", **data: float | str) -> None:
+        self.finding = Finding.of(code, subject, **data)
+        super().__init__(sentence_of(self.finding))
+
+    @classmethod
+    def of(cls, finding: Finding) -> Self:
+        """Make an error of what an earlier one said."""
+        return cls(finding.code, finding.subject, **finding.data)
+
+
+class Unusable(NotFound, ValueError):
     """Why recordings give no model: an answer, not a mistake in a call."""
+
+
+class Unsolved(NotFound, FloatingPointError):
+    """Why a numerical search ended without a solution."""
 
 
 # `Unusable`, and what numerics raise where there is no model: a solution diverges, or numpy cannot
@@ -45,7 +64,7 @@ Found = TypeVar("Found")
 class NoModel:
     """What a search returns that leads to no model: why it does not."""
 
-    reason: str
+    findings: tuple[Finding, ...] = ()
     tells_little = True  # as of an `IdentifiedModel`
 
 
@@ -54,10 +73,17 @@ def attempt(search: Callable[[], Found]) -> Found | NoModel:
     try:
         return search()
     except NO_MODEL as error:
-        return NoModel(str(error))
+        return NoModel((finding_of(error),))
 
 
-STATUSES = ("ok", "not identifiable", "approximate", "refused", "unjudged")
+def finding_of(error: Exception) -> Finding:
+    """Return what an error of NO_MODEL says."""
+    if isinstance(error, NotFound):
+        return error.finding
+    lines = str(error).splitlines() or [type(error).__name__]
+    return Finding.of(Code.COMPUTATION_FAILED, error=lines[0])
+
+
 RANGE = ("_low", "_high")  # behind the name of an input or a state: diagnostics, its range
 # R2 of forecasts over some periods, below which a model may only imitate forces: they miss 45 % of
 # the motion. With a higher limit random forces are asked after where a model forecasts well, with a
@@ -77,7 +103,7 @@ class IdentifiedModel(Immutable):
     status: `ok`; `not identifiable` where the data leave open which terms there are, the model
     being one of those possible; `approximate` where no model of the library is right, and this
     one is near; `refused` where there is no model; `unjudged` where the method states no verdict.
-    reason: of the status, one line, or ''.
+    findings: what was noticed, from which the status follows (`status_of`).
     standard_errors: (n_states, n_terms) of the present terms were they known to be the terms.
     unconditional_errors: the same without that trust, of present and absent terms.
     detection_limits: (n_states, n_terms), the size from which an absent term would have shown.
@@ -99,7 +125,7 @@ class IdentifiedModel(Immutable):
     known: indices of the equations that were known and not identified.
     diagnostics: figures behind the verdict, by name; in words, as `path`, the stages by which
     `maximum_likelihood` found the model, in order.
-    further_modes: what recordings hold besides the model. findings: what was noticed in them.
+    further_modes: what recordings hold besides the model.
     envelope: of an `approximate` model of free motion that is no exponential, frequency and damping
     for each amplitude.
     forces: (n_states, n_states) covariance in a second of white forces in the equations, which then
@@ -114,7 +140,7 @@ class IdentifiedModel(Immutable):
 
     model: PolynomialModel
     status: str
-    reason: str = ""
+    findings: tuple[Finding, ...] = ()
     standard_errors: NDArray[np.float64] = None
     unconditional_errors: NDArray[np.float64] = None
     detection_limits: NDArray[np.float64] = None
@@ -130,7 +156,6 @@ class IdentifiedModel(Immutable):
     known: tuple[int, ...] = ()
     diagnostics: Mapping[str, float | str] = field(default_factory=dict)
     further_modes: tuple[FurtherMode, ...] = ()
-    findings: tuple[Finding, ...] = ()
     envelope: tuple[EnvelopePart, ...] = ()
     forces: NDArray[np.float64] = None
     slow_forces: NDArray[np.float64] = None
@@ -151,12 +176,16 @@ class IdentifiedModel(Immutable):
         cls,
         states: tuple[str, ...],
         terms: tuple[Exponents, ...],
-        reason: str,
+        findings: Iterable[Finding],
         inputs: tuple[str, ...] = (),
     ) -> IdentifiedModel:
-        """The answer where there is no model: status `refused`, with the reason."""
+        """Return the answer if there is no model, with what was noticed."""
+        findings = tuple(findings)
+        if status_of(findings) != "refused":
+            findings += (Finding.of(Code.NO_MODEL),)
         nothing = np.full((len(states), len(terms)), np.nan)
-        return cls(PolynomialModel(states, terms, nothing, inputs), "refused", reason)
+        model = PolynomialModel(states, terms, nothing, inputs)
+        return cls(model, status_of(findings), findings)
 
     @property
     def support(self) -> NDArray[np.bool_]:
@@ -176,16 +205,30 @@ class IdentifiedModel(Immutable):
         inexact = self.status in ("approximate", "refused")
         return inexact and self.diagnostics.get("forecast_r2", 0.0) < LITTLE_TOLD
 
-    def doubted(self, reason: str) -> IdentifiedModel:
-        """The same model with a reason for which its status is not `ok`, whatever it was."""
-        doubtful = "approximate" if self.is_forced else "not identifiable"
-        status = doubtful if self.status == "ok" else self.status
-        return replace(self, status=status, reason=reason)
+    def with_findings(self, *findings: Finding) -> IdentifiedModel:
+        """Add what else was noticed, from which the status follows anew."""
+        findings = (*self.findings, *findings)
+        status = self.status if self.status == "unjudged" else status_of(findings)
+        return replace(self, status=status, findings=findings)
+
+    def has_finding(self, *codes: Code) -> bool:
+        """Whether a finding of one of some codes is among those of the model."""
+        return any(each.code in codes for each in self.findings)
+
+    @property
+    def codes(self) -> str:
+        """Return the codes of all findings, separated by spaces."""
+        return " ".join(each.code for each in self.findings)
+
+    @property
+    def reason(self) -> str:
+        """Why the model has its status, in one line for people; programs read `findings`."""
+        return reason_of(self.findings)
 
     @property
     def verdict(self) -> str:
         """Status and reason in one line."""
-        return f"{self.status}: {self.reason}" if self.reason else self.status
+        return ": ".join(filter(None, (self.status, self.reason)))
 
     def recorded(self, name: str) -> tuple[float, ...]:
         """Ends of the range of an input in which nine tenths of its samples are, and of a state, in
@@ -329,19 +372,70 @@ class IdentifiedModel(Immutable):
         }  # fmt: skip
         return pd.DataFrame({name: of[shown] for name, of in columns.items()}, index)
 
-    def save(self, path: str | os.PathLike, **about: object) -> None:
-        """Everything as JSON; numbers that are not finite are text.
-
-        about: further plain values, such as units, which `load` leaves aside.
-        """
+    def to_plain(self) -> dict[str, object]:
+        """Return everything as plain values for JSON; numbers that are not finite are text."""
         of = self.model
         terms = [plain(term) for term in of.terms]
         content = {"states": of.states, "inputs": of.inputs, "terms": terms}
         own = {"coefficients": of.coefficients} | self._held()
         del own["model"], own["bounds"]
         content |= {name: _plain(value) for name, value in own.items()}
+        content["reason"] = self.reason
         content["bounds"] = [[i, plain(term), *map(_plain, ends)] for i, term, *ends in self.bounds]
-        write_json(path, content | {"known": [int(i) for i in self.known]} | about)
+        return content | {"known": [int(i) for i in self.known]}
+
+    @classmethod
+    def from_plain(cls, content: Mapping[str, object]) -> IdentifiedModel:
+        """Return what `to_plain` was called of, which other keys do not change.
+
+        Raises KeyError, or ValueError and its kin, for anything else.
+        """
+        states, inputs = _names(content["states"]), _names(content["inputs"])
+        terms = tuple(map(from_plain, content["terms"]))
+        powers = [term[: n_exponents(term)] for term in terms]
+        if not terms or any(type(e) is not int or abs(e) > MOST_POWER for e in chain(*powers)):
+            raise ValueError(f"terms: must be whole exponents up to {MOST_POWER}")
+        if any(e < 0 for own in powers for e in own[: len(states)]):
+            raise ValueError("terms: exponents of states must be 0 or more")
+        model = PolynomialModel(states, terms, _array(content["coefficients"]), inputs)
+        status, shapes = content["status"], _shapes(*model.coefficients.shape)
+        shapes["covariance"] = (len(content["covariance"]),) * 2
+        beyond = len(content["extrapolation_shift"])
+        shapes |= {
+            "extrapolation_shift": (beyond,), "extrapolation_covariance": (beyond, beyond)
+        }  # fmt: skip
+        if status != "refused" and not np.all(np.isfinite(model.coefficients)):
+            raise ValueError(f"coefficients: not all are finite, and the status is {status!r}")
+        return cls(
+            model=model,
+            status=status,
+            chi2=float(content["chi2"]),
+            rival_share=float(content["rival_share"]),
+            known=tuple(content["known"]),
+            diagnostics={
+                name: value if name == "path" else float(value)
+                for name, value in content["diagnostics"].items()
+            },
+            further_modes=_of_values(FurtherMode, content["further_modes"]),
+            findings=tuple(Finding(**each) for each in content.get("findings", ())),
+            envelope=_of_values(EnvelopePart, content.get("envelope", ())),
+            bounds=tuple(
+                (int(i), from_plain(term), float(least), float(most))
+                for i, term, least, most in content.get("bounds", ())
+            ),
+            resonances=tuple(
+                Resonance(**{k: tuple(v) if isinstance(v, list) else v for k, v in one.items()})
+                for one in content["resonances"]
+            ),
+            **{name: _array(content[name]).reshape(shape) for name, shape in shapes.items()},
+        )
+
+    def save(self, path: str | os.PathLike, **about: object) -> None:
+        """Write everything as JSON, as of `to_plain`.
+
+        about: further plain values, such as units, which `load` leaves aside.
+        """
+        write_json(path, self.to_plain() | about)
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> IdentifiedModel:
@@ -350,46 +444,7 @@ class IdentifiedModel(Immutable):
             content = read_json(path)
             if not isinstance(content, dict):
                 raise TypeError("must be a mapping of keys")
-            states, inputs = _names(content["states"]), _names(content["inputs"])
-            terms = tuple(map(from_plain, content["terms"]))
-            powers = [term[: n_exponents(term)] for term in terms]
-            if not terms or any(type(e) is not int or abs(e) > MOST_POWER for e in chain(*powers)):
-                raise ValueError(f"terms: must be whole exponents up to {MOST_POWER}")
-            if any(e < 0 for own in powers for e in own[: len(states)]):
-                raise ValueError("terms: exponents of states must be 0 or more")
-            model = PolynomialModel(states, terms, _array(content["coefficients"]), inputs)
-            status, shapes = content["status"], _shapes(*model.coefficients.shape)
-            shapes["covariance"] = (len(content["covariance"]),) * 2
-            beyond = len(content["extrapolation_shift"])
-            shapes |= {
-                "extrapolation_shift": (beyond,), "extrapolation_covariance": (beyond, beyond)
-            }  # fmt: skip
-            if status != "refused" and not np.all(np.isfinite(model.coefficients)):
-                raise ValueError(f"coefficients: not all are finite, and the status is {status!r}")
-            return cls(
-                model=model,
-                status=status,
-                reason=content["reason"],
-                chi2=float(content["chi2"]),
-                rival_share=float(content["rival_share"]),
-                known=tuple(content["known"]),
-                diagnostics={
-                    name: value if name == "path" else float(value)
-                    for name, value in content["diagnostics"].items()
-                },
-                further_modes=_of_values(FurtherMode, content["further_modes"]),
-                findings=tuple(Finding(**each) for each in content.get("findings", ())),
-                envelope=_of_values(EnvelopePart, content.get("envelope", ())),
-                bounds=tuple(
-                    (int(i), from_plain(term), float(least), float(most))
-                    for i, term, least, most in content.get("bounds", ())
-                ),
-                resonances=tuple(
-                    Resonance(**{k: tuple(v) if isinstance(v, list) else v for k, v in one.items()})
-                    for one in content["resonances"]
-                ),
-                **{name: _array(content[name]).reshape(shape) for name, shape in shapes.items()},
-            )
+            return cls.from_plain(content)
         except KeyError as error:
             raise ValueError(f"{path}: not an identified model: no key {error}") from None
         except (AttributeError, TypeError, ValueError, ArithmeticError, RecursionError) as error:

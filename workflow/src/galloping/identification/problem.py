@@ -134,10 +134,11 @@ class Problem:
 
     def named(self, candidates: Sequence[int]) -> str:
         """Some candidates in words, '' of none."""
-        return " with ".join(
-            f"{term_name(self.terms[j], self.names)} in d({self.states[i]})/dt"
-            for i, j in self.candidates[candidates]
-        )
+        return " with ".join(self.coefficient_name(i, j) for i, j in self.candidates[candidates])
+
+    def coefficient_name(self, equation: int, term: int) -> str:
+        """Return what findings call a term in an equation."""
+        return f"{term_name(self.terms[term], self.names)} in d({self.states[equation]})/dt"
 
     def linear(self, state: int) -> int:
         """Index of the term that is this state alone."""

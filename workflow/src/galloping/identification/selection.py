@@ -16,7 +16,6 @@ RIDGE = 1e-15
 # Share of the determinant of two terms that are added together, below which rounding makes the
 # second one up, and of a fault of the instrument beside the terms.
 DEPENDENT = 1e-6
-NOTHING_STANDS_OUT = "no term stands out of the noise"
 
 
 def solve_support(

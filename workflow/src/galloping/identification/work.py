@@ -13,6 +13,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.observations import Code, Finding
 from galloping.recording import Recording
 
 # s, of a search in recordings sampled at up to TIMES times, and in proportion of longer ones.
@@ -21,7 +22,6 @@ from galloping.recording import Recording
 MOST = 36.0
 TIMES = 30_001
 AFTER = 12.0  # s, that forecasts, limit cycles and figures take, which are not counted
-ENDED = "the search for a model ended at its limit of work"
 
 
 @dataclass
@@ -42,10 +42,9 @@ class Work:
 
     def doubted_if_ended(self, found: IdentifiedModel) -> IdentifiedModel:
         """The best model of a search; where that ended early it says so, and is not `ok`."""
-        if not self.ended:
+        if not self.ended or found.has_finding(Code.LIMIT_OF_WORK):
             return found
-        clauses = [part for part in found.reason.split("; ") if part and part != ENDED]
-        return found.doubted("; ".join([*clauses, ENDED]))
+        return found.with_findings(Finding.of(Code.LIMIT_OF_WORK))
 
 
 _UNLIMITED = Work(float("inf"))

@@ -15,7 +15,7 @@ from scipy.signal import savgol_filter
 
 from galloping.cycles.family import initial_state
 from galloping.evaluation.score import Truth, evaluate
-from galloping.identification.model import NO_MODEL, IdentifiedModel
+from galloping.identification.model import NO_MODEL, IdentifiedModel, finding_of
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import ReducedRegression
@@ -249,4 +249,4 @@ def identified(reduced: ReducedRegression, **options: object) -> IdentifiedModel
     try:
         return stlsq.raw(Regressions(reduced, reduced), path_length=PATH_LENGTH, **options)
     except NO_MODEL as error:
-        return IdentifiedModel.refused(reduced.states, reduced.terms, str(error).splitlines()[0])
+        return IdentifiedModel.refused(reduced.states, reduced.terms, [finding_of(error)])

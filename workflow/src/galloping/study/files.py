@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from galloping.identification.model import BY_TERM, IdentifiedModel
+from galloping.identification.observations import Finding
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 from galloping.results import Derived, Motion, Reconstruction
@@ -23,7 +25,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 BY_STATE = (*BY_TERM, "thresholds")  # of an identified model: by state, and by term or not
-TEXTS = ("status", "reason")
 CHANNELS = ("time", "values", "rates")  # of a recording
 
 
@@ -163,7 +164,11 @@ def write_identified(
     first = next(iter(models.values()))[0].model
     arrays = {"states": np.array(first.states), "terms": np.array(first.terms)}
     for method, replicates in models.items():
-        columns = {name: [getattr(r, name) for r in replicates] for name in (*BY_STATE, *TEXTS)}
+        columns = {name: [getattr(r, name) for r in replicates] for name in BY_STATE}
+        columns["status"] = [r.status for r in replicates]
+        columns["findings"] = [
+            json.dumps([each.as_dict() for each in r.findings]) for r in replicates
+        ]
         columns["coefficients"] = [r.model.coefficients for r in replicates]
         columns["chi2"] = [r.chi2 for r in replicates]
         columns["covariance"] = _padded([r.covariance for r in replicates])
@@ -188,7 +193,8 @@ def read_identified(path: str | os.PathLike) -> dict[str, list[IdentifiedModel]]
             known=tuple(np.flatnonzero(part["known"]).tolist()),
             covariance=part["covariance"][:stated, :stated],
             **{name: part[name] for name in BY_STATE},
-            **{name: str(part[name]) for name in TEXTS},
+            status=str(part["status"]),
+            findings=tuple(Finding(**each) for each in json.loads(str(part["findings"]))),
         )
 
     return {

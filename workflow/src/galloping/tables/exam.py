@@ -19,10 +19,10 @@ NAMED_BY = (  # columns that tell recordings of one stratum apart
 JUDGED = ("exact", "ok_and_wrong", "cause_named")  # 1 or 0, empty where nothing is judged so
 COLUMNS = (
     "stratum", "recording", "method", "status", *JUDGED, "intervals_held", "coefficients",
-    "findings", "reason", "path", "work", "seconds",
+    "findings", "path", "work", "seconds",
 )  # fmt: skip
 KEYS = ["stratum", "recording", "method"]
-TEXTS = ("findings", "reason", "path")  # empty, not missing
+TEXTS = ("findings", "path")  # empty, not missing
 ALL = "all"  # strata together
 # Measures of a stratum, and whether more of one is better (1) or worse (-1).
 MEASURES = {
@@ -34,7 +34,6 @@ SIGNIFICANT = 2.0  # standard errors
 # error that changed by less than this share.
 SAME = 0.01
 UNSTATED = 0.01  # of a coefficient, in place of a standard error that is not stated
-REWORDED = "reworded"
 
 
 def collect_answers(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -145,16 +144,13 @@ def find_changes(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
     """Find the recordings whose answer is another one: KEYS and `change`, in words.
 
     An answer is its status, how it is judged, its findings, its terms, and their coefficients and
-    standard errors. If the reason alone differs, the change is REWORDED. A recording that one table
-    lacks is a change.
+    standard errors. A recording that one table lacks is a change.
     """
     pairs = before.merge(now, on=KEYS, how="outer", suffixes=("", "_now"), indicator=True)
     missing = {"left_only": "left out", "right_only": "new"}
     found = []
     for row in pairs.to_dict("records"):
         change = missing.get(row["_merge"]) or "; ".join(_describe_changes(row))
-        if not change and row["reason"] != row["reason_now"]:
-            change = REWORDED
         if change:
             found.append({key: row[key] for key in KEYS} | {"change": change})
     return pd.DataFrame(found, columns=[*KEYS, "change"])

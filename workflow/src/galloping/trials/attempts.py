@@ -11,6 +11,7 @@ import numpy as np
 from galloping.bounds import bounds_of, on_library
 from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.observations import Code
 from galloping.identification.work import limited
 from galloping.intervals import NORMAL_95
 from galloping.measurement import Motion, noises_of, recordings_of
@@ -27,14 +28,15 @@ class Attempt:
 
     columns: what names it in a table. true: on the candidate library. deviations: (n_states,
     n_terms) at the Cramer-Rao bound, of the terms to be found, NaN elsewhere; None where they are
-    not computed. cause: what the reason must name, empty if nothing is wrong with the recording.
+    not computed. causes: codes of which a finding must have one, none if nothing is wrong with the
+    recording.
     """
 
     columns: Mapping[str, object]
     true: PolynomialModel
     recording: Recording
     deviations: np.ndarray | None = None
-    cause: str = ""
+    causes: frozenset[Code] = frozenset()
 
 
 def measured(
@@ -80,8 +82,8 @@ def fits(
 
     methods: `Method.settings` by name. weakest_t: the least |coefficient| / deviation of the true
     terms. error_over_bound: root mean square over the true terms of error / deviation, NaN unless
-    the terms are exactly right. cause_named: 1 where the reason names the cause and 0 where it does
-    not, NaN where there is none.
+    the terms are exactly right. cause_named: 1 where a finding names the cause and 0 where none
+    does, NaN where there is no cause.
     """
     for attempt in attempts:
         true, name = attempt.true, list(map(str, attempt.columns.values()))
@@ -104,7 +106,9 @@ def fits(
                 **row,
                 "weakest_t": float(weakest),
                 "error_over_bound": float(error),
-                "cause_named": float(attempt.cause in result.reason) if attempt.cause else np.nan,
+                "cause_named": (
+                    float(result.has_finding(*attempt.causes)) if attempt.causes else np.nan
+                ),
             }
 
 
@@ -141,14 +145,13 @@ def counted_cost(recordings: Sequence[Recording]) -> Iterator[dict[str, float]]:
 
 
 def describe_answer(found: IdentifiedModel) -> dict[str, str]:
-    """Describe a model by columns of a table: status, reason, path, findings and coefficients.
+    """Describe a model by columns of a table: status, findings, path and coefficients.
 
     findings: their codes. coefficients: see `coefficients_as_text`.
     """
     return {
-        "status": found.status, "reason": found.reason, "path": found.diagnostics.get("path", ""),
-        "findings": " ".join(sorted(each.code for each in found.findings)),
-        "coefficients": coefficients_as_text(found),
+        "status": found.status, "findings": found.codes,
+        "path": found.diagnostics.get("path", ""), "coefficients": coefficients_as_text(found),
     }  # fmt: skip
 
 

@@ -11,7 +11,7 @@ in -2..2 m and q_w in -3..3 m at rest.
 Long: the default line from its release on. Steady: 300 s of the limit cycle of the default line,
 or of a random line that has one. Sensitive: 300 s of a random line where neighbouring motions part
 more than SENSITIVE times. Faulty: one fault, of a size drawn evenly from its range, besides white
-noise; what is identified must not be `ok` and wrong, and the reason should name the fault.
+noise; what is identified must not be `ok` and wrong, and a finding should name the fault.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,7 +24,8 @@ from scipy.interpolate import CubicSpline
 
 from galloping.configuration.load import load, plain
 from galloping.cycles.settling import settle
-from galloping.identification.likelihood import instrument
+from galloping.identification.likelihood.instrument import FORCES
+from galloping.identification.observations import Code
 from galloping.physics.galerkin import STATES, coefficients, model
 from galloping.physics.gusts import wind_speed
 from galloping.polynomial import PolynomialModel, design_matrix, library
@@ -304,17 +305,23 @@ def _driven(
     return CubicSpline(times, states)(line.time)
 
 
-# what the reason must contain, the range from which the size is drawn, and what is recorded of
-# (line, size, noise (n, 4), rng): times (n,) and values (n, 4)
+RATES = (Code.RATE_DISAGREES, Code.RATES_DISAGREE)
+CLOCKS = (*RATES, Code.INNOVATION_JUMPS)
+DELAYS = (
+    Code.CHANNEL_DELAYED, Code.COORDINATE_DELAYED, Code.INPUT_DELAYED, Code.INPUT_DELAYED_BY,
+    Code.INPUT_HELD,
+)  # fmt: skip
+# codes of which a finding must have one, the range from which the size is drawn, and what is
+# recorded of (line, size, noise (n, 4), rng): times (n,) and values (n, 4)
 FAULTS = {
-    "none": ("", (0.0, 0.0), _none),
-    "clock": (instrument.CLOCK, (0.001, 0.005), _clock),
-    "velocity scale": (instrument.SCALE, (1.005, 1.005), _scale),
-    "late channels": (instrument.DELAYED, (0.02, 0.2), _delay),
-    "random force": (instrument.FORCES, (0.005, 0.02), _forced),
-    "gusts": (instrument.FORCES, (0.001, 0.005), _gusts),
-    "jitter": (instrument.JITTER, (4.0, 4.0), _jitter),
-    "multiplicative noise": (instrument.GROWING, (0.01, 0.01), _multiplicative),
+    "none": ((), (0.0, 0.0), _none),
+    "clock": (CLOCKS, (0.001, 0.005), _clock),
+    "velocity scale": (RATES, (1.005, 1.005), _scale),
+    "late channels": (DELAYS, (0.02, 0.2), _delay),
+    "random force": (FORCES, (0.005, 0.02), _forced),
+    "gusts": (FORCES, (0.001, 0.005), _gusts),
+    "jitter": ((Code.TIMES_JITTER,), (4.0, 4.0), _jitter),
+    "multiplicative noise": ((Code.NOISE_GROWS,), (0.01, 0.01), _multiplicative),
 }
 
 
@@ -333,4 +340,4 @@ def of_faulty_recordings(
             "group": GROUP, "case": case, "protocol": "state", "level": level,
             "seed": seed, "replicate": replicate, "size": size,
         }  # fmt: skip
-        yield Attempt(columns, line.model, Recording(time, STATES, values), cause=named)
+        yield Attempt(columns, line.model, Recording(time, STATES, values), causes=frozenset(named))

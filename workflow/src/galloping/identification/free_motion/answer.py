@@ -27,18 +27,17 @@ from galloping.identification.model import (
     NoModel,
     attempt,
 )
-from galloping.identification.observations import Code, Finding, Severity
+from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import EnvelopePart, FurtherMode
 from galloping.identification.preparation.smoothing import undisplaced
 from galloping.identification.problem import Problem
+from galloping.identification.status import status_of
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
 
 MAX_NOISE = 1.2  # times the noise that was said, which residuals have
 MIN_PERIODS = 10.0  # of a further mode that is told: what is slower is mostly a drift
 PATH = "free motion"
-NOT_EXPONENTIAL = "free motion whose frequency and damping change in a way that no model follows"
-MISSING = "is missing in"  # of a clause that names a term which the library lacks
 
 
 def is_of_one_coordinate(recordings: Sequence[Recording]) -> bool:
@@ -81,7 +80,7 @@ def free_model(
         The usual search for a model that follows recordings to the noise.
     """
     if not _can_be_linear(problem, motion):
-        return NoModel("")
+        return NoModel()
     if motion.is_linear:
         return linear_model(problem, motion)
     found = search(motion.recordings)
@@ -93,7 +92,7 @@ def free_model(
         return by([PATH], with_beside(found, motion))
     if motion.linear:
         return linear_model(problem, motion.linear)
-    return _mean_model(problem, motion, found.reason)
+    return _mean_model(problem, motion, found.findings)
 
 
 def linear_model(problem: Problem, motion: Motion) -> IdentifiedModel | NoModel:
@@ -113,13 +112,13 @@ def linear_model(problem: Problem, motion: Motion) -> IdentifiedModel | NoModel:
     """
     modes, own = motion.modes, motion.own[: len(motion.channels.pairs)]
     if len(own) < len(motion.channels.pairs) or not _can_be_linear(problem, motion):
-        return NoModel("there are fewer modes than coordinates")
+        return NoModel()
     if _noise_excess(motion) > MAX_NOISE:
-        return NoModel("the noise is larger than it was said")
+        return NoModel()
     system = attempt(partial(with_covariance, motion.channels, motion.stretches, modes, own))
     if isinstance(system, NoModel):
         return system
-    return _model(problem, motion, *system, "ok", "")
+    return _model(problem, motion, *system)
 
 
 def as_recorded_alone(found: IdentifiedModel, recordings: Sequence[Recording]) -> list[Recording]:
@@ -210,8 +209,10 @@ def _noise_excess(motion: Motion) -> float:
     return max(ratios)
 
 
-def _mean_model(problem: Problem, motion: Motion, objection: str) -> IdentifiedModel | NoModel:
-    """The approximate model of a decay of one coordinate that is not exponential. objection: why
+def _mean_model(
+    problem: Problem, motion: Motion, objections: Sequence[Finding]
+) -> IdentifiedModel | NoModel:
+    """The approximate model of a decay of one coordinate that is not exponential. objections: why
     no model follows it.
     """
     modes, place = motion.modes, motion.own[0]
@@ -221,7 +222,7 @@ def _mean_model(problem: Problem, motion: Motion, objection: str) -> IdentifiedM
         for part in envelope(stretch, modes, index, place)
     ]
     if len(parts) < 2:
-        return NoModel("")
+        return NoModel()
     poles = np.array([part.pole for _, part in parts])
     errors = np.array([part.errors for _, part in parts])
     values = np.column_stack([poles.real, poles.imag])
@@ -235,15 +236,14 @@ def _mean_model(problem: Problem, motion: Motion, objection: str) -> IdentifiedM
     slopes[:, velocity, coordinate] = -2.0 * growth, -2.0 * omega
     slopes[0, velocity, velocity] = 2.0
     slopes = slopes.reshape(2, 4)
-    finding = Finding(Code.NOT_EXPONENTIAL, Severity.WARNING, problem.states[coordinate])
     told = [_envelope_part(motion, *each) for each in parts]
     covariance = slopes.T @ spread @ slopes
-    missing = [clause for clause in objection.split("; ") if MISSING in clause]
-    reason = "; ".join([*missing, NOT_EXPONENTIAL])
-    found = _model(problem, motion, system, covariance, "approximate", reason)
+    found = _model(problem, motion, system, covariance)
     if isinstance(found, NoModel):
         return found
-    return replace(found, envelope=tuple(told), findings=(*found.findings, finding))
+    missing = (each for each in objections if each.code == Code.TERM_MISSING)
+    changing = Finding.of(Code.NOT_EXPONENTIAL, problem.states[coordinate])
+    return replace(found, envelope=tuple(told)).with_findings(*missing, changing)
 
 
 def _envelope_part(motion: Motion, index: int, part: LocalDecay) -> EnvelopePart:
@@ -260,8 +260,6 @@ def _model(
     motion: Motion,
     system: np.ndarray,
     covariance: np.ndarray,
-    status: str,
-    reason: str,
 ) -> IdentifiedModel | NoModel:
     """The model of a linear system (n_states, n_states), and the covariance of its entries; none if
     a coefficient is out of its bounds.
@@ -294,7 +292,7 @@ def _model(
         else:
             free[k], slopes[k, row * n + state] = system[row, state], 1.0
     if np.any((free < problem.box[0]) | (free > problem.box[1])):
-        return NoModel("a coefficient is out of its bounds")
+        return NoModel()
     slopes = slopes[support]
     of_coefficients = slopes @ whole @ slopes.T
     errors = np.full(len(free), np.nan)
@@ -302,8 +300,7 @@ def _model(
     sigma, noises = _noise(problem, motion)
     found = IdentifiedModel(
         model=problem.model(free),
-        status=status,
-        reason=reason,
+        status=status_of([]),
         standard_errors=problem.on_library(errors, 0.0),
         unconditional_errors=problem.on_library(errors, 0.0),
         covariance=problem.of_model(of_coefficients, support),
@@ -334,11 +331,7 @@ def with_beside(found: IdentifiedModel, motion: Motion) -> IdentifiedModel:
             "amplitude": abs(modes.amplitudes[0][place, channel]),
         }
         named = motion.channels.names[channel]
-        steady.append(
-            Finding(
-                Code.FORCED_STEADILY, Severity.NOTE, named, {k: float(v) for k, v in data.items()}
-            )
-        )
+        steady.append(Finding.of(Code.FORCED_STEADILY, named, **data))
     longest = max(one.duration for one in motion.stretches)
     further = [
         mode
@@ -347,11 +340,7 @@ def with_beside(found: IdentifiedModel, motion: Motion) -> IdentifiedModel:
         for index in range(len(motion.recordings))
         for mode in _further_modes(motion, index, place)
     ]
-    return replace(
-        found,
-        further_modes=tuple(further),
-        findings=(*found.findings, *motion.findings, *steady),
-    )
+    return replace(found, further_modes=tuple(further)).with_findings(*motion.findings, *steady)
 
 
 def _further_modes(motion: Motion, index: int, place: int) -> Iterator[FurtherMode]:

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from galloping.identification.model import Unusable
+from galloping.identification.observations import Code
 from galloping.identification.work import spend
 
 MAX_STEPS = 30  # of Gauss-Newton
 MIN_SAMPLES = 8  # of a channel of a stretch
 CONVERGED = 1e-3  # step in standard errors
 ROUNDING = 1e-10  # least noise, in units of the motion; least share of information that counts
-NOT_TOLD = "two modes cannot be told apart"
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ def fit_poles(
             damping = 10.0 * max(damping, 1e-6)
     scaled, scale = here.scaled(free)
     if not np.linalg.cond(scaled) < 1.0 / ROUNDING:
-        raise Unusable(NOT_TOLD)
+        raise Unusable(Code.NO_OSCILLATION)
     covariance = np.zeros((len(free), len(free)))
     covariance[np.ix_(free, free)] = np.linalg.inv(scaled) / np.outer(scale, scale)
     return DampedModes(
@@ -232,7 +232,7 @@ class _Linearised:
         and the square roots of that diagonal, (n_free,). Raises Unusable where it has none.
         """
         if not np.all(self.shares[free] > ROUNDING):
-            raise Unusable(NOT_TOLD)
+            raise Unusable(Code.NO_OSCILLATION)
         information = self.information[np.ix_(free, free)]
         scale = np.sqrt(np.diag(information))
         return information / np.outer(scale, scale), scale
@@ -289,7 +289,7 @@ def _linearised(stretches: Sequence[Stretch], poles: np.ndarray) -> _Linearised:
         amplitudes.append(own)
         residuals.append(left)
     if np.isnan(noise).all() or not np.isfinite(misfit):
-        raise Unusable("no damped sinusoids follow the motion")
+        raise Unusable(Code.NO_OSCILLATION)
     return _Linearised(
         information, np.diag(information) / whole, right, amplitudes, offsets, errors, noise,
         residuals, misfit,

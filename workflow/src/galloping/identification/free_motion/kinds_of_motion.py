@@ -34,7 +34,7 @@ from galloping.identification.free_motion.linearity import (
 )
 from galloping.identification.free_motion.mode_search import fit_modes, is_close, share_left
 from galloping.identification.model import NoModel, attempt
-from galloping.identification.observations import Code, Finding, Severity
+from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.smoothing import DRIFT_DEGREE
 from galloping.identification.random_forces.channels import Channels
 from galloping.polynomial import velocity_pairs
@@ -324,6 +324,6 @@ def _happened(
     if moved.size:
         c = int(moved[np.argmax(np.abs(offset[moved]) / error[moved])])
         data = {"time_s": time, "change": float(offset[c])}
-        return Finding(Code.FORCE_STEPPED, Severity.NOTE, channels.names[c], data)
+        return Finding.of(Code.FORCE_STEPPED, channels.names[c], **data)
     data = {"time_s": time, "share": float(share)}
-    return Finding(Code.KNOCKED, Severity.NOTE, channels.names[channel], data)
+    return Finding.of(Code.KNOCKED, channels.names[channel], **data)

@@ -10,6 +10,7 @@ import numpy as np
 
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch
 from galloping.identification.model import Unusable
+from galloping.identification.observations import Code
 from galloping.identification.random_forces.channels import Channels
 
 MAX_CONDITION = 1e6  # of the modes' vectors: shapes that are more alike tell no system
@@ -44,7 +45,7 @@ def linear_system(channels: Channels, poles: np.ndarray, shapes: np.ndarray) -> 
     unit = np.abs(both).mean()
     scaled = np.vstack([moved, moved * both / unit])
     if not np.linalg.cond(scaled / np.linalg.norm(scaled, axis=0)) < MAX_CONDITION:
-        raise Unusable("the modes' shapes are too much alike to tell a system")
+        raise Unusable(Code.NO_OSCILLATION)
     system = np.zeros((2 * len(pairs),) * 2)
     order = [*pairs, *pairs.values()]
     system[np.ix_(order, order)] = (basis * both @ np.linalg.inv(basis)).real

@@ -9,6 +9,7 @@ from galloping.identification.likelihood.free_run import pulled
 from galloping.identification.likelihood.residual_tests import RESIDUAL_RATE
 from galloping.identification.likelihood.verdict import Near, Regression, approximate, judged
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem, largest
 from galloping.identification.selection import added_deviation
 from galloping.polynomial import design_matrix
@@ -57,7 +58,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             samples += len(rate)
             parts.append((block, rows / sigma[r, i], rate / sigma[r, i], sigma[r, i] > floor))
         if not samples:
-            return refused(problem, f"too few complete samples for d({problem.states[i]})/dt")
+            return refused(problem, [Finding.of(Code.SAMPLES_INCOMPLETE, problem.states[i])])
         whole = np.ones(len(block), bool)
         own = information[np.ix_(block, block)]
         price = problem.price(2.0 * np.log(samples), size).of(block)
@@ -87,6 +88,6 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     covariance = pulled(pulls, covariance)
     errors = added_deviation(information, support)
     errors[support] = np.sqrt(np.diag(covariance))
-    reason = "model inadequate: what it leaves of the derivatives goes on from sample to sample"
+    correlated = [Finding.of(Code.DERIVATIVES_CORRELATED)]
     near = Near(free, support, errors, covariance, penalty)
-    return approximate(problem, near, reason, **fitted)
+    return approximate(problem, near, correlated, **fitted)

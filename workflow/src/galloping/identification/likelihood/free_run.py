@@ -2,7 +2,7 @@
 that of the inputs, and what the model misses does not add up (simulation error, or output error).
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -25,11 +25,16 @@ from galloping.identification.likelihood.shooting import (
 )
 from galloping.identification.likelihood.trajectory_fit import CONVERGED, MOST_PASSES, guarded_step
 from galloping.identification.model import IdentifiedModel, NoModel
+from galloping.identification.observations import Code, Finding
 from galloping.identification.selection import solve_support
 
 
 def whole_approximation(
-    fit: ShootingFit, information: np.ndarray, residual: np.ndarray, penalty: float, objection: str
+    fit: ShootingFit,
+    information: np.ndarray,
+    residual: np.ndarray,
+    penalty: float,
+    objections: Sequence[Finding],
 ) -> IdentifiedModel:
     """The approximate model whose free runs are the chains of a fit that matches them.
 
@@ -46,7 +51,8 @@ def whole_approximation(
     made = Approximation(fit, information, covariance, residual, penalty, ("free runs",))
     squares = condensed.squares(residual)
     left = np.sqrt((squares + condensed.remainder) / np.maximum(condensed.counts, 1))
-    return stated(made, residual, left, f"{objection}; over the whole recording it leaves")
+    missed = Finding.of(Code.FREE_RUN_MISSES, share=0.0)
+    return stated(made, residual, left, objections, missed)
 
 
 def pulled(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> np.ndarray:
@@ -71,7 +77,7 @@ def pulled(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> np.ndarray:
 
 
 def free_runs(
-    record: Record, near: IdentifiedModel, penalty: float, objection: str
+    record: Record, near: IdentifiedModel, penalty: float, objections: Sequence[Finding]
 ) -> IdentifiedModel | NoModel:
     """The model of the terms of `near`, an approximate model, whose free runs err least. Detection
     limits stay those of `near`, with which the terms were chosen.
@@ -86,14 +92,14 @@ def free_runs(
     sigma = np.maximum(np.sqrt(squares / np.maximum(condensed.rows, 1)), record.floor)
     previous = fit = ShootingFit(record, free, free != 0.0, starts, sigma, sigma)
     if not forgets_start(fit):
-        return NoModel("the motion remembers how it began")
+        return NoModel()
     for _ in range(MOST_PASSES):
         step = guarded_step(previous, fit, None, None)
         previous, fit = step.before, step.fit
         if step.decrement < CONVERGED:
             break
     remaining, _ = residuals(record, fit.free, fit.starts)
-    run = whole_approximation(fit, linearise(fit).information, remaining, penalty, objection)
+    run = whole_approximation(fit, linearise(fit).information, remaining, penalty, objections)
     return replace(run, detection_limits=near.detection_limits)
 
 

@@ -14,6 +14,7 @@ from galloping.identification.free_motion.mode_search import strongest_mode
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.residual_tests import NEIGHBOURS, ROUNDING
 from galloping.identification.model import NoModel, attempt
+from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import FurtherMode
 from galloping.polynomial import velocity_pairs
 
@@ -51,13 +52,12 @@ def further_modes(
     return tuple(found)
 
 
-def modes_in_words(modes: tuple[FurtherMode, ...]) -> str:
-    """Further modes as the end of a reason, '' where there are none."""
-    lines: dict[str, set[str]] = {}
-    for mode in modes:
-        lines.setdefault(mode.state, set()).add(f"{mode.frequency / (2.0 * np.pi):.3g}")
-    parts = [f"{state} at {', '.join(sorted(hz, key=float))} Hz" for state, hz in lines.items()]
-    return f"; besides it there oscillates {', and '.join(parts)}" if parts else ""
+def modes_beside(modes: tuple[FurtherMode, ...]) -> list[Finding]:
+    """Return a finding for each of some further modes."""
+    return [
+        Finding.of(Code.FURTHER_MODE, mode.state, frequency_hz=mode.frequency / (2.0 * np.pi))
+        for mode in modes
+    ]
 
 
 def _oscillations(

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtri
 
-from galloping.identification.answers import GUSTS
 from galloping.identification.likelihood.condense import PROJECTIONS
 from galloping.identification.likelihood.elimination import Eliminated, eliminate
 from galloping.identification.likelihood.shooting import (
@@ -21,19 +20,16 @@ from galloping.identification.likelihood.shooting import (
     linearise,
     residuals,
 )
+from galloping.identification.observations import Code, Finding
 from galloping.identification.selection import DEPENDENT, select, solve_support, tableau, whiten
 from galloping.polynomial import velocity_pairs
 
-FORCES = f"forces besides the model act{GUSTS}, or terms are missing"
-JITTER = "errors grow with the speed of the motion: sampling times jitter, or the model is wrong"
-GROWING = "the noise grows with the signal"
-# In the causes that name a channel first.
-CLOCK, SCALE, DELAYED, DRIFTS = "clock", "scale", "delayed against", "drifts"
+FORCES = (Code.FORCES, Code.FORCES_BESIDE_INPUTS)  # without inputs, and beside them
 
 
 @dataclass(frozen=True)
 class Fault:
-    """cause: in words; z: how far the data deny its absence, in standard deviations.
+    """cause: what it is; z: how far the data deny its absence, in standard deviations.
 
     or_model: whether a wrong model would show as this fault does. Residuals of a wrong model are
     larger where the motion is larger, like noise that grows with the motion, and what the model
@@ -42,7 +38,7 @@ class Fault:
     whether the fault only adds white noise, which explains no misfit that has a colour.
     """
 
-    cause: str
+    cause: Finding
     or_model: bool
     z: float = 0.0
     mixture: np.ndarray | None = None
@@ -53,7 +49,7 @@ class Fault:
         takes most of the misfit away, or any misfit of a model shows as this fault.
         """
         explained = 0.0 if self.is_noise else self.z**2
-        return self.cause == FORCES or explained >= excess / 2.0
+        return self.cause.code in FORCES or explained >= excess / 2.0
 
 
 def faults(fit: ShootingFit, penalty: float) -> list[Fault]:
@@ -161,26 +157,28 @@ def _parameters(
     first = len(entries) + sum(len(pairs) for _, pairs, _ in late)
     n, tests = first + 2 * count, []
 
-    def test(places: list[int], cause: str, or_model: bool = False, weights: object = 1.0) -> None:
+    def test(
+        places: list[int], cause: Finding, or_model: bool = False, weights: object = 1.0
+    ) -> None:
         mixture = np.zeros(n)
         mixture[places] = weights
         tests.append(Fault(cause, or_model, mixture=mixture))
 
     for k, (i, v) in enumerate(kinematic):
-        test([k], f"{states[v]} is not the rate of {states[i]}: its {SCALE} or {CLOCK} is off")
+        test([k], Finding.of(Code.RATE_DISAGREES, states[v], coordinate=states[i]))
     if len(kinematic) > 1:
-        test(list(range(len(kinematic))), f"the {CLOCK}, or the {SCALE} of all velocities, is off")
+        test(list(range(len(kinematic))), Finding.of(Code.RATES_DISAGREE))
     for name, pairs, weights in late:
         places = list(range(len(entries), len(entries) + len(pairs)))
-        test(places, f"{name} is {DELAYED} the motion", True, weights)
+        test(places, Finding.of(Code.INPUT_DELAYED, name), True, weights)
         entries += pairs
     for o, name in enumerate(names):
         if len(names) > 1:
-            test([first + o], f"{name} is {DELAYED} the other channels")
-        test([first + count + o], f"{name} {DRIFTS}", True)
+            test([first + o], Finding.of(Code.CHANNEL_DELAYED, name))
+        test([first + count + o], Finding.of(Code.DRIFTS, name), True)
     for i, v in kinematic if len(kinematic) > 1 else []:
         both = [first + channel[i], first + channel[v]]
-        test(both, f"{states[i]} and {states[v]} are {DELAYED} the others")
+        test(both, Finding.of(Code.COORDINATE_DELAYED, states[i], velocity=states[v]))
     return np.array(entries, int).reshape(-1, 2), columns, tests
 
 
@@ -263,7 +261,8 @@ def _gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
             square = fall(replace(segments, chains=np.cumsum(begins) - 1)) - whole
             # a chi^2 variable's square root is almost Gaussian (R. A. Fisher)
             z = np.sqrt(2.0 * max(square, 0.0)) - np.sqrt(2.0 * freedom - 1.0)
-            tested.append(Fault(FORCES, True, float(z)))
+            cause = Finding.of(FORCES[bool(fit.record.problem.inputs)])
+            tested.append(Fault(cause, True, float(z)))
     return tested
 
 
@@ -275,7 +274,8 @@ def _variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -> lis
     square = (residual / sigma[owner][:, :, None]) ** 2
     weight = np.where(there[:, :, 0], condensed.samplings[:, :, 0, 0], 1.0)
     tested = []
-    for cause, signals in ((JITTER, rates), (GROWING, condensed.targets - residual)):
+    values = condensed.targets - residual
+    for code, signals in ((Code.TIMES_JITTER, rates), (Code.NOISE_GROWS, values)):
         signal, scores, skews = signals[:, :, 0], [], []
         for r, o in np.ndindex(sigma.shape):
             inside = there[:, o] & (owner == r)[:, None]
@@ -292,7 +292,7 @@ def _variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -> lis
         if scores:
             n = len(scores)
             z = _gaussian(sum(scores) / np.sqrt(n), sum(skews) / n**1.5)
-            tested.append(Fault(cause, True, z, is_noise=True))
+            tested.append(Fault(Finding.of(code), True, z, is_noise=True))
     return tested
 
 

@@ -34,7 +34,7 @@ from galloping.identification.free_motion.rest import moving_recordings
 from galloping.identification.inputs import asked, checked_recordings, while_driven
 from galloping.identification.likelihood import free_run, starts, trajectory_fit
 from galloping.identification.likelihood.derivative_fit import derivative_fit
-from galloping.identification.likelihood.instrument import DELAYED, FORCES, faults
+from galloping.identification.likelihood.instrument import FORCES, faults
 from galloping.identification.likelihood.missing_terms import missing_kind
 from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.residual_tests import MOST_COLOUR, Residue, residue
@@ -44,6 +44,7 @@ from galloping.identification.likelihood.verdict import Regression, agree, best_
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel, NoModel, attempt
+from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.interpolation import held_inputs
 from galloping.identification.preparation.weak_form import Start, begin, delayed_inputs
 from galloping.identification.prior_knowledge import PRIOR, Coefficient, Prior
@@ -52,17 +53,17 @@ from galloping.identification.random_forces.decision import moved_at_random, ran
 from galloping.identification.random_forces.start import may_be_moved_at_random
 from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.identification.selection import unseen_mixtures
-from galloping.identification.work import ENDED, MOST, is_spent, limited, portion
+from galloping.identification.work import MOST, is_spent, limited, portion
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
-HALF_A_STEP = "half of its step, as what is held between its samples"
 FREE = 0.2  # of the work of a search, for a model that follows free motion that is not linear
 
 Outcome = IdentifiedModel | NoModel
+Findings = tuple[Finding, ...]
 # Takes what an earlier search found to speak against a model; gives an outcome, and whether that is
 # sure, so that no further search is needed.
-Search = Callable[[str], tuple[Outcome, bool]]
+Search = Callable[[Findings], tuple[Outcome, bool]]
 
 
 @one_thread
@@ -103,7 +104,7 @@ def maximum_likelihood(
         return random_forces(problem, recordings, forced)
     used = attempt(partial(while_driven, recordings, problem.inputs))
     if isinstance(used, NoModel):
-        return by(["no model"], refused(problem, used.reason))
+        return by(["no model"], refused(problem, used.findings))
     if all(recording.exact for recording in used):
         found = by(["derivatives"], derivative_fit(problem, used))
     else:
@@ -151,9 +152,9 @@ def _at_some_time_scale(
         found = attempt(partial(_at_time_scale, problem, recordings, share, begun))
         if isinstance(found, IdentifiedModel):
             return found if share == 1.0 else by([f"time scale {share:g}"], found)
-        objections.append(found.reason)
-    more = unmodelled(recordings)
-    return by(["no model"], refused(problem, "; ".join(filter(None, [more, *objections[:1]]))))
+        objections.append(found.findings)
+    first = objections[0] if objections else ()
+    return by(["no model"], refused(problem, (*unmodelled(recordings), *first)))
 
 
 def _at_time_scale(
@@ -189,12 +190,12 @@ def _first_of(searches: Sequence[Search], recordings: list[Recording]) -> Outcom
 
     Each search is told what the searches before it found to speak against a model.
     """
-    unsure, objection = None, ""
+    unsure, objections = None, ()
     with ExitStack() as limits:
         for search in searches:
-            found, is_sure = search(objection)
+            found, is_sure = search(objections)
             if isinstance(found, NoModel):
-                objection = found.reason or objection
+                objections = found.findings or objections
             elif is_sure:
                 break
             else:
@@ -203,7 +204,7 @@ def _first_of(searches: Sequence[Search], recordings: list[Recording]) -> Outcom
     return unsure if unsure and found.tells_little else found
 
 
-def _follow(begun: Start, _: str) -> tuple[Outcome, bool]:
+def _follow(begun: Start, _: Findings) -> tuple[Outcome, bool]:
     """The model that follows the data to the noise."""
     with portion(0.6):  # of the work that is left; the rest to come near
         return _from_any_rest(begun, _followed), True
@@ -232,33 +233,33 @@ def _followed(begun: Start) -> Outcome:
     problem, penalty, largest = begun.problem, begun.penalty, begun.largest
     joined = _joined(begun, largest)
     if joined is None:
-        return NoModel(ENDED if is_spent() else trajectory_fit.DIVERGES)
-    if joined.objection == ENDED:  # not joined, for no cause that the data show
-        return NoModel(ENDED)
+        code = Code.LIMIT_OF_WORK if is_spent() else Code.ITERATION_DIVERGES
+        return NoModel((Finding.of(code),))
     if joined.objection:
-        causes = _causes_of_none(joined.free.fit, penalty)
-        return NoModel("; ".join([*causes, joined.objection]))
+        is_cut = joined.objection.code == Code.LIMIT_OF_WORK  # for no cause that the data show
+        causes = [] if is_cut else _causes_of_none(joined.free.fit, penalty)
+        return NoModel((*causes, joined.objection))
     remaining, shown = _remaining(begun, joined.step.fit)
     if shown.coloured and shown.band < MOST_COLOUR:
         joined = _with_coloured_noise(begun, joined, shown)
         if joined.objection:
-            return NoModel(joined.objection)
+            return NoModel((joined.objection,))
         remaining, shown = _remaining(begun, joined.step.fit)
     step, fit, record = joined.step, joined.step.fit, joined.step.fit.record
     sigma, noise = _noise(fit, remaining)
-    doubt = "many models follow the data alike"
+    doubts = [Finding.of(Code.UNSETTLED)]
     if joined.settled:  # the residuals of another fit show that it is not the best, and no cause
-        doubt, is_near = _objection(fit, shown, penalty)
-        if doubt and not is_near and problem.inputs and free_run.forgets_start(fit):
-            near = free_run.whole_approximation(fit, step.information, remaining, penalty, doubt)
+        doubts, is_near = _objections(fit, shown, penalty)
+        if doubts and not is_near and problem.inputs and free_run.forgets_start(fit):
+            near = free_run.whole_approximation(fit, step.information, remaining, penalty, doubts)
             return by(joined.path, near)
-        if doubt and not is_near:
-            return NoModel(doubt)
+        if doubts and not is_near:
+            return NoModel(tuple(doubts))
     kept = sum(recording.samples for recording in begun.recordings)
     found = judged(
         problem,
         Regression(step.information, step.right, fit.support, penalty, largest, fit.free),
-        doubt,
+        doubts,
         fit.followed(begun.recordings),
         begun.period,
         initial_states=fit.starts[record.begins],
@@ -312,7 +313,7 @@ def _shows_misfit(begun: Start, joined: trajectory_fit.JoinedFit) -> bool:
     remaining = attempt(partial(_remaining, begun, joined.step.fit))
     condensed = joined.step.fit.record.condensed
     return isinstance(remaining, NoModel) or bool(
-        remaining[1].objection(condensed.names(begun.problem.states))
+        remaining[1].objections(condensed.names(begun.problem.states))
     )
 
 
@@ -344,43 +345,42 @@ def _with_coloured_noise(
     return replace(again, free=joined.free, path=path)
 
 
-def _objection(fit: ShootingFit, shown: Residue, penalty: float) -> tuple[str, bool]:
+def _objections(fit: ShootingFit, shown: Residue, penalty: float) -> tuple[list[Finding], bool]:
     """What speaks against a settled fit, and whether its model is near all the same.
 
     It is near where the residuals are those of noise and only an instrument is suspected: one sound
     recording in two hundred is, by design, and keeps its model with the suspicion.
     """
     causes = faults(fit, penalty)
-    misfit = shown.objection(fit.record.condensed.names(fit.record.problem.states))
+    misfit = shown.objections(fit.record.condensed.names(fit.record.problem.states))
     if misfit:
         excess = float(np.sum(shown.excess / fit.sigma**2))
         causes = [fault for fault in causes if fault.explains(excess)]
     is_fault = bool(causes) and not causes[0].or_model
-    named = _missing(fit, penalty) if (misfit or causes) and not is_fault else ""
-    named = [named] if named else [fault.cause for fault in causes[:1]]
-    return "; ".join(filter(None, [*named, misfit])), is_fault and not misfit
+    named = _missing(fit, penalty) if (misfit or causes) and not is_fault else []
+    named = named or [fault.cause for fault in causes[:1]]
+    return [*named, *misfit], is_fault and not misfit
 
 
-def _missing(fit: ShootingFit, penalty: float) -> str:
-    """The kind of term that explains most of what a fit leaves, in words; '' where none does, or no
-    work is left.
-    """
-    found = "" if is_spent() else attempt(partial(missing_kind, fit, penalty))
-    return "" if isinstance(found, NoModel) else found
+def _missing(fit: ShootingFit, penalty: float) -> list[Finding]:
+    """The kind of term that explains most of what a fit leaves, if any; none if no work is left."""
+    found = [] if is_spent() else attempt(partial(missing_kind, fit, penalty))
+    return [] if isinstance(found, NoModel) else found
 
 
-def _causes_of_none(fit: ShootingFit, penalty: float) -> list[str]:
-    """Why no model may follow the whole recording, in words; nothing where no work is left."""
+def _causes_of_none(fit: ShootingFit, penalty: float) -> list[Finding]:
+    """Why no model may follow the whole recording; nothing where no work is left."""
     if is_spent():
         return []
     if named := _missing(fit, penalty):
-        return [named]
+        return named
     over = np.maximum(1.0 - (fit.reference / fit.sigma) ** 2, 0.0)
     excess = float(np.sum(fit.record.condensed.rows * over))
     named = [fault.cause for fault in faults(fit, penalty) if fault.explains(excess)][:1]
-    if fit.misfit < trajectory_fit.CLOSE and FORCES not in named:
+    if fit.misfit < trajectory_fit.CLOSE and not any(each.code in FORCES for each in named):
         # a small fault does not keep the pieces from joining
-        named.append(f"followed in pieces, not as a whole: {FORCES}")
+        forces = FORCES[bool(fit.record.problem.inputs)]
+        named += [Finding.of(Code.FOLLOWED_IN_PIECES), Finding.of(forces)]
     return named
 
 
@@ -396,70 +396,73 @@ def _noise(fit: ShootingFit, remaining: np.ndarray) -> tuple[np.ndarray, dict[st
     return condensed.noise_told(fit.record.problem.states, np.sqrt(variance))
 
 
-def _free(begun: Start, objection: str) -> tuple[Outcome, bool]:
+def _free(begun: Start, objections: Findings) -> tuple[Outcome, bool]:
     """The model of free motion of several coordinates, less its further modes and between events.
     If no model follows it to the noise, it is the linear one of its modes. Where free motion has
     none of that, no random force is asked after.
     """
     if is_of_one_coordinate(begun.recordings):  # which was asked before all else
-        return NoModel(objection), False
+        return NoModel(objections), False
     motion = motion_of(begun.recordings)
     if not (motion.is_linear or motion.kind == Kind.DECAYING):
-        return NoModel(objection), False
-    found: Outcome = NoModel(objection)
+        return NoModel(objections), False
+    found: Outcome = NoModel(objections)
     if motion.further or motion.findings:
         alone = attempt(partial(begin, begun.problem, without_further_modes(motion)))
-        found = alone if isinstance(alone, NoModel) else _follow(alone, objection)[0]
+        found = alone if isinstance(alone, NoModel) else _follow(alone, objections)[0]
     if isinstance(found, IdentifiedModel):
         return by([PATH], with_beside(found, motion)), True
     if motion.is_linear:
         found = linear_model(begun.problem, motion)
-    return (found, True) if isinstance(found, IdentifiedModel) else _near(begun, objection)
+    return (found, True) if isinstance(found, IdentifiedModel) else _near(begun, objections)
 
 
-def _in_forces(begun: Start, _: str) -> tuple[Outcome, bool]:
+def _in_forces(begun: Start, _: Findings) -> tuple[Outcome, bool]:
     """The model in random forces, and whether it is plain that these moved the system. An input at
     the wrong times leaves what looks like random forces, and is named.
     """
     found, is_sure = moved_at_random(begun.problem, begun.recordings, begun.period)
     if found is None:
-        return NoModel(""), False
-    late = _late(begun)
-    return found.doubted(f"{late}; {found.reason}") if late else found, is_sure
+        return NoModel(), False
+    return found.with_findings(*_late(begun)), is_sure
 
 
-def _near(begun: Start, objection: str) -> tuple[Outcome, bool]:
-    """The model that is near where none follows the data. objection: why none does."""
+def _near(begun: Start, objections: Findings) -> tuple[Outcome, bool]:
+    """The model that is near where none follows the data. objections: why none does."""
     late = _late(begun)  # a score test names a late input, but not by how much it is late
-    other = [clause for clause in objection.split("; ") if clause not in late]
-    objection = "; ".join(filter(None, [late, *other]))
-    return _from_any_rest(begun, partial(_near_data, objection=objection)), True
+    named = {each.subject for each in late}
+    other = (
+        each
+        for each in objections
+        if not (each.code == Code.INPUT_DELAYED and each.subject in named)
+    )
+    return _from_any_rest(begun, partial(_near_data, objections=(*late, *other))), True
 
 
-def _near_data(begun: Start, objection: str) -> Outcome:
+def _near_data(begun: Start, objections: Findings) -> Outcome:
     """The approximate model or, where inputs drive the motion, that whose free runs err least."""
     start = trajectory_fit.prepare(begun, begun.fit, STRETCH_PERIODS)
-    near = approximation(start, begun.penalty, objection)
+    near = approximation(start, begun.penalty, objections)
     if isinstance(near, NoModel):
         return near
     if begun.problem.inputs and near.status == "approximate":
-        runs = partial(free_run.free_runs, start.record, near, begun.penalty, objection)
+        runs = partial(free_run.free_runs, start.record, near, begun.penalty, objections)
         run = attempt(runs)
         if isinstance(run, IdentifiedModel):
             return by(["approximation", near.diagnostics["path"]], run)
     return by(["approximation"], near)
 
 
-def _late(begun: Start) -> str:
-    """Which inputs are late or early, in words, and by how much; '' where none is. One that is held
-    between its samples seems late by half of its step where it is taken for another.
+def _late(begun: Start) -> list[Finding]:
+    """Which inputs are late or early, and by how much. One that is held between its samples seems
+    late by half of its step where it is taken for another.
     """
     held = held_inputs(begun.problem, begun.recordings)
     late = {} if held else attempt(partial(delayed_inputs, begun))
-    clauses = [f"{name} is {DELAYED} the motion by {HALF_A_STEP}" for name in held]
+    found = [Finding.of(Code.INPUT_HELD, name) for name in held]
     if not isinstance(late, NoModel):
-        clauses += [f"{name} is {DELAYED} the motion by {s:.2g} s" for name, s in late.items()]
-    return "; ".join(clauses)
+        found += [Finding.of(Code.INPUT_DELAYED_BY, name, delay_s=s) for name, s in late.items()]
+    return found
 
 
 def shared_evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> dict:

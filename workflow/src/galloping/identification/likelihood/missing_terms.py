@@ -15,6 +15,7 @@ from galloping.functions import Function
 from galloping.identification.likelihood.elimination import eliminate
 from galloping.identification.likelihood.instrument import score
 from galloping.identification.likelihood.shooting import HUGE, ShootingFit, linearise
+from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
 from galloping.identification.selection import solve_support
 from galloping.polynomial import Exponents, alone, design_matrix, term_name, velocity_pairs
@@ -28,8 +29,8 @@ POINTS, DEGREE = 10, 5
 EXPLAINED = 0.5
 
 
-def missing_kind(fit: ShootingFit, penalty: float) -> str:
-    """One line on the kind of term that explains most of what a fit leaves, '' where none does.
+def missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
+    """Find the kind of term that explains most of what a fit leaves, if any.
 
     fit: in its chains. penalty: 2 ln N of N samples. Raises FloatingPointError where the fit
     diverges.
@@ -37,7 +38,7 @@ def missing_kind(fit: ShootingFit, penalty: float) -> str:
     record, problem = fit.record, fit.record.problem
     kinds = [kind for kind in _kinds(problem) if kind[1] not in problem.terms]
     if not kinds:
-        return ""
+        return []
     n, extra = len(problem.candidates), len(kinds)
     forces, given = _forces(fit, tuple(term for _, term in kinds)), record.condensed.inputs
     given = np.pad(given, ((0, 0), (0, DEGREE + 1 - given.shape[1]), (0, 0)))
@@ -68,11 +69,11 @@ def missing_kind(fit: ShootingFit, penalty: float) -> str:
     best = int(np.argmax(falls))
     excess = chi2 - float(np.sum(record.condensed.rows))
     if falls[best] < max(2.0 * penalty, EXPLAINED * excess):
-        return ""
+        return []
     equation, term = kinds[best]
     alike = [other for i, other in kinds if i == equation and other[-1][1:] == term[-1][1:]]
     said = " or ".join(term_name(own, problem.names) for own in alike)
-    return f"a term such as {said} is missing in d({problem.states[equation]})/dt"
+    return [Finding.of(Code.TERM_MISSING, problem.states[equation], term=said)]
 
 
 def _kinds(problem: Problem) -> Iterator[tuple[int, Exponents]]:

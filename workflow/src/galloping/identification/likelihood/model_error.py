@@ -5,7 +5,7 @@ have. How many terms the model deserves, how sure they are and what it predicts 
 stretches that were left out of the fit.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -16,7 +16,7 @@ from scipy.special import stdtrit
 from galloping.identification.answers import by, refused
 from galloping.identification.likelihood.elimination import eliminate_with_jumps, jump_covariance
 from galloping.identification.likelihood.fluctuation import chosen, fluctuating
-from galloping.identification.likelihood.further_modes import further_modes, modes_in_words
+from galloping.identification.likelihood.further_modes import further_modes, modes_beside
 from galloping.identification.likelihood.shooting import Record, ShootingFit
 from galloping.identification.likelihood.verdict import Near, approximate
 from galloping.identification.likelihood.weak_constraint import (
@@ -27,8 +27,9 @@ from galloping.identification.likelihood.weak_constraint import (
     white_misfit,
 )
 from galloping.identification.model import IdentifiedModel, NoModel, attempt
+from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
-from galloping.identification.selection import NOTHING_STANDS_OUT, added_deviation, solve_support
+from galloping.identification.selection import added_deviation, solve_support
 from galloping.identification.work import is_spent
 from galloping.intervals import NORMAL_95, QUANTILES_95
 from galloping.passes import passing
@@ -48,7 +49,7 @@ class Approximation:
     in all stretches, or, where the coefficients fluctuate, that of their means. residual:
     (n_windows, n_observed, n_rows) of forecasts over the segments of the fit, each from its
     beginning. price: of a term, in units of chi^2, at which the terms were chosen. path: how it was
-    found, in words.
+    found, in words. fluctuates: whether the coefficients are means of ones that fluctuate.
     """
 
     fit: ShootingFit | StretchFit
@@ -57,6 +58,7 @@ class Approximation:
     residual: np.ndarray
     price: float
     path: tuple[str, ...] = ()
+    fluctuates: bool = False
 
     @cached_property
     def forecast(self) -> np.ndarray:
@@ -93,44 +95,53 @@ class Approximation:
         return shares
 
 
-def approximation(start: ShootingFit, penalty: float, objection: str) -> IdentifiedModel | NoModel:
+def approximation(
+    start: ShootingFit, penalty: float, objections: Sequence[Finding]
+) -> IdentifiedModel | NoModel:
     """The most compact model whose forecasts are hardly worse than those of the best.
 
     start: in segments of some periods each, or fewer where it diverges sooner. penalty: worth of a
-    term in units of chi^2, were the model exact. objection: why no model of the library is right.
+    term in units of chi^2, were the model exact. objections: why no model of the library is right.
     Refused where its forecasts are no better than the mean of the data; none where no model can be
     integrated over a stretch.
     """
     made = _approximate(start, penalty)
     if isinstance(made, NoModel):
-        return NoModel(f"{objection}; {made.reason}")
+        return NoModel((*objections, *made.findings))
     record, condensed = made.fit.record, made.fit.record.condensed
     if not made.skill > 0.0:
-        nothing = f"{objection}; what comes near it predicts nothing"
-        return by(made.path, refused(record.problem, nothing))
-    if "fluctuating" in made.path:
-        objection += "; its linear coefficients fluctuate, as in gusts"
+        nothing = Finding.of(Code.PREDICTS_NOTHING)
+        return by(made.path, refused(record.problem, (*objections, nothing)))
+    if made.fluctuates:
+        objections = (*objections, Finding.of(Code.COEFFICIENTS_FLUCTUATE))
     residual = condensed.targets - record.predictions(made.fit.free, made.fit.starts)
-    reason = f"{objection}; forecasts over {record.stretch:.2g} s leave"
     spare = condensed.is_known | (condensed.counts > condensed.rows)  # else windows tell no noise
     noise = np.where(spare, np.sqrt(condensed.noise_variance), start.reference)
-    return stated(made, residual, noise, reason)
+    missed = Finding.of(Code.FORECASTS_MISS, span_s=record.stretch, share=0.0)
+    return stated(made, residual, noise, objections, missed)
 
 
 def stated(
-    made: Approximation, residual: np.ndarray, noise: np.ndarray, reason: str
+    made: Approximation,
+    residual: np.ndarray,
+    noise: np.ndarray,
+    objections: Sequence[Finding],
+    missed: Finding,
 ) -> IdentifiedModel:
     """The approximation as an identified model.
 
     residual: (n_windows, n_observed, n_rows) of its motion, in which further modes are looked for.
-    noise: (n_recordings, n_observed) of a sample. reason: a clause, to whose end the share of each
-    channel's motion is added that the model leaves. The diagnostics are the R2 of the forecasts
-    and these shares.
+    noise: (n_recordings, n_observed) of a sample. objections: why no model of the library is right.
+    missed: a finding that is made of each channel, with the share of its motion that the model
+    misses. The diagnostics are the R2 of the forecasts and these shares.
     """
     fit, record, condensed = made.fit, made.fit.record, made.fit.record.condensed
     problem, support = record.problem, fit.support
     shares = dict(zip(condensed.names(problem.states), made.error_shares, strict=True))
-    left = ", ".join(f"{share:.1%} of {name}" for name, share in shares.items())
+    misses = [
+        replace(missed, subject=name, data={**missed.data, "share": share})
+        for name, share in shares.items()
+    ]
     sigma, of_rates = condensed.noise_told(problem.states, noise)
     besides = further_modes(problem.states, condensed, residual)
     known = condensed.noise_variance  # zero where windows tell none
@@ -143,7 +154,7 @@ def stated(
     found = approximate(
         problem,
         Near(fit.free, support, errors, made.covariance, made.price),
-        f"{reason} {left}" + modes_in_words(besides),
+        (*objections, *misses, *modes_beside(besides)),
         initial_states=fit.starts[record.begins],
         sigma=sigma,
         chi2=float(np.sum(made.forecast[1]) / noise_power) if noise_power else np.inf,
@@ -211,7 +222,7 @@ def _of_price(
 ) -> Approximation | NoModel:
     """The model whose terms are worth a price, from another fit. most_jump: as of `_iterate`."""
     fit = _iterate(fit, misfit_of, price, most_jump)
-    return _judged(fit, price) if fit.support.any() else NoModel(NOTHING_STANDS_OUT)
+    return _judged(fit, price) if fit.support.any() else NoModel((Finding.of(Code.NO_TERM),))
 
 
 def _smallest(made: list[Approximation]) -> Approximation:
@@ -241,7 +252,7 @@ def _varying(fit: StretchFit, penalty: float) -> Approximation | None:
     found = attempt(partial(_judged, means, penalty))
     if isinstance(found, NoModel) or not found.skill > 0.0:
         return None
-    return replace(found, covariance=covariance, path=("fluctuating",))
+    return replace(found, covariance=covariance, path=("fluctuating",), fluctuates=True)
 
 
 def _iterate(

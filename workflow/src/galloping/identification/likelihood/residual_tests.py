@@ -8,6 +8,7 @@ from scipy.special import ndtri
 
 from galloping.arrays import TIME_ROUNDING
 from galloping.identification.likelihood.condense import Condensed
+from galloping.identification.observations import Code, Finding
 
 # Rate at which white noise raises an objection, by the highest of all its spectral lines or by a
 # sum of squares.
@@ -59,24 +60,24 @@ class Residue:
         """Whether the noise is correlated over a few samples, more than a model error explains."""
         return not self.noise_known and self.chi2 > max(MOST_COLOUR, self.chi2_allowed)
 
-    def objection(self, channels: list[str]) -> str:
-        """Why the fit must not be trusted, in one line, '' where it may.
+    def objections(self, channels: list[str]) -> list[Finding]:
+        """Find why the fit must not be trusted; nothing if it may.
 
         channels: names of the observed channels. Noise correlated over a few samples may have up
         to twice the power at the motion's frequencies.
         """
-        misfit = f"residual power at the motion's frequencies {self.band:.2f}"
-        if np.isfinite(self.chi2):
-            misfit = f"chi2/n {self.chi2:.2f}, {misfit}"
+        misfit, channel = {"band": self.band, "chi2": self.chi2}, channels[self.channel]
         if self.line > self.line_allowed:
-            shown = f"has a line at {self.frequency:.3g} Hz" if self.cycles > 2 else "drifts"
-            return f"model inadequate: the residual of {channels[self.channel]} {shown}; {misfit}"
+            if self.cycles > 2:
+                line = {"frequency_hz": self.frequency, **misfit}
+                return [Finding.of(Code.RESIDUAL_LINE, channel, **line)]
+            return [Finding.of(Code.RESIDUAL_DRIFTS, channel, **misfit)]
         if self.band > (MOST_COLOUR if self.coloured else self.band_allowed):
-            other = "noise correlated over a period, or " if self.coloured else ""
-            return f"{other}model inadequate: {misfit}"
+            code = Code.NOISE_CORRELATED if self.coloured else Code.RESIDUAL_POWER
+            return [Finding.of(code, **misfit)]
         if self.noise_known and self.chi2 > max(MOST_COLOUR, self.chi2_allowed):
-            return f"model inadequate, or noise larger than it was said to be: {misfit}"
-        return ""
+            return [Finding.of(Code.NOISE_EXCEEDS_KNOWN, chi2=self.chi2)]
+        return []
 
 
 def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period: float) -> Residue:

@@ -26,8 +26,9 @@ from galloping.identification.likelihood.trajectory_fit import (
     Step,
     with_noise,
 )
-from galloping.identification.model import NoModel, attempt
-from galloping.identification.selection import NOTHING_STANDS_OUT, Price, solve_support
+from galloping.identification.model import NoModel, Unsolved, attempt
+from galloping.identification.observations import Code
+from galloping.identification.selection import Price, solve_support
 from galloping.identification.work import is_spent
 from galloping.intervals import normal
 from galloping.taylor import at_points, integrate
@@ -49,7 +50,7 @@ def refined(joined: JoinedFit, price: Price) -> JoinedFit:
         found = attempt(partial(_settled, step, price))
         if not isinstance(found, NoModel) and found.fit.misfit < CLOSE:
             return JoinedFit(
-                joined.free, found, (*joined.path, "least of several minima"), True, ""
+                joined.free, found, (*joined.path, "least of several minima"), True, None
             )
     return joined
 
@@ -69,7 +70,7 @@ def _settled(step: Step, price: Price) -> Step:
         support = _chosen(step, price)
         if np.array_equal(support, step.fit.support):
             return step
-    raise FloatingPointError(NOTHING_STANDS_OUT)
+    raise Unsolved(Code.NO_TERM)
 
 
 def _chosen(step: Step, price: Price) -> np.ndarray:

@@ -21,11 +21,13 @@ from galloping.identification.likelihood.shooting import (
     linearise,
     residuals,
 )
+from galloping.identification.model import Unsolved, finding_of
+from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.rate_channels import channel_noise, channels
 from galloping.identification.preparation.smoothing import Smooth
 from galloping.identification.preparation.weak_form import Start, WeakFit
-from galloping.identification.selection import NOTHING_STANDS_OUT, Price
-from galloping.identification.work import ENDED, is_spent
+from galloping.identification.selection import Price
+from galloping.identification.work import is_spent
 from galloping.passes import passing
 from galloping.polynomial import design_matrix, velocity_pairs
 from galloping.recording import Recording
@@ -37,7 +39,6 @@ PERIODS_PER_SEGMENT = 6  # short enough for a rough start to converge from
 CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
 MOST_PASSES = 20  # with joined segments
 CONVERGED = 0.01  # squared length of a step, in standard deviations: errors grow by half a percent
-DIVERGES = "no model found that follows the data: the iteration diverges"
 
 
 @dataclass(frozen=True)
@@ -73,14 +74,14 @@ class JoinedFit:
 
     free: the last step in free segments. step: the last step of all, with a quadratic model of
     chi^2. path: the stages, in words. settled: whether the iteration converged with the same terms.
-    objection: why the fit does not follow the data, '' where it does.
+    objection: why the fit does not follow the data, None where it does.
     """
 
     free: Step
     step: Step
     path: tuple[str, ...]
     settled: bool
-    objection: str
+    objection: Finding | None
 
     @property
     def misfit(self) -> float:
@@ -164,7 +165,7 @@ def prepare(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
     length = max(round(windows * periods), 2)
     for _ in range(MOST_HALVINGS):
         if is_spent():
-            raise FloatingPointError(ENDED)
+            raise Unsolved(Code.LIMIT_OF_WORK)
         kinked = problem.tables.n_kinks > 0
         condensed = condense(times, sampled, observed, period / windows, is_rate, known, kinked)
         if problem.inputs:
@@ -267,7 +268,7 @@ def join(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
             step = guarded_step(step.before, step.fit, longest, of_pass)
             unchanged = np.array_equal(step.fit.support, step.before.support)
             if times == 1.0 and not step.fit.support.any():
-                raise FloatingPointError(NOTHING_STANDS_OUT)
+                raise Unsolved(Code.NO_TERM)
             was_whole = whole or chain >= count
             # the gap is that before the step, which leaves about its square, 1e-6 of each state
             converged = step.decrement < CONVERGED and step.gap < 1e-3 and times == 1.0
@@ -278,11 +279,11 @@ def join(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
             if not whole:
                 chain = count if unchanged else 4 * chain
     except FloatingPointError as error:
-        return JoinedFit(free, step, ("left",), False, str(error))
+        return JoinedFit(free, step, ("left",), False, finding_of(error))
     misfit = step.fit.misfit
     follows = settled or (unseen and was_whole and misfit < CLOSE)
-    what = "follows the data" if misfit > CLOSE else "is preferred by the data"
-    objection = "" if follows else f"no model found that {what}: chi2/n {misfit:.3g}"
+    code = Code.NOT_FOLLOWED if misfit > CLOSE else Code.NOT_PREFERRED
+    objection = None if follows else Finding.of(code, chi2=misfit)
     return JoinedFit(free, step, ("settled" if settled else "unsettled",), settled, objection)
 
 
@@ -298,7 +299,7 @@ def guarded_step(
     passing("follow the recording in segments")
     for _ in range(MOST_HALVINGS):
         if is_spent():
-            raise FloatingPointError(ENDED)
+            raise Unsolved(Code.LIMIT_OF_WORK)
         try:
             step = _gauss_newton(fit, longest, price)
             if step.fit.misfit < CLOSE or step.fit.chi2 < 1.5 * fit.chi2:
@@ -308,7 +309,7 @@ def guarded_step(
         free, starts = (previous.free + fit.free) / 2.0, (previous.starts + fit.starts) / 2.0
         support = previous.support | fit.support
         fit = replace(previous, record=fit.record, free=free, support=support, starts=starts)
-    raise FloatingPointError(DIVERGES)
+    raise Unsolved(Code.ITERATION_DIVERGES)
 
 
 def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) -> Step:

@@ -1,6 +1,6 @@
 """The verdict on a set of terms, and the identified model that carries it: decided here alone."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -9,6 +9,7 @@ from scipy.special import chdtri
 
 from galloping.identification.likelihood.repetition import Followed, only_repeats
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.observations import Code, Finding, as_warnings
 from galloping.identification.plausible import (
     MISS_RATE,
     Plausible,
@@ -19,7 +20,6 @@ from galloping.identification.plausible import (
 )
 from galloping.identification.problem import MOST_SURPRISE, Problem
 from galloping.identification.selection import (
-    NOTHING_STANDS_OUT,
     Whitened,
     added_deviation,
     solve_support,
@@ -27,6 +27,7 @@ from galloping.identification.selection import (
     told_of_mixtures,
     whiten,
 )
+from galloping.identification.status import status_of
 from galloping.intervals import normal
 
 # Weight that the plausible supports without one of the terms found may have together: at most one
@@ -41,7 +42,6 @@ MOST_HIDDEN, MOST_BALANCED = 0.25, 2.0
 # than ten of one (docs/identification_parts.csv).
 MOST_MIXED = 12.0
 RIVALS = 40  # drawn, to be told with a model
-REPEATS = "the motion only repeats, and other equations have the same limit cycle"
 FOLLOW = ("ok", "not identifiable")  # of models that follow the data to the noise
 
 
@@ -81,7 +81,7 @@ class Near:
 def judged(
     problem: Problem,
     regression: Regression,
-    doubt: str = "",
+    doubts: Sequence[Finding] = (),
     followed: Sequence[Followed] = (),
     period: float = np.inf,
     **fitted: object,
@@ -90,22 +90,22 @@ def judged(
 
     `ok` claims: the terms found are right, every absent term is smaller than its stated limit, and
     no simple term that matters may hide. Where another term may hide, or where the prior settled
-    which terms there are and the data alone would not, the reason of the `ok` says so. Intervals
+    which terms there are and the data alone would not, a finding of the `ok` says so. Intervals
     and limits are those of the data alone.
 
-    doubt: why the terms are not settled, '' where they are. followed: the recordings, of which it
-    is asked whether their motion only repeats; none where derivatives were measured. period: s, the
-    shortest of the motion. fitted: initial_states, sigma, chi2 and diagnostics, as in
+    doubts: why the terms are not settled, none where they are. followed: the recordings, of which
+    it is asked whether their motion only repeats; none where derivatives were measured. period: s,
+    the shortest of the motion. fitted: initial_states, sigma, chi2 and diagnostics, as in
     `IdentifiedModel`.
     """
     support, penalty = regression.support, regression.penalty
     information, right, about = regression.information, regression.right, regression.about
     free, covariance = problem.solve(information, right, support, about)
     free = free + about
-    reason, told = NOTHING_STANDS_OUT, ""
+    findings, notes = [Finding.of(Code.NO_TERM)], []
     errors = added_deviation(information, support)
     if support.any():
-        ruled_out, contradiction = beyond_bounds(problem, regression)
+        ruled_out, contradicted = beyond_bounds(problem, regression)
         allowed = np.where(np.logical_or.outer(ruled_out, ruled_out), 0.0, information)
         whitened = whiten(allowed, np.where(ruled_out, 0.0, right), problem.chosen_about(about))
         plausible = plausible_supports(whitened, support)
@@ -115,26 +115,25 @@ def judged(
         # of another term than a simple one that is imitated altogether `unseen_mixture` speaks
         asked = np.where(simple | np.isfinite(limits), limits, 0.0)
         most = np.where(simple, MOST_HIDDEN, MOST_BALANCED)
-        missing = hidden(asked, regression.largest, most, "may be missing: the data would not show")
+        missing = hidden(asked, regression.largest, most, Code.TERM_MAY_BE_MISSING)
         questions = open_questions(problem, whitened, believed)
         mixed = unseen_mixture(regression.information, regression.largest)
-        reason = "; ".join(filter(None, [contradiction, doubt, questions, missing, mixed]))
-        told = hidden(limits, regression.largest, MOST_HIDDEN, "would not show, were it")
+        findings = [*contradicted, *doubts, *questions, *missing, *mixed]
+        notes = hidden(limits, regression.largest, MOST_HIDDEN, Code.TERM_MAY_HIDE)
         share, rival = _rival(problem, plausible)
         if problem.prior and share > MOST_RIVAL_WEIGHT:
-            prior = f"the data alone cannot tell {rival}; the prior prefers the simpler terms"
-            told = "; ".join(filter(None, [prior, told]))
+            notes = [Finding.of(Code.PRIOR_DECIDES, **rival), *notes]
         errors = unconditional_errors(plausible, errors)
         fitted |= _rivals(problem, regression, believed)
     model = problem.model(free)
     if followed and only_repeats(model, followed, period):
-        reason = "; ".join(filter(None, [REPEATS, reason]))
+        findings = [Finding.of(Code.MOTION_REPEATS), *findings]
     conditional = np.full(len(support), np.nan)
     conditional[support] = np.sqrt(np.diag(covariance))
     return IdentifiedModel(
         model=model,
-        status="not identifiable" if reason else "ok",
-        reason=reason or told,
+        status=status_of(findings),
+        findings=tuple(findings or notes),
         standard_errors=problem.on_library(conditional, fixed=0.0),
         unconditional_errors=problem.on_library(errors, fixed=0.0),
         detection_limits=problem.on_library(detection_limits(errors, support, penalty)),
@@ -144,15 +143,18 @@ def judged(
     )
 
 
-def approximate(problem: Problem, near: Near, reason: str, **fitted: object) -> IdentifiedModel:
+def approximate(
+    problem: Problem, near: Near, findings: Iterable[Finding], **fitted: object
+) -> IdentifiedModel:
     """The identified model where no model of the library is right, `approximate`. It claims no more
-    than how far it is from the data, which `reason` says. fitted: as of `judged`.
+    than how far it is from the data, which is among the findings. fitted: as of `judged`.
     """
+    findings = as_warnings(findings)
     limits = detection_limits(near.errors, near.support, near.price)
     return IdentifiedModel(
         model=problem.model(near.free),
-        status="approximate",
-        reason=reason,
+        status=status_of(findings),
+        findings=findings,
         standard_errors=problem.on_library(np.where(near.support, near.errors, np.nan), fixed=0.0),
         detection_limits=problem.on_library(limits),
         covariance=problem.of_model(near.covariance, near.support),
@@ -179,12 +181,11 @@ def _rivals(problem: Problem, regression: Regression, believed: Plausible) -> di
     return {"rivals": np.array(drawn), "rival_share": share}
 
 
-def beyond_bounds(problem: Problem, regression: Regression) -> tuple[np.ndarray, str]:
-    """The absent terms that would come with a coefficient beyond its bounds, (n,) boolean, and one
-    line on coefficients that the recording alone would put there for certain, '' where there is
-    none.
+def beyond_bounds(problem: Problem, regression: Regression) -> tuple[np.ndarray, list[Finding]]:
+    """The absent terms that would come with a coefficient beyond its bounds, (n,) boolean, and the
+    coefficients that the recording alone would put there for certain.
     """
-    ruled_out, clauses = np.zeros(len(regression.support), bool), []
+    ruled_out, contradicted = np.zeros(len(regression.support), bool), []
     lower, upper = problem.box
     for k in np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)):
         among = regression.support.copy()
@@ -195,13 +196,13 @@ def beyond_bounds(problem: Problem, regression: Regression) -> tuple[np.ndarray,
         ruled_out[k] = off > 0.0 and not regression.support[k]
         error = np.sqrt(covariance[among[:k].sum(), among[:k].sum()])
         if off > MOST_SURPRISE * error > 0.0:
-            said = f"above {lower[k]:.3g}" if value < lower[k] else f"below {upper[k]:.3g}"
-            clauses.append(
-                f"{problem.named([k])} is {value:.3g} ± {error:.2g}, and {said} was said"
-            )
-    if not clauses:
-        return ruled_out, ""
-    return ruled_out, f"the recording contradicts what was known: {', '.join(clauses)}"
+            contradicted.append(
+                Finding.of(
+                    Code.BOUNDS_CONTRADICTED, problem.states[problem.candidates[k, 0]],
+                    term=problem.named([k]), value=value, least=lower[k], most=upper[k],
+                )
+            )  # fmt: skip
+    return ruled_out, contradicted
 
 
 def agree(found: list[IdentifiedModel]) -> bool:
@@ -226,22 +227,20 @@ def best_of(found: list[IdentifiedModel]) -> IdentifiedModel:
 
     best = min(found, key=order)
     if best.status == "ok" and sum(one.status in FOLLOW for one in found) < 2:
-        return best.doubted(
-            "displacements are not measured, and one alone of several starts leads to a model"
-        )
+        return best.with_findings(Finding.of(Code.SINGLE_START))
     return best
 
 
-def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -> str:
-    """One line on why the terms found are not settled, '' where they are.
+def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -> list[Finding]:
+    """Find why the terms found are not settled.
 
     The terms are not settled where the plausible supports that lack any of them weigh more than
     MOST_RIVAL_WEIGHT together, or where an absent term, or a pair, improves the fit more than noise
     does, yet less than selection asks.
     """
-    share, told = _rival(problem, plausible)
-    reasons = [f"the data cannot tell {told}; supports without a term found weigh {share:.2g}"]
-    reasons = reasons if share > MOST_RIVAL_WEIGHT else []
+    share, rival = _rival(problem, plausible)
+    found = [Finding.of(Code.RIVAL_TERMS, share=share, **rival)]
+    found = found if share > MOST_RIVAL_WEIGHT else []
     here = tableau(whitened, plausible.supports[0])
     alone = np.arange(len(here.out))[None]
     for places, falls in ((alone, here.additions()), (here.two, here.pairs())):
@@ -249,10 +248,8 @@ def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -
         # all pairs; with 0.005, 55 of 1,000 models were doubted for it alone, 5 wrong
         if len(falls) and falls.max() > chdtri(len(places), 0.001 / len(falls)):
             added = problem.named(here.out[places[:, np.argmax(falls)]])
-            reasons.append(
-                f"{added} is plausible, below the limit of selection (chi2 {-falls.max():+.1f})"
-            )
-    return "; ".join(reasons)
+            found.append(Finding.of(Code.TERM_PLAUSIBLE, terms=added, chi2=-falls.max()))
+    return found
 
 
 def is_simple(problem: Problem, support: np.ndarray) -> np.ndarray:
@@ -264,18 +261,15 @@ def is_simple(problem: Problem, support: np.ndarray) -> np.ndarray:
     return degrees <= np.maximum(simplest, 1)
 
 
-def unseen_mixture(information: np.ndarray, largest: np.ndarray) -> str:
-    """One line on a mixture of terms that may be there unseen, far larger than its equations, ''
-    where there is none, or where rounding hides whether there is. Arguments as of
-    `told_of_mixtures`, of all candidates.
+def unseen_mixture(information: np.ndarray, largest: np.ndarray) -> list[Finding]:
+    """Find whether a mixture of terms may be there unseen, far larger than its equations; nothing
+    is found if rounding hides whether there is. Arguments as of `told_of_mixtures`, of all
+    candidates.
     """
     told = told_of_mixtures(information, largest)
     if max(told[0], len(told) * np.finfo(float).eps * told[-1]) * MOST_MIXED**2 > 1.0:
-        return ""
-    return (
-        "many terms may be there, balanced by others: the data would not show a mixture of terms "
-        f"over {MOST_MIXED:g} times as large as its equations"
-    )
+        return []
+    return [Finding.of(Code.MIXTURE_MAY_HIDE, times=MOST_MIXED)]
 
 
 def hidden_term(
@@ -284,27 +278,23 @@ def hidden_term(
     limits: np.ndarray,
     largest: np.ndarray,
     most: np.ndarray | float,
-    words: str,
-) -> str:
-    """One line on the absent term that may be there unseen though it matters, '' where there is
-    none.
+    code: Code,
+) -> list[Finding]:
+    """Find the absent term that may be there unseen though it matters, if any.
 
     limits: (n,) of `detection_limits`, the prior counted. largest: (n,) as in `problem.largest`.
-    most: (n,) share of its equation from which each may not go unseen. words: between the term and
-    how much of its equation it may be.
+    most: (n,) share of its equation from which each may not go unseen. code: of the finding.
     """
     share = np.where(support, 0.0, limits / np.maximum(largest, np.finfo(float).tiny))
     k = int(np.argmax(share / most))
     if share[k] < np.broadcast_to(most, len(share))[k]:
-        return ""
-    percent = f"{100.0 * share[k]:.0f} % of"
-    much = percent if share[k] < 1.0 else "all of" if share[k] < 2.0 else "many times"
-    return f"{problem.named([k])} {words} {much} its equation"
+        return []
+    return [Finding.of(code, term=problem.named([k]), share=share[k])]
 
 
-def _rival(problem: Problem, plausible: Plausible) -> tuple[float, str]:
+def _rival(problem: Problem, plausible: Plausible) -> tuple[float, dict[str, float | str]]:
     """The weight of all supports that lack any of the terms found, and the difference of the
-    heaviest of these supports, in words.
+    heaviest of these supports, as data of a finding.
     """
     support = plausible.supports[0]
     lacking = np.where(plausible.supports[:, support].all(axis=1), 0.0, plausible.weight)
@@ -312,4 +302,4 @@ def _rival(problem: Problem, plausible: Plausible) -> tuple[float, str]:
     other, rise = plausible.supports[rival], plausible.chi2[rival] - plausible.chi2[0]
     gone = problem.named(np.flatnonzero(support & ~other))
     instead = problem.named(np.flatnonzero(other & ~support)) or "nothing"
-    return float(lacking.sum()), f"{gone} from {instead} (chi2 {rise:+.1f})"
+    return float(lacking.sum()), {"terms": gone, "rivals": instead, "chi2": float(rise)}

@@ -13,6 +13,7 @@ from galloping.identification.inputs import asked, checked_recordings, while_dri
 from galloping.identification.likelihood.repetition import Followed
 from galloping.identification.likelihood.verdict import Regression, judged
 from galloping.identification.model import IdentifiedModel, NoModel, Unusable, attempt
+from galloping.identification.observations import Code
 from galloping.identification.preparation.weak_form import MOST_MISFIT, Start, begin
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
@@ -42,7 +43,7 @@ def weak_gls(
         begun = start or begin(problem, used)
         fit, more = begun.fit, max(begun.fit.misfit, 1.0)
         if fit.misfit >= MOST_MISFIT:
-            raise Unusable(f"model inadequate or noise correlated: misfit {fit.misfit:.2f}")
+            raise Unusable(Code.WEAK_MISFIT, misfit=fit.misfit)
         system = fit.information / more, fit.right / more
         found = judged(
             problem,
@@ -59,4 +60,4 @@ def weak_gls(
         return with_alias_rivals(problem, with_inputs(found, recordings, used))
 
     found = attempt(search)
-    return refused(problem, found.reason) if isinstance(found, NoModel) else found
+    return refused(problem, found.findings) if isinstance(found, NoModel) else found

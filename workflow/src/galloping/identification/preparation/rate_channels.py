@@ -12,6 +12,7 @@ from numpy.polynomial.legendre import legvander
 
 from galloping.arrays import TIME_ROUNDING, first_from
 from galloping.identification.model import Unusable
+from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import (
     DRIFT_DEGREE,
     Smooth,
@@ -95,7 +96,7 @@ def without_offsets(
         if unknown is not None and unknown[k]:
             good = inside & np.isfinite(difference[:, k])
             if good.sum() <= 10 * (DRIFT_DEGREE + 1):
-                raise Unusable(f"the offset of d{recording.states[k]} cannot be told")
+                raise Unusable(Code.OFFSET_UNDETERMINED, recording.states[k])
             fitted = slow @ np.linalg.lstsq(slow[good], difference[good, k], rcond=None)[0]
             rates[:, k] -= fitted
             difference[:, k] -= fitted
@@ -117,10 +118,8 @@ def _scaled(recording: Recording, period: float) -> Recording:
         velocity, order = (pairs[int(k)], 2) if int(k) in pairs else (int(k), 1)
         own, other = _weak(recording.time, values[:, k], rates[:, velocity], order, period)
         if len(own) < 20:  # as many tell a scale to a few percent
-            raise Unusable(
-                f"the scale of {recording.states[k]} cannot be told: no channel of known scale "
-                f"measures d{recording.states[velocity]}"
-            )
+            rate = f"d{recording.states[velocity]}"
+            raise Unusable(Code.SCALE_UNDETERMINED, recording.states[k], rate=rate)
         scale = np.polyfit(other, own, 1)[0]  # the constant is the offset of the rate
         values[:, k] /= scale
         if noise is not None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from galloping.arrays import TIME_ROUNDING, round_down
 from galloping.identification.model import Unusable
+from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import (
     GRID_PER_PERIOD,
     Smooth,
@@ -106,7 +107,7 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
         left = np.isfinite(recording.values).sum(axis=0)
         for name, was, now in zip(recording.states, before, left, strict=True):
             if now < 0.9 * was:
-                raise Unusable(f"more than a tenth of the samples of {name} are outliers")
+                raise Unusable(Code.OUTLIERS, name)
         smoothed = smooth(recording, period)
 
 

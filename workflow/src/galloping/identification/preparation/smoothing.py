@@ -18,6 +18,7 @@ from scipy.linalg import solveh_banded
 
 from galloping.arrays import TIME_ROUNDING, round_up
 from galloping.identification.model import Unusable
+from galloping.identification.observations import Code
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording, on_grid
 
@@ -96,7 +97,7 @@ def shortest_period(recordings: list[Recording]) -> float:
                 bin_ = 1 + int(np.searchsorted(total, 0.95 * total[-1]))
                 highest = max(highest, bin_ / (time[-1] - time[0]))
     if highest == 0.0:
-        raise Unusable("no channel varies above its noise")
+        raise Unusable(Code.NO_MOTION)
     return 1.0 / highest
 
 
@@ -149,7 +150,7 @@ def _curves(
             derived[velocity] = i
     for i in np.setdiff1d(np.arange(len(counts)), np.concatenate([[], *curves])):
         if counts[i] < LEAST_SAMPLES:
-            raise Unusable(f"state {recording.states[i]} is not measured, nor its integral")
+            raise Unusable(Code.NOT_MEASURED, recording.states[i])
         curves.append([i])
     return curves, derived
 
@@ -186,8 +187,7 @@ def _fit(
         try:
             coefficients = solveh_banded(bands, right, lower=True)
         except np.linalg.LinAlgError as error:
-            what = recording.states[curve[0]]
-            raise Unusable(f"{what} is not free of gaps for long enough to be told") from error
+            raise Unusable(Code.GAPS, recording.states[curve[0]]) from error
         for k in np.flatnonzero(count):
             there = good[:, k]
             gap = values[there, k] - _evaluated(place[there], coefficients, k, spacing, basis)

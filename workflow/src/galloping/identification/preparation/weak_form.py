@@ -17,6 +17,7 @@ from scipy.linalg import lapack
 
 from galloping.arrays import round_down
 from galloping.identification.model import Unusable
+from galloping.identification.observations import Code
 from galloping.identification.preparation.rate_channels import without_offsets
 from galloping.identification.preparation.screening import prepared
 from galloping.identification.preparation.smoothing import GRID_PER_PERIOD, Smooth
@@ -66,7 +67,7 @@ def whitened_weak_form(
         bands = _covariance(problem, smooth, coefficients, usable, keep)
         factor, info = lapack.dpbtrf(bands, lower=1)
         if info:
-            raise Unusable("the covariance of the weak form is not positive definite")
+            raise FloatingPointError("the covariance of the weak form is not positive definite")
         flat = rows.reshape(len(rows), -1).T
         white, _ = lapack.dtbtrs(factor, flat, uplo="L", overwrite_b=1)
     return white[:, :-1], white[:, -1]
@@ -195,7 +196,7 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
         if coefficients is not None:
             support = problem.select(information, right, [every], penalty)
         if not np.any(np.diag(information)):
-            raise Unusable("no stretch of a period of the recordings is free of gaps")
+            raise Unusable(Code.GAPS_EVERYWHERE)
         free, _ = problem.solve(information, right, support)
         coefficients = problem.coefficients(free)
     misfit = (total - float(free @ right)) / max(n_rows - int(support.sum()), 1)
@@ -279,11 +280,11 @@ def _check_functions(problem: Problem, smoothed: list[Smooth]) -> None:
         name = term_name((*alone(-1, len(problem.states)), own), problem.states)
         if own.name == "inverse" and len(argument) and argument.min() <= 0.0 <= argument.max():
             about = own.argument_text(problem.states)
-            raise Unusable(f"{name} is not finite: the recorded motion takes {about} through zero")
+            raise Unusable(Code.TERM_INFINITE, name, argument=about)
         with np.errstate(over="ignore"):
             finite = np.isfinite(own(states)).all()
         if not finite:
-            raise Unusable(f"{name} leaves the range of numbers along the recorded motion")
+            raise Unusable(Code.TERM_OVERFLOWS, name)
 
 
 def rough_fit(start: Start) -> WeakFit:

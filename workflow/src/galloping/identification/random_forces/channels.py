@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from galloping.identification.model import Unusable
+from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import without_drift
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
@@ -103,4 +104,4 @@ class Channels:
             if state in held:
                 place = held.index(state) + (len(self.values) if held is self.rates else 0)
                 return seen[place] / rates**times
-        raise Unusable(f"no channel measures {self.states[i]}, its rate or its acceleration")
+        raise Unusable(Code.NOT_SENSED, self.states[i])

@@ -13,6 +13,7 @@ from galloping.arrays import one_thread
 from galloping.identification.answers import beside_known, by, on_terms_of, refused, with_inputs
 from galloping.identification.inputs import while_driven
 from galloping.identification.model import IdentifiedModel, NoModel, attempt
+from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.screening import prepared
 from galloping.identification.problem import Problem
 from galloping.identification.random_forces.fitting import ForcedFit
@@ -26,7 +27,7 @@ from galloping.identification.random_forces.several_modes import (
 )
 from galloping.identification.random_forces.start import wavers
 from galloping.identification.random_forces.verdict_in_forces import judged
-from galloping.identification.work import ENDED, MOST, limited
+from galloping.identification.work import MOST, limited
 from galloping.polynomial import has_functions, velocity_pairs
 from galloping.recording import Recording
 
@@ -41,7 +42,7 @@ def random_forces(
 
     forced: names of the coordinates or of the states in whose equations a force acts, none for all
     that are sought.
-    Of more modes than coordinates the model is that of the slowest, and the reason says what was
+    Of more modes than coordinates the model is that of the slowest, and a finding says what was
     left out. The status is `ok`, `approximate` where what is left is no white noise, or `refused`;
     the covariance of the forces is in `forces`. Raises ValueError for a name that is none.
     """
@@ -61,7 +62,7 @@ def random_forces(
 
     found = attempt(search)
     if isinstance(found, NoModel):
-        return by(["random forces"], refused(problem, found.reason))
+        return by(["random forces"], refused(problem, found.findings))
     return found
 
 
@@ -72,7 +73,7 @@ def _identified(problem: Problem, *question: object) -> IdentifiedModel | NoMode
     """
     polynomial, places = problem.without(has_functions), list(map(has_functions, problem.terms))
     if problem.known[:, places].any() or problem.precision[:, places].any():
-        return NoModel("random forces beside known terms with functions are not modelled")
+        return NoModel((Finding.of(Code.FORCES_BESIDE_FUNCTIONS),))
     found = attempt(partial(fit_in_forces, polynomial, *question))
     return found if isinstance(found, NoModel) else on_terms_of(problem, judged(found))
 
@@ -178,20 +179,21 @@ def _on_trial(
     """
     with limited(recordings, TRIAL_BESIDE_INPUTS if problem.inputs else TRIAL) as work:
 
-        def doubt(fit: ForcedFit) -> str:
+        def doubts(fit: ForcedFit) -> list[Finding]:
             channels, left = fit.posed.channels, fit.left
             unseen = set(channels.pairs) - set(channels.values)
             if unseen and not fit.posed.tracker(fit.model).is_linear:
-                return "beside such terms forces imitate displacements that nothing measures"
+                # beside such terms forces imitate displacements that nothing measures
+                return [Finding.of(Code.FORCES_UNDETERMINED)]
             if work.ended:
-                return ENDED
+                return [Finding.of(Code.LIMIT_OF_WORK)]
             # beside inputs other models are near as well
             near = left.nearly and not (problem.inputs and left.relevant)
             will_do = near or (for_lack_of_others and left.partly)
-            return "" if will_do else left.in_words(channels.names)
+            return [] if will_do else [left.finding(channels.names)]
 
         question = recordings, period, problem.unknown, besides
-        return _identified(problem, *question, wavers(recordings, period), doubt)
+        return _identified(problem, *question, wavers(recordings, period), doubts)
 
 
 def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]:

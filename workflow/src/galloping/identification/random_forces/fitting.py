@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from galloping.identification.model import Unsolved
 from galloping.identification.random_forces.forced_problem import (
     ForcedModel,
     ForcedProblem,
@@ -211,7 +212,9 @@ def fitted(
     step = np.full(len(vector), FIRST_STEP)
     here, damping = of(vector), FIRST_DAMPING
     if not np.isfinite(here.log_likelihood):
-        raise FloatingPointError(here.objection or "the filter of its start loses all digits")
+        if here.objection:
+            raise Unsolved.of(here.objection)
+        raise FloatingPointError("the filter of its start loses all digits")
     slopes = _slopes(of, vector, here, step)
     first = slopes[parameters.places["coefficients"]]
     told = np.einsum("ijk,ijk->i", first, first) > UNTOLD
@@ -252,7 +255,7 @@ def _slopes(
         unit[j] = h
         moved = of(vector + unit)
         if moved.objection:
-            raise FloatingPointError(moved.objection)
+            raise Unsolved.of(moved.objection)
         with np.errstate(all="ignore"):  # of a variance that is none
             slopes[j, 0] = (moved.innovations - here.innovations)[known] / h / root
             slopes[j, 1] = np.log(moved.variances[known] / here.variances[known]) / h / np.sqrt(2.0)

@@ -7,7 +7,8 @@ from itertools import product
 
 import numpy as np
 
-from galloping.identification.model import NoModel, Unusable, attempt
+from galloping.identification.model import NoModel, Unsolved, Unusable, attempt
+from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import Resonance
 from galloping.identification.problem import Problem
 from galloping.identification.random_forces.channels import Channels
@@ -26,7 +27,7 @@ from galloping.identification.random_forces.tracking import (
     Tracker,
     sizes,
 )
-from galloping.identification.work import ENDED, is_spent
+from galloping.identification.work import is_spent
 from galloping.modes import Modes
 from galloping.passes import passing
 from galloping.polynomial import design_matrix
@@ -61,7 +62,7 @@ class Innovations:
     """
 
     parts: tuple[FilterResult, ...]
-    objection: str = ""
+    objection: Finding | None = None
 
     @cached_property
     def innovations(self) -> np.ndarray:
@@ -185,7 +186,7 @@ class ForcedProblem:
         known, right = np.zeros((n, n)), np.zeros(n)
         for one in self.data:
             if is_spent():
-                raise FloatingPointError(ENDED)
+                raise Unsolved(Code.LIMIT_OF_WORK)
             filtered, slopes = tracker.extended(one, candidates, terms)
             told = np.isfinite(filtered.innovations) & (filtered.variances > 0.0)
             root = np.sqrt(filtered.variances[told])
@@ -203,7 +204,7 @@ class ForcedProblem:
         tracker = self.tracker(model)
         parts = attempt(lambda: [tracker.over(one) for one in self.data])
         if isinstance(parts, NoModel):
-            return Innovations((), parts.reason)
+            return Innovations((), parts.findings[0])
         return Innovations((*parts, *self._expected(model)))
 
     def _expected(self, model: ForcedModel) -> list[FilterResult]:
@@ -228,9 +229,9 @@ def begun(
     channels = Channels.of(recordings)
     pairs = channels.pairs
     if set(problem.unknown) - set(pairs.values()) or 2 * len(pairs) < len(problem.states):
-        raise Unusable("random forces are told of coordinates X and their velocities dX only")
+        raise Unusable(Code.FORCES_UNDETERMINED)
     if besides and len(forced) < len(pairs):
-        raise Unusable("modes beside those of the coordinates are moved by forces in all equations")
+        raise Unusable(Code.FORCES_UNDETERMINED)
     step, grids = on_grids(recordings)
     period, factors = shortest(recordings), _factors(problem, recordings)
     posed = _posed(problem, recordings, forced, period, factors)
@@ -252,7 +253,7 @@ def begun(
             found.append((kind.filtered(model).log_likelihood, kind, model))
     found = sorted(filter(lambda each: np.isfinite(each[0]), found), key=lambda each: -each[0])
     if not found:
-        raise Unusable("its correlations tell no oscillation of every coordinate")
+        raise Unusable(Code.NO_OSCILLATION)
     best = found[0][1]
     return best, [model for _, kind, model in found if kind is best]
 

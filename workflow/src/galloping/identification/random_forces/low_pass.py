@@ -1,11 +1,11 @@
 """What is faster than a frequency is taken out of recordings, whose white noise stays white."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
-from galloping.identification.model import IdentifiedModel, Unusable, attempt
+from galloping.identification.model import IdentifiedModel, Unusable
+from galloping.identification.observations import Code
 from galloping.recording import INTERPOLATED, Recording
 
 # Width of the filter's edge, in the frequency in its middle: a wider edge parts close modes less, a
@@ -29,10 +29,14 @@ def as_modelled(found: IdentifiedModel, recordings: list[Recording]) -> list[Rec
 
 def what_is_left(recordings: list[Recording], below: float) -> list[Recording]:
     """Those of which `low_passed` leaves something. Raises as it does where there is none."""
-    found = [attempt(partial(low_passed, each, below)) for each in recordings]
-    left = [each for each in found if isinstance(each, Recording)]
+    left, errors = [], []
+    for each in recordings:
+        try:
+            left.append(low_passed(each, below))
+        except Unusable as error:
+            errors.append(error)
     if not left:
-        raise Unusable(found[-1].reason)
+        raise errors[-1]
     return left
 
 
@@ -65,10 +69,9 @@ def low_passed(recording: Recording, below: float) -> Recording:
     there = np.isfinite(filtered).any(axis=(1, 2))
     if there.sum() < 2:
         raise Unusable(
-            f"below {below:g} Hz nothing is left of {np.ptp(recording.time):.3g} s of samples "
-            f"every {own:.3g} s: it must be noisy samples of {2 * REACH * step:.3g} s or more "
-            f"without gaps, every {step:.3g} s or closer"
-        )
+            Code.NOTHING_LEFT, below_hz=below, duration_s=np.ptp(recording.time), step_s=own,
+            least_duration_s=2 * REACH * step, most_step_s=step,
+        )  # fmt: skip
     values, rates = filtered[there, 0], filtered[there, 1] if len(held) > 1 else None
     noise = recording.known_noise
     quieter = None if noise is None else noise * np.sqrt(own / step)

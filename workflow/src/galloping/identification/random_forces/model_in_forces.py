@@ -3,7 +3,7 @@
 Terms are chosen as ever, but that of every forced coordinate its own stiffness and damping stay.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -11,6 +11,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from galloping.identification.model import NoModel, attempt
+from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import MOST_DAMPING
 from galloping.identification.preparation.rate_channels import scaled, scales_told
 from galloping.identification.problem import Problem
@@ -50,26 +51,26 @@ def fit_in_forces(
     forced: tuple[int, ...],
     besides: int,
     may_be_slow: bool = True,
-    doubt: Callable[[ForcedFit], str] = lambda fit: "",
+    doubts: Callable[[ForcedFit], Sequence[Finding]] = lambda fit: (),
 ) -> FinalFit | NoModel:
     """The fit to recordings without outliers, whose shortest period, s, is `period`.
 
     forced: indices of the equations with a force. besides: how many modes there are more than
     coordinates. may_be_slow: whether forces may be; else a model with white ones that leaves
-    plainly more than noise is none. doubt: why a fit, first to some of the samples and then to
-    all, is not to be had, '' where it is.
+    plainly more than noise is none. doubts: why a fit, first to some of the samples and then to
+    all, is not to be had, none where it is.
     """
     rescaled = scaled(recordings, period)
     some = _fitted_to_some(problem, rescaled, forced, may_be_slow, besides)
     if isinstance(some, NoModel):
         return some
-    if objection := doubt(some):
-        return NoModel(objection)
+    if objections := doubts(some):
+        return NoModel(tuple(objections))
     final = _fitted_to_all(some, rescaled, period)
     if isinstance(final, NoModel):
         return final
-    if objection := doubt(final.fit):
-        return NoModel(objection)
+    if objections := doubts(final.fit):
+        return NoModel(tuple(objections))
     return replace(final, scales=scales_told(recordings, rescaled))
 
 
@@ -93,12 +94,12 @@ def _fitted_to_some(
     if besides and fit.left.nearly:
         fit = _likeliest(posed, white[1:STARTS], [fit])
     elif besides:
-        return NoModel(fit.left.in_words(channels.names))
+        return NoModel((fit.left.finding(channels.names),))
     reads_force = channels.averaged or not set(channels.rates) & set(forced)
     if not fit.left.white and may_be_slow and reads_force:
         fit = _with_slow_forces(fit, starts[0])
     elif not (may_be_slow or fit.left.nearly):
-        return NoModel(fit.left.in_words(channels.names))
+        return NoModel((fit.left.finding(channels.names),))
     return _with_further_terms(fit, white[0].noise)
 
 
@@ -148,10 +149,10 @@ def _fitted_to_all(
     posed = replace(some.posed, recordings=tuple(recordings))
     fit = fitted(posed, posed.without(some.model, support), support, correlated)
     if not forces_are_needed(fit, penalty):
-        return NoModel("no random force is needed: a motion from its first state explains as much")
+        return NoModel((Finding.of(Code.NO_FORCE_NEEDED),))
     if np.any(np.abs(fit.modes.damping) > MOST_DAMPING):
-        said = fit.left.in_words(posed.channels.names)
-        return NoModel(f"no oscillations in random forces: {said}")
+        left = fit.left.finding(posed.channels.names)
+        return NoModel((Finding.of(Code.NO_OSCILLATION), left))
     absent = added_deviation(information, support) * posed.unit
     absent[np.diag(information) == 0.0] = np.nan
     return FinalFit(fit, absent, penalty, _first_states(fit, period))

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from galloping.identification.model import IdentifiedModel, NoModel, attempt
+from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.screening import prepared
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.low_pass import FLAT, ROLL_OFF, what_is_left
@@ -105,7 +106,7 @@ class SeveralModes:
         besides = k - len(self.channels.pairs)
         slow = what_is_left(recordings, below)
         if not _size_varies(slow):
-            return NoModel("its size is steady, as that of a limit cycle")
+            return NoModel()
         before, kept = (sum(len(one.time) for one in each) for each in (recordings, slow))
         is_whole = k >= len(modes) and not (self.channels.rates or kept < MOST_KEPT * before)
         given = (recordings, self.period) if is_whole else (slow, prepared(slow)[2])
@@ -113,7 +114,7 @@ class SeveralModes:
         if isinstance(found, NoModel):
             return found
         if not _swings_at(found, modes[:k]):
-            return NoModel("it does not swing as its modes do")
+            return NoModel()
         found = with_split_mode(found, *given, besides, find)
         return found if is_whole else _said(found, modes[k:], below)
 
@@ -170,10 +171,13 @@ def _edges(
 
 def _said(found: IdentifiedModel, faster: list[float], below: float) -> IdentifiedModel:
     """With what was left out: modes, Hz, and all beyond a frequency, Hz."""
-    modes = ", ".join(f"{each:.2g}" for each in faster)
-    left = f"modes at {modes} Hz, and all else beyond" if faster else "all beyond"
-    reason = f"{found.reason}; {left} {below:g} Hz, left out"
-    return replace(found, reason=reason, diagnostics={**found.diagnostics, "below": below})
+    if faster:
+        modes = ", ".join(f"{each:.2g}" for each in faster)
+        left_out = Finding.of(Code.FASTER_MODES_LEFT_OUT, modes=modes, below_hz=below)
+    else:
+        left_out = Finding.of(Code.FASTER_LEFT_OUT, below_hz=below)
+    found = replace(found, diagnostics={**found.diagnostics, "below": below})
+    return found.with_findings(left_out)
 
 
 def _swings_at(found: IdentifiedModel, modes: list[float]) -> bool:

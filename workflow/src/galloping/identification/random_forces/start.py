@@ -17,6 +17,7 @@ from scipy.optimize import nnls
 
 from galloping.arrays import round_down
 from galloping.identification.model import NoModel, Unusable, attempt
+from galloping.identification.observations import Code
 from galloping.identification.oscillations import MOST_DAMPING
 from galloping.identification.preparation.weak_form import MOST_MISFIT, Start
 from galloping.identification.random_forces.channels import Channels
@@ -94,7 +95,7 @@ def modes(
     channels, rows = correlation.shape[1], (len(correlation) + 1) // 2
     order = 2 * count + further
     if rows * channels < order + FEWEST:
-        raise Unusable("too short to tell its modes")
+        raise Unusable(Code.MODES_UNDETERMINED)
     place = np.arange(rows)
     hankel = correlation[place[:, None] + place].transpose(0, 2, 1, 3)
     left, size, right = np.linalg.svd(hankel.reshape(rows * channels, rows * channels))
@@ -108,7 +109,7 @@ def modes(
     swings = (rates.imag > 0) & (-rates.real < MOST_DAMPING * np.abs(rates))
     own = np.flatnonzero(swings)
     if len(own) < count:
-        raise Unusable("not every coordinate oscillates")
+        raise Unusable(Code.NO_OSCILLATION)
     own = own[np.argsort(-weight[own])][:count]
     own = own[np.argsort(rates.imag[own])]
     return rates[own], shapes[:, own]
@@ -234,7 +235,7 @@ def shortest(recordings: Sequence[Recording]) -> float:
     step, grids = on_grids(recordings)
     omega, power = spectra(grids, step)
     if not len(omega):
-        raise Unusable("too short for a spectrum")
+        raise Unusable(Code.MODES_UNDETERMINED)
     order = np.argsort(omega)
     omega, power = omega[order], power[order]
     noise = np.median(power[int(FLOOR * len(power)) :], axis=0)
@@ -242,7 +243,7 @@ def shortest(recordings: Sequence[Recording]) -> float:
     share = np.cumsum(above, axis=0) / np.maximum(above.sum(axis=0), np.finfo(float).tiny)
     fastest = [omega[np.searchsorted(each, MOST_OF)] for each in share.T if each[-1] > 0.5]
     if not fastest:
-        raise Unusable("no channel moves above its noise")
+        raise Unusable(Code.NO_MOTION)
     return float(2.0 * np.pi / max(fastest))
 
 

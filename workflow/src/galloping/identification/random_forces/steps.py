@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from galloping.identification.model import Unusable
+from galloping.identification.observations import Code
 from galloping.recording import Factor, Input, extrapolated
 
 TICKS = 1000  # of the median step, to which times are rounded: so that equal steps are one
@@ -82,7 +83,7 @@ def discretised(
     values, vectors = np.linalg.eig(system)
     alike = vectors / np.linalg.norm(vectors, axis=1)[:, np.newaxis]  # whatever the states' units
     if np.linalg.cond(alike / np.linalg.norm(alike, axis=0)) * np.finfo(float).eps > FEWEST:
-        raise Unusable("two modes, or a critically damped one, cannot be told apart")
+        raise Unusable(Code.MODES_ALIKE)
     inverse = np.linalg.inv(vectors)
     moved = np.exp(values * lengths[:, np.newaxis])
     transitions = ((vectors * moved[:, np.newaxis, :]) @ inverse).real

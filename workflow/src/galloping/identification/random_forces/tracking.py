@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from galloping.identification.model import IdentifiedModel, Unusable
+from galloping.identification.observations import Code
 from galloping.identification.oscillations import Resonance
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.kalman import (
@@ -134,7 +135,7 @@ class Tracker:
     def rest(self) -> np.ndarray:
         """(n_states,) where the linear part is in equilibrium."""
         if np.linalg.det(self.system) == 0.0:
-            raise Unusable("a stiffness cannot be told in random forces")
+            raise Unusable(Code.STIFFNESS_UNDETERMINED)
         return -np.linalg.solve(self.system, self.steady(np.zeros((1, len(self.size))))[0])
 
     @cached_property
@@ -239,7 +240,7 @@ class Tracker:
         seconds = counts[steps.of].sum() * each
         quick = np.median(counts[steps.of]) > MOST_SUBSTEPS
         if quick or seconds > allowance(len(data.samples)):
-            raise Unusable("a motion much quicker than its samples cannot be followed")
+            raise Unusable(Code.MOTION_TOO_QUICK)
         spend(seconds)
         return extended_filter(
             data.samples, steps.of, steps.lengths, counts,

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.ndimage import median_filter
 
+from galloping.identification.observations import Code, Finding
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.start import ABOVE_NOISE, FLOOR, on_grids, spectra
 from galloping.recording import Recording
@@ -18,12 +19,12 @@ NARROW = 0.1  # share of the faster power that is about the frequencies that are
 NAMED, APART = 3, 0.5  # frequencies that are named, and how far apart, in that of the swings
 
 
-def unmodelled(recordings: list[Recording]) -> str:
-    """Which coordinates move much faster than they swing, and at which frequencies; '' if none."""
-    channels, said = Channels.of(recordings), []
+def unmodelled(recordings: list[Recording]) -> list[Finding]:
+    """Find which coordinates move much faster than they swing, a finding for each frequency."""
+    channels, found = Channels.of(recordings), []
     names = channels.names
     if not names:  # a line that diverged has no motion
-        return ""
+        return []
     step, grids = on_grids(recordings)
     omega, power = spectra(grids, step)
     order = np.argsort(omega)
@@ -58,9 +59,12 @@ def unmodelled(recordings: list[Recording]) -> str:
         near = np.abs(omega[:, None] - np.array(peaks)).min(axis=1) < APART * main
         if faster[near].sum() < NARROW * faster.sum():
             continue
-        hz = ", ".join(f"{peak / (2.0 * np.pi):.2g}" for peak in sorted(peaks))
-        said.append(f"{name}, which swings at {main / (2.0 * np.pi):.2g} Hz, moves at {hz} Hz")
-    return f"more modes gallop or swing than are modelled: {'; '.join(said)}" if said else ""
+        own = main / (2.0 * np.pi)
+        found += [
+            Finding.of(Code.MORE_MODES, name, frequency_hz=peak / (2.0 * np.pi), own_hz=own)
+            for peak in sorted(peaks)
+        ]
+    return found
 
 
 def _of_gaps(grids: list[np.ndarray], step: float, channel: int, main: float) -> np.ndarray:

@@ -6,8 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.observations import Code, Finding
 from galloping.identification.plausible import detection_limits
 from galloping.identification.random_forces.fitting import ForcedFit
+from galloping.identification.status import status_of
 
 
 @dataclass(frozen=True)
@@ -42,13 +44,16 @@ def judged(found: FinalFit) -> IdentifiedModel:
     of_rates = list(zip(channels.names, model.noise, strict=True))[len(channels.values) :]
     forces = posed.tracker(model).forces
     resonances = posed.resonances(model, fit.swing_errors)
-    beside = ", ".join(each.name for each in resonances if each.is_mode)
-    beside = f"; {beside} beside those of the coordinates" if beside else ""
-    said = "" if left.white else f"; {left.in_words(channels.names)}"
+    beside = [each.frequency / (2.0 * np.pi) for each in resonances if each.is_mode]
+    findings = (
+        Finding.of(Code.RANDOM_FORCES),
+        *(Finding.of(Code.MODE_BESIDE, frequency_hz=hertz) for hertz in beside),
+        *([] if left.white else [left.finding(channels.names)]),
+    )
     return IdentifiedModel(
         model=problem.model(model.coefficients),
-        status="approximate" if said and left.relevant else "ok",
-        reason=f"moved by random forces{beside}{said}",
+        status=status_of(findings),
+        findings=findings,
         standard_errors=problem.on_library(errors, 0.0),
         unconditional_errors=problem.on_library(np.where(support, errors, found.absent), 0.0),
         detection_limits=problem.on_library(detection_limits(found.absent, support, found.penalty)),

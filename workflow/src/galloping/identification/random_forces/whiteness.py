@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtri, fdtri
 
+from galloping.identification.observations import Code, Finding, Severity
+
 RATE = 1e-3  # of sound recordings that are doubted
 PERIODS, MOST_LAGS = 3.0, 100  # over which innovations may be correlated
 # Of a spectrum, taken together: a mode that is missing is as broad; and groups of them beside it.
@@ -51,22 +53,18 @@ class Whiteness:
     jumping: int = 0
     goes_with: str = ""
 
-    def in_words(self, channels: Sequence[str]) -> str:
+    def finding(self, channels: Sequence[str]) -> Finding:
         """What a fit leaves that is no white noise. channels: their names."""
         if self.goes_with:
-            return f"what it leaves goes with {self.goes_with}: a force that the library lacks"
+            return Finding.of(Code.FORCE_MISSING, self.goes_with)
         if self.jumps:
-            return (
-                f"{channels[self.jumping]} jumps after {self.after:.4g} s, by {self.largest:.0f} "
-                "deviations of the rest: a clock that was set, or something that fell"
-            )
+            jump = {"after_s": self.after, "size": self.largest}
+            return Finding.of(Code.INNOVATION_JUMPS, channels[self.jumping], **jump)
         if self.shows_line:
-            return (
-                f"{channels[self.channel]} moves at {self.frequency:.3g} Hz more than the model "
-                "says: another mode, or forces that are not white"
-            )
-        share = f"{self.told:.1%}" if self.told >= 5e-4 else "a little"
-        return f"{share} of what it leaves is told by what came before: forces are not white"
+            channel = channels[self.channel]
+            return Finding.of(Code.RESIDUAL_MODE, channel, frequency_hz=self.frequency)
+        severity = Severity.INEXACT if self.relevant else Severity.NOTE
+        return Finding(Code.FORCES_NOT_WHITE, severity, data={"share": self.told})
 
     @property
     def shows_line(self) -> bool:

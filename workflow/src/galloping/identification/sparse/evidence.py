@@ -12,6 +12,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_array
 
 from galloping.identification.model import Unusable
+from galloping.identification.observations import Code
 from galloping.identification.sparse.regression import ReducedRegression, regression, stretches
 from galloping.identification.sparse.tuning import (
     TriedFilter,
@@ -84,7 +85,7 @@ def _splines(time: np.ndarray, values: np.ndarray) -> tuple[list[BSpline], np.nd
         if np.all(gcv > ENOUGH * score):
             break
     if not np.all(effective):
-        raise Unusable(f"recording: {n} samples are too few to differentiate")
+        raise Unusable(Code.RECORDING_SHORT, samples=n)
     return [chosen[channel] for channel in range(channels)], effective
 
 
@@ -152,7 +153,7 @@ def _check_complete(recordings: Sequence[Recording]) -> None:
             read["derivative"] = recording.rates
         for what, samples in read.items():
             if not np.all(np.isfinite(samples)):
-                raise Unusable(f"needs every {what} at every sample")
+                raise Unusable(Code.INCOMPLETE_SAMPLES, what)
 
 
 def reduce_weakly(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regressions:
@@ -162,10 +163,10 @@ def reduce_weakly(recordings: Sequence[Recording], terms: tuple[Exponents, ...])
     Raises ValueError for irregular, short or missing samples.
     """
     if not all(recording.is_uniform for recording in recordings):
-        raise Unusable("needs a regularly sampled recording")
+        raise Unusable(Code.IRREGULAR_SAMPLES)
     _check_complete(recordings)
     tried = tried_filters(recordings, terms, test_functions)
     if not tried:
-        raise Unusable("the recording is too short for its test functions")
+        raise Unusable(Code.RECORDING_SHORT, samples=sum(len(one.time) for one in recordings))
     chosen = best_filter(tried).reduced
     return Regressions(chosen, chosen, tuple(tried))

@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from galloping.identification.model import IdentifiedModel, Unusable
+from galloping.identification.observations import Code
 from galloping.polynomial import Exponents, PolynomialModel
 
 BLOCKS = 10  # stretches of a recording, reduced separately: for bootstrap and cross-validation
@@ -71,7 +72,7 @@ class ReducedRegression:
 def nonzero(lengths: np.ndarray) -> np.ndarray:
     """The lengths of columns. Raises Unusable where one has none to be scaled by."""
     if not np.all(lengths > 0):
-        raise Unusable("a state or a derivative is zero throughout the recording")
+        raise Unusable(Code.STATE_ZERO)
     return lengths
 
 

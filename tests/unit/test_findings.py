@@ -1,0 +1,119 @@
+"""Findings: their table, the status that follows from them, and that nobody reads sentences."""
+
+import ast
+import json
+from pathlib import Path
+from string import Formatter
+
+import numpy as np
+import pytest
+
+import galloping
+from galloping.field.helps import HELPS
+from galloping.identification.model import IdentifiedModel
+from galloping.identification.observations import Code, Finding, Severity, as_warnings, kinds
+from galloping.identification.sentences import explain, reason_of, sentence_of
+from galloping.identification.status import status_of
+
+SOURCE = Path(galloping.__file__).parent
+RENDERED = {"reason", "verdict"}  # what is rendered from findings
+IN_SHARE = {"share_percent", "share_in_words"}
+
+
+def fields(template: str) -> set[str]:
+    return {name for _, name, _, _ in Formatter().parse(template) if name}
+
+
+def test_the_table_has_a_row_for_each_code_in_its_order():
+    assert list(kinds()) == list(Code)
+
+
+@pytest.mark.parametrize("code", Code)
+def test_templates_name_only_the_data_of_their_code(code):
+    kind = kinds()[code]
+    data = kind.keys | {"subject"} | (IN_SHARE if "share" in kind.keys else set())
+    assert fields(kind.sentence) <= data
+    assert fields(kind.meaning) <= data | {"name", "unit"}
+    assert fields(kind.advice) <= data | set(HELPS)
+    assert kind.sentence or kind.meaning
+
+
+def test_data_must_be_those_of_the_code():
+    with pytest.raises(ValueError, match="data of drifts: "):
+        Finding.of(Code.DRIFTS, "q", share=0.1)
+
+
+def test_the_status_follows_from_findings():
+    doubt, forced = Finding.of(Code.UNSETTLED), Finding.of(Code.RANDOM_FORCES)
+    missed = Finding.of(Code.FREE_RUN_MISSES, "q", share=0.1)
+    assert status_of([]) == status_of([forced]) == "ok"
+    assert status_of([doubt]) == "not identifiable"
+    assert status_of([forced, doubt]) == status_of([doubt, missed]) == "approximate"
+    assert status_of([doubt, missed, Finding.of(Code.NO_MODEL)]) == "refused"
+    failed = Finding.of(Code.ITERATION_DIVERGES)  # of another search
+    assert status_of(as_warnings([failed, missed])) == "approximate"
+
+
+def test_a_model_without_a_cause_is_refused_for_none():
+    found = IdentifiedModel.refused(("x",), ((1,),), [Finding.of(Code.LIMIT_OF_WORK)])
+    assert (found.status, found.codes) == ("refused", "limit_of_work no_model")
+
+
+def test_infinite_numbers_and_severities_come_back_from_json():
+    one = Finding(Code.TERM_MAY_HIDE, Severity.INEXACT, "x", {"term": "y", "share": np.inf}, 2)
+    plain = json.loads(json.dumps(one.as_dict(), allow_nan=False))
+    assert Finding(**plain) == one
+    assert sentence_of(one) == "y would not show, were it many times its equation."
+
+
+def test_what_weighs_more_is_said_first_and_once():
+    least, more = Finding.of(Code.RESIDUAL_POWER, band=2.0, chi2=3.0), Finding.of(Code.NOISE_GROWS)
+    assert reason_of([least, more, more]).startswith(sentence_of(more))
+    assert reason_of([least, more, more]).count(sentence_of(more)) == 1
+    assert len(explain([least], True, words=HELPS)) == 1
+    assert explain([least, more], True, words=HELPS) == explain([more], True)
+
+
+def reads_prose(tree: ast.AST) -> list[int]:
+    """Lines that compare, search, split, edit or branch on a rendered sentence."""
+
+    def is_prose(node: ast.AST) -> bool:
+        if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant):
+            return node.slice.value in ("reason", "what")
+        return isinstance(node, ast.Attribute) and node.attr in RENDERED
+
+    found = []
+    for node in ast.walk(tree):
+        parts = []
+        if isinstance(node, ast.Compare):
+            parts = [node.left, *node.comparators]
+        elif isinstance(node, ast.Call):
+            is_text = isinstance(node.func, ast.Attribute) and hasattr(str, node.func.attr)
+            is_search = isinstance(node.func, ast.Attribute) and (
+                isinstance(node.func.value, ast.Name) and node.func.value.id == "re"
+            )
+            parts = [node.func.value] if is_text else node.args if is_search else []
+        elif isinstance(node, ast.Subscript):
+            parts = [node.value]
+        elif isinstance(node, ast.BoolOp | ast.If | ast.IfExp):
+            parts = node.values if isinstance(node, ast.BoolOp) else [node.test]
+        found += [node.lineno for part in parts if is_prose(part)]
+    return found
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["if REPEATS in found.reason: pass", "found.reason.split('; ')", "x = found.reason or other",
+     "re.search('a', found.verdict)", "found.reason == ''", "found.reason.startswith('a')",
+     "'a' in problem['what']"],
+)  # fmt: skip
+def test_reading_prose_is_seen(text):
+    assert reads_prose(ast.parse(text))
+
+
+def test_nothing_in_the_library_reads_what_is_rendered_from_findings():
+    rooms = ("identification", "field", "trials", "evaluation", "study", "readers", "bounds.py")
+    paths = [path for room in rooms for path in sorted(SOURCE.glob(f"{room}/**/*.py"))]
+    assert len(paths) > 100
+    read = {path: reads_prose(ast.parse(path.read_text(encoding="utf-8"))) for path in paths}
+    assert {path.name: lines for path, lines in read.items() if lines} == {}

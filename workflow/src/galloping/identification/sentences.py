@@ -1,0 +1,81 @@
+"""Findings in words: the only place where what was noticed becomes text, by `findings.csv`."""
+
+import re
+from collections.abc import Iterable, Mapping
+
+from galloping.identification.observations import Code, Finding, kinds
+
+PLACES = {code: place for place, code in enumerate(Code)}  # what weighs more comes first
+
+
+def sentence_of(finding: Finding) -> str:
+    """Return what a finding is, in one technical sentence; '' if it bears on no verdict."""
+    return kinds()[finding.code].sentence.format_map(_values(finding))
+
+
+def reason_of(findings: Iterable[Finding]) -> str:
+    """Return the technical sentences of all findings, those that weigh more first."""
+    return " ".join(filter(None, dict.fromkeys(map(sentence_of, _by_weight(findings)))))
+
+
+def explain(
+    findings: Iterable[Finding],
+    is_verdict: bool,
+    is_span: bool = True,
+    words: Mapping[str, str] | None = None,
+    units: Mapping[str, tuple[str, str]] | None = None,
+) -> list[tuple[str, str]]:
+    """Say what findings mean to an engineer, and what would help.
+
+    Parameters
+    ----------
+    findings : iterable of Finding
+    is_verdict : bool
+        Whether the findings that bear on the verdict are explained, or the others.
+    is_span : bool
+        Whether what `findings.csv` has in <> is said, or what is behind a bar in it.
+    words : mapping of str to str, optional
+        Phrases that several rows share, by their names there.
+    units : mapping of str to (str, str), optional
+        Name and unit of each subject.
+
+    Returns
+    -------
+    list of (str, str)
+        Meaning and advice, either of which may be ''. That the model is inadequate, the last row,
+        is said if nothing else is.
+    """
+    side, told = 0 if is_span else 1, {}
+    for finding in _by_weight(findings) if is_verdict else findings:
+        kind = kinds()[finding.code]
+        if bool(kind.sentence) != is_verdict:
+            continue
+        name, unit = (units or {}).get(finding.subject, (finding.subject, ""))
+        values = _values(finding) | {"name": name, "unit": finding.data.get("unit", unit)}
+        values |= words or {}
+        own = (
+            re.sub("<(.*?)>", lambda of: f"{of[1]}|".split("|")[side], text).format_map(values)
+            for text in (kind.meaning, kind.advice)
+        )
+        told[tuple(text.replace(" .", ".").replace(" ,", ",") for text in own)] = None
+    least = kinds()[Code.RESIDUAL_POWER].meaning
+    said = [pair for pair in told if any(pair)]
+    return [pair for pair in said if pair[0] != least] or said
+
+
+def _by_weight(findings: Iterable[Finding]) -> list[Finding]:
+    return sorted(findings, key=lambda finding: PLACES[finding.code])
+
+
+def _values(finding: Finding) -> dict[str, object]:
+    """What templates may name: subject, data, and shares in percent and in words."""
+    values = {"subject": finding.subject, **finding.data}
+    if "share" in finding.data:
+        share = float(finding.data["share"])
+        values["share_percent"] = 100.0 * share
+        values["share_in_words"] = (
+            f"{100.0 * share:.0f} % of"
+            if share < 1.0
+            else "all of" if share < 2.0 else "many times"
+        )  # fmt: skip
+    return values
