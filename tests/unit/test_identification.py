@@ -252,10 +252,10 @@ def test_results_come_back_from_files(tmp_path):
     )  # fmt: skip
     failed = IdentifiedModel.refused(model.states, model.terms, [Finding.of(Code.STATE_ZERO)])
     unjudged = IdentifiedModel(model, "unjudged", thresholds=np.array([0.1, 0.2]))
-    for name in ("a.npz", "b.npz"):
-        write_identified(tmp_path / name, {"a": [kept, failed], "b": [unjudged]})
-    assert read_identified(tmp_path / "a.npz") == {"a": [kept, failed], "b": [unjudged]}
-    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    for name in ("a.json", "b.json"):
+        write_identified(tmp_path / name, {"a": [sure, failed], "b": [unjudged]})
+    assert read_identified(tmp_path / "a.json") == {"a": [sure, failed], "b": [unjudged]}
+    assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
     for result in (sure, failed, unjudged):
         result.save(tmp_path / "one.json")
         assert IdentifiedModel.load(tmp_path / "one.json") == result

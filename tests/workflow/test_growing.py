@@ -111,7 +111,7 @@ def test_rows_of_tables_stay_as_they_were(grown, before):
 def test_no_row_is_left_of_what_is_no_longer_asked_for(grown, before):
     assert any(b",0.03," in content for content in tables(grown).values())
     ran(grown, SHOWN)
-    assert (grown.results / "identified/non_resonant/state/noise_0.03/likelihood.npz").exists()
+    assert (grown.results / "identified/non_resonant/state/noise_0.03/likelihood.json").exists()
     assert tables(grown) == {name: before[Path("tables", name)][0] for name in TABLES}
 
 

@@ -184,7 +184,7 @@ OTHERS = {
     "a script, module, rule file or result touched": [touched(
         PHYSICS, "workflow/scripts/derive_model.py", "workflow/rules/simulate.smk",
         "results/smoke/models/non_resonant.json",
-        "results/smoke/identified/non_resonant/state/joint_0.05/sparse.npz",
+        "results/smoke/identified/non_resonant/state/joint_0.05/sparse.json",
     )],
 }  # fmt: skip
 EDITS = {row: [settings(text)] for row, text in SETTINGS.items()} | OTHERS

@@ -80,7 +80,7 @@ rule assess_line:
 rule predict_winds:
     input:
         identified=lambda wildcards: expand(
-            "<results>/identified/{cell}/{family}.npz",
+            "<results>/identified/{cell}/{family}.json",
             cell=recorded(wildcards).id,
             family=shown.families_of(recorded(wildcards)),
         ),

@@ -129,7 +129,7 @@ def recording(wildcards):
 def models_of_a_line(wildcards):
     """Those that say how sure an assessment is, where the study has such."""
     cell = shown.assessed_cell(STUDY, wildcards.case)
-    return [f"<results>/identified/{cell.id}/{OURS_FAMILY}.npz"] if cell else []
+    return [f"<results>/identified/{cell.id}/{OURS_FAMILY}.json"] if cell else []
 
 
 def recorded(wildcards):

@@ -10,7 +10,7 @@ rule evaluate_cell:
         model="<results>/models/{case}.json",
         trajectory="<results>/trajectories/{case}.npz",
         identified=lambda wildcards: expand(
-            "<results>/identified/{case}/{protocol}/{cell}/{family}.npz",
+            "<results>/identified/{case}/{protocol}/{cell}/{family}.json",
             **wildcards,
             family=cell(wildcards).families,
         ),

@@ -131,7 +131,7 @@ if LINES:
             **draws,
             model=MODEL,
             identified=every(
-                f"{coefficients_at}/{{cell}}/{by_paper[1].family}.npz", cell=noisy_cells
+                f"{coefficients_at}/{{cell}}/{by_paper[1].family}.json", cell=noisy_cells
             ),
         ),
         "figure06": figure(

@@ -5,7 +5,7 @@ rule identify_models:
     input:
         trajectory="<results>/trajectories/{case}.npz",
     output:
-        models="<results>/identified/{case}/{protocol}/{cell}/{family}.npz",
+        models="<results>/identified/{case}/{protocol}/{cell}/{family}.json",
     log:
         "<logs>/identify_models/{case}/{protocol}/{cell}/{family}.log",
     benchmark:

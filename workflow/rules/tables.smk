@@ -100,7 +100,7 @@ if LINES:
             },
             models=every("<results>/models/{case}.json", case=LINES),
             identified={
-                case: f"<results>/identified/{cell}/{paper_method.family}.npz"
+                case: f"<results>/identified/{cell}/{paper_method.family}.json"
                 for case, cell in least_noise.items()
             },
         ),
@@ -195,7 +195,7 @@ if LINES:
             },
             model=MODEL,
             trajectory=TRAJECTORY,
-            identified=every(f"<results>/identified/{{cell}}/{OURS_FAMILY}.npz", cell=ahead),
+            identified=every(f"<results>/identified/{{cell}}/{OURS_FAMILY}.json", cell=ahead),
         ),
         "reduction": made(
             evaluation.reduction.reduction_table,

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
@@ -14,8 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from galloping.identification.model import BY_TERM, IdentifiedModel
-from galloping.identification.observations import Finding
+from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 from galloping.results import Derived, Motion, Reconstruction
@@ -24,7 +22,6 @@ from galloping.storage import read_json, write_arrays, write_json, write_rows
 if TYPE_CHECKING:
     import pandas as pd
 
-BY_STATE = (*BY_TERM, "thresholds")  # of an identified model: by state, and by term or not
 CHANNELS = ("time", "values", "rates")  # of a recording
 
 
@@ -154,77 +151,26 @@ def _stack(arrays: list[np.ndarray]) -> np.ndarray:
     return arrays[0][np.newaxis] if shared else np.stack(arrays)
 
 
-# --- identified/{case}/{protocol}/{cell}/{family}.npz: the models of a family of methods ---
+# --- identified/{case}/{protocol}/{cell}/{family}.json: the models of a family of methods ---
 
 
 def write_identified(
     path: str | os.PathLike, models: Mapping[str, Sequence[IdentifiedModel]]
 ) -> None:
-    """Replicates of one cell by method; what belongs to single recordings is left out."""
-    first = next(iter(models.values()))[0].model
-    arrays = {"states": np.array(first.states), "terms": np.array(first.terms)}
-    for method, replicates in models.items():
-        columns = {name: [getattr(r, name) for r in replicates] for name in BY_STATE}
-        columns["status"] = [r.status for r in replicates]
-        columns["findings"] = [
-            json.dumps([each.as_dict() for each in r.findings]) for r in replicates
-        ]
-        columns["coefficients"] = [r.model.coefficients for r in replicates]
-        columns["chi2"] = [r.chi2 for r in replicates]
-        columns["covariance"] = _padded([r.covariance for r in replicates])
-        columns["known"] = [np.isin(np.arange(len(first.states)), r.known) for r in replicates]
-        arrays |= {f"{method}/{name}": np.array(column) for name, column in columns.items()}
-    write_arrays(path, **arrays)
+    """Replicates of one cell by method, each as a model is saved by itself."""
+    content = {method: [each.to_plain() for each in of] for method, of in models.items()}
+    write_json(path, content, indent=None)
 
 
 def read_identified(path: str | os.PathLike) -> dict[str, list[IdentifiedModel]]:
     """The model of each replicate, by method."""
-    with np.load(path) as file:
-        states = tuple(file["states"].tolist())
-        terms = tuple(map(tuple, file["terms"].tolist()))
-        methods = _by_method(file)
-
-    def model(arrays: Mapping[str, np.ndarray], replicate: int) -> IdentifiedModel:
-        part = {name: array[replicate] for name, array in arrays.items()}
-        stated = int(np.isfinite(np.diag(part["covariance"])).sum())
-        return IdentifiedModel(
-            model=PolynomialModel(states, terms, part["coefficients"]),
-            chi2=float(part["chi2"]),
-            known=tuple(np.flatnonzero(part["known"]).tolist()),
-            covariance=part["covariance"][:stated, :stated],
-            **{name: part[name] for name in BY_STATE},
-            status=str(part["status"]),
-            findings=tuple(Finding(**each) for each in json.loads(str(part["findings"]))),
-        )
-
-    return {
-        method: [model(arrays, k) for k in range(len(arrays["status"]))]
-        for method, arrays in methods.items()
-    }
-
-
-def _by_method(file: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
-    """What is kept as `method/name`."""
-    methods: dict[str, dict[str, np.ndarray]] = {}
-    for key in file:
-        method, is_of_one, name = key.partition("/")
-        if is_of_one:
-            methods.setdefault(method, {})[name] = file[key]
-    return methods
+    content = read_json(path)
+    return {method: list(map(IdentifiedModel.from_plain, of)) for method, of in content.items()}
 
 
 def read_families(paths: Iterable[str | os.PathLike]) -> dict[str, list[IdentifiedModel]]:
     """The models of several families of methods, by method."""
     return {method: of for path in paths for method, of in read_identified(path).items()}
-
-
-def _padded(covariances: Sequence[np.ndarray]) -> np.ndarray:
-    """(n_replicates, n, n) with the largest n, NaN beyond the own size of each."""
-    size = max(len(each) for each in covariances)
-    padded = np.full((len(covariances), size, size), np.nan)
-    for k, each in enumerate(covariances):
-        padded[k, : len(each), : len(each)] = each
-    return padded
 
 
 # --- bounds/{case}/{protocol}/{cell}.npz: the Cramer-Rao bound of a cell ---
@@ -268,6 +214,16 @@ def read_reconstructions(path: str | os.PathLike) -> dict[str, Reconstruction]:
         return {method: Reconstruction(**of) for method, of in _by_method(file).items()}
 
 
+def _by_method(file: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
+    """What is kept as `method/name`."""
+    methods: dict[str, dict[str, np.ndarray]] = {}
+    for key in file:
+        method, is_of_one, name = key.partition("/")
+        if is_of_one:
+            methods.setdefault(method, {})[name] = file[key]
+    return methods
+
+
 # --- assessment/{case}/orbits.npz: settled orbits at mid-span ---
 
 
@@ -287,7 +243,7 @@ READERS = {
     "models/*.json": read_model,
     "trajectories/*.npz": read_trajectories,
     "recordings/*/*/*.npz": read_recordings,
-    "identified/*/*/*/*.npz": read_identified,
+    "identified/*/*/*/*.json": read_identified,
     "bounds/*/*/*.npz": read_bounds,
     "reconstructions/*/*/*.npz": read_reconstructions,
     "assessment/*/orbits.npz": read_orbits,
