@@ -9,10 +9,18 @@ from unittest.mock import Mock
 import pytest
 from snakemake.iocontainers import InputFiles, OutputFiles, Params
 
+from galloping.configuration.load import plain
+from galloping.configuration.settings import Settings
 from galloping.reproducibility import job, lock, repair
 from galloping.reproducibility import receipts as kept
 from galloping.reproducibility.plan import Plan, PlannedJob, duration_in_words, outlook
-from galloping.reproducibility.receipts import digest, read_receipt, receipt_path, receipts
+from galloping.reproducibility.receipts import (
+    RECEIPTS,
+    digest,
+    read_receipt,
+    receipt_path,
+    receipts,
+)
 from galloping.reproducibility.repair import audit
 
 RESULTS = "results/mine"
@@ -20,14 +28,19 @@ SETTINGS = {"speed": {"wind.speed": 12.0}, "code": {"digest": "abc"}}
 OTHER = {"speed": {"wind.speed": 13.0}, "code": {"digest": "abc"}}
 
 
-def make(path, content="1\n", inputs=(), settings=SETTINGS, work=None):
-    """Run a job that writes `content`, or works otherwise; the path from the working folder."""
-    target = Path(RESULTS, path)
+def make(path, content="1\n", inputs=(), settings=SETTINGS, work=None, place=""):
+    """Run a job that writes `content`, or works otherwise; the path from the working folder.
+
+    place: prefix of its paths, of local copies of results in a storage.
+    """
+    results = f"{place}{RESULTS}"
+    target = Path(results, path)
     described = SimpleNamespace(
-        input=InputFiles([f"{RESULTS}/{name}" for name in inputs]),
-        output=OutputFiles(fromdict={"made": str(target)}),
-        log=[f"{RESULTS}/logs/{path}.log"],
+        input=InputFiles([f"{results}/{name}" for name in inputs]),
+        output=OutputFiles(fromdict={"made": str(target), RECEIPTS: str(receipt_path(target))}),
+        log=[f"{results}/logs/{path}.log"],
         params=Params(fromdict=settings),
+        config={"results": RESULTS},
         wildcards={"case": "a", "cell": "b"},
         rule="make",
     )
@@ -77,6 +90,20 @@ def test_a_job_says_what_it_made_from_what():
     assert receipt.wildcards == {"case": "a", "cell": "b"}
     assert list(receipts(RESULTS)) == [model, table]
     assert receipts("results") == {}  # of results inside results
+
+
+def test_receipts_of_results_in_a_storage_are_those_of_results_in_place(folder):
+    place = ".snakemake/storage/fs/store/"
+    for prefix in ("", place):
+        make("models/a.json", place=prefix)
+        make("tables/t.csv", "x\n", inputs=["models/a.json"], place=prefix)
+    here, there = (read_receipt(f"{prefix}{RESULTS}/tables/t.csv") for prefix in ("", place))
+    same = {"seconds": 0.0, "finished": ""}
+    assert replace(there, **same) == replace(here, **same)
+
+
+def test_the_folder_of_results_is_that_of_a_configuration_that_names_none():
+    assert plain(Settings())["results"] == job.RESULTS
 
 
 def test_failures_are_told_in_a_line_with_the_log(folder):

@@ -4,8 +4,10 @@ MOST_VARIED_DRAWS = 40  # of each variant of a line, enough to tell most draws f
 
 rule follow_cycles:
     output:
-        cycles="<results>/sweeps/{case}/{sweep}/cycles.csv",
-        bifurcations="<results>/sweeps/{case}/{sweep}/bifurcations.csv",
+        **with_receipts(
+            cycles="<results>/sweeps/{case}/{sweep}/cycles.csv",
+            bifurcations="<results>/sweeps/{case}/{sweep}/bifurcations.csv",
+        ),
     log:
         "<logs>/follow_cycles/{case}/{sweep}.log",
     benchmark:
@@ -28,6 +30,7 @@ rule follow_cycles:
 rule simulate_sweep:
     output:
         simulated=update("<results>/sweeps/{case}/{sweep}/simulated/{block}.csv"),
+        receipts=[update("<results>/sweeps/{case}/{sweep}/simulated/.{block}.csv.receipt")],
     log:
         "<logs>/simulate_sweep/{case}/{sweep}/{block}.log",
     benchmark:
@@ -53,9 +56,11 @@ rule assess_line:
     input:
         identified=models_of_a_line,
     output:
-        clearance="<results>/assessment/{case}/clearance.csv",
-        measures="<results>/assessment/{case}/measures.csv",
-        orbits="<results>/assessment/{case}/orbits.npz",
+        **with_receipts(
+            clearance="<results>/assessment/{case}/clearance.csv",
+            measures="<results>/assessment/{case}/measures.csv",
+            orbits="<results>/assessment/{case}/orbits.npz",
+        ),
     log:
         "<logs>/assess_line/{case}.log",
     benchmark:
@@ -85,7 +90,7 @@ rule predict_winds:
             family=shown.families_of(recorded(wildcards)),
         ),
     output:
-        prediction="<results>/assessment/{case}/prediction_{protocol}.csv",
+        **with_receipts(prediction="<results>/assessment/{case}/prediction_{protocol}.csv"),
     log:
         "<logs>/predict_winds/{case}/{protocol}.log",
     benchmark:
@@ -106,7 +111,7 @@ rule predict_winds:
 
 rule redraw_paper:
     output:
-        draws="<results>/paper/{case}.csv",
+        **with_receipts(draws="<results>/paper/{case}.csv"),
     log:
         "<logs>/redraw_paper/{case}.log",
     benchmark:
@@ -132,7 +137,7 @@ rule vary_parameter:
     input:
         drawn=f"<results>/paper/{VARIED_CASE}.csv",
     output:
-        claims="<results>/reproduction/{parameter}.csv",
+        **with_receipts(claims="<results>/reproduction/{parameter}.csv"),
     log:
         "<logs>/vary_parameter/{parameter}.log",
     benchmark:
@@ -164,8 +169,12 @@ rule animate_line:
     input:
         trajectory=f"<results>/trajectories/{FIRST}.npz",
     output:
-        animation=report(
-            "<results>/figures/galloping.gif", category="Figures", labels={"figure": "galloping"}
+        **with_receipts(
+            animation=report(
+                "<results>/figures/galloping.gif",
+                category="Figures",
+                labels={"figure": "galloping"},
+            ),
         ),
     log:
         "<logs>/animate_line.log",

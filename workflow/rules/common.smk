@@ -4,6 +4,7 @@ from functools import cache
 from galloping.field import OUTPUTS, SHOWN as SHOWN_OF_FIELD
 from galloping.reproducibility import digest
 from galloping.reproducibility.lock import OF_STUDY
+from galloping.reproducibility.receipts import RECEIPTS, receipt_path
 from galloping.study import shown
 from galloping.study.cells import Study, without
 from galloping.results import OURS_FAMILY
@@ -121,6 +122,14 @@ def batch(wildcards):
 def recording(wildcards):
     """A section of `recordings`."""
     return STUDY.plain["recordings"][wildcards.recording]
+
+
+def with_receipts(**files):
+    """The outputs of a job by name, and the receipts that it writes beside them."""
+    every = [
+        file for each in files.values() for file in ([each] if isinstance(each, str) else each)
+    ]
+    return {**files, RECEIPTS: [str(receipt_path(file)) for file in every]}
 
 
 # Inputs of which there are others in another study.

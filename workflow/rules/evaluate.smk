@@ -15,9 +15,11 @@ rule evaluate_cell:
             family=cell(wildcards).families,
         ),
     output:
-        bounds="<results>/bounds/{case}/{protocol}/{cell}.npz",
-        scores="<results>/scores/{case}/{protocol}/{cell}.csv",
-        reconstructions="<results>/reconstructions/{case}/{protocol}/{cell}.npz",
+        **with_receipts(
+            bounds="<results>/bounds/{case}/{protocol}/{cell}.npz",
+            scores="<results>/scores/{case}/{protocol}/{cell}.csv",
+            reconstructions="<results>/reconstructions/{case}/{protocol}/{cell}.npz",
+        ),
     log:
         "<logs>/evaluate_cell/{case}/{protocol}/{cell}.log",
     benchmark:
@@ -42,7 +44,7 @@ rule find_oracle:
         model="<results>/models/{case}.json",
         trajectory="<results>/trajectories/{case}.npz",
     output:
-        scores="<results>/oracles/{case}/{protocol}/{cell}.csv",
+        **with_receipts(scores="<results>/oracles/{case}/{protocol}/{cell}.csv"),
     log:
         "<logs>/find_oracle/{case}/{protocol}/{cell}.log",
     benchmark:
@@ -90,7 +92,7 @@ rule run_trial:
     input:
         lambda wildcards: EXAMPLES.get(batch(wildcards).case, []),
     output:
-        fits="<results>/trials/{trial}/{batch}.csv",
+        **with_receipts(fits="<results>/trials/{trial}/{batch}.csv"),
     log:
         "<logs>/run_trial/{trial}/{batch}.log",
     benchmark:

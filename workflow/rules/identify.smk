@@ -5,7 +5,7 @@ rule identify_models:
     input:
         trajectory="<results>/trajectories/{case}.npz",
     output:
-        models="<results>/identified/{case}/{protocol}/{cell}/{family}.json",
+        **with_receipts(models="<results>/identified/{case}/{protocol}/{cell}/{family}.json"),
     log:
         "<logs>/identify_models/{case}/{protocol}/{cell}/{family}.log",
     benchmark:
@@ -40,7 +40,11 @@ rule identify_recordings:
             else []
         ),
     output:
-        made=expand("<results>/recordings/{recording}/{file}", file=OUTPUTS, allow_missing=True),
+        **with_receipts(
+            made=expand(
+                "<results>/recordings/{recording}/{file}", file=OUTPUTS, allow_missing=True
+            ),
+        ),
     log:
         "<logs>/identify_recordings/{recording}.log",
     benchmark:

@@ -5,7 +5,11 @@ rule make_table:
     input:
         unpack(lambda wildcards: TABLES[wildcards.table].input),
     output:
-        table=report("<results>/tables/{table}.csv", category="Tables", labels={"table": "{table}"}),
+        **with_receipts(
+            table=report(
+                "<results>/tables/{table}.csv", category="Tables", labels={"table": "{table}"}
+            ),
+        ),
     log:
         "<logs>/make_table/{table}.log",
     benchmark:
@@ -30,14 +34,21 @@ REFERENCE = Path(STUDY.settings.reference)
 OTHERS = ("results", "reference", "recordings", "figures")  # on which no number depends
 
 
+def kept(*names):
+    """Files of the reference, as far as they are there: never in a storage that holds results."""
+    return [local(str(path)) for name in names if (path := REFERENCE / name).exists()]
+
+
 rule compare_reference:
     input:
         tables=expand("<results>/tables/{table}.csv", table=COMPARED),
-        reference=[str(path) for name in COMPARED if (path := REFERENCE / f"{name}.csv").exists()],
-        origin=[str(path) for path in [REFERENCE / "origin.json"] if path.exists()],
+        reference=kept(*(f"{name}.csv" for name in COMPARED)),
+        origin=kept("origin.json"),
     output:
-        summary="<results>/tables/reference_summary.csv",
-        differences="<results>/tables/reference_differences.csv",
+        **with_receipts(
+            summary="<results>/tables/reference_summary.csv",
+            differences="<results>/tables/reference_differences.csv",
+        ),
     log:
         "<logs>/compare_reference.log",
     benchmark:
@@ -57,10 +68,12 @@ rule draw_figure:
     input:
         unpack(lambda wildcards: FIGURES[wildcards.figure].input),
     output:
-        svg=report(
-            "<results>/figures/{figure}.svg", category="Figures", labels={"figure": "{figure}"}
+        **with_receipts(
+            svg=report(
+                "<results>/figures/{figure}.svg", category="Figures", labels={"figure": "{figure}"}
+            ),
+            png="<results>/figures/{figure}.png",
         ),
-        png="<results>/figures/{figure}.png",
     log:
         "<logs>/draw_figure/{figure}.log",
     benchmark:
@@ -100,7 +113,7 @@ rule write_report:
         ),
         region=REGION if Path(REGION).exists() else [],
     output:
-        report="<results>/report.html",
+        **with_receipts(report="<results>/report.html"),
     log:
         "<logs>/write_report.log",
     benchmark:

@@ -3,7 +3,7 @@
 
 rule derive_model:
     output:
-        model="<results>/models/{case}.json",
+        **with_receipts(model="<results>/models/{case}.json"),
     log:
         "<logs>/derive_model/{case}.log",
     benchmark:
@@ -23,7 +23,7 @@ rule simulate_line:
     input:
         model="<results>/models/{case}.json",
     output:
-        trajectory="<results>/trajectories/{case}.npz",
+        **with_receipts(trajectory="<results>/trajectories/{case}.npz"),
     log:
         "<logs>/simulate_line/{case}.log",
     benchmark:
@@ -50,7 +50,7 @@ rule simulate_line:
 
 rule simulate_many_modes:
     output:
-        trajectory="<results>/trajectories/{case}.npz",
+        **with_receipts(trajectory="<results>/trajectories/{case}.npz"),
     log:
         "<logs>/simulate_many_modes/{case}.log",
     benchmark:
@@ -82,7 +82,7 @@ rule rank_releases:
         model="<results>/models/{case}.json",
         trajectory="<results>/trajectories/{case}.npz",
     output:
-        ranking="<results>/bounds/{case}/further_recordings.csv",
+        **with_receipts(ranking="<results>/bounds/{case}/further_recordings.csv"),
     log:
         "<logs>/rank_releases/{case}.log",
     benchmark:
@@ -106,7 +106,7 @@ rule measure_motion:
     input:
         trajectory="<results>/trajectories/{case}.npz",
     output:
-        recordings="<results>/recordings/{case}/{protocol}/{cell}.npz",
+        **with_receipts(recordings="<results>/recordings/{case}/{protocol}/{cell}.npz"),
     log:
         "<logs>/measure_motion/{case}/{protocol}/{cell}.log",
     benchmark:

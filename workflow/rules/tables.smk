@@ -13,8 +13,9 @@ SCORES = "<results>/tables/scores.csv"
 SAMPLES = "<results>/tables/paper_samples.csv"
 READINGS = "<results>/tables/paper_readings.csv"
 MODEL, TRAJECTORY = f"<results>/models/{FIRST}.json", f"<results>/trajectories/{FIRST}.npz"
-PARTS = "docs/identification_parts.csv"
-REGION = "results/reference/paper/paper_region.csv"  # what `make paper` found, kept
+# Kept in git, and so wherever the workflow is: never in a storage that holds results.
+PARTS = local("docs/identification_parts.csv")
+REGION = local("results/reference/paper/paper_region.csv")  # what `make paper` found
 
 
 def made(function, settings=None, **reads):

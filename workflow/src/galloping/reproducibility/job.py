@@ -14,6 +14,8 @@ from inspect import signature
 from pathlib import Path
 
 from galloping.reproducibility.receipts import (
+    RECEIPTS,
+    SUFFIX,
     Receipt,
     as_written,
     digest,
@@ -24,6 +26,7 @@ from galloping.reproducibility.receipts import (
 # How the last line of a log begins; that of a job which was killed begins otherwise.
 FINISHED, FAILED = "Finished: ", "Failed: "
 CODE = "code"  # the param with the digest of a job's code, see `digest`
+RESULTS = "results"  # the folder of results, and the key by which a configuration names another one
 
 
 def run(function: Callable[..., None], job) -> None:
@@ -74,7 +77,17 @@ def arguments(function: Callable[..., None], job) -> dict:
     asked = signature(function).parameters
     values = {name: next(iter(of.values())) for name, of in job.params.items() if name != CODE}
     wildcards = {name: value for name, value in job.wildcards.items() if name in asked}
-    return {**wildcards, **dict(job.input.items()), **dict(job.output.items()), **values}
+    outputs = {name: files for name, files in job.output.items() if name != RECEIPTS}
+    return {**wildcards, **dict(job.input.items()), **outputs, **values}
+
+
+def _place(job) -> str:
+    """What the paths of a job begin with before the folder of results.
+
+    Nothing, unless the results are in a storage of Snakemake's and the job works on local copies.
+    """
+    results = job.config.get(RESULTS, RESULTS)
+    return str(job.log[0]).rpartition(f"{results}/logs/")[0]
 
 
 def _run(function: Callable[..., None], job) -> float:
@@ -88,20 +101,21 @@ def _run(function: Callable[..., None], job) -> float:
     function(**arguments(function, job))
     seconds = round(time.perf_counter() - start, 3)
     finished = datetime.now(UTC).isoformat(timespec="seconds")
-    for path in job.output:
+    place = _place(job)
+    for path in (str(path) for path in job.output if not path.endswith(SUFFIX)):
         receipt = Receipt(
-            path=str(path),
+            path=path.removeprefix(place),
             rule=job.rule,
             wildcards=dict(job.wildcards.items()),
-            log=str(job.log[0]),
+            log=str(job.log[0]).removeprefix(place),
             settings=as_written(dict(job.params.items())),
-            inputs=inputs,
+            inputs={name.removeprefix(place): present for name, present in inputs.items()},
             sha256=digest(path),
             size=Path(path).stat().st_size,
             seconds=seconds,
             finished=finished,
         )
-        write_receipt(receipt)
+        write_receipt(receipt, place)
     return seconds
 
 

@@ -31,7 +31,7 @@ from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 from snakemake_interface_executor_plugins.settings import CommonSettings
 
 from galloping.configuration.load import configured, plain
-from galloping.reproducibility.receipts import Receipt, consistent
+from galloping.reproducibility.receipts import SUFFIX, Receipt, consistent
 from galloping.storage import read_json
 
 SNAKEFILE = Path(__file__).parents[3] / "Snakefile"
@@ -42,7 +42,8 @@ MOST = 3  # edits and rules that are told one by one
 
 @dataclass(frozen=True)
 class PlannedJob:
-    """One job. settings: its params. Paths are relative to the working folder."""
+    """One job. settings: its params. outputs: without receipts. Paths are relative to the working
+    folder."""
 
     rule: str
     settings: dict
@@ -255,8 +256,8 @@ class Executor(AbstractExecutor):
     def run_job(self, job) -> None:
         if job.output:  # all but the rule that only collects
             settings = json.loads(job.properties())["params"]
-            inputs, outputs = (tuple(map(str, files)) for files in (job.input, job.output))
-            self.jobs.append(PlannedJob(job.name, settings, inputs, outputs))
+            outputs = tuple(str(path) for path in job.output if not path.endswith(SUFFIX))
+            self.jobs.append(PlannedJob(job.name, settings, tuple(map(str, job.input)), outputs))
         submitted = SubmittedJobInfo(job=job)
         self.report_job_submission(submitted)
         self.report_job_success(submitted)

@@ -1,9 +1,10 @@
 """What every job leaves beside an output: what it was made from, and the digest of what it is; and
 how files compare with it, quickly enough for the start of every run.
 
-The receipt of `models/a.json` is `models/.a.json.receipt`. Snakemake's own records live in
-`.snakemake`, know times but not contents, and stay behind when results are moved; receipts travel
-with the results and show an edited, damaged or lost file.
+The receipt of `models/a.json` is `models/.a.json.receipt`, an output of the same job: it goes where
+Snakemake takes the results. Snakemake's own records live in `.snakemake`, know times but not
+contents, and stay behind when results are moved; receipts travel with the results and show an
+edited, damaged or lost file.
 """
 
 import hashlib
@@ -17,6 +18,7 @@ from pathlib import Path
 from galloping.storage import read_json, write_json
 
 SUFFIX = ".receipt"
+RECEIPTS = "receipts"  # the output of every rule that names them
 # Lies with Snakemake's records, and is lost with them: size, times and digest of what was read, of
 # each study.
 SEEN = Path(".snakemake/digests.json")
@@ -74,9 +76,12 @@ def consistent(receipt: Receipt, known: Mapping[str, Receipt]) -> bool:
     )
 
 
-def write_receipt(receipt: Receipt) -> None:
-    """Write a receipt beside its file, whether or not that is there."""
-    write_json(receipt_path(receipt.path), asdict(receipt))
+def write_receipt(receipt: Receipt, place: str = "") -> None:
+    """Write a receipt beside its file, whether or not that is there.
+
+    place: prefix of the path, of a local copy of results that are kept in a storage.
+    """
+    write_json(receipt_path(place + receipt.path), asdict(receipt))
 
 
 def read_receipt(path: str | Path) -> Receipt | None:
