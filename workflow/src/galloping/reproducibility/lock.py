@@ -80,7 +80,7 @@ def check_places(results: str) -> None:
     """Raises Obstacle for a file where a folder belongs, and for a folder where a file does."""
     own = Path(results)
     folders = (Path(".snakemake"), *reversed(own.parents), own, *(own / name for name in FOLDERS))
-    files = (Path(".snakemake", "digests.json"), own / MARK, own / "report.html")
+    files = (Path(".snakemake", "seen.json"), own / MARK, own / "report.html")
     wrong = [(path, "file", "folder") for path in folders if path.exists() and not path.is_dir()]
     wrong += [(path, "folder", "file") for path in files if path.is_dir()]
     for path, found, wanted in wrong:

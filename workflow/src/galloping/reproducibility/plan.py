@@ -31,7 +31,7 @@ from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 from snakemake_interface_executor_plugins.settings import CommonSettings
 
 from galloping.configuration.load import configured, plain
-from galloping.reproducibility.receipts import SUFFIX, Receipt, consistent
+from galloping.reproducibility.receipts import SUFFIX, Receipt, consistent, receipt_path
 from galloping.storage import read_json
 
 SNAKEFILE = Path(__file__).parents[3] / "Snakefile"
@@ -119,16 +119,17 @@ def planning(configfiles: Sequence[str] = ()) -> Plan:
 
 
 def recorded(configfiles: Sequence[str] = ()) -> set[str]:
-    """Planned files of which Snakemake knows how they were made.
+    """Planned files of which Snakemake knows, with their receipts, how they were made.
 
-    It takes other files that are there as up to date, whatever is edited.
+    It takes what a job wrote as up to date, whatever is edited, unless it knows of all of it.
     """
     with redirect_stdout(io.StringIO()) as said:
         _with_dag(configfiles, lambda dag: dag.summary())
     lines = said.getvalue().splitlines()
     start = next(number for number, line in enumerate(lines) if line.startswith("output_file\t"))
     rows = csv.DictReader(lines[start:], delimiter="\t")
-    return {row["output_file"] for row in rows if row["log-file(s)"] != "-"}
+    known = {row["output_file"] for row in rows if row["log-file(s)"] != "-"}
+    return {path for path in known if str(receipt_path(path)) in known}
 
 
 def record(plan: Plan) -> None:

@@ -21,7 +21,7 @@ SUFFIX = ".receipt"
 RECEIPTS = "receipts"  # the output of every rule that names them
 # Lies with Snakemake's records, and is lost with them: size, times and digest of what was read, of
 # each study.
-SEEN = Path(".snakemake/digests.json")
+SEEN = Path(".snakemake/seen.json")
 
 
 @dataclass(frozen=True)
