@@ -36,10 +36,19 @@ def test_the_profiles_agree_and_that_for_slurm_names_every_rule(fresh):
         for name in ("default", "slurm")
     )
     rules = set(slurm["groups"])
-    assert rules == set(slurm["set-resources"])
     assert rules | {"all"} == {line for line in listed.splitlines() if line.isidentifier()}
     shared = default.keys() & slurm.keys() - {"cores"}
     assert len(shared) > 3 and [key for key in shared if default[key] != slurm[key]] == []
+
+
+def test_every_rule_says_which_memory_and_time_it_needs():
+    """So that any executor knows, without a profile."""
+    text = "\n".join(path.read_text("utf-8") for path in (ROOT / "workflow/rules").glob("*.smk"))
+    rules = {rule.partition(":")[0]: rule for rule in re.split(r"(?m)^rule ", text)[1:]}
+    asked = {
+        name: re.findall(r"    resources:\n +\*\*\w+_RESOURCES,\n", rules[name]) for name in rules
+    }
+    assert len(rules) > 15 and [name for name in rules if len(asked[name]) != 1] == []
 
 
 # --- the order of the rooms in docs/architecture.md is the order of imports ---

@@ -14,6 +14,8 @@ rule follow_cycles:
         "<benchmarks>/follow_cycles/{case}/{sweep}.tsv"
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **CASE_RESOURCES,
     params:
         line=lambda wildcards: line_without(  # its tension says how far a galloping line can move
             wildcards.case, {sweep(wildcards).parameter} - {"tension"}
@@ -37,6 +39,8 @@ rule simulate_sweep:
         "<benchmarks>/simulate_sweep/{case}/{sweep}/{block}.tsv"
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **CASE_RESOURCES,
     params:
         line=lambda wildcards: line_without(
             wildcards.case, {sweep(wildcards).parameter, sweep(wildcards).second}
@@ -67,6 +71,8 @@ rule assess_line:
         "<benchmarks>/assess_line/{case}.tsv"
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **CELL_RESOURCES,
     params:
         line=released,
         winds=setting("assessment.winds"),
@@ -97,6 +103,8 @@ rule predict_winds:
         "<benchmarks>/predict_winds/{case}/{protocol}.tsv"
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **CELL_RESOURCES,
     params:
         line=released,
         winds=setting("assessment.winds"),
@@ -118,6 +126,8 @@ rule redraw_paper:
         "<benchmarks>/redraw_paper/{case}.tsv"
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **CASE_RESOURCES,
     params:
         line=released,
         amounts=amounts(),
@@ -144,6 +154,8 @@ rule vary_parameter:
         "<benchmarks>/vary_parameter/{parameter}.tsv"
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **CASE_RESOURCES,
     params:
         case={"case": VARIED_CASE},
         line=lambda wildcards: {f"cases.{VARIED_CASE}": STUDY.case(VARIED_CASE).released},
@@ -182,6 +194,8 @@ rule animate_line:
         "<benchmarks>/animate_line.tsv"
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **CASE_RESOURCES,
     params:
         case={"case": FIRST},
         line=lambda wildcards: {f"cases.{FIRST}": STUDY.case(FIRST).released},

@@ -132,7 +132,32 @@ def with_receipts(**files):
     return {**files, RECEIPTS: [str(receipt_path(file)) for file in every]}
 
 
+# What jobs ask for where a scheduler has to know it, by what those of the default study were measured
+# to need at most on one core, with two Snakemakes of 150 MB each. A job that is tried again asks for
+# as much again.
+
+
+def asking(mem_mb, runtime):
+    """Memory and time (minutes) of a job."""
+    return {
+        "mem_mb": lambda wildcards, attempt: mem_mb * attempt,
+        "runtime": lambda wildcards, attempt: runtime * attempt,
+    }
+
+
+CASE_RESOURCES = asking(mem_mb=1000, runtime=1)  # measured: 309 MB, 2 s
+CELL_RESOURCES = asking(mem_mb=1000, runtime=3)  # 259 MB; 117 s where 1,000 points span 300 s
+TRIAL_RESOURCES = asking(mem_mb=3000, runtime=15)  # 2,100 MB and 4 min for 10^5 s of record
+SHOW_RESOURCES = asking(mem_mb=600, runtime=2)  # 181 MB, 8 s
+
+
 # Inputs of which there are others in another study.
+
+
+def of_reference(*names):
+    """Files of the reference, as far as they are there: never in a storage that holds results."""
+    folder = Path(STUDY.settings.reference)
+    return [local(str(path)) for name in names if (path := folder / name).exists()]
 
 
 def models_of_a_line(wildcards):

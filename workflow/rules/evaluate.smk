@@ -26,6 +26,8 @@ rule evaluate_cell:
         "<benchmarks>/evaluate_cell/{case}/{protocol}/{cell}.tsv"
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **CELL_RESOURCES,
     params:
         columns=lambda wildcards: {"columns": cell(wildcards).columns},
         measurement=lambda wildcards: {"measurement": cell(wildcards).measurement},
@@ -51,6 +53,8 @@ rule find_oracle:
         "<benchmarks>/find_oracle/{case}/{protocol}/{cell}.tsv"
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **CELL_RESOURCES,
     params:
         columns=lambda wildcards: {"columns": cell(wildcards).columns},
         measurement=lambda wildcards: {
@@ -99,6 +103,8 @@ rule run_trial:
         "<benchmarks>/run_trial/{trial}/{batch}.tsv"
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **TRIAL_RESOURCES,
     params:
         function=lambda wildcards: {"function": tried_by(wildcards)},
         seed=lambda wildcards: {f"trials.{wildcards.trial}.seed": trial(wildcards).seed},

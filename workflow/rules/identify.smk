@@ -12,6 +12,8 @@ rule identify_models:
         "<benchmarks>/identify_models/{case}/{protocol}/{cell}/{family}.tsv"
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **CELL_RESOURCES,
     params:
         measurement=lambda wildcards: {"measurement": cell(wildcards).measurement},
         degree=setting("identification.degree"),
@@ -51,6 +53,8 @@ rule identify_recordings:
         "<benchmarks>/identify_recordings/{recording}.tsv"
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **CELL_RESOURCES,
     params:
         question=lambda wildcards: {
             f"recordings.{wildcards.recording}": {

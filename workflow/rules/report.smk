@@ -18,6 +18,8 @@ rule make_table:
         table="|".join(TABLES),
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **SHOW_RESOURCES,
     params:
         function=lambda wildcards: {"function": TABLES[wildcards.table].function},
         names=lambda wildcards: {"names": TABLES[wildcards.table].names},
@@ -30,20 +32,14 @@ rule make_table:
 
 
 COMPARED = [name for name in TABLES if name not in NOT_COMPARED]
-REFERENCE = Path(STUDY.settings.reference)
 OTHERS = ("results", "reference", "recordings", "figures")  # on which no number depends
-
-
-def kept(*names):
-    """Files of the reference, as far as they are there: never in a storage that holds results."""
-    return [local(str(path)) for name in names if (path := REFERENCE / name).exists()]
 
 
 rule compare_reference:
     input:
         tables=expand("<results>/tables/{table}.csv", table=COMPARED),
-        reference=kept(*(f"{name}.csv" for name in COMPARED)),
-        origin=kept("origin.json"),
+        reference=of_reference(*(f"{name}.csv" for name in COMPARED)),
+        origin=of_reference("origin.json"),
     output:
         **with_receipts(
             summary="<results>/tables/reference_summary.csv",
@@ -55,6 +51,8 @@ rule compare_reference:
         "<benchmarks>/compare_reference.tsv"
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **SHOW_RESOURCES,
     params:
         study={"study": {k: v for k, v in STUDY.plain.items() if v and k not in OTHERS}},
         code=lambda wildcards: code("compare_reference.py"),
@@ -82,6 +80,8 @@ rule draw_figure:
         figure="|".join(FIGURES) or "none",
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **SHOW_RESOURCES,
     params:
         function=lambda wildcards: {"function": FIGURES[wildcards.figure].function},
         names=lambda wildcards: {"names": FIGURES[wildcards.figure].names},
@@ -120,6 +120,8 @@ rule write_report:
         "<benchmarks>/write_report.tsv"
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **SHOW_RESOURCES,
     params:
         labels={
             "labels": {name: what.label for name, what in FIGURES.items()}

@@ -10,6 +10,8 @@ rule derive_model:
         "<benchmarks>/derive_model/{case}.tsv"
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **CASE_RESOURCES,
     params:
         line=line,
         code=lambda wildcards: code("derive_model.py"),
@@ -32,6 +34,8 @@ rule simulate_line:
         case="|".join(name for name in LINES if name not in CONTINUOUS) or "none",
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **CASE_RESOURCES,
     params:
         releases=lambda wildcards: {
             f"cases.{wildcards.case}.releases": list(case(wildcards).releases)
@@ -59,6 +63,8 @@ rule simulate_many_modes:
         case="|".join(CONTINUOUS) or "none",
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **CASE_RESOURCES,
     params:
         line=line,
         truth=lambda wildcards: {"truth": case(wildcards).truth},
@@ -89,6 +95,8 @@ rule rank_releases:
         "<benchmarks>/rank_releases/{case}.tsv"
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **CASE_RESOURCES,
     params:
         level=setting("measurement.subsets.level"),
         code=lambda wildcards: code("rank_releases.py"),
@@ -113,6 +121,8 @@ rule measure_motion:
         "<benchmarks>/measure_motion/{case}/{protocol}/{cell}.tsv"
     conda:
         "../envs/galloping.yaml"
+    resources:
+        **CELL_RESOURCES,
     params:
         measurement=lambda wildcards: {"measurement": cell(wildcards).measurement},
         code=lambda wildcards: code("measure_motion.py"),
