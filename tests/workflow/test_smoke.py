@@ -1,9 +1,12 @@
 """The smoke study through Snakemake: what it writes, that it is as it was when run again, how its
-numbers stand beside its reference, and what another reference runs again.
+numbers stand beside its reference, what another reference runs again, and Snakemake's own report.
 """
 
+import json
 import re
+import zipfile
 from dataclasses import replace
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -29,6 +32,28 @@ def test_second_run_has_nothing_to_do(study):
     before = study.files()
     assert "Nothing to be done" in study.ran()
     assert study.files() == before
+
+
+def test_the_report_of_snakemake_has_every_figure_and_table_with_its_caption(study, tmp_path):
+    study.ran("--report", str(tmp_path / "report.zip"))
+    with zipfile.ZipFile(tmp_path / "report.zip") as archive:
+        page = archive.read("report/report.html").decode()
+    found = json.JSONDecoder().raw_decode(
+        page, page.index("{", page.index('<script id="results">'))
+    )[0]
+    captions = {Path(path).name: result["caption"] for path, result in found.items()}
+    made = [*study.results.glob("tables/*.csv"), *study.results.glob("figures/*.[sg][vi][gf]")]
+    assert len(made) > 40 and {path.name for path in made} | {"report.html"} == captions.keys()
+    assert all(len(caption) > 30 for caption in captions.values())
+    assert "Lines of the study: <tt" in page
+
+
+def test_a_caption_that_is_edited_makes_the_page_again_and_nothing_else(study, tmp_path):
+    edited = study.copied(tmp_path / "study")
+    caption = edited.folder / "workflow/report/figures/figure07.rst"
+    caption.write_text("Another caption.\n")
+    assert re.search(r"total +2\n", said := edited.ran("--dry-run")), said
+    assert "write_report" in said
 
 
 def test_the_numbers_of_the_reference_come_out_again(study, root):

@@ -184,8 +184,9 @@ rule animate_line:
         **with_receipts(
             animation=report(
                 "<results>/figures/galloping.gif",
+                caption=CAPTION,
                 category="Figures",
-                labels={"figure": "galloping"},
+                labels={"figure": "galloping", "shows": LABEL_OF_ANIMATED},
             ),
         ),
     log:
@@ -200,6 +201,7 @@ rule animate_line:
         case={"case": FIRST},
         line=lambda wildcards: {f"cases.{FIRST}": STUDY.case(FIRST).released},
         window=setting("simulation.steady_window"),
+        caption=lambda wildcards, output: caption_of_figure("galloping"),
         code=lambda wildcards: code("animate_line.py"),
     message:
         "The first line, moving"

@@ -4,6 +4,7 @@ from functools import cache
 from galloping.field import OUTPUTS, SHOWN as SHOWN_OF_FIELD
 from galloping.reproducibility import digest
 from galloping.reproducibility.lock import OF_STUDY
+from galloping.report import data_dictionary
 from galloping.reproducibility.receipts import RECEIPTS, receipt_path
 from galloping.study import shown
 from galloping.study.cells import Study, without
@@ -130,6 +131,24 @@ def with_receipts(**files):
         file for each in files.values() for file in ([each] if isinstance(each, str) else each)
     ]
     return {**files, RECEIPTS: [str(receipt_path(file)) for file in every]}
+
+
+# Snakemake's own report (`--report`), which has a caption for a rule and not for a file: it shows the
+# param `caption` of the job. As it takes the outputs of a job, an edit of it runs nothing again.
+CAPTION = "../report/caption.rst"
+
+
+def caption_of_figure(name):
+    return {"caption": captions("figures", name)}
+
+
+def table_in_report(name):
+    path = f"<results>/tables/{name}.csv"
+    return report(path, caption=CAPTION, category="Tables", labels={"table": name})
+
+
+def captions_of_tables(*names):
+    return {"caption": {name: data_dictionary.captions()[name] for name in names}}
 
 
 # What jobs ask for where a scheduler has to know it, by what those of the default study were measured

@@ -8,6 +8,9 @@ from galloping.results import NOISE, SUBSET
 PAPER_PART, METHODS_PART, ENGINEERING_PART = "paper", "methods", "engineering"
 COEFFICIENT_LEVELS = (0.01, 0.05)
 HISTORY_LEVELS = (0.05, 0.1, 0.15)
+LABEL_OF_ANIMATED = "the span in motion"  # the only figure that is not drawn on paper
+
+
 def table_of(name):
     return f"<results>/tables/{name}.csv"
 

@@ -43,9 +43,19 @@ rule identify_recordings:
         ),
     output:
         **with_receipts(
-            made=expand(
-                "<results>/recordings/{recording}/{file}", file=OUTPUTS, allow_missing=True
-            ),
+            made=[
+                (
+                    report(
+                        f"<results>/recordings/{{recording}}/{file}",
+                        caption=f"../report/recordings/{Path(file).stem}.rst",
+                        category="Recordings",
+                        labels={"recording": "{recording}", "file": file},
+                    )
+                    if file in SHOWN_OF_FIELD
+                    else f"<results>/recordings/{{recording}}/{file}"
+                )
+                for file in OUTPUTS
+            ],
         ),
     log:
         "<logs>/identify_recordings/{recording}.log",

@@ -6,9 +6,7 @@ rule make_table:
         unpack(lambda wildcards: TABLES[wildcards.table].input),
     output:
         **with_receipts(
-            table=report(
-                "<results>/tables/{table}.csv", category="Tables", labels={"table": "{table}"}
-            ),
+            table=table_in_report("{table}"),
         ),
     log:
         "<logs>/make_table/{table}.log",
@@ -24,6 +22,7 @@ rule make_table:
         function=lambda wildcards: {"function": TABLES[wildcards.table].function},
         names=lambda wildcards: {"names": TABLES[wildcards.table].names},
         settings=lambda wildcards: {"settings": TABLES[wildcards.table].settings},
+        caption=lambda wildcards, output: captions_of_tables(wildcards.table),
         code=lambda wildcards: code("make_table.py", TABLES[wildcards.table].function),
     message:
         "Table {wildcards.table}"
@@ -42,8 +41,8 @@ rule compare_reference:
         origin=of_reference("origin.json"),
     output:
         **with_receipts(
-            summary="<results>/tables/reference_summary.csv",
-            differences="<results>/tables/reference_differences.csv",
+            summary=table_in_report("reference_summary"),
+            differences=table_in_report("reference_differences"),
         ),
     log:
         "<logs>/compare_reference.log",
@@ -55,6 +54,7 @@ rule compare_reference:
         **SHOW_RESOURCES,
     params:
         study={"study": {k: v for k, v in STUDY.plain.items() if v and k not in OTHERS}},
+        caption=lambda wildcards, output: captions_of_tables(*COMPARISONS),
         code=lambda wildcards: code("compare_reference.py"),
     message:
         "Tables beside the reference"
@@ -68,7 +68,13 @@ rule draw_figure:
     output:
         **with_receipts(
             svg=report(
-                "<results>/figures/{figure}.svg", category="Figures", labels={"figure": "{figure}"}
+                "<results>/figures/{figure}.svg",
+                caption=CAPTION,
+                category="Figures",
+                labels=lambda wildcards: {
+                    "figure": wildcards.figure,
+                    "shows": FIGURES[wildcards.figure].label,
+                },
             ),
             png="<results>/figures/{figure}.png",
         ),
@@ -87,6 +93,7 @@ rule draw_figure:
         names=lambda wildcards: {"names": FIGURES[wildcards.figure].names},
         settings=lambda wildcards: {"settings": FIGURES[wildcards.figure].settings},
         look=setting("figures"),
+        caption=lambda wildcards, output: caption_of_figure(wildcards.figure),
         code=lambda wildcards: code("draw_figure.py", FIGURES[wildcards.figure].function),
     message:
         "Figure {wildcards.figure}"
@@ -98,7 +105,8 @@ INTRODUCTIONS = ["introduction"] * bool(STUDY.cases) + list(
     dict.fromkeys("inference" if trial.table == PAPER else "trials" for trial in STUDY.trials)
 )
 SHOWN_TABLES = [*(name for name in TABLES if name not in NOT_SHOWN), *COMPARISONS]
-ANIMATED = ["galloping"] if LINES else []  # the only figure that is not drawn on paper
+ANIMATED = ["galloping"] if LINES else []
+PICTURES_OF_FIELD = [Path(file).stem for file in SHOWN_OF_FIELD if file.endswith(".svg")]
 
 
 rule write_report:
@@ -113,7 +121,14 @@ rule write_report:
         ),
         region=REGION if Path(REGION).exists() else [],
     output:
-        **with_receipts(report="<results>/report.html"),
+        **with_receipts(
+            report=report(
+                "<results>/report.html",
+                caption="../report/page.rst",
+                category="All on one page",
+                labels={"page": "report"},
+            ),
+        ),
     log:
         "<logs>/write_report.log",
     benchmark:
@@ -125,7 +140,7 @@ rule write_report:
     params:
         labels={
             "labels": {name: what.label for name, what in FIGURES.items()}
-            | dict.fromkeys(ANIMATED, "the span in motion")
+            | dict.fromkeys(ANIMATED, LABEL_OF_ANIMATED)
         },
         parts={
             "parts": {name: what.part for name, what in FIGURES.items()}
@@ -135,6 +150,11 @@ rule write_report:
             "introduction": "\n".join(captions(".", *INTRODUCTIONS).values())
         },
         captions=lambda wildcards: {"captions": captions("figures", *FIGURES, *ANIMATED)},
+        captions_of_recordings=lambda wildcards: {
+            "captions_of_recordings": (
+                captions("recordings", *PICTURES_OF_FIELD) if STUDY.settings.recordings else {}
+            )
+        },
         headline={
             "headline": (
                 {"case": LINES[0], "protocol": shown.sensor_protocol(STUDY).name}

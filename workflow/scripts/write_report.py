@@ -17,11 +17,6 @@ SPOKEN_OF = (
     "bifurcations", "limit_cycle_ahead", "reduction", "paper", "reproduction", "equations",
     "paper_region",
 )  # fmt: skip
-CAPTIONS_OF_FIELD = {
-    "quality": "The samples, with gaps, and their spectra.",
-    "fit": "The samples and the model's motion, which begins anew in each stretch.",
-    "forecast": "What was held out and what comes after, forecast with a 90 % band.",
-}
 
 
 def _items(paths: list[str], captions: dict[str, str], labels: dict[str, str]) -> dict[str, Item]:
@@ -32,21 +27,21 @@ def _items(paths: list[str], captions: dict[str, str], labels: dict[str, str]) -
     }
 
 
-def _recording(name: str, paths: list[str]) -> dict:
+def _recording(name: str, paths: list[str], captions: dict[str, str]) -> dict:
     files = {path.name: path for path in map(Path, paths) if path.parent.name == name}
     return {
         "name": name,
         "summary": files["summary.md"].read_text(encoding="utf-8"),
         "figures": [
             Item(figure, f"{name}: {figure}", caption, files[f"{figure}.svg"])
-            for figure, caption in CAPTIONS_OF_FIELD.items()
+            for figure, caption in captions.items()
         ],
     }
 
 
 def write_report(
     figures, animation, tables, recordings, region, report, labels, parts, introduction, captions,
-    headline, study,
+    captions_of_recordings, headline, study,
 ):  # fmt: skip
     drawn = _items([*figures, *animation], captions, labels)
     said_of = captions_of_tables()
@@ -79,7 +74,9 @@ def write_report(
         "study": study,
         "introduction": introduction,
         "tables": list(shown.values()),
-        "recordings": [_recording(name, recordings) for name in study["recordings"]],
+        "recordings": [
+            _recording(name, recordings, captions_of_recordings) for name in study["recordings"]
+        ],
         "versions": versions(),
     }
     write_text(report, render(page))

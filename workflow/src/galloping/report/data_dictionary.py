@@ -2,44 +2,49 @@
 
 `tables.csv` has a row for each table, without a column: its caption; and a row for a column of one
 table, or, where `table` is empty, of every table with such a column that has no row of its own. A
-module apart from the page, whose edits need not make the table again.
+module apart from the page, whose edits need not make the table again. pandas is imported where a
+table is made, since every start of Snakemake reads the captions.
 """
 
+from __future__ import annotations
+
+import csv
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import pandas as pd
+if TYPE_CHECKING:
+    import pandas as pd
 
 EVERY = ""  # table
 WHOLE = ""  # column
 
 
 @cache
-def _dictionary() -> pd.DataFrame:
-    return pd.read_csv(
-        Path(__file__).with_name("tables.csv"), dtype=str, keep_default_na=False, encoding="utf-8"
-    )
+def _dictionary() -> list[dict[str, str]]:
+    with Path(__file__).with_name("tables.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
 
 
 def columns(settings: Mapping) -> pd.DataFrame:
     """table, column, unit, meaning, for all who read the tables. settings: tables of the study."""
-    rows = _dictionary()
-    shown = (rows["column"] != WHOLE) & rows["table"].isin([EVERY, *settings["tables"]])
-    return rows[shown].reset_index(drop=True)
+    import pandas as pd
+
+    shown = {EVERY, *settings["tables"]}
+    rows = (row for row in _dictionary() if row["column"] != WHOLE and row["table"] in shown)
+    return pd.DataFrame(rows)
 
 
 def captions() -> dict[str, str]:
     """What each table shows, in reStructuredText, by its name."""
-    rows = _dictionary()
-    return rows[rows["column"] == WHOLE].set_index("table")["meaning"].to_dict()
+    return {row["table"]: row["meaning"] for row in _dictionary() if row["column"] == WHOLE}
 
 
 def meaning(table: str, column: str) -> str:
     """In words, with the unit behind; '' for a column that the dictionary lacks."""
-    rows = _dictionary()
-    rows = rows[(rows["column"] == column) & rows["table"].isin([EVERY, table])]
-    if rows.empty:
+    rows = [r for r in _dictionary() if r["column"] == column and r["table"] in (EVERY, table)]
+    if not rows:
         return ""
-    own = rows.sort_values("table").iloc[-1]  # of this table, if there is one
+    own = max(rows, key=lambda row: row["table"])  # of this table, if there is one
     return f"{own['meaning']} ({own['unit']})" if own["unit"] else own["meaning"]

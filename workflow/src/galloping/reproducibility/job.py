@@ -14,6 +14,7 @@ from inspect import signature
 from pathlib import Path
 
 from galloping.reproducibility.receipts import (
+    CAPTION,
     RECEIPTS,
     SUFFIX,
     Receipt,
@@ -34,9 +35,10 @@ def run(function: Callable[..., None], job) -> None:
 
     function: takes the files of the rule's inputs and outputs, the values of its params and, as far
     as it asks for them, its wildcards, each by the name that it has in the rule. A param is one
-    value under its configuration key, `code` is of no concern to it. job: the `snakemake` object of
-    the script. Its inputs must be what their jobs wrote; its outputs get receipts. An error ends
-    the process with exit code 1 and one line on the terminal; its traceback is in the log.
+    value under its configuration key; `code` and `caption` are of no concern to it. job: the
+    `snakemake` object of the script. Its inputs must be what their jobs wrote; its outputs get
+    receipts. An error ends the process with exit code 1 and one line on the terminal; its traceback
+    is in the log.
     """
     log = Path(job.log[0])
     try:
@@ -75,7 +77,8 @@ def failures(results: str, since: int) -> list[str]:
 def arguments(function: Callable[..., None], job) -> dict:
     """What `run` calls the function of a script with."""
     asked = signature(function).parameters
-    values = {name: next(iter(of.values())) for name, of in job.params.items() if name != CODE}
+    params = {name: of for name, of in job.params.items() if name not in (CODE, CAPTION)}
+    values = {name: next(iter(of.values())) for name, of in params.items()}
     wildcards = {name: value for name, value in job.wildcards.items() if name in asked}
     outputs = {name: files for name, files in job.output.items() if name != RECEIPTS}
     return {**wildcards, **dict(job.input.items()), **outputs, **values}

@@ -31,7 +31,13 @@ from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 from snakemake_interface_executor_plugins.settings import CommonSettings
 
 from galloping.configuration.load import configured, plain
-from galloping.reproducibility.receipts import SUFFIX, Receipt, consistent, receipt_path
+from galloping.reproducibility.receipts import (
+    SUFFIX,
+    Receipt,
+    as_written,
+    consistent,
+    receipt_path,
+)
 from galloping.storage import read_json
 
 SNAKEFILE = Path(__file__).parents[3] / "Snakefile"
@@ -256,7 +262,7 @@ class Executor(AbstractExecutor):
 
     def run_job(self, job) -> None:
         if job.output:  # all but the rule that only collects
-            settings = json.loads(job.properties())["params"]
+            settings = as_written(json.loads(job.properties())["params"])
             outputs = tuple(str(path) for path in job.output if not path.endswith(SUFFIX))
             self.jobs.append(PlannedJob(job.name, settings, tuple(map(str, job.input)), outputs))
         submitted = SubmittedJobInfo(job=job)

@@ -19,6 +19,7 @@ from galloping.storage import read_json, write_json
 
 SUFFIX = ".receipt"
 RECEIPTS = "receipts"  # the output of every rule that names them
+CAPTION = "caption"  # a param for Snakemake's report alone: no job reads it
 # Lies with Snakemake's records, and is lost with them: size, times and digest of what was read, of
 # each study.
 SEEN = Path(".snakemake/seen.json")
@@ -61,7 +62,7 @@ def receipt_path(path: str | Path) -> Path:
 
 def as_written(settings: Mapping) -> dict:
     """Settings as a receipt holds them, for comparison."""
-    return json.loads(json.dumps(settings))
+    return json.loads(json.dumps({k: v for k, v in settings.items() if k != CAPTION}))
 
 
 def consistent(receipt: Receipt, known: Mapping[str, Receipt]) -> bool:
