@@ -8,12 +8,21 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from jsonschema import Draft202012Validator
 from snakemake.utils import update_config
 
 from galloping.configuration.load import configured, load, merged, ordered, plain
-from galloping.configuration.schema import BEGIN, END, leaves, schema, with_key_table
+from galloping.configuration.schema import (
+    BEGIN,
+    END,
+    leaves,
+    schema,
+    schema_for_editors,
+    with_key_table,
+)
 from galloping.configuration.settings import Settings
 from galloping.configuration.yaml_file import ENDLESS, ConfigurationError, read
 from galloping.identification.registry import BY_NAME as METHODS
@@ -24,6 +33,7 @@ from galloping.study.shown import departures
 from galloping.tables.line_parameters import conductor, spacers
 
 ROOT = Path(__file__).parents[2]
+EDITOR = Draft202012Validator(json.loads(schema_for_editors()))
 METHOD_NAMES = ", ".join(METHODS)
 OF_DERIVATIVES = ", ".join(name for name, m in METHODS.items() if "derivative" in m.protocols)
 
@@ -424,6 +434,35 @@ def test_both_tables_together_hold_every_parameter():
 def test_the_key_table_is_up_to_date():
     text = (ROOT / "config/README.md").read_text(encoding="utf-8")
     assert with_key_table(text) == text  # else: make docs
+
+
+SCHEMA = ROOT / "workflow/schemas/config.schema.json"
+
+
+def test_the_schema_for_editors_is_up_to_date():
+    assert SCHEMA.read_text(encoding="utf-8") == schema_for_editors()  # else: make docs
+
+
+@pytest.mark.parametrize("file", sorted((ROOT / "config").glob("*.yaml")), ids=lambda f: f.stem)
+def test_configuration_files_name_the_schema_and_keep_to_it(file):
+    text = file.read_text(encoding="utf-8")
+    place = re.match(r"# yaml-language-server: \$schema=(\S+)\n", text)[1]
+    assert (file.parent / place).resolve() == SCHEMA
+    EDITOR.validate(yaml.safe_load(text))
+
+
+@pytest.mark.parametrize(
+    "mistake",
+    [
+        "simulaton: {}", "simulation: {duration: long}", "simulation: {duration: 0}",
+        "cases: {Upper: {}}", "cases: {a: {wind: {sped: 3}}}", "cases: 3",
+        "identification: {methods: [sindy]}", "figures: {dpi: 1.5}", "sweeps: null",
+    ],
+)  # fmt: skip
+def test_an_editor_marks_what_a_run_would_refuse(mistake):
+    assert not EDITOR.is_valid(yaml.safe_load(mistake))
+    with pytest.raises(ConfigurationError):
+        load(yaml.safe_load(mistake))
 
 
 def test_a_stale_key_table_is_mended_and_one_without_markers_refused():

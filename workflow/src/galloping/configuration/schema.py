@@ -1,6 +1,6 @@
 """The JSON schema of the settings, the one source for messages and docs, and what is made of it.
 
-python -m galloping.configuration.schema config/README.md
+python -m galloping.configuration.schema config/README.md workflow/schemas/config.schema.json
 """
 
 import json
@@ -148,6 +148,39 @@ def _cells(path: str, node: dict) -> list[str]:
     ]
 
 
+OWN_WORDS = ("unit", "symbol", "provenance", "note", "rule", "why")  # that JSON schema lacks
+
+
+def schema_for_editors() -> str:
+    """The JSON schema of one configuration file, as text.
+
+    Any key may be missing, since files are merged. A case may be null, which leaves it out. Units
+    and rules beyond JSON schema are part of the descriptions, which editors show.
+    """
+    node = _for_editors(schema())
+    cases = node["properties"]["cases"]["patternProperties"]
+    for name, case in cases.items():
+        cases[name] = {"anyOf": [case, {"type": "null"}]}
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    return json.dumps(head | node | {"title": "A study of galloping lines"}, indent=1) + "\n"
+
+
+def _for_editors(node: object) -> object:
+    if isinstance(node, list):
+        return [_for_editors(each) for each in node]
+    if not isinstance(node, dict):
+        return node
+    made = {key: _for_editors(value) for key, value in node.items()}
+    if isinstance(text := node.get("description"), str):
+        unit = node.get("unit", "") if node.get("unit") != "1" else ""
+        made["description"] = "; ".join(filter(None, (text, unit, node.get("rule"))))
+        made = {key: value for key, value in made.items() if key not in OWN_WORDS}
+    if "patternProperties" in node:
+        made["additionalProperties"] = False
+    return made
+
+
 if __name__ == "__main__":
-    path = Path(sys.argv[1])
-    path.write_text(with_key_table(path.read_text(encoding="utf-8")), encoding="utf-8")
+    page, file = map(Path, sys.argv[1:])
+    page.write_text(with_key_table(page.read_text(encoding="utf-8")), encoding="utf-8")
+    file.write_text(schema_for_editors(), encoding="utf-8")
