@@ -19,7 +19,7 @@
 # make reference  take the numbers of the study and of its small version as results/reference
 # make release    a wheel and a source distribution in dist, if nothing speaks against; DRAFT=yes: all the same
 # make pages      the pages of docs/ as a site to read, in results/pages; its examples are run
-# make docs       write again what pages and editors show: settings, their schema, results, pictures of examples
+# make docs       write again what pages and editors show: settings, their schema, rules, results, example pictures
 # make tools      what development needs beside the study: style, types, pages, clusters, a browser's driver
 # make lock       pin both environments again, and check that other systems can install them
 #
@@ -112,6 +112,7 @@ endif
 docs: $(MADE)
 	PYTHONPATH=workflow/src $(BIN)/python -m galloping.configuration.schema config/README.md \
 	  workflow/schemas/config.schema.json
+	@$(SCRIPT)/draw_rules.py docs/rules.svg
 	PYTHONPATH=workflow/src $(BIN)/python docs/from_results.py docs/*.md
 	PYTHONPATH=workflow/src $(BIN)/python docs/draw_examples.py examples
 

@@ -1,12 +1,22 @@
 """What Snakemake plans of studies of every kind, and what their jobs read."""
 
+import re
+import shutil
+import sys
+from importlib import import_module
 from pathlib import Path
 from pkgutil import resolve_name
 
 import pytest
+from studies import script
 
 from galloping.configuration.kinds import KINDS
 from galloping.report.data_dictionary import captions, columns
+from galloping.reproducibility.plan import PlannedJob
+
+ROOT = Path(__file__).parents[2]
+sys.path.append(str(ROOT / "workflow" / "scripts"))
+draw_rules = import_module("draw_rules")
 
 TRIALS = ", ".join(f"{kind}: {{kind: {kind}}}" for kind in KINDS)
 LINES = "internal_resonance: null, non_resonant: null"
@@ -28,6 +38,30 @@ def test_a_study_of_any_kind_has_jobs_for_all_that_it_shows(jobs_of, settings):
     assert "results/report.html" in jobs
     shown = [job["settings"] for job in jobs.values() if "function" in job["settings"]]
     assert shown and all(callable(resolve_name(s["function"]["function"])) for s in shown)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """With all that a plan needs, and no settings but the usual."""
+    shutil.copytree(ROOT / "config", tmp_path / "config")
+    for name in ("workflow", "examples"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    return tmp_path
+
+
+def test_the_graph_of_the_rules_is_that_of_the_workflow(folder, planned):
+    (folder / "all.yaml").write_text(draw_rules.EVERYTHING)
+    reads = draw_rules.graph(PlannedJob(**job) for job in planned(folder, "all.yaml"))
+    text = "".join(path.read_text("utf-8") for path in (ROOT / "workflow/rules").glob("*.smk"))
+    assert reads.keys() | {"measure_motion"} == set(re.findall(r"(?m)^rule (\w+):", text))
+    assert (ROOT / "docs/rules.svg").read_text("utf-8") == draw_rules.picture(reads)  # make docs
+
+
+def test_a_recording_that_is_not_here_is_one_line(folder):
+    (folder / "mine.yaml").write_text("recordings: {mine: {files: [none.csv, examples/span.csv]}}")
+    status, said = script(folder, "run_study", "--configfile", "mine.yaml")
+    assert status == 1
+    assert said == ["none.csv, mapping.yaml: not here, and no job makes it"]
 
 
 def test_tables_and_figures_are_of_what_is_in_a_study(jobs_of):

@@ -17,7 +17,7 @@ from statistics import fmean
 from typing import ClassVar
 
 from snakemake.api import DAGApi, SnakemakeApi
-from snakemake.exceptions import WorkflowError
+from snakemake.exceptions import MissingInputException, WorkflowError
 from snakemake.settings.enums import Quietness
 from snakemake.settings.types import (
     ConfigSettings,
@@ -165,6 +165,9 @@ def _with_dag(
             act(workflow.dag(DAGSettings(forceall=force, force_incomplete=True)))
         except WorkflowError as error:
             sys.exit(str(error))
+        except MissingInputException as error:
+            *_, missing = str(error).partition("affected files:")
+            sys.exit(f"{', '.join(missing.split())}: not here, and no job makes it")
         except (OSError, ValueError, TypeError, LookupError, AttributeError) as error:
             cause = f"{type(error).__name__}: {error}".splitlines()[0]
             sys.exit(f"Snakemake cannot work with its records in .snakemake ({cause}): remove them "

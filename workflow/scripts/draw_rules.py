@@ -1,0 +1,83 @@
+"""The graph of the rules, as an SVG: which rule reads what which other one writes.
+
+Usage: draw_rules.py FILE
+"""
+
+import sys
+import tempfile
+from collections.abc import Iterable
+
+from galloping.configuration.kinds import KINDS
+from galloping.reproducibility.plan import PlannedJob, planning
+from galloping.storage import write_text
+
+# A study that has jobs of every rule, but of `measure_motion`, whose files nothing else reads.
+EVERYTHING = f"""
+cases: {{gusty: {{truth: {{model: continuous}}}}}}
+recordings: {{field: {{files: [examples/span.csv], mapping: examples/span.yaml}}}}
+trials: {{{", ".join(f"{kind}: {{kind: {kind}}}" for kind in KINDS)}}}
+"""
+WIDTH, HEIGHT, ACROSS, DOWN = 140, 24, 176, 38  # px: of a box, and from box to box
+STYLE = (
+    "text{font:12px sans-serif;text-anchor:middle}"
+    "rect{fill:#fff;stroke:#444}path{fill:none;stroke:#999}"
+)
+
+Graph = dict[str, set[str]]  # by rule, those that it reads from
+
+
+def graph(jobs: Iterable[PlannedJob]) -> Graph:
+    """The rules that each rule reads from, without those that it also reads by way of others."""
+    jobs = list(jobs)
+    rule_of = {path: job.rule for job in jobs for path in job.outputs}
+    reads: Graph = {job.rule: set() for job in jobs}
+    for job in jobs:
+        reads[job.rule] |= {rule_of[path] for path in job.inputs if path in rule_of} - {job.rule}
+    return {
+        rule: direct.difference(*(_all_before(reads, each) for each in direct))
+        for rule, direct in reads.items()
+    }
+
+
+def _all_before(reads: Graph, rule: str) -> set[str]:
+    return reads[rule].union(*(_all_before(reads, each) for each in reads[rule]))
+
+
+def picture(reads: Graph) -> str:
+    """Boxes in columns, each as far to the right as those that read from it allow."""
+
+    def behind(rule: str) -> int:
+        """Columns that are needed to the right of a rule's."""
+        return max((behind(each) + 1 for each in reads if rule in reads[each]), default=0)
+
+    last = max(map(behind, reads))
+    columns: dict[int, list[str]] = {}
+    for rule in sorted(reads):
+        columns.setdefault(last - behind(rule), []).append(rule)
+    tallest = max(map(len, columns.values()))
+    place = {
+        rule: (x * ACROSS + 4, round((row + (tallest - len(rules)) / 2) * DOWN) + 4)
+        for x, rules in columns.items()
+        for row, rule in enumerate(rules)
+    }
+    lines = []
+    for rule, (x, y) in place.items():
+        for x0, y0 in sorted(place[each] for each in reads[rule]):
+            start, end, half = x0 + WIDTH, x, (ACROSS - WIDTH) // 2
+            y0, y1 = y0 + HEIGHT // 2, y + HEIGHT // 2
+            curve = f"M{start} {y0}C{start + half} {y0} {end - half} {y1} {end} {y1}"
+            lines.append(f'<path d="{curve}"/>')
+    for rule, (x, y) in place.items():
+        lines.append(f'<rect x="{x}" y="{y}" width="{WIDTH}" height="{HEIGHT}" rx="4"/>')
+        lines.append(f'<text x="{x + WIDTH // 2}" y="{y + 16}">{rule}</text>')
+    width, height = len(columns) * ACROSS - (ACROSS - WIDTH) + 8, tallest * DOWN
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}">'
+    return "\n".join((head, f"<style>{STYLE}</style>", *lines, "</svg>\n"))
+
+
+if __name__ == "__main__":
+    with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file:
+        file.write(EVERYTHING)
+        file.flush()
+        jobs = planning([file.name]).jobs
+    write_text(sys.argv[1], picture(graph(jobs)))
