@@ -51,17 +51,17 @@ def folder(tmp_path):
 
 def test_the_graph_of_the_rules_is_that_of_the_workflow(folder, planned):
     (folder / "all.yaml").write_text(draw_rules.EVERYTHING)
-    reads = draw_rules.graph(PlannedJob(**job) for job in planned(folder, "all.yaml"))
+    reads = draw_rules.build_graph(PlannedJob(**job) for job in planned(folder, "all.yaml"))
     text = "".join(path.read_text("utf-8") for path in (ROOT / "workflow/rules").glob("*.smk"))
     assert reads.keys() | {"measure_motion"} == set(re.findall(r"(?m)^rule (\w+):", text))
-    assert (ROOT / "docs/rules.svg").read_text("utf-8") == draw_rules.picture(reads)  # make docs
+    assert (ROOT / "docs/rules.svg").read_text("utf-8") == draw_rules.draw(reads)  # make docs
 
 
 def test_a_recording_that_is_not_here_is_one_line(folder):
     (folder / "mine.yaml").write_text("recordings: {mine: {files: [none.csv, examples/span.csv]}}")
     status, said = script(folder, "run_study", "--configfile", "mine.yaml")
     assert status == 1
-    assert said == ["none.csv, mapping.yaml: not here, and no job makes it"]
+    assert said == ["mapping.yaml, none.csv: not here, and no job makes it"]
 
 
 def test_tables_and_figures_are_of_what_is_in_a_study(jobs_of):

@@ -4,7 +4,7 @@ MOST_VARIED_DRAWS = 40  # of each variant of a line, enough to tell most draws f
 
 rule follow_cycles:
     output:
-        **with_receipts(
+        **add_receipts(
             cycles="<results>/sweeps/{case}/{sweep}/cycles.csv",
             bifurcations="<results>/sweeps/{case}/{sweep}/bifurcations.csv",
         ),
@@ -60,7 +60,7 @@ rule assess_line:
     input:
         identified=models_of_a_line,
     output:
-        **with_receipts(
+        **add_receipts(
             clearance="<results>/assessment/{case}/clearance.csv",
             measures="<results>/assessment/{case}/measures.csv",
             orbits="<results>/assessment/{case}/orbits.npz",
@@ -96,7 +96,7 @@ rule predict_winds:
             family=shown.families_of(recorded(wildcards)),
         ),
     output:
-        **with_receipts(prediction="<results>/assessment/{case}/prediction_{protocol}.csv"),
+        **add_receipts(prediction="<results>/assessment/{case}/prediction_{protocol}.csv"),
     log:
         "<logs>/predict_winds/{case}/{protocol}.log",
     benchmark:
@@ -119,7 +119,7 @@ rule predict_winds:
 
 rule redraw_paper:
     output:
-        **with_receipts(draws="<results>/paper/{case}.csv"),
+        **add_receipts(draws="<results>/paper/{case}.csv"),
     log:
         "<logs>/redraw_paper/{case}.log",
     benchmark:
@@ -147,7 +147,7 @@ rule vary_parameter:
     input:
         drawn=f"<results>/paper/{VARIED_CASE}.csv",
     output:
-        **with_receipts(claims="<results>/reproduction/{parameter}.csv"),
+        **add_receipts(claims="<results>/reproduction/{parameter}.csv"),
     log:
         "<logs>/vary_parameter/{parameter}.log",
     benchmark:
@@ -181,7 +181,7 @@ rule animate_line:
     input:
         trajectory=f"<results>/trajectories/{FIRST}.npz",
     output:
-        **with_receipts(
+        **add_receipts(
             animation=report(
                 "<results>/figures/galloping.gif",
                 caption=CAPTION,

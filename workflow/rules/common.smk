@@ -125,16 +125,17 @@ def recording(wildcards):
     return STUDY.plain["recordings"][wildcards.recording]
 
 
-def with_receipts(**files):
-    """The outputs of a job by name, and the receipts that it writes beside them."""
+def add_receipts(**files):
+    """Outputs of a rule by name, with the receipts that its jobs write beside them."""
     every = [
         file for each in files.values() for file in ([each] if isinstance(each, str) else each)
     ]
     return {**files, RECEIPTS: [str(receipt_path(file)) for file in every]}
 
 
-# Snakemake's own report (`--report`), which has a caption for a rule and not for a file: it shows the
-# param `caption` of the job. As it takes the outputs of a job, an edit of it runs nothing again.
+# Snakemake's own report (`--report`) has one caption file for a rule: it shows the param `caption` of the
+# job. The functions of these params take `output`. Snakemake does not record such params, so that an
+# edited caption runs nothing again.
 CAPTION = "../report/caption.rst"
 
 
@@ -151,29 +152,32 @@ def captions_of_tables(*names):
     return {"caption": {name: data_dictionary.captions()[name] for name in names}}
 
 
-# What jobs ask for where a scheduler has to know it, by what those of the default study were measured
-# to need at most on one core, with two Snakemakes of 150 MB each. A job that is tried again asks for
-# as much again.
+# Memory and time that schedulers are asked for: the maximum measured in the default study on one core,
+# and two Snakemakes of 150 MB each. Each further attempt asks for as much more.
 
 
-def asking(mem_mb, runtime):
-    """Memory and time (minutes) of a job."""
+def resources_by_attempt(mem_mb, runtime):
+    """Memory (MB) and time (minutes) of a job."""
     return {
         "mem_mb": lambda wildcards, attempt: mem_mb * attempt,
         "runtime": lambda wildcards, attempt: runtime * attempt,
     }
 
 
-CASE_RESOURCES = asking(mem_mb=1000, runtime=1)  # measured: 309 MB, 2 s
-CELL_RESOURCES = asking(mem_mb=1000, runtime=3)  # 259 MB; 117 s where 1,000 points span 300 s
-TRIAL_RESOURCES = asking(mem_mb=3000, runtime=15)  # 2,100 MB and 4 min for 10^5 s of record
-SHOW_RESOURCES = asking(mem_mb=600, runtime=2)  # 181 MB, 8 s
+CASE_RESOURCES = resources_by_attempt(mem_mb=1000, runtime=1)  # measured: 309 MB, 2 s
+CELL_RESOURCES = resources_by_attempt(
+    mem_mb=1000, runtime=3
+)  # 259 MB; 117 s where 1,000 points span 300 s
+TRIAL_RESOURCES = resources_by_attempt(
+    mem_mb=3000, runtime=15
+)  # 2,100 MB and 4 min for 10^5 s of record
+SHOW_RESOURCES = resources_by_attempt(mem_mb=600, runtime=2)  # 181 MB, 8 s
 
 
 # Inputs of which there are others in another study.
 
 
-def of_reference(*names):
+def reference_files(*names):
     """Files of the reference, as far as they are there: never in a storage that holds results."""
     folder = Path(STUDY.settings.reference)
     return [local(str(path)) for name in names if (path := folder / name).exists()]

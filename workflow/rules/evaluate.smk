@@ -15,7 +15,7 @@ rule evaluate_cell:
             family=cell(wildcards).families,
         ),
     output:
-        **with_receipts(
+        **add_receipts(
             bounds="<results>/bounds/{case}/{protocol}/{cell}.npz",
             scores="<results>/scores/{case}/{protocol}/{cell}.csv",
             reconstructions="<results>/reconstructions/{case}/{protocol}/{cell}.npz",
@@ -46,7 +46,7 @@ rule find_oracle:
         model="<results>/models/{case}.json",
         trajectory="<results>/trajectories/{case}.npz",
     output:
-        **with_receipts(scores="<results>/oracles/{case}/{protocol}/{cell}.csv"),
+        **add_receipts(scores="<results>/oracles/{case}/{protocol}/{cell}.csv"),
     log:
         "<logs>/find_oracle/{case}/{protocol}/{cell}.log",
     benchmark:
@@ -96,7 +96,7 @@ rule run_trial:
     input:
         lambda wildcards: EXAMPLES.get(batch(wildcards).case, []),
     output:
-        **with_receipts(fits="<results>/trials/{trial}/{batch}.csv"),
+        **add_receipts(fits="<results>/trials/{trial}/{batch}.csv"),
     log:
         "<logs>/run_trial/{trial}/{batch}.log",
     benchmark:

@@ -5,7 +5,7 @@ rule identify_models:
     input:
         trajectory="<results>/trajectories/{case}.npz",
     output:
-        **with_receipts(models="<results>/identified/{case}/{protocol}/{cell}/{family}.json"),
+        **add_receipts(models="<results>/identified/{case}/{protocol}/{cell}/{family}.json"),
     log:
         "<logs>/identify_models/{case}/{protocol}/{cell}/{family}.log",
     benchmark:
@@ -42,7 +42,7 @@ rule identify_recordings:
             else []
         ),
     output:
-        **with_receipts(
+        **add_receipts(
             made=[
                 (
                     report(

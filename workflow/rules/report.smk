@@ -5,7 +5,7 @@ rule make_table:
     input:
         unpack(lambda wildcards: TABLES[wildcards.table].input),
     output:
-        **with_receipts(
+        **add_receipts(
             table=table_in_report("{table}"),
         ),
     log:
@@ -37,10 +37,10 @@ OTHERS = ("results", "reference", "recordings", "figures")  # on which no number
 rule compare_reference:
     input:
         tables=expand("<results>/tables/{table}.csv", table=COMPARED),
-        reference=of_reference(*(f"{name}.csv" for name in COMPARED)),
-        origin=of_reference("origin.json"),
+        reference=reference_files(*(f"{name}.csv" for name in COMPARED)),
+        origin=reference_files("origin.json"),
     output:
-        **with_receipts(
+        **add_receipts(
             summary=table_in_report("reference_summary"),
             differences=table_in_report("reference_differences"),
         ),
@@ -66,7 +66,7 @@ rule draw_figure:
     input:
         unpack(lambda wildcards: FIGURES[wildcards.figure].input),
     output:
-        **with_receipts(
+        **add_receipts(
             svg=report(
                 "<results>/figures/{figure}.svg",
                 caption=CAPTION,
@@ -121,7 +121,7 @@ rule write_report:
         ),
         region=REGION if Path(REGION).exists() else [],
     output:
-        **with_receipts(
+        **add_receipts(
             report=report(
                 "<results>/report.html",
                 caption="../report/page.rst",

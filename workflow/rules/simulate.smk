@@ -3,7 +3,7 @@
 
 rule derive_model:
     output:
-        **with_receipts(model="<results>/models/{case}.json"),
+        **add_receipts(model="<results>/models/{case}.json"),
     log:
         "<logs>/derive_model/{case}.log",
     benchmark:
@@ -25,7 +25,7 @@ rule simulate_line:
     input:
         model="<results>/models/{case}.json",
     output:
-        **with_receipts(trajectory="<results>/trajectories/{case}.npz"),
+        **add_receipts(trajectory="<results>/trajectories/{case}.npz"),
     log:
         "<logs>/simulate_line/{case}.log",
     benchmark:
@@ -54,7 +54,7 @@ rule simulate_line:
 
 rule simulate_many_modes:
     output:
-        **with_receipts(trajectory="<results>/trajectories/{case}.npz"),
+        **add_receipts(trajectory="<results>/trajectories/{case}.npz"),
     log:
         "<logs>/simulate_many_modes/{case}.log",
     benchmark:
@@ -88,7 +88,7 @@ rule rank_releases:
         model="<results>/models/{case}.json",
         trajectory="<results>/trajectories/{case}.npz",
     output:
-        **with_receipts(ranking="<results>/bounds/{case}/further_recordings.csv"),
+        **add_receipts(ranking="<results>/bounds/{case}/further_recordings.csv"),
     log:
         "<logs>/rank_releases/{case}.log",
     benchmark:
@@ -114,7 +114,7 @@ rule measure_motion:
     input:
         trajectory="<results>/trajectories/{case}.npz",
     output:
-        **with_receipts(recordings="<results>/recordings/{case}/{protocol}/{cell}.npz"),
+        **add_receipts(recordings="<results>/recordings/{case}/{protocol}/{cell}.npz"),
     log:
         "<logs>/measure_motion/{case}/{protocol}/{cell}.log",
     benchmark:

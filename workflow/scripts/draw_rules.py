@@ -26,7 +26,7 @@ STYLE = (
 Graph = dict[str, set[str]]  # by rule, those that it reads from
 
 
-def graph(jobs: Iterable[PlannedJob]) -> Graph:
+def build_graph(jobs: Iterable[PlannedJob]) -> Graph:
     """The rules that each rule reads from, without those that it also reads by way of others."""
     jobs = list(jobs)
     rule_of = {path: job.rule for job in jobs for path in job.outputs}
@@ -43,17 +43,19 @@ def _all_before(reads: Graph, rule: str) -> set[str]:
     return reads[rule].union(*(_all_before(reads, each) for each in reads[rule]))
 
 
-def picture(reads: Graph) -> str:
+def draw(reads: Graph) -> str:
     """Boxes in columns, each as far to the right as those that read from it allow."""
 
-    def behind(rule: str) -> int:
+    def count_columns_after(rule: str) -> int:
         """Columns that are needed to the right of a rule's."""
-        return max((behind(each) + 1 for each in reads if rule in reads[each]), default=0)
+        return max(
+            (count_columns_after(each) + 1 for each in reads if rule in reads[each]), default=0
+        )
 
-    last = max(map(behind, reads))
+    last = max(map(count_columns_after, reads))
     columns: dict[int, list[str]] = {}
     for rule in sorted(reads):
-        columns.setdefault(last - behind(rule), []).append(rule)
+        columns.setdefault(last - count_columns_after(rule), []).append(rule)
     tallest = max(map(len, columns.values()))
     place = {
         rule: (x * ACROSS + 4, round((row + (tallest - len(rules)) / 2) * DOWN) + 4)
@@ -80,4 +82,4 @@ if __name__ == "__main__":
         file.write(EVERYTHING)
         file.flush()
         jobs = planning([file.name]).jobs
-    write_text(sys.argv[1], picture(graph(jobs)))
+    write_text(sys.argv[1], draw(build_graph(jobs)))

@@ -84,10 +84,10 @@ def arguments(function: Callable[..., None], job) -> dict:
     return {**wildcards, **dict(job.input.items()), **outputs, **values}
 
 
-def _place(job) -> str:
-    """What the paths of a job begin with before the folder of results.
+def _storage_prefix(job) -> str:
+    """What stands before the folder of results in the paths of a job.
 
-    Nothing, unless the results are in a storage of Snakemake's and the job works on local copies.
+    It is empty unless the results are in a storage of Snakemake's and the job has local copies.
     """
     results = job.config.get(RESULTS, RESULTS)
     return str(job.log[0]).rpartition(f"{results}/logs/")[0]
@@ -104,21 +104,21 @@ def _run(function: Callable[..., None], job) -> float:
     function(**arguments(function, job))
     seconds = round(time.perf_counter() - start, 3)
     finished = datetime.now(UTC).isoformat(timespec="seconds")
-    place = _place(job)
+    prefix = _storage_prefix(job)
     for path in (str(path) for path in job.output if not path.endswith(SUFFIX)):
         receipt = Receipt(
-            path=path.removeprefix(place),
+            path=path.removeprefix(prefix),
             rule=job.rule,
             wildcards=dict(job.wildcards.items()),
-            log=str(job.log[0]).removeprefix(place),
+            log=str(job.log[0]).removeprefix(prefix),
             settings=as_written(dict(job.params.items())),
-            inputs={name.removeprefix(place): present for name, present in inputs.items()},
+            inputs={name.removeprefix(prefix): present for name, present in inputs.items()},
             sha256=digest(path),
             size=Path(path).stat().st_size,
             seconds=seconds,
             finished=finished,
         )
-        write_receipt(receipt, place)
+        write_receipt(receipt, prefix)
     return seconds
 
 

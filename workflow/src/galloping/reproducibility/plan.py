@@ -166,8 +166,9 @@ def _with_dag(
         except WorkflowError as error:
             sys.exit(str(error))
         except MissingInputException as error:
-            *_, missing = str(error).partition("affected files:")
-            sys.exit(f"{', '.join(missing.split())}: not here, and no job makes it")
+            *_, text = str(error).partition("affected files:")
+            missing = sorted(filter(None, map(str.strip, text.splitlines())))
+            sys.exit(f"{', '.join(missing)}: not here, and no job makes it")
         except (OSError, ValueError, TypeError, LookupError, AttributeError) as error:
             cause = f"{type(error).__name__}: {error}".splitlines()[0]
             sys.exit(f"Snakemake cannot work with its records in .snakemake ({cause}): remove them "

@@ -77,12 +77,12 @@ def consistent(receipt: Receipt, known: Mapping[str, Receipt]) -> bool:
     )
 
 
-def write_receipt(receipt: Receipt, place: str = "") -> None:
+def write_receipt(receipt: Receipt, prefix: str = "") -> None:
     """Write a receipt beside its file, whether or not that is there.
 
-    place: prefix of the path, of a local copy of results that are kept in a storage.
+    prefix: stands before the path of a local copy of results that are in a storage.
     """
-    write_json(receipt_path(place + receipt.path), asdict(receipt))
+    write_json(receipt_path(prefix + receipt.path), asdict(receipt))
 
 
 def read_receipt(path: str | Path) -> Receipt | None:
