@@ -47,7 +47,7 @@ rule identify_recordings:
                 (
                     report(
                         f"<results>/recordings/{{recording}}/{file}",
-                        caption=f"../report/recordings/{Path(file).stem}.rst",
+                        caption=f"../report/field/{Path(file).stem}.rst",
                         category="Recordings",
                         labels={"recording": "{recording}", "file": file},
                     )

@@ -152,7 +152,7 @@ rule write_report:
         captions=lambda wildcards: {"captions": captions("figures", *FIGURES, *ANIMATED)},
         captions_of_recordings=lambda wildcards: {
             "captions_of_recordings": (
-                captions("recordings", *PICTURES_OF_FIELD) if STUDY.settings.recordings else {}
+                captions("field", *PICTURES_OF_FIELD) if STUDY.settings.recordings else {}
             )
         },
         headline={
