@@ -4,6 +4,8 @@ Nothing but the storage is shared, as on Kubernetes or in a cloud's batch servic
 """
 
 import shutil
+import sys
+from pathlib import Path
 
 import pytest
 from studies import CONFIGURATION, copy_repository, run, script
@@ -14,7 +16,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
 
 TARGETS = (
     "results/smoke/scores/non_resonant/state/noise_0.05.csv",
-    "results/smoke/tables/table1_conductor.csv",  # reads a file that is kept in git
+    "results/smoke/tables/table1_conductor.csv",  # made by the main process: reads a file of git
 )
 SUBMIT = """#!/bin/sh
 node=$(mktemp -d {folder}/node.XXXXXX)
@@ -53,7 +55,8 @@ def test_a_study_runs_in_a_storage_and_without_a_shared_file_system(study, folde
     pytest.importorskip("snakemake_executor_plugin_cluster_generic", reason="run `make tools`")
     pytest.importorskip("snakemake_storage_plugin_fs", reason="run `make tools`")
     assert study.first.returncode == 0, study.first.stdout
-    monkeypatch.setenv("PATH", f"{folder / 'bin'}", prepend=":")
+    places = (folder / "bin", Path(sys.executable).parent)  # jobs call the first `python`
+    monkeypatch.setenv("PATH", ":".join(map(str, places)), prepend=":")
     command = (
         *("-m", "snakemake", *TARGETS, "--configfile", CONFIGURATION),
         *("--workflow-profile", "none", "--executor", "cluster-generic", "--jobs", "1"),
