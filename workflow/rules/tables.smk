@@ -122,7 +122,7 @@ if LINES:
             },
             model=MODEL,
             identified={
-                cell.id: f"<results>/identified/{cell.id}/{method.family}.npz"
+                cell.id: f"<results>/identified/{cell.id}/{method.family}.json"
                 for cell, method in beside
             },
         ),
