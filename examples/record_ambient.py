@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
 
 from galloping.configuration.load import load, plain
-from galloping.physics.galerkin import derive
+from galloping.line.galerkin import derive
 
 WIND, RATE, DURATION = 2.0, 5.0, 1200.0  # m/s, Hz, s
 FORCES = np.array([8e-3, 3e-3])  # m/s^2, of q_v and q_w, their roots of covariance in a second

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from galloping.configuration.load import load, plain
-from galloping.physics.continuous import readings, release, simulate, span, wind_speed
-from galloping.physics.galerkin import Line, modes
+from galloping.line.continuous import readings, release, simulate, span, wind_speed
+from galloping.line.galerkin import Line, modes
 
 RATE, END = 12.5, 300.0  # Hz, s
 GUSTS = {"intensity": 0.12, "length_scale": 100.0, "spectrum": "von_karman"}  # m

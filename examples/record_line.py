@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from galloping.configuration.load import load, plain
-from galloping.physics.continuous import QUARTERS, continuous_line, readings, release, simulate
+from galloping.line.continuous import QUARTERS, continuous_line, readings, release, simulate
 
 RATE, BEGIN, END = 25.0, 20.0, 220.0  # Hz, s
 NOISE, SHAKE, BIAS, DRIFT = 20.0, 0.06, (0.31, -0.12), 0.05  # mm, m/s^2 and m/s^2, in all

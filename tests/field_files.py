@@ -15,9 +15,9 @@ from scipy.signal import StateSpace, lsim
 
 from galloping import derive, simulate
 from galloping.cli import main
-from galloping.field.analysis import Field, read_field
-from galloping.polynomial import PolynomialModel
+from galloping.model.polynomial import PolynomialModel
 from galloping.readers.mapping import validated
+from galloping.summary.analysis import Field, read_field
 
 STATES = ("q_v", "q_w", "dq_v", "dq_w")
 RATE = 25.0  # Hz

@@ -5,7 +5,7 @@ from lines import simulate
 
 from galloping import IdentifiedModel, PolynomialModel, Recording
 from galloping import polynomial_library as library
-from galloping.bounds import sensitivities
+from galloping.evaluation.bounds import sensitivities
 from galloping.identification.problem import posed
 
 TIME = np.linspace(0.0, 300.0, 30_001)

@@ -6,10 +6,10 @@ from functools import cache
 import numpy as np
 
 from galloping.configuration.load import load, plain
-from galloping.measurement import Motion, recordings_of
-from galloping.physics.galerkin import STATES, coefficients, model
-from galloping.polynomial import library
-from galloping.simulation import Simulator, time_grid
+from galloping.line.galerkin import STATES, coefficients, model
+from galloping.model.polynomial import library
+from galloping.recording.measurement import Motion, recordings_of
+from galloping.trajectory.simulation import Simulator, time_grid
 
 CASES = plain(load({}))["cases"]
 RESONANT = CASES["internal_resonance"]

@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from galloping import Recording
-from galloping.polynomial import velocity_pairs
-from galloping.recording import Input
+from galloping.model.polynomial import velocity_pairs
+from galloping.recording.samples import Input
 
 STATES = ("q", "dq")
 

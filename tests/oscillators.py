@@ -3,9 +3,9 @@
 import numpy as np
 
 from galloping import PolynomialModel, Recording, library, parse_model
-from galloping.bounds import Experiment, state_bound
-from galloping.simulation import Simulator
+from galloping.evaluation.bounds import Experiment, state_bound
 from galloping.streams import generator
+from galloping.trajectory.simulation import Simulator
 
 STATES = ("q", "dq")
 LIBRARIES = {

@@ -8,14 +8,20 @@ import pytest
 from identification_cases import model
 from lines import moved, simulate
 
-from galloping.bounds import Experiment, bounds_of, free_terms, sensitivities, state_bound
+from galloping.evaluation.bounds import (
+    Experiment,
+    bounds_of,
+    free_terms,
+    sensitivities,
+    state_bound,
+)
 from galloping.evaluation.bounds_of_cells import at_the_bound, deviations, ranked_releases
-from galloping.intervals import IDENTIFIABLE
-from galloping.measurement import BY_NAME, Noise, channel_scale
-from galloping.physics.galerkin import Derived
-from galloping.polynomial import library
-from galloping.simulation import Simulator
+from galloping.line.galerkin import Derived
+from galloping.model.intervals import IDENTIFIABLE
+from galloping.model.polynomial import library
+from galloping.recording.measurement import BY_NAME, Noise, channel_scale
 from galloping.tables.scores import efficiency, identifiability
+from galloping.trajectory.simulation import Simulator
 from galloping.trials.published import SETTINGS
 
 EQUATIONS = (2, 3)

@@ -26,9 +26,9 @@ from galloping.configuration.schema import (
 from galloping.configuration.settings import Settings
 from galloping.configuration.yaml_file import ENDLESS, ConfigurationError, read
 from galloping.identification.registry import BY_NAME as METHODS
+from galloping.line import continuous
+from galloping.line.galerkin import derive
 from galloping.paper.unknowns import NAMES
-from galloping.physics import continuous
-from galloping.physics.galerkin import derive
 from galloping.study.shown import departures
 from galloping.tables.line_parameters import conductor, spacers
 

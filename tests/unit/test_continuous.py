@@ -9,11 +9,11 @@ from scipy.signal import welch
 from galloping.configuration.load import load, plain
 from galloping.evaluation import reduction as trial
 from galloping.evaluation.score import Truth, evaluate
-from galloping.identification.model import IdentifiedModel
-from galloping.physics import continuous
-from galloping.physics.continuous import continuous_line, release, sensor_readings, simulate
-from galloping.physics.galerkin import STATES, coefficients, model
-from galloping.physics.gusts import SPECTRA, wind_speed
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.line import continuous
+from galloping.line.continuous import continuous_line, release, sensor_readings, simulate
+from galloping.line.galerkin import STATES, coefficients, model
+from galloping.line.gusts import SPECTRA, wind_speed
 
 TIME = np.arange(30001) / 100
 BARE = {"reading": "custom", "vertical": [0.0, 0.0, 0.0], "horizontal": [0.0, 0.0, 0.0]}

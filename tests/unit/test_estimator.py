@@ -16,7 +16,7 @@ from studies import run
 
 import galloping
 from galloping import MaximumLikelihood, Recording
-from galloping.containers import make_recordings
+from galloping.recording.containers import make_recordings
 
 ROOT = Path(__file__).parents[2]
 TIME = np.arange(1200) / 40
@@ -281,7 +281,9 @@ def test_it_is_an_estimator(duffing):
 
 
 def test_neither_scikit_learn_nor_frames_are_imported():
-    asked = "galloping.MaximumLikelihood().get_params(); galloping.containers.make_recordings"
+    asked = (
+        "galloping.MaximumLikelihood().get_params(); galloping.recording.containers.make_recordings"
+    )
     done = run(ROOT, "-c", f"import sys, galloping; {asked}; print(*sys.modules)")
     assert done.returncode == 0, done.stdout
     loaded = set(done.stdout.split())

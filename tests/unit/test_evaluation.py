@@ -9,14 +9,15 @@ from lines import RESONANT, edited, recorded
 from galloping.evaluation import score as scores
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
 from galloping.evaluation.score import Truth, evaluate, gallops, reconstruct, reconstruction, score
-from galloping.identification.model import IdentifiedModel, Unusable
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.no_model import Unusable
 from galloping.identification.observations import Code, Finding
 from galloping.identification.sparse.evidence import reduce
-from galloping.measurement import Motion
-from galloping.physics.galerkin import coefficients, model
-from galloping.polynomial import PolynomialModel, extended, library
-from galloping.simulation import Simulator, Trajectory
+from galloping.line.galerkin import coefficients, model
+from galloping.model.polynomial import PolynomialModel, extended, library
+from galloping.recording.measurement import Motion
 from galloping.tables.table3 import identified_terms
+from galloping.trajectory.simulation import Simulator, Trajectory
 
 INF = float("inf")
 

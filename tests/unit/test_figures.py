@@ -15,12 +15,12 @@ from galloping.figures.motions import draw_histories, draw_recovery
 from galloping.figures.schematics import draw_aerodynamic_load, draw_flow, draw_line
 from galloping.figures.style import METHODS, method_style, write_figure
 from galloping.figures.verdicts import draw_trust
-from galloping.identification.model import IdentifiedModel
-from galloping.intervals import interval
-from galloping.measurement import BY_NAME as PROTOCOLS
-from galloping.measurement import Motion
-from galloping.physics.galerkin import derive
-from galloping.polynomial import library
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.line.galerkin import derive
+from galloping.model.intervals import interval
+from galloping.model.polynomial import library
+from galloping.recording.measurement import BY_NAME as PROTOCOLS
+from galloping.recording.measurement import Motion
 from galloping.results import Reconstruction
 
 LINE = derive(RESONANT)

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lines import CASES, edited
 
-from galloping.physics import galerkin
-from galloping.physics.galerkin import Line, derive, irvine_root
-from galloping.polynomial import design_matrix, library
+from galloping.line import galerkin
+from galloping.line.galerkin import Line, derive, irvine_root
+from galloping.model.polynomial import design_matrix, library
 
 LIBRARY = library(4, 4)
 UNITS = [tuple(row) for row in np.eye(4, dtype=int).tolist()]

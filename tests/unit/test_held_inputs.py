@@ -13,11 +13,11 @@ from galloping import IdentifiedModel, Input, Recording
 from galloping.identification.inputs import asked
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.interpolation import choose_interpolants
-from galloping.intervals import drawn_with_rivals
-from galloping.polynomial import library
-from galloping.recording import typical_inputs
+from galloping.model.intervals import drawn_with_rivals
+from galloping.model.polynomial import library
+from galloping.model.terms import parse
+from galloping.recording.samples import typical_inputs
 from galloping.storage import read_json
-from galloping.terms import parse
 
 KINDS = ("zero", "linear", "cubic")
 STATES = ("q", "dq")

@@ -12,15 +12,16 @@ from lines import moved, recorded, simulate
 from galloping.configuration.load import load, plain
 from galloping.identification import cell
 from galloping.identification.cell import identify
-from galloping.identification.model import IdentifiedModel, Unusable
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.no_model import Unusable
 from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import Resonance
 from galloping.identification.registry import BY_NAME, METHODS
 from galloping.identification.sparse.evidence import differentiate, reduce
 from galloping.identification.sparse.stlsq import bagged_medians
 from galloping.identification.sparse.supports import best_threshold, ebic
-from galloping.polynomial import PolynomialModel, design_matrix, library
-from galloping.recording import Recording
+from galloping.model.polynomial import PolynomialModel, design_matrix, library
+from galloping.recording.samples import Recording
 from galloping.study.files import read_identified, write_identified
 
 TERMS = library(4, 3)

@@ -8,10 +8,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import galloping
-from galloping.identification.model import IdentifiedModel
-from galloping.intervals import drawn_with_rivals
-from galloping.recording import Input, windowed
-from galloping.simulation import solve_driven
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.model.intervals import drawn_with_rivals
+from galloping.recording.samples import Input, windowed
+from galloping.trajectory.simulation import solve_driven
 
 TIME = np.arange(401) / 20.0
 

@@ -7,8 +7,8 @@ import pytest
 
 from galloping import IdentifiedModel
 from galloping.arrays import first_from, round_down, round_up
-from galloping.intervals import drawn_with_rivals, extrapolate, normal, root_of
-from galloping.polynomial import PolynomialModel
+from galloping.model.intervals import drawn_with_rivals, extrapolate, normal, root_of
+from galloping.model.polynomial import PolynomialModel
 
 
 def covariance(rank, n=4, seed=0):

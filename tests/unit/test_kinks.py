@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from galloping import Input, PolynomialModel, parse_model, simulate
-from galloping.bounds import sensitivities
+from galloping.evaluation.bounds import sensitivities
 from galloping.identification.likelihood.condense import condense
 from galloping.identification.likelihood.shooting import (
     Record,
@@ -15,7 +15,7 @@ from galloping.identification.likelihood.shooting import (
     residuals,
 )
 from galloping.identification.problem import posed
-from galloping.polynomial import design_matrix
+from galloping.model.polynomial import design_matrix
 
 FRICTION = "q = dq; dq = -4 q - 0.9 sign(dq)"
 SMOOTH = {

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from lines import CASES, moved, simulate
 
-from galloping.measurement import BY_NAME, Noise, Protocol, recordings_of
+from galloping.recording.measurement import BY_NAME, Noise, Protocol, recordings_of
 from galloping.streams import generator
 from galloping.study.files import read_recordings, write_recordings
 

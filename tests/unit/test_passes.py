@@ -10,9 +10,9 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import galloping
 from galloping import passes
-from galloping.field import terminal
 from galloping.identification.work import AFTER, limited, portion, spend
 from galloping.passes import part, passing, progress
+from galloping.summary import terminal
 
 TIME = np.arange(2000) / 20
 RECORDING = galloping.Recording(TIME, ("q", "dq"), np.column_stack([np.sin(TIME), np.cos(TIME)]))

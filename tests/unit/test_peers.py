@@ -15,8 +15,8 @@ from galloping.identification.sparse.evidence import Regressions, reduce
 from galloping.identification.sparse.regression import FOLDS, Judged, ReducedRegression, judge
 from galloping.identification.sparse.supports import forward_models, threshold_path
 from galloping.identification.sparse.tuning import Convolution, savitzky_golay, weak_form
-from galloping.physics.galerkin import EQUATIONS
-from galloping.polynomial import PolynomialModel, library
+from galloping.line.galerkin import EQUATIONS
+from galloping.model.polynomial import PolynomialModel, library
 from galloping.tables.scores import CHOSEN, ORACLE, peers
 
 STEP = 0.02

@@ -11,7 +11,7 @@ from galloping.report.data_dictionary import meaning
 from galloping.report.equations import as_symbols, side_by_side
 from galloping.report.page import Item, as_html, render
 from galloping.report.printed_numbers import PaperCell, merged
-from galloping.report.sentences import on_engineering, on_methods
+from galloping.report.results_in_words import on_engineering, on_methods
 from galloping.tables import judged_claims as claims
 
 

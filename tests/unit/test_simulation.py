@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 from lines import CASES, RESONANT, START, edited
 from scipy.integrate import solve_ivp
 
-from galloping.bounds import sensitivities
+from galloping.evaluation.bounds import sensitivities
 from galloping.evaluation.motion import steady_amplitude
-from galloping.physics.galerkin import at_rest, coefficients, integrate, model
-from galloping.polynomial import PolynomialModel, design_matrix
-from galloping.simulation import Simulator, time_grid
-from galloping.taylor import Ending, solve
+from galloping.line.galerkin import at_rest, coefficients, integrate, model
+from galloping.model.polynomial import PolynomialModel, design_matrix
+from galloping.trajectory.simulation import Simulator, time_grid
+from galloping.trajectory.taylor import Ending, solve
 
 TIME = time_grid(300, 100)
 VARIANTS = {**CASES, "sine": edited(line__mode_shape="sine")}

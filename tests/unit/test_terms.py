@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 from galloping import derive
-from galloping.functions import FUNCTIONS, from_plain, function, plain, times
 from galloping.identification.prior_knowledge import Coefficient
-from galloping.polynomial import PolynomialModel, design_matrix, library, term_name
-from galloping.terms import Bounds, known_model, parse, parse_known
+from galloping.model.functions import FUNCTIONS, from_plain, function, plain, times
+from galloping.model.polynomial import PolynomialModel, design_matrix, library, term_name
+from galloping.model.terms import Bounds, known_model, parse, parse_known
 
 LINE = ("q_v", "q_w", "dq_v", "dq_w")
 

@@ -7,14 +7,14 @@ import pandas as pd
 import pytest
 
 from galloping.configuration.kinds import EXAMPLES, KINDS
-from galloping.field.sample_files import FILES
 from galloping.figures.verdicts import draw_published_intervals, draw_published_terms
 from galloping.identification import registry
-from galloping.identification.model import IdentifiedModel
-from galloping.physics.galerkin import coefficients, model
-from galloping.polynomial import library
-from galloping.report.sentences import verdicts
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.line.galerkin import coefficients, model
+from galloping.model.polynomial import library
+from galloping.report.results_in_words import verdicts
 from galloping.streams import generator
+from galloping.summary.sample_files import FILES
 from galloping.tables.trial_summaries import paths, published_intervals, published_terms, trust
 from galloping.trials import free_decays, published, recorded_lines
 from galloping.trials.ambient import DAMPING, FREQUENCIES, RandomMotion, decays

@@ -72,7 +72,8 @@ def locked(name):
 @pytest.mark.parametrize(
     ("folder", "extras"),
     [
-        ("workflow/src/galloping/field", ["field"]),
+        ("workflow/src/galloping/behaviour", ["field"]),
+        ("workflow/src/galloping/summary", ["field"]),
         ("workflow/src", ["test"]),
         ("workflow/scripts", ["test", "bench"]),
         ("docs", ["pages"]),

@@ -112,7 +112,7 @@ HEAVY = {"numpy", "scipy", "numba", "pandas", "matplotlib", "pysindy", "snakemak
         ("galloping", HEAVY | {"pydantic"}),
         ("galloping.cli", HEAVY),
         ("galloping.configuration.load", HEAVY - {"numpy"}),
-        ("galloping.study.cells, galloping.study.shown, galloping.field, "
+        ("galloping.study.cells, galloping.study.shown, galloping.summary, "
          "galloping.paper.claims", HEAVY - {"numpy", "scipy"}),
     ],
 )  # fmt: skip

@@ -113,7 +113,7 @@ def touched(*names: str) -> Edit:
 
 # --- what stands in the table, and the edits that it is tried with ---
 
-PHYSICS, REGISTRY = module("physics/galerkin.py"), module("identification/registry.py")
+PHYSICS, REGISTRY = module("line/galerkin.py"), module("identification/registry.py")
 NEW_METHOD = """METHODS = (
     Method(
         name="ridge", family="sparse", function=sparse.ridge.ridge, options=Thresholded,
@@ -146,7 +146,7 @@ SETTINGS = {
     "the resolution of figures": "figures: {dpi: 100}",
 }  # fmt: skip
 MODULES = (
-    "physics/galerkin.py", "identification/sparse/stlsq.py", "evaluation/motion.py",
+    "line/galerkin.py", "identification/sparse/stlsq.py", "evaluation/motion.py",
     "figures/errors.py", "tables/table3.py", "storage.py",
 )  # fmt: skip
 OTHERS = {

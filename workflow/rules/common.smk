@@ -1,7 +1,7 @@
 # The study that the settings describe, and what its rules share.
 from functools import cache
 
-from galloping.field import OUTPUTS, SHOWN as SHOWN_OF_FIELD
+from galloping.summary import OUTPUTS, SHOWN as SHOWN_OF_FIELD
 from galloping.reproducibility import digest
 from galloping.reproducibility.lock import OF_STUDY
 from galloping.report import data_dictionary

@@ -1,6 +1,6 @@
 # identified models, the Cramer-Rao bound, and oracles of pysindy's settings -> scores
 from galloping.configuration.kinds import EXAMPLES
-from galloping.deferred import field, trials  # the jobs import them
+from galloping.deferred import summary, trials  # the jobs import them
 
 ORACLE_REPLICATES = 5  # the first, of which the oracle of pysindy's settings is computed
 
@@ -87,7 +87,7 @@ TRIED_BY = {
     "free_decays": trials.free_decays.trial,
     "published_terms": trials.published.exact_terms,
     "published_intervals": trials.published.relaxation_intervals,
-    "files": field.sample_files.trial,
+    "files": summary.sample_files.trial,
     "paper": trials.paper_inference.trial,
 }
 

@@ -9,14 +9,14 @@ from galloping.cycles.prediction import split
 from galloping.cycles.ranking import Design, damping_ratios, derived, places, ranked
 from galloping.cycles.rows import clearance_rows
 from galloping.cycles.settling import settle
-from galloping.physics.galerkin import STATES
-from galloping.physics.measures import KINDS, usual
+from galloping.line.galerkin import STATES
+from galloping.line.measures import KINDS, usual
 from galloping.reproducibility.job import run
 from galloping.results import OURS
-from galloping.simulation import Simulator
 from galloping.storage import write_rows
 from galloping.streams import generator
 from galloping.study.files import read_families, write_orbits
+from galloping.trajectory.simulation import Simulator
 
 
 def assess_line(

@@ -26,19 +26,19 @@ import pysindy as ps
 import yaml
 from scipy.integrate import solve_ivp
 
-from galloping.bounds import sensitivities
 from galloping.configuration.load import load
+from galloping.evaluation.bounds import sensitivities
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import normalised
-from galloping.measurement import recordings_of
-from galloping.polynomial import PolynomialModel, library
-from galloping.recording import Recording
-from galloping.simulation import Simulator
+from galloping.model.polynomial import PolynomialModel, library
+from galloping.recording.measurement import recordings_of
+from galloping.recording.samples import Recording
 from galloping.storage import write_rows
 from galloping.study.cells import Study
 from galloping.study.files import read_model, read_trajectories
+from galloping.trajectory.simulation import Simulator
 
 ROOT = Path(__file__).parents[2]
 CASE = "internal_resonance"

@@ -1,6 +1,6 @@
 """Equations of the galloping of one line."""
 
-from galloping.physics.galerkin import derive
+from galloping.line.galerkin import derive
 from galloping.reproducibility.job import run
 from galloping.study.files import write_model
 

@@ -2,8 +2,8 @@
 
 from galloping.evaluation.bounds_of_cells import cell_bounds, deviations, models_at
 from galloping.evaluation.score import Truth, evaluate
-from galloping.identification.model import IdentifiedModel
-from galloping.polynomial import extended, library
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.model.polynomial import extended, library
 from galloping.reproducibility.job import run
 from galloping.results import BOUND
 from galloping.storage import write_rows

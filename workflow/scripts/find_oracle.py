@@ -2,8 +2,8 @@
 
 from galloping.evaluation.oracle import oracle_rows
 from galloping.evaluation.score import Truth
-from galloping.measurement import recordings_of
-from galloping.polynomial import extended, library
+from galloping.model.polynomial import extended, library
+from galloping.recording.measurement import recordings_of
 from galloping.reproducibility.job import run
 from galloping.storage import write_rows
 from galloping.study.files import read_model, read_trajectories

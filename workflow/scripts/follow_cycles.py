@@ -2,10 +2,10 @@
 
 from galloping.cycles.family import LIBRARY
 from galloping.cycles.rows import bifurcation_rows, limit_cycle_rows, line_diagram
-from galloping.physics.galerkin import STATES
+from galloping.line.galerkin import STATES
 from galloping.reproducibility.job import run
-from galloping.simulation import Simulator
 from galloping.storage import write_rows
+from galloping.trajectory.simulation import Simulator
 
 COLUMNS = [  # of a line that never gallops, too
     "case", "parameter", "unit", "value", "branch", "point", "stable", "v_m", "w_m", "period_s",

@@ -1,8 +1,8 @@
 """Models identified by a family of methods from every replicate of one cell."""
 
 from galloping.identification.cell import identify
-from galloping.measurement import recordings_of
-from galloping.polynomial import library
+from galloping.model.polynomial import library
+from galloping.recording.measurement import recordings_of
 from galloping.reproducibility.job import run
 from galloping.study.files import read_trajectories, write_identified
 

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from galloping.field.analysis import FieldQuestion, analyse, read_field
 from galloping.readers.mapping import read_mapping
 from galloping.reproducibility.job import run
 from galloping.study.files import read_model
+from galloping.summary.analysis import FieldQuestion, analyse, read_field
 
 
 def identify_recordings(files, mapping, beside, made, question, case):

@@ -1,6 +1,6 @@
 """Replicated recordings of one cell."""
 
-from galloping.measurement import recordings_of
+from galloping.recording.measurement import recordings_of
 from galloping.reproducibility.job import run
 from galloping.study.files import read_trajectories, write_recordings
 

@@ -8,12 +8,12 @@ from galloping.cycles.family import LIBRARY, initial_state
 from galloping.cycles.prediction import Prediction, draw_splits, predict, split
 from galloping.cycles.ranking import damping_ratios
 from galloping.cycles.rows import prediction_rows, steady_truth
-from galloping.physics.galerkin import STATES
+from galloping.line.galerkin import STATES
 from galloping.reproducibility.job import run
-from galloping.simulation import Simulator
 from galloping.storage import write_rows
 from galloping.streams import generator
 from galloping.study.files import read_families
+from galloping.trajectory.simulation import Simulator
 
 simulator = cache(partial(Simulator, STATES))  # of the terms of a library
 

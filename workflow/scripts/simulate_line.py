@@ -7,8 +7,8 @@ import numpy as np
 
 from galloping.reproducibility.job import run
 from galloping.results import Motion
-from galloping.simulation import Simulator, time_grid
 from galloping.study.files import read_model, write_trajectories
+from galloping.trajectory.simulation import Simulator, time_grid
 
 
 def simulate_line(model, trajectory, releases, duration, sampling_rate):

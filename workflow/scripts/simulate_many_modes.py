@@ -1,10 +1,10 @@
 """Trajectories of one line of many modes as the sensors along its span see it, by release."""
 
-from galloping.physics.continuous import observed
+from galloping.line.continuous import observed
 from galloping.reproducibility.job import run
-from galloping.simulation import time_grid
 from galloping.streams import generator
 from galloping.study.files import write_trajectories
+from galloping.trajectory.simulation import time_grid
 
 
 def simulate_many_modes(case, trajectory, line, truth, releases, duration, sampling_rate, seed):

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from galloping.cycles.family import LIBRARY
 from galloping.cycles.rows import map_rows, simulation_rows
-from galloping.physics.galerkin import STATES
+from galloping.line.galerkin import STATES
 from galloping.reproducibility.job import run
 from galloping.reproducibility.receipts import grows
-from galloping.simulation import Simulator
 from galloping.storage import write_rows
+from galloping.trajectory.simulation import Simulator
 
 
 def simulate_sweep(case, simulated, line, parameter, values, second, second_value, is_grown=False):

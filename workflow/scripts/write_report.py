@@ -7,7 +7,7 @@ from galloping.report.data_dictionary import captions as captions_of_tables
 from galloping.report.equations import side_by_side
 from galloping.report.page import PARTS, Item, made_by, render, versions
 from galloping.report.printed_numbers import section
-from galloping.report.sentences import inferred, on_engineering, on_methods
+from galloping.report.results_in_words import inferred, on_engineering, on_methods
 from galloping.reproducibility.job import run
 from galloping.storage import write_text
 from galloping.study.files import read_table

@@ -17,8 +17,8 @@ from galloping.cycles.settling import settle
 from galloping.figures.engineering import draw_measures, draw_orbits, write_animation
 from galloping.figures.motions import draw_limit_cycles, draw_prediction, draw_resonance_map
 from galloping.figures.parts import TALLEST
-from galloping.physics import measures
-from galloping.physics.measures import (
+from galloping.line import measures
+from galloping.line.measures import (
     FOOT,
     NOTHING,
     cigre,

@@ -8,7 +8,7 @@ from galloping.cycles.continuation import Range
 from galloping.cycles.diagram import equilibrium_branch, hopf_points
 from galloping.cycles.family import Family
 from galloping.cycles.limit_cycles import circle, from_branching, from_hopf, from_motion, settled
-from galloping.polynomial import PolynomialModel
+from galloping.model.polynomial import PolynomialModel
 
 
 def family(terms, matrix, states="xyz"):

@@ -10,13 +10,13 @@ from lines import RESONANT, START, edited, moved, simulate, simulator
 from galloping.cycles.family import LIBRARY, critical_wind
 from galloping.cycles.prediction import draw_splits, limit_cycle_ahead, predict, split
 from galloping.cycles.ranking import Design, changed, critical_winds, derived, ranked, with_measure
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.model import IdentifiedModel
-from galloping.intervals import DRAWS, of_draws
-from galloping.physics.galerkin import STATES, Derived, coefficients, model
-from galloping.physics.measures import NOTHING, damper, pendulum, tension, usual
-from galloping.polynomial import library
-from galloping.recording import Recording
+from galloping.line.galerkin import STATES, Derived, coefficients, model
+from galloping.line.measures import NOTHING, damper, pendulum, tension, usual
+from galloping.model.intervals import DRAWS, of_draws
+from galloping.model.polynomial import library
+from galloping.recording.samples import Recording
 from galloping.tables.limit_cycle_ahead import limit_cycles_ahead
 
 RATIOS = {"dq_v": 0.005, "dq_w": 0.005}

@@ -5,8 +5,8 @@ import pytest
 
 from galloping import parse_model
 from galloping.cycles.settling import Pace, filled, settle_in_periods
-from galloping.polynomial import PolynomialModel
-from galloping.simulation import Simulator
+from galloping.model.polynomial import PolynomialModel
+from galloping.trajectory.simulation import Simulator
 
 TERMS = ((1, 0), (0, 1), (2, 1), (3, 0))
 REST = np.zeros(2)

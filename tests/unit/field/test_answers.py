@@ -18,7 +18,7 @@ from odd_files import QUESTIONED, READ, REFUSED, TIME, UNITS, V, W, lines, table
 
 from galloping import IdentifiedModel, PolynomialModel
 from galloping.cli import main
-from galloping.field import OUTPUTS, analysis
+from galloping.summary import OUTPUTS, analysis
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ import pytest
 from field_files import run as command
 
 from galloping import IdentifiedModel, PolynomialModel, assess, derive
-from galloping.field.assess import beyond
-from galloping.field.driving import held_at
-from galloping.terms import parse
+from galloping.behaviour.assess import beyond
+from galloping.model.terms import parse
+from galloping.summary.driving import held_at
 
 A, B = 0.02, 0.05  # net damping 0.1 - A U, cubic damping B: onset at U = 5, A^2 = 4 (A U - 0.1)/3 B
 ERROR = 0.001  # of A

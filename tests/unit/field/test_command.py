@@ -14,8 +14,8 @@ from galloping import IdentifiedModel, Simulator, derive
 from galloping.cli import main
 from galloping.cycles.family import critical_wind
 from galloping.cycles.settling import settle
-from galloping.field import OUTPUTS
 from galloping.storage import write_text
+from galloping.summary import OUTPUTS
 
 pytestmark = pytest.mark.xdist_group("examples")
 

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from scipy.signal import StateSpace, lfilter, lsim
 
-from galloping.field.quality import quality
+from galloping.inspection.quality import quality
 from galloping.readers import FileError
 from galloping.readers.mapping import MappingError, channel_of, validated
 from galloping.readers.recordings import recording

@@ -15,15 +15,15 @@ from scipy.ndimage import gaussian_filter1d
 
 import galloping
 from galloping import IdentifiedModel, Input, PolynomialModel, Recording
-from galloping.field.analysis import read_field
-from galloping.field.helps import meanings_and_advice
-from galloping.field.objections import objected
+from galloping.behaviour.objections import objected
 from galloping.identification.observations import Code, Finding
+from galloping.model.terms import parse
 from galloping.readers.mapping import input_of, validated
 from galloping.readers.series import read_series
 from galloping.readers.units import USUAL, coefficient_unit
-from galloping.recording import extrapolated
-from galloping.terms import parse
+from galloping.recording.samples import extrapolated
+from galloping.summary.analysis import read_field
+from galloping.summary.helps import meanings_and_advice
 
 pytestmark = pytest.mark.xdist_group("inputs")
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from galloping import IdentifiedModel, Recording, assess, maximum_likelihood, polynomial_library
-from galloping.field.findings import Estimate
-from galloping.field.forecast import check_followed
-from galloping.field.objections import objected, outlived
-from galloping.field.summary import dynamics, summarise
-from galloping.field.wording import in_words
+from galloping.behaviour.forecast import check_followed
+from galloping.behaviour.objections import objected, outlived
 from galloping.identification.observations import Code
-from galloping.polynomial import PolynomialModel
+from galloping.model.polynomial import PolynomialModel
+from galloping.summary.numbers import Estimate
+from galloping.summary.summarise import dynamics, summarise
+from galloping.summary.wording import in_words
 
 TERMS = polynomial_library(2, 3)
 

@@ -11,13 +11,13 @@ from lines import simulate
 
 from galloping import Recording, Simulator, maximum_likelihood
 from galloping import polynomial_library as library
-from galloping.field.advice import advice
-from galloping.field.excerpts import PERIODS, STRETCHES, excerpts
-from galloping.field.summary import hold_out, longest_period
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.smoothing import shortest_period
-from galloping.physics.galerkin import coefficients, model
+from galloping.inspection.excerpts import PERIODS, STRETCHES, excerpts
+from galloping.line.galerkin import coefficients, model
 from galloping.streams import generator
+from galloping.summary.advice import advice
+from galloping.summary.summarise import hold_out, longest_period
 from galloping.trials.recorded_lines import draw
 
 TERMS = library(4, 3)

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from galloping import IdentifiedModel, Recording
-from galloping.field.dynamics import Surroundings, dynamics
-from galloping.field.forecast import check_followed, forecast, held_out, with_factors
-from galloping.field.objections import difference, kept_up, objected, unmoved
-from galloping.field.summary import Summary, hold_out, longest_period
+from galloping.behaviour.dynamics import Surroundings, dynamics
+from galloping.behaviour.forecast import check_followed, forecast, held_out, with_factors
+from galloping.behaviour.objections import difference, kept_up, objected, unmoved
 from galloping.identification.likelihood.repetition import Followed, only_repeats
 from galloping.identification.observations import Code, Finding
 from galloping.identification.random_forces.start import wavers
-from galloping.polynomial import PolynomialModel, design_matrix, library
+from galloping.model.polynomial import PolynomialModel, design_matrix, library
 from galloping.readers import FileError
 from galloping.readers.recordings import parted
+from galloping.summary.summarise import Summary, hold_out, longest_period
 
 TERMS = library(4, 3)
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from galloping.field.analysis import FieldQuestion, identify_field
-from galloping.field.sample_files import FILES, Oscillation, judge, trial, write_and_read
 from galloping.identification.observations import Code
 from galloping.streams import generator
+from galloping.summary.analysis import FieldQuestion, identify_field
+from galloping.summary.sample_files import FILES, Oscillation, judge, trial, write_and_read
 
 MODE = Oscillation(3.0, 0.05)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import galloping
-from galloping.field.dynamics import Surroundings, Value, dynamics
+from galloping.behaviour.dynamics import Surroundings, Value, dynamics
 
 pytestmark = pytest.mark.xdist_group("summary")
 

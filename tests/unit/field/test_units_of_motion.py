@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from galloping import assess, maximum_likelihood, polynomial_library, summarise
-from galloping.field.wording import assessment_text
-from galloping.recording import mean_inputs
+from galloping.recording.samples import mean_inputs
+from galloping.summary.wording import assessment_text
 
 UNITS = ((1e-6, 1e-6), (1e6, 1e5), (3.3, 1e-3))  # what lengths and times are multiplied by
 FAST = (motions.growing, motions.decaying)

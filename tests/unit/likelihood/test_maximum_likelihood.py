@@ -19,7 +19,7 @@ from identification_cases import (
 
 from galloping import Prior, Recording, maximum_likelihood, weak_gls
 from galloping import polynomial_library as library
-from galloping.bounds import Experiment, state_bound
+from galloping.evaluation.bounds import Experiment, state_bound
 from galloping.identification.observations import Code
 
 

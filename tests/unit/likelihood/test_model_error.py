@@ -11,8 +11,8 @@ from galloping.configuration.load import load, plain
 from galloping.figures.verdicts import draw_model_error
 from galloping.identification.observations import Code
 from galloping.identification.registry import BY_NAME
-from galloping.physics.continuous import wind
-from galloping.physics.galerkin import STATES, coefficients, model
+from galloping.line.continuous import wind
+from galloping.line.galerkin import STATES, coefficients, model
 from galloping.tables.trial_summaries import model_error
 from galloping.trials import real_lines
 from galloping.trials.real_lines import TRUTHS, combined, line_of, linear_modes, motion

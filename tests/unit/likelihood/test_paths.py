@@ -21,9 +21,9 @@ from galloping import polynomial_library as library
 from galloping.identification.likelihood import trajectory_fit
 from galloping.identification.likelihood.instrument import FORCES
 from galloping.identification.observations import Code
-from galloping.physics.galerkin import STATES
-from galloping.simulation import time_grid
+from galloping.line.galerkin import STATES
 from galloping.streams import generator
+from galloping.trajectory.simulation import time_grid
 from galloping.trials.attempts import against_truth, measured
 from galloping.trials.published import PERIODS, SETTINGS, SYSTEMS
 from galloping.trials.recorded_lines import TERMS, lines

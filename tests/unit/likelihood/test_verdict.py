@@ -17,7 +17,7 @@ from galloping.identification.plausible import (
 )
 from galloping.identification.problem import Problem, posed
 from galloping.identification.selection import select, whiten
-from galloping.intervals import drawn, drawn_with_rivals, of_draws
+from galloping.model.intervals import drawn, drawn_with_rivals, of_draws
 
 TERMS = tuple((k,) for k in range(12))
 PROBLEM = posed(("x",), TERMS)

@@ -7,7 +7,6 @@ from lines import CASES, RESONANT
 from pictures import drawn
 
 from galloping.figures.against_paper import draw_printed
-from galloping.measurement import Motion
 from galloping.paper.claims import (
     BEYOND_JUDGEMENT,
     CLAIMS,
@@ -19,6 +18,7 @@ from galloping.paper.claims import (
 )
 from galloping.paper.draws import Amounts, paper_draws
 from galloping.paper.unknowns import NAMES
+from galloping.recording.measurement import Motion
 from galloping.report import printed_numbers as report
 from galloping.tables.judged_claims import claims_table, paper_table, variation_rows
 from galloping.tables.line_parameters import conductor

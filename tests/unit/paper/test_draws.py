@@ -12,10 +12,10 @@ from galloping.evaluation.score import Truth, evaluate
 from galloping.identification import cell, registry
 from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import fit
+from galloping.model.polynomial import design_matrix, extended, library
 from galloping.paper import draws
 from galloping.paper.quick import QuickStudy
 from galloping.paper.unknowns import MethodReading
-from galloping.polynomial import design_matrix, extended, library
 from galloping.results import IDENTIFIED, KNOWN, NOISE, PAPER_METHOD, SUBSET
 
 CASE = {**RESONANT, "initial_state": {**RESONANT["initial_state"], "q_v": 0.7, "q_w": 1.0}}

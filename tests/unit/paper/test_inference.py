@@ -15,6 +15,7 @@ from galloping.configuration.yaml_file import read
 from galloping.figures.against_paper import draw_region
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.stlsq import normalised, raw
+from galloping.model.polynomial import library
 from galloping.paper import agreement, draws
 from galloping.paper.agreement import GROUPS, NUMBERS, PRINTED, cell_of, log_likelihoods
 from galloping.paper.draws import Amounts
@@ -28,7 +29,6 @@ from galloping.paper.unknowns import (
     UNKNOWNS,
     MethodReading,
 )
-from galloping.polynomial import library
 from galloping.tables import inference as tables
 from galloping.trials import paper_inference
 

@@ -8,14 +8,14 @@ from scipy.signal import lsim
 from scipy.stats import multivariate_normal
 
 from galloping import Input
-from galloping.identification.model import Unusable
+from galloping.identification.no_model import Unusable
 from galloping.identification.observations import Code
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.kalman import kalman_filter
 from galloping.identification.random_forces.steps import Steps, discretised
 from galloping.identification.random_forces.tracking import Data, Forces, Tracker
 from galloping.identification.random_forces.whiteness import whiteness
-from galloping.polynomial import PolynomialModel, library
+from galloping.model.polynomial import PolynomialModel, library
 
 SYSTEM = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-9.0, 0.7, -0.1, 0.02], [0.3, -20.0, 0.01, -0.2]])
 FORCES = np.diag([0.0, 0.0, 0.3, 0.1])

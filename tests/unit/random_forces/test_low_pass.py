@@ -7,7 +7,7 @@ import pytest
 from ambient import swing
 
 from galloping import Recording, forecast, maximum_likelihood, polynomial_library, summarise
-from galloping.identification.model import NoModel, Unusable
+from galloping.identification.no_model import NoModel, Unusable
 from galloping.identification.observations import Code
 from galloping.identification.random_forces.low_pass import REACH, low_passed
 from galloping.identification.random_forces.several_modes import SeveralModes

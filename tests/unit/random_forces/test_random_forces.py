@@ -8,11 +8,11 @@ from ambient import DAMPING, FREQUENCIES, STATES, displacements, swing, two_mode
 from scipy.signal import lfilter
 
 from galloping import maximum_likelihood, summarise
-from galloping.field.summary import dynamics, forecast
 from galloping.identification.random_forces.unmodelled import unmodelled
-from galloping.intervals import decay_interval
-from galloping.polynomial import PolynomialModel, library
-from galloping.recording import Recording
+from galloping.model.intervals import decay_interval
+from galloping.model.polynomial import PolynomialModel, library
+from galloping.recording.samples import Recording
+from galloping.summary.summarise import dynamics, forecast
 
 pytestmark = pytest.mark.xdist_group("ambient")
 

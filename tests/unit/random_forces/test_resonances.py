@@ -10,12 +10,12 @@ from scipy.signal import butter, sosfilt
 
 import galloping
 from galloping import Recording, maximum_likelihood, polynomial_library
-from galloping.field.excerpts import by_excerpts
-from galloping.field.objections import objected
-from galloping.identification.model import IdentifiedModel
+from galloping.behaviour.objections import objected
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import Resonance
 from galloping.identification.random_forces.forced_motion import model_spectra
+from galloping.inspection.excerpts import by_excerpts
 
 TIME = np.arange(9_000) / 10
 STATES = ("q_v", "dq_v")

@@ -8,8 +8,8 @@ from ambient import displacements, stepped
 
 import galloping
 from galloping import IdentifiedModel, Input, Recording, forecast, maximum_likelihood
-from galloping.intervals import decay_interval
-from galloping.physics.gusts import wind_speed
+from galloping.line.gusts import wind_speed
+from galloping.model.intervals import decay_interval
 
 STATES, RATE, EVERY = ("y", "dy"), 5.0, 20
 TERMS, ALLOWED = galloping.library(("wind(U)",), STATES, ("U",))

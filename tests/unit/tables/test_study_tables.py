@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lines import CASES, RESONANT, edited
 
-from galloping.identification.model import IdentifiedModel
-from galloping.intervals import interval
-from galloping.physics.galerkin import Derived, coefficients, model
-from galloping.polynomial import library
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.line.galerkin import Derived, coefficients, model
+from galloping.model.intervals import interval
+from galloping.model.polynomial import library
 from galloping.tables.line_parameters import spacers
 from galloping.tables.scores import all_scores, data_amount, noise_coefficients, noise_r2
 from galloping.tables.table3 import equations, table3

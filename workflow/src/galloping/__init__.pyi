@@ -1,25 +1,25 @@
 """The public names: type checkers see them here, and `__init__.py` imports each at first use."""
 
+from galloping.behaviour.assess import assess
+from galloping.behaviour.assessment import Assessment
+from galloping.behaviour.dynamics import Dynamics, Value
+from galloping.behaviour.forecast import Forecast
 from galloping.configuration.yaml_file import ConfigurationError
 from galloping.estimator import MaximumLikelihood, NotFittedError
-from galloping.field.assess import assess
-from galloping.field.assessment import Assessment
-from galloping.field.dynamics import Dynamics, Value
-from galloping.field.forecast import Forecast
-from galloping.field.summary import Summary, dynamics, forecast, summarise
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
-from galloping.identification.model import IdentifiedModel
 from galloping.identification.prior_knowledge import Coefficient, Prior
+from galloping.model.polynomial import PolynomialModel
+from galloping.model.polynomial import library as polynomial_library
+from galloping.model.terms import parse as library
+from galloping.model.terms import parse_model
 from galloping.passes import progress
 from galloping.plotting import plot_fit, plot_forecast, plot_phase
-from galloping.polynomial import PolynomialModel
-from galloping.polynomial import library as polynomial_library
-from galloping.recording import Input, Recording
-from galloping.simulation import Simulator, Trajectory
+from galloping.recording.samples import Input, Recording
 from galloping.stages import cramer_rao_bound, derive, measure, simulate
-from galloping.terms import parse as library
-from galloping.terms import parse_model
+from galloping.summary.summarise import Summary, dynamics, forecast, summarise
+from galloping.trajectory.simulation import Simulator, Trajectory
 
 __version__: str
 __all__ = [

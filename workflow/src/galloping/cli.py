@@ -8,7 +8,7 @@ import click
 
 from galloping import __version__
 from galloping.command_errors import OneLineErrors
-from galloping.field.terminal import json_text, print_rows, shown
+from galloping.summary.terminal import json_text, print_rows, shown
 
 PIECE, MOST_ROWS = 100_000, 1_000_000  # rows of a simulation that are held at a time; of a forecast
 # New objects, after which Python looks for cycles of garbage among all: imports and figures make
@@ -107,7 +107,7 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, 
 
 def _answered(path):
     """The model in a file. Raises ValueError where there is none."""
-    from galloping.identification.model import IdentifiedModel
+    from galloping.identification.identified_model import IdentifiedModel
 
     loaded = IdentifiedModel.load(path)
     if loaded.status == "refused":
@@ -169,11 +169,11 @@ def identify(
     all numbers of the summary as in summary.json, each with its interval and unit, and the
     coefficients, each with its unit and error, as "galloping show --json" does.
     """
-    from galloping.field import OUTPUTS
-    from galloping.field.analysis import FieldQuestion, analyse, read_field
-    from galloping.field.csv_rows import model_rows
-    from galloping.field.wording import TECHNICAL
     from galloping.storage import read_json, replacing_folder
+    from galloping.summary import OUTPUTS
+    from galloping.summary.analysis import FieldQuestion, analyse, read_field
+    from galloping.summary.csv_rows import model_rows
+    from galloping.summary.wording import TECHNICAL
 
     forced = () if random_force is None else tuple(map(str.strip, random_force.split(",")))
     question = FieldQuestion(degree or 3, method, known, seed, library, forced)
@@ -220,8 +220,8 @@ def inspect(file, write_map, as_json, **mapping):
     Prints how each column is read, sampling, gaps, noise, the frequencies of the motion, and what
     is odd about the samples. Nothing is computed from them yet.
     """
-    from galloping.field.analysis import read_field
-    from galloping.field.wording import report_text
+    from galloping.summary.analysis import read_field
+    from galloping.summary.wording import report_text
 
     if write_map and _doubts_of_written(file, write_map, mapping):
         return
@@ -276,11 +276,11 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     """
     import numpy as np
 
-    from galloping.field.analysis import read_field
-    from galloping.field.assess import beyond
-    from galloping.field.csv_rows import forecast_rows
-    from galloping.field.driving import inputs_after
-    from galloping.field.summary import forecast as forecast_from
+    from galloping.behaviour.assess import beyond
+    from galloping.summary.analysis import read_field
+    from galloping.summary.csv_rows import forecast_rows
+    from galloping.summary.driving import inputs_after
+    from galloping.summary.summarise import forecast as forecast_from
 
     loaded = _answered(model)
     states = loaded.model.states
@@ -313,9 +313,9 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
 @json_option
 def show(model, latex, as_json):
     """Print the equations of a MODEL, with errors and verdict."""
-    from galloping.field.csv_rows import model_rows
-    from galloping.identification.model import IdentifiedModel
+    from galloping.identification.identified_model import IdentifiedModel
     from galloping.storage import read_json
+    from galloping.summary.csv_rows import model_rows
 
     if latex and as_json:
         raise click.UsageError("--latex and --json exclude each other")
@@ -348,7 +348,7 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
     """
     import numpy as np
 
-    from galloping.field.driving import driving, usual_sampling
+    from galloping.summary.driving import driving, usual_sampling
 
     loaded = _answered(model)
     inputs = driving(model, loaded.model.inputs, at, inputs_file, time_column, _between(model))
@@ -379,7 +379,7 @@ def _simulated(path, model, state, rate: float, last: int, inputs) -> Iterator[d
     """Rows 0 to `last` of a motion. Raises ValueError, naming the path, where it ends early."""
     import numpy as np
 
-    from galloping.simulation import Simulator, away_from
+    from galloping.trajectory.simulation import Simulator, away_from
 
     simulator = Simulator(model.states, model.terms, inputs=model.inputs)
     limit = away_from(state)
@@ -415,11 +415,11 @@ def assess(model, at, seed, figure, as_csv, as_json):
     cycles are followed, the unstable ones as well, and the onset is looked for: where small motions
     about rest begin to grow. Intervals are of 95 %.
     """
-    from galloping.field.assess import assess as assessed
-    from galloping.field.assessment import assessment_rows
-    from galloping.field.driving import held_at
-    from galloping.field.wording import assessment_text
+    from galloping.behaviour.assess import assess as assessed
+    from galloping.behaviour.assessment import assessment_rows
     from galloping.storage import read_json
+    from galloping.summary.driving import held_at
+    from galloping.summary.wording import assessment_text
 
     if as_csv and as_json:
         raise click.UsageError("--csv and --json exclude each other")
@@ -427,8 +427,8 @@ def assess(model, at, seed, figure, as_csv, as_json):
     with shown():
         found = assessed(loaded, held_at(at, loaded.model.inputs), seed=seed)
     if figure:
-        from galloping.field.drawing import DPI, FONT_SIZE, draw_assessment  # matplotlib
         from galloping.figures.style import write_figure
+        from galloping.summary.drawing import DPI, FONT_SIZE, draw_assessment  # matplotlib
 
         svg, png = (Path(figure).with_suffix(form) for form in (".svg", ".png"))
         write_figure(svg, png, lambda: draw_assessment(found, units), DPI, FONT_SIZE)

@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import increasing
-from galloping.containers import (
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.prior_knowledge import PRIOR, Coefficient, Prior, coefficients_of
+from galloping.model.polynomial import Exponents
+from galloping.model.polynomial import library as polynomial_library
+from galloping.model.terms import known_model, parse
+from galloping.recording.containers import (
     Data,
     Driving,
     SampleTimes,
@@ -19,14 +25,8 @@ from galloping.containers import (
     make_recordings,
     split_samples,
 )
-from galloping.field.summary import motion_scores
-from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.model import IdentifiedModel
-from galloping.identification.prior_knowledge import PRIOR, Coefficient, Prior, coefficients_of
-from galloping.polynomial import Exponents
-from galloping.polynomial import library as polynomial_library
-from galloping.recording import Recording
-from galloping.terms import known_model, parse
+from galloping.recording.samples import Recording
+from galloping.summary.summarise import motion_scores
 
 if TYPE_CHECKING:
     from pandas import DataFrame

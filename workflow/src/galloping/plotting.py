@@ -7,14 +7,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from galloping.arrays import one_thread
+from galloping.behaviour.following import Following, without_outliers
 from galloping.estimator import MaximumLikelihood
-from galloping.field.following import Following, without_outliers
-from galloping.field.summary import PERIODS, forecast, longest_period, motions_beside
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import checked_recordings
-from galloping.identification.model import IdentifiedModel
-from galloping.polynomial import velocity_pairs
+from galloping.model.polynomial import velocity_pairs
 from galloping.readers.units import NONE
-from galloping.recording import Input, Recording
+from galloping.recording.samples import Input, Recording
+from galloping.summary.summarise import PERIODS, forecast, longest_period, motions_beside
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,8 +40,8 @@ def plot_fit(found: Found, recordings: Recordings = None) -> "Figure":
         A row for each state, and columns for the begin, the middle and the end of the recording,
         in each of which the model starts anew. Of a model that random forces move the spectra.
     """
-    from galloping.field.drawing import FONT_SIZE, draw_fit, draw_spectra
     from galloping.figures.style import styled
+    from galloping.summary.drawing import FONT_SIZE, draw_fit, draw_spectra
 
     model, given = _model_of(found, recordings)
     with styled(FONT_SIZE):
@@ -77,8 +77,8 @@ def plot_forecast(
     ValueError
         If there is no forecast, as of `forecast`.
     """
-    from galloping.field.drawing import FONT_SIZE, draw_forecast
     from galloping.figures.style import styled
+    from galloping.summary.drawing import FONT_SIZE, draw_forecast
 
     model, given = _model_of(found, recordings)
     ahead = forecast(model, given[-1], time, inputs=inputs, seed=seed)
@@ -109,9 +109,9 @@ def plot_phase(
     ValueError
         If `states` are not two or three states of the model, or random forces move it.
     """
-    from galloping.field.drawing import FONT_SIZE
     from galloping.figures import parts
     from galloping.figures.style import MODEL, TRUE, styled
+    from galloping.summary.drawing import FONT_SIZE
 
     model, given = _model_of(found, recordings)
     names, recording = model.model.states, given[-1]

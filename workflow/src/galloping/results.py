@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.polynomial import PolynomialModel
+from galloping.model.polynomial import PolynomialModel
 
 # kinds of cells, with which their names begin
 NOISE = "noise"  # a whole record

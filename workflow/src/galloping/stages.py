@@ -7,15 +7,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import checked_state, finite, increasing, one_thread
-from galloping.bounds import Experiment, on_library, state_bound
 from galloping.configuration.load import load, plain
 from galloping.configuration.yaml_file import ConfigurationError
-from galloping.measurement import BY_NAME, Motion, recordings_of
-from galloping.physics.galerkin import coefficients
-from galloping.physics.galerkin import model as equations_of
-from galloping.polynomial import PolynomialModel, velocity_pairs
-from galloping.recording import Input, Recording, at_times
-from galloping.simulation import Simulator, Trajectory, away_from, check_inputs, rates_of
+from galloping.evaluation.bounds import Experiment, on_library, state_bound
+from galloping.line.galerkin import coefficients
+from galloping.line.galerkin import model as equations_of
+from galloping.model.polynomial import PolynomialModel, velocity_pairs
+from galloping.recording.measurement import BY_NAME, Motion, recordings_of
+from galloping.recording.samples import Input, Recording, at_times
+from galloping.trajectory.simulation import Simulator, Trajectory, away_from, check_inputs, rates_of
 
 
 def derive(**sections: Mapping[str, object] | float) -> PolynomialModel:

@@ -13,9 +13,9 @@ from galloping.configuration.kinds import KINDS, LONGEST
 from galloping.cycles.family import PARAMETERS
 from galloping.fields import Name, invalid, one_of, selection, setting, show
 from galloping.identification.registry import METHODS
-from galloping.measurement import PROTOCOLS
-from galloping.physics import measures
-from galloping.physics.gusts import SPECTRA
+from galloping.line import measures
+from galloping.line.gusts import SPECTRA
+from galloping.recording.measurement import PROTOCOLS
 
 LineSection = keys("line", "The span and how it hangs.")
 InitialStateSection = keys("initial_state", "Where the trajectory starts.")

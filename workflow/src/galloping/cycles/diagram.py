@@ -11,8 +11,8 @@ import numpy as np
 from galloping.cycles import continuation, limit_cycles
 from galloping.cycles.continuation import Bifurcation, Branch, Equations, Range
 from galloping.cycles.family import Family
-from galloping.modes import Modes
-from galloping.polynomial import design_matrix
+from galloping.model.modes import Modes
+from galloping.model.polynomial import design_matrix
 
 # --- equilibria: where they lose stability to galloping (Hopf), fold or branch ---
 

@@ -6,8 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from galloping.physics import galerkin
-from galloping.polynomial import PolynomialModel
+from galloping.line import galerkin
+from galloping.model.polynomial import PolynomialModel
 
 DIFFERENCE = 1e-5  # of the parameter's scale: central differences are good to about 1e-10
 

@@ -18,8 +18,8 @@ from galloping.cycles import continuation
 from galloping.cycles.continuation import Bifurcation, Branch, Equations, Point, Range
 from galloping.cycles.family import Family
 from galloping.cycles.settling import Settled
-from galloping.right_hand_side import system, tables
-from galloping.taylor import at_points, integrate
+from galloping.trajectory.right_hand_side import system, tables
+from galloping.trajectory.taylor import at_points, integrate
 
 FOLD, BRANCH_POINT = "fold of cycles", "branch point"
 PERIOD_DOUBLING, NEIMARK_SACKER = "period doubling", "Neimark-Sacker"

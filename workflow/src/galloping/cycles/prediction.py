@@ -20,11 +20,11 @@ from galloping.cycles.continuation import NotConverged, Range, corrected
 from galloping.cycles.family import Family, constant
 from galloping.cycles.limit_cycles import CycleProblem, Orbit
 from galloping.cycles.settling import SPAN, settle
-from galloping.identification.model import IdentifiedModel
-from galloping.intervals import DRAWS, Identified, drawn_with_rivals, normal, of_draws
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.model.intervals import DRAWS, Identified, drawn_with_rivals, normal, of_draws
+from galloping.model.polynomial import Exponents, PolynomialModel, alone, velocity_pairs
 from galloping.passes import passing
-from galloping.polynomial import Exponents, PolynomialModel, alone, velocity_pairs
-from galloping.simulation import Simulator
+from galloping.trajectory.simulation import Simulator
 
 # Close enough for the correction, and a stretch to begin from.
 RECORDED, AHEAD = SPAN.during(2000.0, 200.0), SPAN.during(1500.0, 50.0)

@@ -8,12 +8,12 @@ import numpy as np
 from galloping.cycles.limit_cycles import cycle_of
 from galloping.cycles.prediction import Split, intervals, near, split
 from galloping.cycles.settling import Settled, settle
-from galloping.identification.model import IdentifiedModel
-from galloping.intervals import of_draws
-from galloping.physics.galerkin import STATES, at_rest, coefficients, model
-from galloping.physics.measures import NOTHING, Measure, added, clearance
-from galloping.polynomial import alone
-from galloping.simulation import Simulator
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.line.galerkin import STATES, at_rest, coefficients, model
+from galloping.line.measures import NOTHING, Measure, added, clearance
+from galloping.model.intervals import of_draws
+from galloping.model.polynomial import alone
+from galloping.trajectory.simulation import Simulator
 
 OUTLINE = 2000  # places of a motion: with 256 one that never repeats had 0.1 to 0.2 m too much room
 DAMPING = (("dq_v", "vertical"), ("dq_w", "horizontal"))

@@ -16,9 +16,9 @@ from galloping.cycles.limit_cycles import Orbit
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import outline
 from galloping.cycles.settling import SPAN, Settled, Watch, settle
-from galloping.physics.galerkin import STATES, Line, at_rest
-from galloping.physics.measures import clearance, design_ellipses, envelope
-from galloping.simulation import Simulator
+from galloping.line.galerkin import STATES, Line, at_rest
+from galloping.line.measures import clearance, design_ellipses, envelope
+from galloping.trajectory.simulation import Simulator
 
 SIMULATION = "simulation"
 PATIENT = SPAN.during(16000.0)  # near a bifurcation, 4,000 s leave a third of a percent to settle

@@ -5,8 +5,8 @@ from typing import Self
 
 import numpy as np
 
-from galloping.polynomial import PolynomialModel, velocity_pairs
-from galloping.simulation import Simulator
+from galloping.model.polynomial import PolynomialModel, velocity_pairs
+from galloping.trajectory.simulation import Simulator
 
 STEADY = 0.01  # relative spread over the pieces up to which a motion is a limit cycle
 

@@ -6,16 +6,16 @@ from itertools import product
 
 import numpy as np
 
-from galloping import bounds as cramer_rao
-from galloping.bounds import Bound, Experiment
-from galloping.identification.model import IdentifiedModel
+from galloping.evaluation import bounds as cramer_rao
+from galloping.evaluation.bounds import Bound, Experiment
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code, Finding
-from galloping.intervals import IDENTIFIABLE, normal
-from galloping.measurement import Motion, noises_of, recordings_of
-from galloping.physics.galerkin import EQUATIONS
-from galloping.polynomial import PolynomialModel, term_name
-from galloping.simulation import Simulator
+from galloping.line.galerkin import EQUATIONS
+from galloping.model.intervals import IDENTIFIABLE, normal
+from galloping.model.polynomial import PolynomialModel, term_name
+from galloping.recording.measurement import Motion, noises_of, recordings_of
 from galloping.streams import generator
+from galloping.trajectory.simulation import Simulator
 
 
 def at_the_bound(

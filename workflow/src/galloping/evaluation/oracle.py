@@ -11,13 +11,14 @@ from itertools import product
 import numpy as np
 
 from galloping.evaluation.score import ORDERS, UNKNOWN, Truth, reconstruct, score
-from galloping.identification.model import IdentifiedModel, finding_of
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.no_model import finding_of
 from galloping.identification.sparse import evidence, frols, stlsq
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import Path, nonzero
 from galloping.identification.sparse.supports import solve, threshold_path
-from galloping.polynomial import PolynomialModel
-from galloping.recording import Recording
+from galloping.model.polynomial import PolynomialModel
+from galloping.recording.samples import Recording
 
 CHOICES = ("least error", "right terms")
 

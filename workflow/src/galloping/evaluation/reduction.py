@@ -8,7 +8,7 @@ import pandas as pd
 
 from galloping.cycles.family import initial_state
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
-from galloping.physics import continuous
+from galloping.line import continuous
 from galloping.streams import generator
 
 RATE = 50  # Hz

@@ -7,12 +7,12 @@ from functools import cached_property
 import numpy as np
 
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
-from galloping.identification.model import IdentifiedModel
-from galloping.intervals import NORMAL_95, QUANTILES_90
-from galloping.physics.galerkin import EQUATIONS
-from galloping.polynomial import PolynomialModel
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.line.galerkin import EQUATIONS
+from galloping.model.intervals import NORMAL_95, QUANTILES_90
+from galloping.model.polynomial import PolynomialModel
 from galloping.results import Reconstruction
-from galloping.simulation import Simulator, Trajectory
+from galloping.trajectory.simulation import Simulator, Trajectory
 
 DISPLACEMENT_COLUMNS = {"q_v": 0, "q_w": 1}
 ORDERS = {"linear": 1, "quadratic": 2, "cubic": 3}

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from galloping.figures import parts
 from galloping.figures.errors import replace_cells
 from galloping.figures.style import MODEL, QUIET, SERIES, SINGLE, TRUE
-from galloping.identification.model import IdentifiedModel
-from galloping.physics.galerkin import EQUATIONS, STATES, Derived
-from galloping.polynomial import library
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.line.galerkin import EQUATIONS, STATES, Derived
+from galloping.model.polynomial import library
 from galloping.tables.scores import spread
 from galloping.tables.table3 import identified_terms
 

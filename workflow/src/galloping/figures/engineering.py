@@ -16,8 +16,8 @@ from matplotlib.path import Path
 from galloping.figures import parts
 from galloping.figures.schematics import INK, arrow
 from galloping.figures.style import MODEL, PAPER, TRUE, spoken, styled
-from galloping.physics.galerkin import Line, modes, positions
-from galloping.physics.measures import NOTHING, design_ellipses
+from galloping.line.galerkin import Line, modes, positions
+from galloping.line.measures import NOTHING, design_ellipses
 from galloping.storage import replacing
 
 COLUMNS = 3  # of panels of orbits

@@ -12,8 +12,8 @@ from matplotlib.patheffects import withStroke
 
 from galloping.cycles.rows import SIMULATION
 from galloping.figures import parts, style
-from galloping.measurement import Motion
-from galloping.physics.galerkin import at_rest
+from galloping.line.galerkin import at_rest
+from galloping.recording.measurement import Motion
 from galloping.results import Reconstruction
 
 LAST = 0.1  # of the record, at its end, where single periods can be seen

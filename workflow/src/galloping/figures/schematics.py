@@ -11,8 +11,8 @@ from matplotlib.patches import Arc, Circle, FancyBboxPatch, Polygon
 
 from galloping.figures import parts
 from galloping.figures.style import BAND, MODEL, PAPER, SINGLE, TRUE, spoken
-from galloping.measurement import Motion
-from galloping.physics.galerkin import MODES, STATES, Derived, Line, ice_coefficients, positions
+from galloping.line.galerkin import MODES, STATES, Derived, Line, ice_coefficients, positions
+from galloping.recording.measurement import Motion
 
 ICE, METAL, INK = "#d6e6f2", "#6b6b6b", "#111111"
 HEIGHT = 3.0

@@ -12,12 +12,12 @@ from math import isfinite
 
 import numpy as np
 
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
-from galloping.intervals import DRAWS, drawn_with_rivals
-from galloping.polynomial import Exponents, term_name
-from galloping.recording import Recording
+from galloping.model.intervals import DRAWS, drawn_with_rivals
+from galloping.model.polynomial import Exponents, term_name
+from galloping.recording.samples import Recording
 
 EXACT = 1e-9  # of a factor's length, beside others: what is left of it is rounding
 MOST_VALUES = 4096  # combinations of recorded values that are looked at

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.model import BY_TERM, RANGE, IdentifiedModel
+from galloping.identification.identified_model import BY_TERM, RANGE, IdentifiedModel
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import MOST_SURPRISE, Problem
-from galloping.intervals import QUANTILES_90
-from galloping.polynomial import exponents_of, has_functions
-from galloping.recording import Recording
+from galloping.model.intervals import QUANTILES_90
+from galloping.model.polynomial import exponents_of, has_functions
+from galloping.recording.samples import Recording
 
 
 def by(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:

@@ -7,9 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, partial
 from pkgutil import resolve_name
 
-from galloping.identification.model import NO_MODEL, IdentifiedModel, finding_of
-from galloping.polynomial import Exponents
-from galloping.recording import Recording
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.no_model import NO_MODEL, finding_of
+from galloping.model.polynomial import Exponents
+from galloping.recording.samples import Recording
 from galloping.streams import generator
 
 

@@ -6,14 +6,14 @@ from numbers import Integral
 import numpy as np
 from numpy.typing import ArrayLike
 
-from galloping.functions import Function, n_exponents
 from galloping.identification.aliases import without_aliases
-from galloping.identification.model import Unusable
+from galloping.identification.no_model import Unusable
 from galloping.identification.observations import Code
 from galloping.identification.prior_knowledge import Coefficient, Prior
 from galloping.identification.problem import Problem, posed
-from galloping.polynomial import Exponents, PolynomialModel
-from galloping.recording import Recording
+from galloping.model.functions import Function, n_exponents
+from galloping.model.polynomial import Exponents, PolynomialModel
+from galloping.recording.samples import Recording
 
 MOST_CANDIDATES = 600  # terms of all equations: moves of three of them are then within memory
 FEWEST = 100  # samples: fewer hold no oscillation that could be told from noise

@@ -7,8 +7,8 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from galloping.polynomial import Exponents
-from galloping.terms import Bounds, Known
+from galloping.model.polynomial import Exponents
+from galloping.model.terms import Bounds, Known
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from galloping.identification.prior_knowledge import Coefficient, Prior
 from galloping.identification.selection import Price, select, solve_support
-from galloping.polynomial import (
+from galloping.model.polynomial import (
     Bound,
     Exponents,
     PolynomialModel,
@@ -21,8 +21,8 @@ from galloping.polynomial import (
     term_name,
     velocity_pairs,
 )
-from galloping.recording import Recording, left_out, windowed
-from galloping.right_hand_side import System, Tables, system, tables
+from galloping.recording.samples import Recording, left_out, windowed
+from galloping.trajectory.right_hand_side import System, Tables, system, tables
 
 if TYPE_CHECKING:
     from galloping.identification.aliases import Alias

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from galloping.deferred import identification
 from galloping.fields import Section, one_of, real, setting, whole
-from galloping.measurement import (
+from galloping.recording.measurement import (
     ALL_STATES,
     DERIVATIVES,
     DISPLACEMENTS_ALONE,

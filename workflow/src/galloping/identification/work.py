@@ -12,9 +12,9 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code, Finding
-from galloping.recording import Recording
+from galloping.recording.samples import Recording
 
 # s, of a search in recordings sampled at up to TIMES times, and in proportion of longer ones.
 # With 24 what no model follows is refused sooner, and some lines of wild motion lose their exact

@@ -25,7 +25,7 @@ import numpy as np
 from pydantic import TypeAdapter
 from scipy.stats import binomtest
 
-from galloping.intervals import interval
+from galloping.model.intervals import interval
 from galloping.results import NOISE, SUBSET
 
 if TYPE_CHECKING:

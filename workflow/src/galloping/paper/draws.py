@@ -15,16 +15,17 @@ from scipy.signal import savgol_filter
 
 from galloping.cycles.family import initial_state
 from galloping.evaluation.score import Truth, evaluate
-from galloping.identification.model import NO_MODEL, IdentifiedModel, finding_of
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.no_model import NO_MODEL, finding_of
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import ReducedRegression
-from galloping.measurement import Motion, channel_scale
-from galloping.physics.galerkin import coefficients, model
-from galloping.polynomial import Exponents, design_matrix, extended, library
+from galloping.line.galerkin import coefficients, model
+from galloping.model.polynomial import Exponents, design_matrix, extended, library
+from galloping.recording.measurement import Motion, channel_scale
 from galloping.results import IDENTIFIED, NOISE, SUBSET
-from galloping.simulation import Simulator, time_grid
 from galloping.streams import generator
+from galloping.trajectory.simulation import Simulator, time_grid
 
 
 @dataclass(frozen=True)

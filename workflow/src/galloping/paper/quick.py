@@ -15,10 +15,10 @@ import pandas as pd
 
 from galloping.evaluation import score
 from galloping.identification.sparse import supports
-from galloping.measurement import Motion, channel_scale
+from galloping.model.polynomial import Exponents, PolynomialModel, library, products
 from galloping.paper.draws import PATH_LENGTH, PROTOCOLS, Amounts, Products
 from galloping.paper.unknowns import MethodReading
-from galloping.polynomial import Exponents, PolynomialModel, library, products
+from galloping.recording.measurement import Motion, channel_scale
 from galloping.results import KNOWN
 
 STEP = 5  # samples of a step of the simulation

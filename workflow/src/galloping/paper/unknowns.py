@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from galloping.physics.galerkin import READINGS as ICE_READINGS
+from galloping.line.galerkin import READINGS as ICE_READINGS
 from galloping.results import IDENTIFIED, KNOWN
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from galloping.readers import FileError
 from galloping.readers.file_table import FileTable
 from galloping.readers.mapping import InputColumn
-from galloping.recording import BETWEEN, INTERPOLATED, Input
+from galloping.recording.samples import BETWEEN, INTERPOLATED, Input
 
 HELD = 2  # rows, that a logger repeats a slower sample for at least
 

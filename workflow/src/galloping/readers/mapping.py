@@ -8,10 +8,10 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from galloping.configuration.yaml_file import read
+from galloping.model.terms import parse, parse_known
 from galloping.readers.file_table import read_table
 from galloping.readers.proposal import ROWS, Proposal, propose, states_of
 from galloping.readers.units import named
-from galloping.terms import parse, parse_known
 
 FAULTS = {  # where pydantic speaks of Python's types
     "extra_forbidden": "there is no such key",

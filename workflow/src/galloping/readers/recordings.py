@@ -4,10 +4,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from galloping.identification.inputs import FEWEST
-from galloping.polynomial import velocity_pairs
+from galloping.model.polynomial import velocity_pairs
 from galloping.readers.mapping import Channel, ColumnMapping
 from galloping.readers.series import Series
-from galloping.recording import INTERPOLATED, Recording
+from galloping.recording.samples import INTERPOLATED, Recording
 
 # Longest periods of the motion.
 LEAST = 3  # that a part of a recording holds at least

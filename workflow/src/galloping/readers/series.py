@@ -33,7 +33,7 @@ from galloping.readers.units import (
     state_si,
     state_unit,
 )
-from galloping.recording import Input
+from galloping.recording.samples import Input
 
 CODES = (  # that loggers write for a missing sample, of either sign
     99, 999, 9999, 99999, 999999, 9999999, 99.9, 99.99, 999.9, 999.99, 999.25, 9999.9, 9999.99,

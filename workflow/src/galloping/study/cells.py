@@ -15,7 +15,7 @@ from galloping.configuration.settings import Settings, TrialSection
 from galloping.cycles.family import PARAMETERS
 from galloping.identification import registry
 from galloping.identification.registry import Method
-from galloping.measurement import BY_NAME, Protocol
+from galloping.recording.measurement import BY_NAME, Protocol
 from galloping.results import JOINT, NOISE, SUBSET
 
 

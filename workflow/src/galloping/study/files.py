@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from galloping.identification.model import IdentifiedModel
-from galloping.polynomial import PolynomialModel
-from galloping.recording import Recording
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.model.polynomial import PolynomialModel
+from galloping.recording.samples import Recording
 from galloping.results import Derived, Motion, Reconstruction
 from galloping.storage import read_json, write_arrays, write_json, write_rows
 

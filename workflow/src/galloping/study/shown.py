@@ -9,7 +9,7 @@ from galloping.configuration.schema import child, leaves, schema
 from galloping.configuration.settings import CaseSection, Settings, paper_cases
 from galloping.fields import show
 from galloping.identification.registry import Method
-from galloping.measurement import ALL_STATES, DERIVATIVES, Protocol
+from galloping.recording.measurement import ALL_STATES, DERIVATIVES, Protocol
 from galloping.results import JOINT, NOISE, OURS, OURS_FAMILY, PAPER_METHOD, PAPER_PROTOCOL, SUBSET
 from galloping.study.cells import Case, Cell, Study
 

@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
-from galloping.intervals import QUANTILES_90
+from galloping.model.intervals import QUANTILES_90
 from galloping.paper.agreement import GROUPS, NUMBERS, PRINTED, group_of
 from galloping.paper.unknowns import BY_NAME, FIRST_READING, NAMES, UNKNOWNS
 

@@ -9,7 +9,7 @@ import pandas as pd
 
 from galloping.cycles.family import initial_state
 from galloping.evaluation.motion import steady_amplitude
-from galloping.measurement import Motion
+from galloping.line.galerkin import coefficients
 from galloping.paper.claims import (
     BEYOND_JUDGEMENT,
     CLAIMS,
@@ -22,7 +22,7 @@ from galloping.paper.claims import (
 )
 from galloping.paper.draws import Amounts, line_motion, paper_draws
 from galloping.paper.unknowns import UNKNOWNS
-from galloping.physics.galerkin import coefficients
+from galloping.recording.measurement import Motion
 from galloping.results import NOISE, PAPER_METHOD, PAPER_PROTOCOL
 
 COLUMNS = (

@@ -8,9 +8,9 @@ import pandas as pd
 
 from galloping.cycles.prediction import limit_cycle_ahead
 from galloping.evaluation.motion import steady_amplitude
-from galloping.identification.model import IdentifiedModel
-from galloping.measurement import Motion
-from galloping.physics.galerkin import Derived
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.line.galerkin import Derived
+from galloping.recording.measurement import Motion
 from galloping.streams import generator
 
 COLUMNS = (

@@ -12,7 +12,7 @@ from galloping import paper
 from galloping.configuration.load import load, plain
 from galloping.configuration.schema import child, leaves, schema
 from galloping.configuration.settings import Settings
-from galloping.physics.galerkin import ice_coefficients
+from galloping.line.galerkin import ice_coefficients
 
 COLUMNS = ["case", "key", "symbol", "value", "unit", "provenance", "note"]
 

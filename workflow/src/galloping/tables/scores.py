@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pandas as pd
 
-from galloping.intervals import IDENTIFIABLE, interval
-from galloping.physics.galerkin import EQUATIONS, Derived
-from galloping.polynomial import extended, library
+from galloping.line.galerkin import EQUATIONS, Derived
+from galloping.model.intervals import IDENTIFIABLE, interval
+from galloping.model.polynomial import extended, library
 from galloping.results import NOISE, SUBSET
 
 CELL = ["case", "protocol", "level"]

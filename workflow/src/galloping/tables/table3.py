@@ -5,10 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from galloping.identification.model import IdentifiedModel
-from galloping.intervals import interval
-from galloping.physics.galerkin import EQUATIONS, STATES, Derived, symbol_of
-from galloping.polynomial import Exponents, PolynomialModel, extended, library, term_name
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.line.galerkin import EQUATIONS, STATES, Derived, symbol_of
+from galloping.model.intervals import interval
+from galloping.model.polynomial import Exponents, PolynomialModel, extended, library, term_name
 
 TERMS = ["equation", "symbol", "term", "true", "identified", "low", "high", "found"]
 

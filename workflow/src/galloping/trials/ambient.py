@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from galloping.intervals import decay_interval
-from galloping.modes import Modes
-from galloping.physics.galerkin import STATES
-from galloping.polynomial import library
-from galloping.recording import Recording
+from galloping.line.galerkin import STATES
+from galloping.model.intervals import decay_interval
+from galloping.model.modes import Modes
+from galloping.model.polynomial import library
+from galloping.recording.samples import Recording
 from galloping.streams import generator
 from galloping.trials.attempts import identified_by
 from galloping.trials.real_lines import DEGREE, JUDGEMENTS, NOISE

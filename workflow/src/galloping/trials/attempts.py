@@ -8,16 +8,16 @@ from time import process_time
 
 import numpy as np
 
-from galloping.bounds import bounds_of, on_library
+from galloping.evaluation.bounds import bounds_of, on_library
 from galloping.identification.cell import identify
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code
 from galloping.identification.work import limited
-from galloping.intervals import NORMAL_95
-from galloping.measurement import Motion, noises_of, recordings_of
-from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs
-from galloping.recording import Recording
-from galloping.simulation import rates_of
+from galloping.model.intervals import NORMAL_95
+from galloping.model.polynomial import Exponents, PolynomialModel, velocity_pairs
+from galloping.recording.measurement import Motion, noises_of, recordings_of
+from galloping.recording.samples import Recording
+from galloping.trajectory.simulation import rates_of
 
 FAR = 4.0  # standard errors beyond which a coefficient is wrong
 

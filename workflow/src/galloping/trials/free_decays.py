@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.identification.model import IdentifiedModel
-from galloping.intervals import NORMAL_95
-from galloping.polynomial import library
-from galloping.recording import Recording
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.model.intervals import NORMAL_95
+from galloping.model.polynomial import library
+from galloping.recording.samples import Recording
 from galloping.streams import generator
 from galloping.trials.attempts import identified_by
 from galloping.trials.real_lines import DEGREE, JUDGEMENTS

@@ -28,7 +28,7 @@ from scipy.stats import multivariate_t
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
-from galloping.measurement import Motion
+from galloping.line.galerkin import coefficients
 from galloping.paper import agreement
 from galloping.paper.draws import Amounts, line_motion
 from galloping.paper.quick import FARTHEST, SHARING, QuickStudy
@@ -42,7 +42,7 @@ from galloping.paper.unknowns import (
     UNKNOWNS,
     Reading,
 )
-from galloping.physics.galerkin import coefficients
+from galloping.recording.measurement import Motion
 from galloping.streams import generator
 
 AMOUNTS = Amounts()

@@ -17,14 +17,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from galloping.bounds import Experiment, on_library, state_bound
 from galloping.configuration.kinds import GAMMAS, LONGEST, PUBLISHED
-from galloping.intervals import NORMAL_95
-from galloping.polynomial import PolynomialModel, library
-from galloping.recording import Recording
-from galloping.simulation import Simulator
+from galloping.evaluation.bounds import Experiment, on_library, state_bound
+from galloping.model.intervals import NORMAL_95
+from galloping.model.polynomial import PolynomialModel, library
+from galloping.model.terms import known_model
+from galloping.recording.samples import Recording
 from galloping.streams import generator
-from galloping.terms import known_model
+from galloping.trajectory.simulation import Simulator
 from galloping.trials.attempts import Attempt, identified_by, measured, trial_of
 
 PERIODS = 30

@@ -13,15 +13,15 @@ import numpy as np
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
-from galloping.identification.model import IdentifiedModel
-from galloping.intervals import NORMAL_95, drawn
-from galloping.physics import continuous
-from galloping.physics.galerkin import STATES
-from galloping.polynomial import PolynomialModel, library
-from galloping.recording import Input, Recording
-from galloping.simulation import Simulator
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.line import continuous
+from galloping.line.galerkin import STATES
+from galloping.model.intervals import NORMAL_95, drawn
+from galloping.model.polynomial import PolynomialModel, library
+from galloping.model.terms import parse
+from galloping.recording.samples import Input, Recording
 from galloping.streams import generator
-from galloping.terms import parse
+from galloping.trajectory.simulation import Simulator
 from galloping.trials.attempts import identified_by
 
 CASE = "internal_resonance"

@@ -26,12 +26,12 @@ from galloping.configuration.load import load, plain
 from galloping.cycles.settling import settle
 from galloping.identification.likelihood.instrument import FORCES
 from galloping.identification.observations import Code
-from galloping.physics.galerkin import STATES, coefficients, model
-from galloping.physics.gusts import wind_speed
-from galloping.polynomial import PolynomialModel, design_matrix, library
-from galloping.recording import Recording
-from galloping.simulation import Simulator, time_grid
+from galloping.line.galerkin import STATES, coefficients, model
+from galloping.line.gusts import wind_speed
+from galloping.model.polynomial import PolynomialModel, design_matrix, library
+from galloping.recording.samples import Recording
 from galloping.streams import generator
+from galloping.trajectory.simulation import Simulator, time_grid
 from galloping.trials.attempts import Attempt, deviations_at_the_bound, measured, trial_of
 
 DEFAULT, RANDOM, LONG_AND_STEADY = "default line", "random lines", "long and steady"  # groups

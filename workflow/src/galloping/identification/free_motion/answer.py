@@ -22,18 +22,15 @@ from galloping.identification.free_motion.kinds_of_motion import (
 from galloping.identification.free_motion.linear_system import with_covariance
 from galloping.identification.free_motion.linearity import SIGNIFICANT
 from galloping.identification.free_motion.rest import Moving, moving_recordings
-from galloping.identification.model import (
-    IdentifiedModel,
-    NoModel,
-    attempt,
-)
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import EnvelopePart, FurtherMode
 from galloping.identification.preparation.smoothing import undisplaced
 from galloping.identification.problem import Problem
 from galloping.identification.status import status_of
-from galloping.polynomial import velocity_pairs
-from galloping.recording import Recording
+from galloping.model.polynomial import velocity_pairs
+from galloping.recording.samples import Recording
 
 MAX_NOISE = 1.2  # times the noise that was said, which residuals have
 MIN_PERIODS = 10.0  # of a further mode that is told: what is slower is mostly a drift

@@ -8,7 +8,7 @@ import numpy as np
 
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
 from galloping.identification.free_motion.mode_search import MANY_MODES, strongest_mode
-from galloping.identification.model import NoModel, attempt
+from galloping.identification.no_model import NoModel, attempt
 
 OUTLYING = 5.5  # robust deviations of a residual: noise once in 30 million samples
 MAX_OUTLYING = 0.1  # of the samples of a channel

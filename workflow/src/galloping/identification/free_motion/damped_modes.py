@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from galloping.identification.model import Unusable
+from galloping.identification.no_model import Unusable
 from galloping.identification.observations import Code
 from galloping.identification.work import spend
 

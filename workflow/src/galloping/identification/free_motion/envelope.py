@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
-from galloping.identification.model import NoModel, attempt
+from galloping.identification.no_model import NoModel, attempt
 
 MAX_PARTS = 12
 MIN_PERIODS = 2.0  # of a part

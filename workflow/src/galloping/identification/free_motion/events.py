@@ -14,7 +14,7 @@ from scipy.special import chdtri
 
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
 from galloping.identification.free_motion.mode_search import FALSE_ALARM_RATE, fit_modes
-from galloping.identification.model import NoModel, attempt
+from galloping.identification.no_model import NoModel, attempt
 
 MAX_EVENTS = 10
 MIN_EXPLAINED = 0.25  # of the excess of a misfit, by each event

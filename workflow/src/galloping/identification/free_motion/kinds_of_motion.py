@@ -33,12 +33,12 @@ from galloping.identification.free_motion.linearity import (
     resolved_modes,
 )
 from galloping.identification.free_motion.mode_search import fit_modes, is_close, share_left
-from galloping.identification.model import NoModel, attempt
+from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.smoothing import DRIFT_DEGREE
 from galloping.identification.random_forces.channels import Channels
-from galloping.polynomial import velocity_pairs
-from galloping.recording import Recording
+from galloping.model.polynomial import velocity_pairs
+from galloping.recording.samples import Recording
 
 MAX_EVENTFUL = 0.4  # of the power of a channel, that modes leave of a motion with a few events
 WINDOWS = 24  # of a stretch, in which its amplitude is compared, a period long at least

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch
-from galloping.identification.model import Unusable
+from galloping.identification.no_model import Unusable
 from galloping.identification.observations import Code
 from galloping.identification.random_forces.channels import Channels
 

@@ -17,7 +17,7 @@ from galloping.identification.free_motion.damped_modes import (
     Stretch,
     fit_poles,
 )
-from galloping.identification.model import Unusable
+from galloping.identification.no_model import Unusable
 from galloping.identification.work import spend
 
 MAX_MODES = 8

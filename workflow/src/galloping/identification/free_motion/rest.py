@@ -15,8 +15,8 @@ from galloping.arrays import one_thread
 from galloping.identification.free_motion.damped_modes import Stretch
 from galloping.identification.free_motion.mode_search import strongest_mode
 from galloping.identification.observations import Code, Finding, Severity
-from galloping.polynomial import velocity_pairs
-from galloping.recording import Recording
+from galloping.model.polynomial import velocity_pairs
+from galloping.recording.samples import Recording
 
 # Share of the motion that follows, below which a stretch is at rest. Growth at 3 % of critical
 # leaves 0.8 from one period to the next.

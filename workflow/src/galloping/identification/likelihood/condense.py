@@ -9,8 +9,8 @@ import numpy as np
 from numba import njit
 
 from galloping.identification.work import spend
-from galloping.right_hand_side import System
-from galloping.taylor import ORDER, Samples, integrate
+from galloping.trajectory.right_hand_side import System
+from galloping.trajectory.taylor import ORDER, Samples, integrate
 
 # Three projections a window hold all that samples tell of a motion that turns by a twelfth of a
 # period in it; Taylor series of `taylor.ORDER` are then good to TRUNCATION, relative to each state:

@@ -4,16 +4,16 @@ import numpy as np
 from scipy.special import ndtri
 
 from galloping.identification.answers import refused
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.condense import TRUNCATION
 from galloping.identification.likelihood.free_run import pulled
 from galloping.identification.likelihood.residual_tests import RESIDUAL_RATE
 from galloping.identification.likelihood.verdict import Near, Regression, approximate, judged
-from galloping.identification.model import IdentifiedModel
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem, largest
 from galloping.identification.selection import added_deviation
-from galloping.polynomial import design_matrix
-from galloping.recording import Recording, at_times
+from galloping.model.polynomial import design_matrix
+from galloping.recording.samples import Recording, at_times
 
 
 def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedModel:

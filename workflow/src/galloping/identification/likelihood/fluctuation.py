@@ -22,8 +22,8 @@ from galloping.identification.likelihood.weak_constraint import (
 )
 from galloping.identification.problem import Problem
 from galloping.identification.work import is_spent
+from galloping.model.polynomial import exponents_of
 from galloping.passes import passing
-from galloping.polynomial import exponents_of
 
 # Parts of a stretch in which coefficients are constant: a tenth of the correlation. Measured: with
 # ten parts the slow mode seems to fluctuate as well.

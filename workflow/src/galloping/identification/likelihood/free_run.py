@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.elimination import UNDETERMINED
 from galloping.identification.likelihood.model_error import (
     SYSTEMATIC,
@@ -24,7 +25,7 @@ from galloping.identification.likelihood.shooting import (
     residuals,
 )
 from galloping.identification.likelihood.trajectory_fit import CONVERGED, MOST_PASSES, guarded_step
-from galloping.identification.model import IdentifiedModel, NoModel
+from galloping.identification.no_model import NoModel
 from galloping.identification.observations import Code, Finding
 from galloping.identification.selection import solve_support
 

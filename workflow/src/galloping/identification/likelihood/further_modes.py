@@ -13,10 +13,10 @@ from galloping.identification.free_motion.damped_modes import Stretch, fit_poles
 from galloping.identification.free_motion.mode_search import strongest_mode
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.residual_tests import NEIGHBOURS, ROUNDING
-from galloping.identification.model import NoModel, attempt
+from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import FurtherMode
-from galloping.polynomial import velocity_pairs
+from galloping.model.polynomial import velocity_pairs
 
 MOST = 4  # modes of a channel
 WORTH = 0.1  # share of what is left, that a mode takes to be worth a word

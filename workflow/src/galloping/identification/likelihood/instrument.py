@@ -22,7 +22,7 @@ from galloping.identification.likelihood.shooting import (
 )
 from galloping.identification.observations import Code, Finding
 from galloping.identification.selection import DEPENDENT, select, solve_support, tableau, whiten
-from galloping.polynomial import velocity_pairs
+from galloping.model.polynomial import velocity_pairs
 
 FORCES = (Code.FORCES, Code.FORCES_BESIDE_INPUTS)  # without inputs, and beside them
 

@@ -31,6 +31,7 @@ from galloping.identification.free_motion.kinds_of_motion import (
     without_further_modes,
 )
 from galloping.identification.free_motion.rest import moving_recordings
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import asked, checked_recordings, while_driven
 from galloping.identification.likelihood import free_run, starts, trajectory_fit
 from galloping.identification.likelihood.derivative_fit import derivative_fit
@@ -43,7 +44,7 @@ from galloping.identification.likelihood.shooting import Segments, ShootingFit, 
 from galloping.identification.likelihood.verdict import Regression, agree, best_of, judged
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
 from galloping.identification.likelihood.weak_gls import weak_gls
-from galloping.identification.model import IdentifiedModel, NoModel, attempt
+from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.interpolation import held_inputs
 from galloping.identification.preparation.weak_form import Start, begin, delayed_inputs
@@ -54,8 +55,8 @@ from galloping.identification.random_forces.start import may_be_moved_at_random
 from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.identification.selection import unseen_mixtures
 from galloping.identification.work import MOST, is_spent, limited, portion
-from galloping.polynomial import Exponents, PolynomialModel
-from galloping.recording import Recording
+from galloping.model.polynomial import Exponents, PolynomialModel
+from galloping.recording.samples import Recording
 
 FREE = 0.2  # of the work of a search, for a model that follows free motion that is not linear
 

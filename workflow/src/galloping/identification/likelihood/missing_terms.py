@@ -11,16 +11,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
-from galloping.functions import Function
 from galloping.identification.likelihood.elimination import eliminate
 from galloping.identification.likelihood.instrument import score
 from galloping.identification.likelihood.shooting import HUGE, ShootingFit, linearise
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
 from galloping.identification.selection import solve_support
-from galloping.polynomial import Exponents, alone, design_matrix, term_name, velocity_pairs
-from galloping.recording import powers_of_legendre
-from galloping.taylor import at_points, integrate
+from galloping.model.functions import Function
+from galloping.model.polynomial import Exponents, alone, design_matrix, term_name, velocity_pairs
+from galloping.recording.samples import powers_of_legendre
+from galloping.trajectory.taylor import at_points, integrate
 
 # Times in a window at which a force is known, and degree of its polynomial over a window.
 POINTS, DEGREE = 10, 5

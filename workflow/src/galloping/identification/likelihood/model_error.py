@@ -14,6 +14,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from galloping.identification.answers import by, refused
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.elimination import eliminate_with_jumps, jump_covariance
 from galloping.identification.likelihood.fluctuation import chosen, fluctuating
 from galloping.identification.likelihood.further_modes import further_modes, modes_beside
@@ -26,12 +27,12 @@ from galloping.identification.likelihood.weak_constraint import (
     of_variance,
     white_misfit,
 )
-from galloping.identification.model import IdentifiedModel, NoModel, attempt
+from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
 from galloping.identification.selection import added_deviation, solve_support
 from galloping.identification.work import is_spent
-from galloping.intervals import NORMAL_95, QUANTILES_95
+from galloping.model.intervals import NORMAL_95, QUANTILES_95
 from galloping.passes import passing
 
 # Total variance over that between stretches: an error alike in all stretches may be as large.

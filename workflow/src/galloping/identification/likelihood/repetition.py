@@ -7,8 +7,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
-from galloping.polynomial import PolynomialModel
-from galloping.taylor import Ending, solve
+from galloping.model.polynomial import PolynomialModel
+from galloping.trajectory.taylor import Ending, solve
 
 SAMPLES = 60  # of a period, which takes at most 64 steps of the integration
 FINE = 1e-4  # of the step between these samples, to which a delay is told

@@ -26,12 +26,12 @@ from galloping.identification.likelihood.trajectory_fit import (
     Step,
     with_noise,
 )
-from galloping.identification.model import NoModel, Unsolved, attempt
+from galloping.identification.no_model import NoModel, Unsolved, attempt
 from galloping.identification.observations import Code
 from galloping.identification.selection import Price, solve_support
 from galloping.identification.work import is_spent
-from galloping.intervals import normal
-from galloping.taylor import at_points, integrate
+from galloping.model.intervals import normal
+from galloping.trajectory.taylor import at_points, integrate
 
 MOST_STEPS, MOST_HALVINGS = 12, 7
 MOST_CHOICES = 5  # of terms, each by the quadratic model of the least minimum before

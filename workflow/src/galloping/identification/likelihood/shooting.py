@@ -13,7 +13,7 @@ from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.repetition import Followed
 from galloping.identification.problem import Problem
 from galloping.identification.work import spend
-from galloping.recording import Recording
+from galloping.recording.samples import Recording
 
 # Times the recorded motion, or a derivative of its size, from which a solution counts as diverged:
 # no motion comes near it, and squares and products of such numbers are still finite.

@@ -18,7 +18,7 @@ from galloping.identification.preparation.weak_form import (
     rough_fit,
     weak_fit,
 )
-from galloping.recording import Recording
+from galloping.recording.samples import Recording
 
 TIME_SCALES = (1.0, 1 / 2, 1 / 4)  # of the period that the spectrum shows
 

@@ -21,16 +21,16 @@ from galloping.identification.likelihood.shooting import (
     linearise,
     residuals,
 )
-from galloping.identification.model import Unsolved, finding_of
+from galloping.identification.no_model import Unsolved, finding_of
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.rate_channels import channel_noise, channels
 from galloping.identification.preparation.smoothing import Smooth
 from galloping.identification.preparation.weak_form import Start, WeakFit
 from galloping.identification.selection import Price
 from galloping.identification.work import is_spent
+from galloping.model.polynomial import design_matrix, velocity_pairs
 from galloping.passes import passing
-from galloping.polynomial import design_matrix, velocity_pairs
-from galloping.recording import Recording
+from galloping.recording.samples import Recording
 
 # Of the noise, that the motion in a window may err by for what its polynomial leaves out of inputs,
 # and windows a period from which on it may err by more.

@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 from scipy.special import chdtri
 
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.repetition import Followed, only_repeats
-from galloping.identification.model import IdentifiedModel
 from galloping.identification.observations import Code, Finding, as_warnings
 from galloping.identification.plausible import (
     MISS_RATE,
@@ -28,7 +28,7 @@ from galloping.identification.selection import (
     whiten,
 )
 from galloping.identification.status import status_of
-from galloping.intervals import normal
+from galloping.model.intervals import normal
 
 # Weight that the plausible supports without one of the terms found may have together: at most one
 # in fifty of all models that are `ok` holds a false term (docs/identification_parts.csv).

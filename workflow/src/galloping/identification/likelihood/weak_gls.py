@@ -9,14 +9,15 @@ import numpy as np
 from galloping.arrays import one_thread
 from galloping.identification.aliases import with_alias_rivals
 from galloping.identification.answers import refused, with_inputs
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import asked, checked_recordings, while_driven
 from galloping.identification.likelihood.repetition import Followed
 from galloping.identification.likelihood.verdict import Regression, judged
-from galloping.identification.model import IdentifiedModel, NoModel, Unusable, attempt
+from galloping.identification.no_model import NoModel, Unusable, attempt
 from galloping.identification.observations import Code
 from galloping.identification.preparation.weak_form import MOST_MISFIT, Start, begin
-from galloping.polynomial import Exponents, PolynomialModel
-from galloping.recording import Recording
+from galloping.model.polynomial import Exponents, PolynomialModel
+from galloping.recording.samples import Recording
 
 
 @one_thread

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from galloping.identification.inputs import while_driven
-from galloping.identification.model import NoModel, attempt
+from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.preparation.screening import prepared
 from galloping.identification.preparation.smoothing import Smooth
 from galloping.identification.preparation.weak_form import weak_fit
 from galloping.identification.problem import Problem
-from galloping.recording import Input, Recording, extrapolated
+from galloping.recording.samples import Input, Recording, extrapolated
 
 # Of the misfit beyond the noise, that another interpolant takes away at least. An input that is
 # late by less than 0.3 of its step is not taken for held then: its misfit, which is quadratic in

@@ -11,7 +11,7 @@ from numpy.polynomial import Polynomial
 from numpy.polynomial.legendre import legvander
 
 from galloping.arrays import TIME_ROUNDING, first_from
-from galloping.identification.model import Unusable
+from galloping.identification.no_model import Unusable
 from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import (
     DRIFT_DEGREE,
@@ -20,8 +20,8 @@ from galloping.identification.preparation.smoothing import (
     sampled_rates,
     undisplaced,
 )
-from galloping.polynomial import velocity_pairs
-from galloping.recording import Recording
+from galloping.model.polynomial import velocity_pairs
+from galloping.recording.samples import Recording
 
 
 def channels(recording: Recording) -> np.ndarray:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from galloping.arrays import TIME_ROUNDING, round_down
-from galloping.identification.model import Unusable
+from galloping.identification.no_model import Unusable
 from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import (
     GRID_PER_PERIOD,
@@ -20,7 +20,7 @@ from galloping.identification.preparation.smoothing import (
 )
 from galloping.identification.work import spend
 from galloping.passes import passing
-from galloping.recording import Recording
+from galloping.recording.samples import Recording
 
 
 def prepared(

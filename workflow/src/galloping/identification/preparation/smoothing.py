@@ -17,10 +17,10 @@ from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
 from galloping.arrays import TIME_ROUNDING, round_up
-from galloping.identification.model import Unusable
+from galloping.identification.no_model import Unusable
 from galloping.identification.observations import Code
-from galloping.polynomial import velocity_pairs
-from galloping.recording import Recording, on_grid
+from galloping.model.polynomial import velocity_pairs
+from galloping.recording.samples import Recording, on_grid
 
 # Of the smooth curves: the accelerations of a displacement's quintic spline are still cubic ones.
 SPLINE_DEGREE = 5

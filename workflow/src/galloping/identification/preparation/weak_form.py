@@ -16,7 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import lapack
 
 from galloping.arrays import round_down
-from galloping.identification.model import Unusable
+from galloping.identification.no_model import Unusable
 from galloping.identification.observations import Code
 from galloping.identification.preparation.rate_channels import without_offsets
 from galloping.identification.preparation.screening import prepared
@@ -24,9 +24,9 @@ from galloping.identification.preparation.smoothing import GRID_PER_PERIOD, Smoo
 from galloping.identification.problem import Problem, largest
 from galloping.identification.selection import Price, solve_support
 from galloping.identification.work import spend
+from galloping.model.polynomial import alone, design_matrix, term_name
 from galloping.passes import passing
-from galloping.polynomial import alone, design_matrix, term_name
-from galloping.recording import Recording, extrapolated, on_grid
+from galloping.recording.samples import Recording, extrapolated, on_grid
 
 TEST_STRIDE = GRID_PER_PERIOD // 6  # steps of the grid between tests, a third of their radius
 MOST_MISFIT = 3.0  # chi^2 per row of the weak form: linearised errors explain no more

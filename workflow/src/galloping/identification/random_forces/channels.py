@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.identification.model import Unusable
+from galloping.identification.no_model import Unusable
 from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import without_drift
-from galloping.polynomial import velocity_pairs
-from galloping.recording import Recording
+from galloping.model.polynomial import velocity_pairs
+from galloping.recording.samples import Recording
 
 # Median steps between two samples up to which none is missing between them: less than of other
 # gaps, since a mean rate is one over the whole step.

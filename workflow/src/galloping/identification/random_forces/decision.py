@@ -11,8 +11,9 @@ from itertools import chain
 
 from galloping.arrays import one_thread
 from galloping.identification.answers import beside_known, by, on_terms_of, refused, with_inputs
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import while_driven
-from galloping.identification.model import IdentifiedModel, NoModel, attempt
+from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.screening import prepared
 from galloping.identification.problem import Problem
@@ -28,8 +29,8 @@ from galloping.identification.random_forces.several_modes import (
 from galloping.identification.random_forces.start import wavers
 from galloping.identification.random_forces.verdict_in_forces import judged
 from galloping.identification.work import MOST, limited
-from galloping.polynomial import has_functions, velocity_pairs
-from galloping.recording import Recording
+from galloping.model.polynomial import has_functions, velocity_pairs
+from galloping.recording.samples import Recording
 
 # s, of a trial beside inputs, and without: what takes more was mostly another motion.
 TRIAL_BESIDE_INPUTS, TRIAL = 0.15 * MOST, 0.4 * MOST

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from galloping.identification.model import Unsolved
+from galloping.identification.no_model import Unsolved
 from galloping.identification.random_forces.forced_problem import (
     ForcedModel,
     ForcedProblem,
@@ -20,9 +20,9 @@ from galloping.identification.random_forces.forced_problem import (
 from galloping.identification.random_forces.start import on_grid, typical_step
 from galloping.identification.random_forces.whiteness import Whiteness, function_of, whiteness
 from galloping.identification.work import is_spent
-from galloping.modes import Modes
+from galloping.model.modes import Modes
 from galloping.passes import passing
-from galloping.recording import at_times
+from galloping.recording.samples import at_times
 
 # Of differences: in units of a parameter, then of its error, within which the likelihood is nearly
 # quadratic, and a thousandth of which is far above rounding.

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.steps import Steps
 from galloping.identification.random_forces.tracking import Data, Forces, Tracker, sizes
-from galloping.intervals import root_of
-from galloping.polynomial import PolynomialModel
-from galloping.recording import Recording, mean_inputs
+from galloping.model.intervals import root_of
+from galloping.model.polynomial import PolynomialModel
+from galloping.recording.samples import Recording, mean_inputs
 
 # Slowest periods at the end of a recording that tell its last state: of a swing before them, with a
 # damping ratio of 0.01, a fortieth is left.

@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from galloping.identification.model import NoModel, Unsolved, Unusable, attempt
+from galloping.identification.no_model import NoModel, Unsolved, Unusable, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import Resonance
 from galloping.identification.problem import Problem
@@ -28,10 +28,10 @@ from galloping.identification.random_forces.tracking import (
     sizes,
 )
 from galloping.identification.work import is_spent
-from galloping.modes import Modes
+from galloping.model.modes import Modes
+from galloping.model.polynomial import design_matrix
 from galloping.passes import passing
-from galloping.polynomial import design_matrix
-from galloping.recording import Recording, at_times, mean_inputs
+from galloping.recording.samples import Recording, at_times, mean_inputs
 
 SLOW = 0.3  # rate of slow forces to begin with, in the slowest frequency of the modes, rad/s
 LEAST_NOISE = 1e-4  # deviation of a sample, in that of its channel: exact samples have rounding

@@ -17,7 +17,7 @@ All compiled functions are in one module, for a cached one notices edits of its 
 import numpy as np
 from numba import njit
 
-from galloping.polynomial import slopes
+from galloping.model.polynomial import slopes
 
 SETTLED = 1e-12  # relative change of the covariance of the states from sample to sample
 

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.model import IdentifiedModel, Unusable
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.no_model import Unusable
 from galloping.identification.observations import Code
-from galloping.recording import INTERPOLATED, Recording
+from galloping.recording.samples import INTERPOLATED, Recording
 
 # Width of the filter's edge, in the frequency in its middle: a wider edge parts close modes less, a
 # narrower one needs more samples beside gaps and ends (REACH). Not calibrated.

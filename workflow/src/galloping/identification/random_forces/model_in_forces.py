@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 from scipy.special import chdtri
 
-from galloping.identification.model import NoModel, attempt
+from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import MOST_DAMPING
 from galloping.identification.preparation.rate_channels import scaled, scales_told
@@ -32,7 +32,7 @@ from galloping.identification.random_forces.start import shortest, typical_step
 from galloping.identification.random_forces.verdict_in_forces import FinalFit
 from galloping.identification.selection import added_deviation, select, solve_support
 from galloping.identification.work import is_spent
-from galloping.recording import Recording
+from galloping.recording.samples import Recording
 
 # Samples a shortest period, at which it is tried whether forces are random: with more a trial takes
 # longer, with fewer noise hides more. Not calibrated.

@@ -10,14 +10,15 @@ from functools import cached_property, partial
 import numpy as np
 from scipy.special import chdtri
 
-from galloping.identification.model import IdentifiedModel, NoModel, attempt
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.screening import prepared
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.low_pass import FLAT, ROLL_OFF, what_is_left
 from galloping.identification.random_forces.start import on_grids, spectra
-from galloping.modes import Modes
-from galloping.recording import Recording
+from galloping.model.modes import Modes
+from galloping.recording.samples import Recording
 
 # What modes sweep that stay, and that do not, in their frequencies; and where between these, as a
 # share in logarithms, the filter ends: far from both, or, of broad modes, far from the fast one.

@@ -16,12 +16,12 @@ from numpy.polynomial import Legendre
 from scipy.optimize import nnls
 
 from galloping.arrays import round_down
-from galloping.identification.model import NoModel, Unusable, attempt
+from galloping.identification.no_model import NoModel, Unusable, attempt
 from galloping.identification.observations import Code
 from galloping.identification.oscillations import MOST_DAMPING
 from galloping.identification.preparation.weak_form import MOST_MISFIT, Start
 from galloping.identification.random_forces.channels import Channels
-from galloping.recording import Recording
+from galloping.recording.samples import Recording
 
 # Shortest periods, of the correlations that modes are told from: short ones tell broad modes, long
 # ones close modes. All are tried, and the likeliest start is taken.

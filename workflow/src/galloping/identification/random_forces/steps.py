@@ -10,9 +10,9 @@ from functools import cached_property
 
 import numpy as np
 
-from galloping.identification.model import Unusable
+from galloping.identification.no_model import Unusable
 from galloping.identification.observations import Code
-from galloping.recording import Factor, Input, extrapolated
+from galloping.recording.samples import Factor, Input, extrapolated
 
 TICKS = 1000  # of the median step, to which times are rounded: so that equal steps are one
 FEWEST = 1e-10  # relative determinant of the eigenvectors: fewer than n of them, but for rounding

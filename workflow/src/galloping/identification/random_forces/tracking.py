@@ -6,7 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from galloping.identification.model import IdentifiedModel, Unusable
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.no_model import Unusable
 from galloping.identification.observations import Code
 from galloping.identification.oscillations import Resonance
 from galloping.identification.random_forces.channels import Channels
@@ -18,11 +19,11 @@ from galloping.identification.random_forces.kalman import (
 )
 from galloping.identification.random_forces.steps import Steps, discretised, with_means
 from galloping.identification.work import allowance, spend
-from galloping.intervals import root_of
-from galloping.modes import Modes
-from galloping.polynomial import PolynomialModel
-from galloping.recording import Recording
-from galloping.right_hand_side import Tables, tables
+from galloping.model.intervals import root_of
+from galloping.model.modes import Modes
+from galloping.model.polynomial import PolynomialModel
+from galloping.recording.samples import Recording
+from galloping.trajectory.right_hand_side import Tables, tables
 
 # Standard deviation of the first state, in that of the motion: of a linear system, and of another,
 # whose slopes are told where it is expected to be. With 1e3 the samples outweigh it a million times

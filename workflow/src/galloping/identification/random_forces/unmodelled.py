@@ -6,7 +6,7 @@ from scipy.ndimage import median_filter
 from galloping.identification.observations import Code, Finding
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.start import ABOVE_NOISE, FLOOR, on_grids, spectra
-from galloping.recording import Recording
+from galloping.recording.samples import Recording
 
 BEYOND = 3.5  # times what a coordinate mostly swings at: cubic terms answer at three times that
 MUCH = 0.2  # share of the power of its velocity there, of another motion than its own

@@ -11,7 +11,7 @@ from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_array
 
-from galloping.identification.model import Unusable
+from galloping.identification.no_model import Unusable
 from galloping.identification.observations import Code
 from galloping.identification.sparse.regression import ReducedRegression, regression, stretches
 from galloping.identification.sparse.tuning import (
@@ -21,8 +21,8 @@ from galloping.identification.sparse.tuning import (
     test_functions,
     tried_filters,
 )
-from galloping.polynomial import Exponents, design_matrix
-from galloping.recording import Recording
+from galloping.model.polynomial import Exponents, design_matrix
+from galloping.recording.samples import Recording
 
 DEGREE = 7  # its truncation error stays below rounding noise in 100 Hz records without noise
 KNOT_EVERY = (128, 96, 64, 48, 32, 24, 16, 12, 8, 4, 2)  # samples between knots, smooth to rough

@@ -5,7 +5,7 @@ Apart from `stlsq`: an edit of a method that a study does not ask for runs none 
 
 import numpy as np
 
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import Scaled, judge
 from galloping.identification.sparse.supports import (

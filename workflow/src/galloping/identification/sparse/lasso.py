@@ -4,7 +4,7 @@ import numpy as np
 from pysindy.optimizers import WrappedOptimizer
 from sklearn.linear_model import LassoLars, lars_path, lars_path_gram
 
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import Scaled, judge
 from galloping.identification.sparse.supports import NEGLIGIBLE, refit, scores, solve

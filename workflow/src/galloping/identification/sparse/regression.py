@@ -14,9 +14,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from galloping.identification.model import IdentifiedModel, Unusable
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.no_model import Unusable
 from galloping.identification.observations import Code
-from galloping.polynomial import Exponents, PolynomialModel
+from galloping.model.polynomial import Exponents, PolynomialModel
 
 BLOCKS = 10  # stretches of a recording, reduced separately: for bootstrap and cross-validation
 FOLDS = 5  # every fifth of them is left out at a time: each has early and late ones

@@ -9,7 +9,7 @@ import pysindy as ps
 from scipy.fft import dct
 from sklearn import config_context
 
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import ReducedRegression, Scaled, judge
 from galloping.identification.sparse.supports import (
@@ -21,7 +21,7 @@ from galloping.identification.sparse.supports import (
     threshold_path,
     thresholded_supports,
 )
-from galloping.polynomial import alone, velocity_pairs
+from galloping.model.polynomial import alone, velocity_pairs
 from galloping.results import IDENTIFIED, KNOWN
 
 # Of unit columns: a ridge keeps nearly collinear ones from large coefficients of opposite sign

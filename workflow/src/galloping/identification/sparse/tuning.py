@@ -23,8 +23,8 @@ from galloping.identification.sparse.regression import (
     stretches,
 )
 from galloping.identification.sparse.supports import forward_models
-from galloping.polynomial import Exponents, design_matrix
-from galloping.recording import Recording
+from galloping.model.polynomial import Exponents, design_matrix
+from galloping.recording.samples import Recording
 
 SMALLEST, WINDOWS = 7, 7  # samples of the smallest window, number of windows up to one period
 ORDERS = (5, 3)  # of the local polynomials

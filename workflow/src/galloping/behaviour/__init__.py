@@ -1,0 +1,1 @@
+"""What an identified model says of its system: small motions, limit cycles, onset, forecasts."""

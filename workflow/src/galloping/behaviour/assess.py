@@ -1,0 +1,356 @@
+"""What a model says of its system by itself: rest and its stability, limit cycles, onset.
+
+At a constant value of each input, or along a range of one. Intervals are those of models drawn with
+the covariance of the coefficients.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from galloping.arrays import one_thread
+from galloping.behaviour.assessment import (
+    Assessment,
+    Condition,
+    Cycle,
+    Onset,
+    RestPosition,
+    SmallMotion,
+)
+from galloping.behaviour.dynamics import LARGER, Value, zero_of
+from galloping.behaviour.following import simulator_of
+from galloping.cycles.continuation import Point, Range
+from galloping.cycles.diagram import Diagram, diagram, equilibrium_branch, hopf_points
+from galloping.cycles.family import Family, constant
+from galloping.cycles.limit_cycles import at_value, settled
+from galloping.cycles.prediction import intervals, near
+from galloping.cycles.settling import Pace, Settled, filled, settle_in_periods
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.model.intervals import drawn_with_rivals, extrapolate, of_draws
+from galloping.model.polynomial import PolynomialModel, velocity_pairs
+from galloping.passes import passing
+
+KICK = 1e-2  # of the size of the motion, from an equilibrium
+BEYOND = 2.5  # sizes of the motion: how far from its middle equilibria are looked for
+APART = 1e-2  # of the size: equilibria and cycles that are nearer are one
+MOST_STARTS = 256  # from which equilibria are looked for
+LEAST = 1e-3  # of its share in the largest motion, that a coordinate moves at least
+CEILING = 10.0  # sizes of the motion, beyond which limit cycles are not followed
+
+
+@one_thread
+def assess(
+    found: IdentifiedModel,
+    at: Mapping[str, float | Sequence[float]] | None = None,
+    *,
+    seed: int = 0,
+) -> Assessment:
+    """Equilibria, limit cycles and onset of a model.
+
+    at: a value of each of its inputs; of one of them several, along which limit cycles are followed
+    and the onset is looked for. seed: of the draws behind the intervals. Raises ValueError where
+    there is no model, where an input has no value, and as of `beyond`.
+    """
+    if found.status == "refused":
+        raise ValueError(f"there is no model to assess: {found.reason}")
+    at = dict(at or {})
+    several = [name for name, value in at.items() if np.ndim(value)]
+    missing = [name for name in found.model.inputs if name not in at]
+    if missing:
+        name = missing[0]
+        raise ValueError(f"the model has the input {name}; say at which, --at {name}=VALUE")
+    if len(several) > 1:
+        raise ValueError(f"a range of {several[0]} and of {several[1]}; must be of one input")
+    (along,) = several or [""]
+    values = np.unique(np.asarray(at.pop(along), float)) if along else np.empty(0)
+    notes = beyond(found, {**at, along: values} if along else at)
+    if len(values) == 1:
+        at[along] = float(values[0])
+    of = _Drawn.of(found, seed)
+    if len(values) < 2:
+        return Assessment((_condition(of, at),), notes=tuple(notes))
+    conditions, onsets, more = _along(of, at, along, values)
+    return Assessment(conditions, along, (values[0], values[-1]), onsets, (*more, *notes))
+
+
+def beyond(found: IdentifiedModel, at: Mapping[str, float | Sequence[float]]) -> list[str]:
+    """A line for each input that is asked for where it hardly was recorded, and by how much.
+
+    at: one value or several of each. Raises ValueError for a value of the other sign than nearly
+    all that was recorded, and further from it than that is wide: no wind blows at -5 m/s.
+    """
+    said = []
+    for name, values in at.items():
+        if not (ends := found.recorded(name)):
+            continue
+        low, high = ends
+        least, most = float(np.nanmin(values)), float(np.nanmax(values))
+        recorded = f"nine tenths of what was recorded lie between {low:.3g} and {high:.3g}"
+        for value, bound, sign in ((least, low, 1.0), (most, high, -1.0)):
+            if sign * bound >= 0.0 > sign * value and sign * (bound - value) > high - low:
+                wanted = "0 or more" if sign > 0 else "0 or less"
+                raise ValueError(f"{name} = {value:g}: {recorded}; must be {wanted}")
+        away = [
+            f"{by:.3g} {where}"
+            for by, where in ((low - least, "below"), (most - high, "above"))
+            if by > 0.0
+        ]
+        if away:
+            asked = f"{least:g}" if least == most else f"{least:g} to {most:g}"
+            said.append(
+                f"{name} = {asked} is up to {' and '.join(away)} what was recorded: {recorded}, "
+                "and beyond, motions may grow that the recording does not show, such as further "
+                "modes"
+            )
+    return said
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """A model, models drawn with the covariance of its coefficients, and a start.
+
+    small: models drawn for small motions, with what terms of the next degrees would change. start:
+    (n_states,) that was recorded. recorded: ends of what was recorded of states, by name.
+    """
+
+    model: PolynomialModel
+    draws: tuple[PolynomialModel, ...]
+    small: tuple[PolynomialModel, ...]
+    start: np.ndarray
+    recorded: Mapping[str, tuple[float, ...]]
+
+    @classmethod
+    def of(cls, found: IdentifiedModel, seed: int) -> "_Drawn":
+        """Of an identified model."""
+        known = found.initial_states[np.isfinite(found.initial_states).all(axis=1)]
+        # where nothing tells how far it moves, as far as a span
+        start = known[-1] if len(known) else np.full(len(found.model.states), 0.1)  # not the origin
+        rng = np.random.default_rng(seed)
+        draws = drawn_with_rivals(found, rng)
+        small = extrapolate(draws, found, rng)
+        recorded = {name: ends for name in found.model.states if (ends := found.recorded(name))}
+        return cls(found.model, tuple(draws), tuple(small), start, recorded)
+
+    def at(self, values: Mapping[str, float]) -> "_Drawn":
+        """The same at constant values of inputs."""
+        held = {name: value for name, value in values.items() if name in self.model.inputs}
+        draws, small = (
+            tuple(each.at(held) for each in models) for models in (self.draws, self.small)
+        )
+        return replace(self, model=self.model.at(held), draws=draws, small=small)
+
+
+def _condition(of: _Drawn, at: Mapping[str, float], known: Sequence[Point] = ()) -> Condition:
+    """At one value of every input: attractors by simulation from several starts.
+
+    known: limit cycles there, found otherwise.
+    """
+    here = of.at(at)
+    best, begin = here.model, here.start
+    motion = _settled(best, begin)
+    middle, size = _extent(best, motion, begin)
+    rests = equilibria(best, middle, size)
+    cycles: list[Point] = []
+    ends: list[str] = []
+    for point in known:
+        _add(cycles, point, size)
+    for start in (begin, *(rest + KICK * size for rest in rests), middle + BEYOND * size):
+        passing("settle")
+        motion = motion if start is begin else _settled(best, start)
+        if motion.kind != "cycle":
+            ends.append(motion.kind)
+            continue
+        try:
+            point = settled(constant(best, size), 0.0, motion.time, motion.states, 1.0)
+        except ValueError:  # one that neither grows nor dies out is on no cycle
+            ends.append("irregular")
+            continue
+        if np.all(point.solution.half_range() < CEILING * size):  # further off no model is told
+            _add(cycles, point, size)
+    return Condition(
+        dict(at),
+        tuple(_equilibrium(here, rest, size) for rest in rests),
+        tuple(_cycle(here, each) for each in cycles),
+        tuple(dict.fromkeys(ends)),
+    )
+
+
+def _add(cycles: list[Point], point: Point, size: np.ndarray) -> None:
+    new = point.solution.half_range() / size
+    others = [one.solution.half_range() / size for one in cycles]
+    if all(np.max(np.abs(new - other)) > APART * np.max(new) for other in others):
+        cycles.append(point)
+
+
+def _along(
+    of: _Drawn, at: Mapping[str, float], along: str, values: np.ndarray
+) -> tuple[tuple[Condition, ...], tuple[Onset, ...], list[str]]:
+    """The same at every value of a range, with the limit cycles that are followed along it."""
+    of = of.at(at)
+    best, span = of.model.at({along: float(values[0])}), Range(values[0], values[-1])
+    middle, size = _extent(best, _settled(best, of.start), of.start)
+    family = _family(of.model, along, size)
+    rests = equilibria(best, middle, size)
+    found, onsets, notes = None, (), [] if rests else [f"no rest at {along} = {values[0]:g}"]
+    if rests:
+        rest = min(rests, key=lambda each: np.linalg.norm((each - middle) / size))
+        found, notes = _diagram(family, span, rest, of.start, along)
+        onsets = tuple(_onsets(found, of, family, span, rest)) if found else ()
+    conditions = []
+    for value in values.tolist():
+        passing(f"{along} = {value:g}")
+        known = []
+        for branch in found.cycles.values() if found else ():
+            try:
+                known += at_value(family, branch, value)
+            except ValueError as failure:
+                notes.append(str(failure))
+        conditions.append(_condition(of, {**at, along: value}, known))
+    return tuple(conditions), onsets, notes
+
+
+def _diagram(
+    family: Family, span: Range, rest: np.ndarray, begin: np.ndarray, along: str
+) -> tuple[Diagram | None, list[str]]:
+    middle = (span.low + span.high) / 2
+    motion = _settled(family.model(middle), begin)
+    cycle = motion.kind == "cycle"
+    size = np.linalg.norm(motion.half_range / family.sizes) if cycle else np.inf
+    start = (middle, motion.time, motion.states) if cycle else None
+    try:
+        bounded = replace(span, ceiling=CEILING * size)
+        found = diagram(family, bounded, rest, 0, start)
+    except ValueError as failure:
+        return None, [f"along {along}: {failure}"]
+    branches = (found.equilibria, *found.cycles.values())
+    incomplete = [branch.reason for branch in branches if not branch.complete]
+    return found, [*found.failures, *incomplete]
+
+
+def _onsets(
+    found: Diagram, of: _Drawn, family: Family, span: Range, rest: np.ndarray
+) -> Iterator[Onset]:
+    """Hopf bifurcations, and where the draws have theirs: beyond an end of the range if nowhere."""
+    branches = []
+    for model in of.small:
+        passing("draw onsets")
+        try:
+            own = _family(model, family.parameter, family.sizes)
+            branches.append(equilibrium_branch(own, rest, span))
+        except ValueError:
+            continue
+    for hopf in hopf_points(found.equilibria):
+        value = hopf.point.solution.value
+        points = found.equilibria.points
+        before = [_growing(p) for p in points if p.solution.value < value]
+        after = [_growing(p) for p in points if p.solution.value > value]
+        begins = bool(before) and before[-1] < (after[0] if after else 1)
+        samples = []
+        for branch in branches:
+            own = [h.point.solution.value for h in hopf_points(branch)]
+            more = _growing(branch.points[-1]) - (before[-1] if before else 1)
+            late = more <= 0 if begins else more >= 0  # nothing has happened yet
+            samples.append(min(own, key=lambda v: abs(v - value), default=np.inf * (2 * late - 1)))
+        frequency = hopf.point.stability.critical()[0] / (2 * np.pi)
+        yield Onset(Value.of(value, of_draws(samples)), float(frequency), begins)
+
+
+def _growing(point: Point) -> int:
+    """How many small motions about an equilibrium grow, an oscillation as two."""
+    return int(np.count_nonzero(point.stability.values.real > 0.0))
+
+
+def _family(model: PolynomialModel, along: str, sizes: np.ndarray) -> Family:
+    return Family(lambda value: model.at({along: float(value)}), along, sizes=sizes)
+
+
+def _settled(model: PolynomialModel, start: np.ndarray) -> Settled:
+    """Where the motion from a start (n_states,) ends up, in periods of small motions about rest."""
+    rest = zero_of(model, start, filled(np.abs(start), model, start))
+    pace = Pace.of(model, rest.x if rest.success else start)
+    return settle_in_periods(simulator_of(model), model, start, pace)
+
+
+def _extent(
+    model: PolynomialModel, motion: Settled, start: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Middle and size of a motion, (n_states,) each; of one that ends nowhere that of its start."""
+    if np.isfinite(motion.states).all():
+        low, high = motion.states.min(axis=0), motion.states.max(axis=0)
+        middle, size = (low + high) / 2, (high - low) / 2
+        size = size if motion.kind != "rest" else np.abs(start - middle)
+    else:
+        middle, size = np.zeros_like(start), np.abs(start)
+    size, velocities = filled(size, model, middle), list(velocity_pairs(model.states).values())
+    for own in (velocities, np.setdiff1d(np.arange(len(size)), velocities)):
+        size[own] = np.maximum(size[own], LEAST * size[own].max(initial=0.0))
+    return middle, size
+
+
+def equilibria(model: PolynomialModel, middle: np.ndarray, size: np.ndarray) -> list[np.ndarray]:
+    """(n_states,) each, no further from `middle` than BEYOND times `size` in any coordinate."""
+    pairs = velocity_pairs(model.states)
+    own = list(pairs) or list(range(len(model.states)))
+    shares = (-BEYOND, -1.0, 0.0, 1.0, BEYOND) if len(own) < 4 else (-1.0, 0.0, 1.0)
+    found: list[np.ndarray] = []
+    for steps in list(product(shares, repeat=len(own)))[:MOST_STARTS]:
+        start = middle.copy()
+        start[list(pairs.values())] = 0.0
+        start[own] += steps * size[own]
+        at = zero_of(model, start, size)
+        near_by = np.all(np.abs(at.x - middle)[own] <= BEYOND * size[own])
+        new = all(np.max(np.abs(at.x - other)[own] / size[own]) > APART for other in found)
+        if at.success and near_by and new:
+            found.append(at.x)
+    return sorted(found, key=lambda place: float(np.linalg.norm(((place - middle) / size)[own])))
+
+
+def _equilibrium(of: _Drawn, rest: np.ndarray, size: np.ndarray) -> RestPosition:
+    best = of.model
+    values, vectors = best.small_motions(rest)
+    places, matched = [], []
+    for model in of.small:
+        at = zero_of(model, rest, size)
+        if at.success:
+            own = model.small_motions(at.x).values
+            _, order = linear_sum_assignment(np.abs(values[:, np.newaxis] - own))
+            places.append(at.x)
+            matched.append(own[order])
+    shown = list(velocity_pairs(best.states)) or list(range(len(best.states)))
+    shares = np.abs(vectors[shown]) / size[shown, np.newaxis]
+    modes = []
+    for k in (k for k in np.argsort(np.abs(values)) if values[k].imag >= 0):
+        state = best.states[shown[int(np.argmax(shares[:, k]))]]
+        rate, own = values[k], np.array([each[k] for each in matched])
+        if rate.imag > 0:
+            frequency = Value.of(abs(rate) / (2 * np.pi), of_draws(np.abs(own) / (2 * np.pi)))
+            damping = Value.of(-rate.real / abs(rate), of_draws(-own.real / np.abs(own)))
+        else:
+            frequency, damping = Value(0.0, 0.0, 0.0), Value.of(-rate.real, of_draws(-own.real))
+        modes.append(SmallMotion(state, frequency, damping))
+    place = {best.states[i]: Value.of(rest[i], of_draws([x[i] for x in places])) for i in shown}
+    beyond = any(
+        not low <= place[name].value <= high
+        for name, (low, high) in of.recorded.items()
+        if name in place
+    )
+    return RestPosition(place, tuple(modes), beyond)
+
+
+def _cycle(of: _Drawn, point: Point) -> Cycle:
+    states, kept = of.model.states, near(of.draws, point.solution, of.model)
+    found = len(kept) / len(of.draws)
+    shown = list(velocity_pairs(states)) or list(range(len(states)))
+    ends = intervals(kept, len(states))
+    half = point.solution.half_range()
+    sizes = {states[i]: Value.of(half[i], ends[:, i]) for i in shown}
+    beyond = any(
+        sizes[name].value > LARGER * (high - low) / 2.0
+        for name, (low, high) in of.recorded.items()
+        if name in sizes
+    )
+    period = Value.of(point.solution.period, ends[:, -1])
+    return Cycle(sizes, period, point.stability.stable, found, beyond)

@@ -1,0 +1,140 @@
+"""What there is at each value of the inputs of a model: rest, cycles, onset, as values and rows."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from galloping.arrays import Immutable
+from galloping.behaviour.dynamics import Value
+from galloping.readers.units import plain_unit
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True, eq=False)
+class SmallMotion(Immutable):
+    """A small motion about an equilibrium: an oscillation, or where `frequency` is 0 a drift.
+
+    state: that mostly moves. frequency: Hz. damping: ratio to critical, below zero where it grows;
+    of a drift its rate of decay, 1/s.
+    """
+
+    state: str
+    frequency: Value
+    damping: Value
+
+
+@dataclass(frozen=True, eq=False)
+class RestPosition(Immutable):
+    """place: by state. modes: those of small motions about it, the slowest first. is_extrapolated:
+    whether it lies beyond what was recorded.
+    """
+
+    place: Mapping[str, Value]
+    modes: tuple[SmallMotion, ...]
+    is_extrapolated: bool = False
+
+    @property
+    def stable(self) -> bool:
+        """Whether all small motions about it die out."""
+        return all(mode.damping.value > 0 for mode in self.modes)
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle(Immutable):
+    """A limit cycle. half_range: by state. period: s. found: share of the draws that have it.
+    is_extrapolated: whether it is larger than what was recorded.
+    """
+
+    half_range: Mapping[str, Value]
+    period: Value
+    stable: bool
+    found: float
+    is_extrapolated: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Condition(Immutable):
+    """What there is at constant inputs. ends: the kinds of motions that settle on no cycle."""
+
+    at: Mapping[str, float]
+    equilibria: tuple[RestPosition, ...]
+    cycles: tuple[Cycle, ...]
+    ends: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Onset(Immutable):
+    """Where along an input small motions about rest begin to grow, or cease to.
+
+    begins: whether they grow above it. frequency: Hz.
+    """
+
+    value: Value
+    frequency: float
+    begins: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Assessment(Immutable):
+    """What a model says at each value of its inputs.
+
+    conditions: one for each value. along: name of the input that has a range, or ''. span: the ends
+    of that range. onsets: in its order. notes: what could not be computed.
+    """
+
+    conditions: tuple[Condition, ...]
+    along: str = ""
+    span: tuple[float, float] = (np.nan, np.nan)
+    onsets: tuple[Onset, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def to_frame(self) -> "DataFrame":
+        """Return what the model says as a pandas DataFrame.
+
+        Returns
+        -------
+        DataFrame
+            The rows of `assessment_rows`, without units of inputs.
+        """
+        import pandas as pd  # an extra, and slow to import
+
+        return pd.DataFrame(assessment_rows(self, {}))
+
+
+def assessment_rows(of: Assessment, units: Mapping[str, str]) -> list[dict]:
+    """A row for each value: inputs, then what, number, stable, quantity, value, low, high, unit,
+    and whether it is beyond what was recorded.
+    """
+    found: list[tuple] = []
+    for condition in of.conditions:
+        for number, rest in enumerate(condition.equilibria, start=1):
+            own = condition.at, "rest", number, rest.stable, rest.is_extrapolated
+            found += [(*own, f"place of {k}", v, plain_unit(k)) for k, v in rest.place.items()]
+            for k, mode in enumerate(rest.modes, start=1):
+                name = f"of mode {k} ({mode.state})"
+                if mode.frequency.value:
+                    found.append((*own, f"frequency {name}", mode.frequency, "Hz"))
+                    found.append((*own, f"damping {name}", mode.damping, ""))
+                else:
+                    found.append((*own, f"decay {name}", mode.damping, "1/s"))
+        for number, cycle in enumerate(condition.cycles, start=1):
+            own = condition.at, "limit cycle", number, cycle.stable, cycle.is_extrapolated
+            halves = cycle.half_range.items()
+            found += [(*own, f"half range of {k}", v, plain_unit(k)) for k, v in halves]
+            found.append((*own, "period", cycle.period, "s"))
+    anywhere = dict.fromkeys(of.conditions[0].at, np.nan)
+    for number, onset in enumerate(of.onsets, start=1):
+        own = anywhere, "onset", number, not onset.begins, False
+        found.append((*own, of.along, onset.value, units.get(of.along, "")))
+    return [
+        {
+            **at, "what": what, "number": number, "stable": stable, "quantity": quantity,
+            "value": value.value, "low": value.low, "high": value.high, "unit": unit,
+            "extrapolated": extrapolated,
+        }
+        for at, what, number, stable, extrapolated, quantity, value, unit in found
+    ]  # fmt: skip

@@ -1,0 +1,324 @@
+"""What a model says of a line: rest, natural frequencies, damping, limit cycle, with intervals."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import OptimizeResult, root
+
+from galloping.arrays import Immutable
+from galloping.behaviour.following import half_ranges, simulator_of
+from galloping.cycles.family import constant
+from galloping.cycles.limit_cycles import Orbit, cycle_of
+from galloping.cycles.prediction import intervals, near
+from galloping.cycles.settling import Pace, filled, settle_in_periods
+from galloping.identification.free_motion.answer import PATH
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.model.intervals import (
+    NORMAL_95,
+    decay_interval,
+    drawn_with_rivals,
+    extrapolate,
+    of_draws,
+)
+from galloping.model.polynomial import PolynomialModel, alone, velocity_pairs
+from galloping.recording.samples import Recording
+
+ENOUGH = 0.9  # of the draws, that have a limit cycle: fewer are the tame ones
+DIFFERENCE = 1e-2  # of coefficients, in standard errors
+LARGER = 1.2  # times the recorded motion, from which a limit cycle is beyond it
+ROUNDING = 1e-9  # of a damping ratio, and of a position of rest, in sizes of the motion
+
+
+@dataclass(frozen=True, eq=False)
+class Value(Immutable):
+    """A value with its 95 % interval; NaN where there is none."""
+
+    value: float
+    low: float = np.nan
+    high: float = np.nan
+
+    @classmethod
+    def of(cls, value: float, ends: Iterable[float]) -> "Value":
+        """With the ends of an interval, such as `of_draws` gives, widened to hold the value."""
+        low, high = ends
+        return cls(float(value), float(min(low, value)), float(max(high, value)))
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings(Immutable):
+    """The recorded motion, in which a position of rest is looked for.
+
+    middle, low, high: (n_states,) mean, least and greatest sample; of what is not measured zero,
+    and no bounds. rates: (n_states,) half ranges of the rates of the states, zero where unknown.
+    """
+
+    middle: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    rates: NDArray[np.float64] | float = 0.0
+
+    def sizes(self, model: PolynomialModel) -> NDArray[np.float64]:
+        """(n_states,) half ranges of the recorded motion, told by a model where not measured."""
+        half = np.where(np.isfinite(self.high - self.low), (self.high - self.low) / 2.0, 0.0)
+        return filled(half, model, self.middle, self.rates)
+
+    @classmethod
+    def of(cls, recordings: Sequence[Recording]) -> "Surroundings":
+        """The motion of all recordings together."""
+        values = np.concatenate([recording.values for recording in recordings])
+        known = np.isfinite(values)
+        counts = known.sum(axis=0)
+        middle = np.where(known, values, 0.0).sum(axis=0) / np.maximum(counts, 1)
+        low = np.where(counts > 0, np.where(known, values, np.inf).min(axis=0), -np.inf)
+        high = np.where(counts > 0, np.where(known, values, -np.inf).max(axis=0), np.inf)
+        return cls(middle, low, high, half_ranges(each.rates for each in recordings))
+
+    def rest(self, model: PolynomialModel) -> np.ndarray | None:
+        """(n_states,) the equilibrium nearest to the middle, None where none is inside."""
+        found = zero_of(model, self.middle, self.sizes(model))
+        inside = np.all((found.x >= self.low) & (found.x <= self.high))
+        return found.x if found.success and inside else None
+
+
+def zero_of(model: PolynomialModel, start: np.ndarray, sizes: np.ndarray) -> OptimizeResult:
+    """Search for an equilibrium from a state, the middle one if dry friction holds the motion.
+
+    Parameters
+    ----------
+    model : PolynomialModel
+    start, sizes : (n_states,) arrays
+        Where the search begins, and the sizes of the motion.
+
+    Returns
+    -------
+    scipy.optimize.OptimizeResult
+        `success`; `x`, the state, zero where it is by rounding; `fun`, the rates there, in sizes
+        and radians of the motion.
+    """
+    model = model.without_dry_friction()
+    time = Pace.of(model, start).slow / (2.0 * np.pi)
+    found = root(
+        lambda x: model((x * sizes)[np.newaxis])[0] * time / sizes, start / sizes,
+        jac=lambda x: model.jacobian((x * sizes)[np.newaxis])[0] * time * sizes / sizes[:, None],
+        tol=ROUNDING,
+    )  # fmt: skip
+    found.success |= bool(np.max(np.abs(found.fun)) < ROUNDING)  # from where it began, too
+    found.x = np.where(np.abs(found.x) < ROUNDING, 0.0, found.x) * sizes
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Dynamics(Immutable):
+    """What a model says of its motion: position of rest, frequencies, damping, limit cycle.
+
+    rest: m, of each coordinate, the equilibrium that the recorded motion surrounds; empty where
+    there is none. frequencies: Hz, damping: ratio to critical, of small motions about it, wind
+    included; below zero they grow. Each by the coordinate that mostly moves. kind: of the motion in
+    the end, as in `settle`. half_range: by coordinate, of the limit cycle if it is one,
+    period: s, of it, None where the motion settles on a cycle that is not found exactly. at: the
+    inputs that all of this is at, held at their means.
+    """
+
+    rest: Mapping[str, Value]
+    frequencies: Mapping[str, Value]
+    damping: Mapping[str, Value]
+    kind: str
+    period: Value | None
+    half_range: Mapping[str, Value]
+    at: Mapping[str, float] = field(default_factory=dict)
+
+
+def dynamics(
+    identified: IdentifiedModel, around: Surroundings, rng: np.random.Generator
+) -> Dynamics | None:
+    """None where no state is a velocity of another one, or where there is no model."""
+    model = identified.model
+    pairs = velocity_pairs(model.states)
+    if not pairs or identified.status == "refused":
+        return None
+    if identified.is_forced:
+        return _in_random_forces(identified, pairs, around)
+    if identified.diagnostics.get("path") == PATH:
+        return _free_and_linear(identified, pairs, around)
+    models = drawn_with_rivals(identified, rng)
+    small = extrapolate(models, identified, rng)
+    enough = ENOUGH * len(models)
+    best = _linear(model, pairs, around)
+    ends = of_draws([_linear(each, pairs, around) for each in small], enough)
+    rest, frequencies, damping = (
+        {model.states[i]: Value.of(best[k, n], ends[:, k, n]) for n, i in enumerate(pairs)}
+        for k in range(3)
+    )
+    rest = {} if np.isnan(best[0]).any() else rest
+    damping |= _unseen(identified, pairs, frequencies, damping)
+    simulator, start = simulator_of(model), identified.initial_states[-1]
+    pace, sizes = Pace.of(model, around.middle), around.sizes(model)
+    motion = settle_in_periods(simulator, model, start, pace, sizes)
+    if motion.kind != "cycle":
+        return Dynamics(rest, frequencies, damping, motion.kind, None, {})
+    point = cycle_of(constant(model, sizes), 0.0, motion)
+    if point is None:  # for the solver: the motion itself does repeat
+        half = {model.states[i]: Value(float(motion.half_range[i])) for i in pairs}
+        return Dynamics(rest, frequencies, damping, "cycle", None, half)
+    orbit = point.solution
+    orbits = [found for each in models if (found := _orbit(each, orbit, pace)) is not None]
+    ends, half = intervals(orbits, len(model.states), enough), orbit.half_range()
+    return Dynamics(
+        rest, frequencies, damping, "cycle", Value.of(orbit.period, ends[:, -1]),
+        {model.states[i]: Value.of(half[i], ends[:, i]) for i in pairs},
+    )  # fmt: skip
+
+
+def _unseen(
+    identified: IdentifiedModel,
+    pairs: Mapping[int, int],
+    frequencies: Mapping[str, Value],
+    damping: Mapping[str, Value],
+) -> dict[str, Value]:
+    """Of a mode without damping the interval: what damping would have shown in its equation."""
+    model, found = identified.model, {}
+    for i, velocity in pairs.items():
+        name = model.states[i]
+        own = alone(velocity, len(model.states))
+        if abs(damping[name].value) < ROUNDING and own in model.terms:
+            limit = identified.detection_limits[velocity, model.terms.index(own)]
+            half = limit / (4.0 * np.pi * frequencies[name].value)
+            if np.isfinite(half):
+                found[name] = Value(0.0, -half, half)
+    return found
+
+
+def _free_and_linear(
+    identified: IdentifiedModel, pairs: dict[int, int], around: Surroundings
+) -> Dynamics:
+    """Of a linear model of free motion, and of the further modes beside it."""
+    best, deviation, _ = _by_slopes(identified, pairs, around)
+    low, high = best - NORMAL_95 * deviation, best + NORMAL_95 * deviation
+    rest, frequencies, damping = (
+        {
+            identified.model.states[i]: Value(best[k, n], low[k, n], high[k, n])
+            for n, i in enumerate(pairs)
+        }
+        for k in range(3)
+    )
+    kind = "diverged" if np.nanmin(best[2]) < 0.0 else "rest"
+    rest = {} if np.isnan(best[0]).any() else rest
+    further = _of_further_modes(identified)
+    return Dynamics(rest, frequencies | further[0], damping | further[1], kind, None, {})
+
+
+def _of_further_modes(identified: IdentifiedModel) -> tuple[dict[str, Value], dict[str, Value]]:
+    """Frequency, Hz, and damping ratio of each further mode whose errors are told, by its name;
+    without what is steady, which has no damping.
+    """
+    frequencies, damping = {}, {}
+    for mode in identified.further_modes:
+        if mode.is_steady or not mode.frequency_error:
+            continue
+        hz, half = (
+            each / (2.0 * np.pi) for each in (mode.frequency, NORMAL_95 * mode.frequency_error)
+        )
+        omega = np.hypot(mode.frequency, mode.growth)
+        ratio, error = -mode.growth / omega, NORMAL_95 * mode.growth_error / omega
+        frequencies[mode.name] = Value(hz, hz - half, hz + half)
+        damping[mode.name] = Value(ratio, ratio - error, ratio + error)
+    return frequencies, damping
+
+
+def _by_slopes(
+    identified: IdentifiedModel, pairs: dict[int, int], around: Surroundings
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of the position of rest, frequency and damping of each coordinate: values and standard
+    deviations, as of `_linear`, by the slopes of what is told with the coefficients; and standard
+    deviations of the decays, 1/s.
+    """
+    model, support = identified.model, np.argwhere(identified.support)
+    errors = np.sqrt(np.diag(identified.covariance))
+    known = errors == 0.0
+    errors[known] = 1.0
+
+    def of(step: np.ndarray) -> np.ndarray:
+        coefficients = model.coefficients.copy()
+        coefficients[tuple(support.T)] += step
+        return _linear(replace(model, coefficients=coefficients), pairs, around)
+
+    best, steps = of(np.zeros(len(errors))), DIFFERENCE * np.diag(np.where(known, 0.0, errors))
+    slopes = np.array([(of(step) - of(-step)) / (2.0 * DIFFERENCE) for step in steps])
+    correlation = identified.covariance / np.outer(errors, errors)
+    deviation = np.sqrt(np.einsum("ikn,ij,jkn->kn", slopes, correlation, slopes))
+    slopes = 2.0 * np.pi * (slopes[:, 1] * best[2] + slopes[:, 2] * best[1])
+    return best, deviation, np.sqrt(np.einsum("in,ij,jn->n", slopes, correlation, slopes))
+
+
+def _in_random_forces(
+    identified: IdentifiedModel, pairs: dict[int, int], around: Surroundings
+) -> Dynamics:
+    """Of a model that random forces move."""
+    model = identified.model
+    best, deviation, of_decay = _by_slopes(identified, pairs, around)
+    decay = 2.0 * np.pi * best[1] * best[2]
+    half, duration = NORMAL_95 * deviation, identified.diagnostics["duration"]
+    rest, frequencies, damping = {}, {}, {}
+    for n, i in enumerate(pairs):
+        name, omega = model.states[i], 2.0 * np.pi * best[1, n]
+        rest[name], frequencies[name] = (
+            Value(best[k, n], best[k, n] - half[k, n], best[k, n] + half[k, n]) for k in (0, 1)
+        )
+        low, high = decay_interval(decay[n], of_decay[n], duration)
+        damping[name] = Value(best[2, n], low / omega, high / omega)
+    for one in filter(lambda each: each.is_mode, identified.resonances):
+        (error, of_ratio), omega = one.errors, one.frequency
+        half = NORMAL_95 * error / (2.0 * np.pi)
+        hz = omega / (2.0 * np.pi)
+        frequencies[one.name] = Value(hz, hz - half, hz + half)
+        low, high = decay_interval(omega * one.damping, omega * of_ratio, duration)
+        damping[one.name] = Value(one.damping, low / omega, high / omega)
+    rest = {} if np.isnan(best[0]).any() else rest
+    return Dynamics(rest, frequencies, damping, "forced", None, {})
+
+
+def expected(
+    model: PolynomialModel, identified: IdentifiedModel, around: Surroundings
+) -> Dynamics | None:
+    """Those of a model that is known, its motion begun where that of the identified one begins.
+
+    As far from its own position of rest, about zero, as that one is from the recorded one.
+    """
+    if model.states != identified.model.states:
+        return None
+    recorded = around.rest(identified.model)
+    shift = around.middle if recorded is None else recorded
+    start = identified.initial_states - shift
+    exact = IdentifiedModel(model, "unjudged", initial_states=start)
+    ends = around.low - shift, around.high - shift
+    about = Surroundings(np.zeros_like(shift), *ends, around.rates)
+    return dynamics(exact, about, np.random.default_rng(0))
+
+
+def _orbit(model: PolynomialModel, orbit: Orbit, pace: Pace) -> Orbit | None:
+    """The limit cycle of another model, near one or where a motion from there ends."""
+    if close := near([model], orbit):
+        return close[0]
+    motion = settle_in_periods(simulator_of(model), model, orbit.states[0], pace, orbit.sizes)
+    point = cycle_of(constant(model, orbit.sizes), 0.0, motion)
+    return point and point.solution
+
+
+def _linear(model: PolynomialModel, pairs: dict[int, int], around: Surroundings) -> np.ndarray:
+    """(3, n_coordinates) rest, m, and frequency, Hz, and damping ratio of each one's mode there."""
+    result = np.full((3, len(pairs)), np.nan)
+    if (rest := around.rest(model)) is None:
+        return result
+    result[0] = rest[list(pairs)]
+    modes, sizes = model.small_motions(rest).oscillations(), around.sizes(model)[:, np.newaxis]
+    free = list(range(len(modes.values)))
+    for k, i in enumerate(pairs):
+        if not free:
+            break
+        moved = modes.shapes[:, free] / sizes
+        shares = np.abs(moved[i]) / np.linalg.norm(moved[list(pairs)], axis=0)
+        mode = free.pop(int(np.argmax(shares)))
+        result[1:, k] = modes.omega[mode] / (2 * np.pi), modes.damping[mode]
+    return result

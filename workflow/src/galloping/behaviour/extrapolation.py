@@ -1,0 +1,273 @@
+"""What terms beyond the degree of a library would change in the coefficients of small motions.
+
+Over the amplitudes that were recorded, the terms of a library make up for terms of higher degree
+that the system has and the library lacks. If small motions were not recorded, their coefficients
+are biased by as much, and the covariance of the noise does not include it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from itertools import product
+from math import comb, prod
+
+import numpy as np
+
+from galloping.arrays import round_down
+from galloping.behaviour.dynamics import Surroundings
+from galloping.behaviour.following import Following, without_outliers
+from galloping.cycles.settling import Pace
+from galloping.evaluation.bounds import Experiment, fisher_information, weighted_sensitivities
+from galloping.identification.identified_model import RANGE, IdentifiedModel
+from galloping.identification.inputs import while_driven
+from galloping.identification.no_model import NoModel, attempt
+from galloping.inspection.excerpts import excerpts
+from galloping.model.intervals import drawn_with_rivals
+from galloping.model.polynomial import (
+    Exponents,
+    PolynomialModel,
+    has_functions,
+    library,
+    velocity_pairs,
+)
+from galloping.passes import passing
+from galloping.recording.samples import Recording, mean_inputs, typical_inputs
+
+DEGREES = 2  # beyond that of the library: the next even and the next odd one
+PER_PERIOD = 20  # samples of the fastest motion, in which samples are taken together
+MOST_TERMS = 250  # beyond the library, in all equations
+LEAST = 1e-12  # share of the nonlinear part in an equation: less is rounding
+
+
+def with_extrapolation(
+    identified: IdentifiedModel, recordings: Sequence[Recording]
+) -> IdentifiedModel:
+    """State what terms of the next degrees would change in the coefficients of a model.
+
+    The coefficients of these terms have a normal prior, with the deviation that continues the
+    nonlinear terms of the model as a geometric series at the size of the recorded motion. Their
+    posterior follows from the information matrix of the library and these terms together, and from
+    the residuals of the model. The residuals of an approximate model count as noise.
+
+    Parameters
+    ----------
+    identified : IdentifiedModel
+    recordings : sequence of Recording
+        From which it was identified.
+
+    Returns
+    -------
+    IdentifiedModel
+        With `extrapolation_shift` and `extrapolation_covariance`. It is returned unchanged if its
+        library is not the whole polynomial library of a degree, and so says what is known of the
+        system; if random forces move it, whose motions have all sizes; if no position of rest lies
+        inside the motion; or if it cannot be integrated over the recordings.
+    """
+    model = identified.model
+    degree = _degree(model)
+    asked = identified.status in ("ok", "not identifiable", "approximate")
+    if not (degree and asked and velocity_pairs(model.states) and len(identified.covariance)):
+        return identified
+    means = typical_inputs(model.inputs, recordings)
+    steady = model.at(means) if means else model
+    around = Surroundings.of(recordings)
+    if identified.is_forced or (rest := around.rest(steady)) is None:
+        return identified
+    own = excerpts(list(recordings))
+    if model.inputs:
+        own = attempt(partial(while_driven, own, model.inputs))
+    if isinstance(own, NoModel) or len(own) != len(identified.initial_states):
+        return identified
+    sizes = around.sizes(steady)
+    rates = np.max(np.abs(steady.jacobian(rest[np.newaxis])[0]) * sizes, axis=1)
+    unknown = [i for i in range(len(rest)) if i not in identified.known and rates[i] > 0.0]
+    terms = _further_terms(model.states, degree, len(unknown))
+    regression = _Regression(identified, unknown, terms, rest, sizes, rates)
+    passing("terms of the next degree")
+    parts = [
+        attempt(partial(regression.of_recording, one, start))
+        for one, start in zip(own, identified.initial_states, strict=True)
+    ]
+    if any(isinstance(part, NoModel) for part in parts):
+        return identified
+    drawn = drawn_with_rivals(identified, np.random.default_rng(0))
+    models = [steady, *(each.at(means) if means else each for each in drawn)]
+    states = np.concatenate([states for *_, states in parts])
+    shares = np.max([_nonlinear_share(each, rest, states) for each in models], axis=0)
+    gram, squares, count = (sum(each) for each in list(zip(*parts, strict=True))[:3])
+    scaled = gram / max(squares / count, 1.0)
+    posterior = attempt(partial(regression.left_open, scaled, shares))
+    if isinstance(posterior, NoModel):
+        return identified
+    shift, covariance = posterior
+    return replace(identified, extrapolation_shift=shift, extrapolation_covariance=covariance)
+
+
+def with_extent(identified: IdentifiedModel, recordings: Sequence[Recording]) -> IdentifiedModel:
+    """The model with the least and the greatest that was recorded of each state, as of
+    `IdentifiedModel.recorded`.
+    """
+    around, states = Surroundings.of(recordings), identified.model.states
+    ends = zip(RANGE, (around.low, around.high), strict=True)
+    extent = {
+        f"{state}{end}": float(value)
+        for end, values in ends
+        for state, value in zip(states, values, strict=True)
+        if np.isfinite(value)
+    }
+    return replace(identified, diagnostics={**identified.diagnostics, **extent})
+
+
+def _degree(model: PolynomialModel) -> int:
+    """Degree of the whole polynomial library of a model's states, 0 of any other library."""
+    if any(map(has_functions, model.terms)):
+        return 0
+    n = len(model.states)
+    own = {term[:n] for term in model.terms if not any(term[n:])}
+    degree = max(map(sum, own), default=0)
+    return degree if own >= set(library(n, degree)) else 0
+
+
+def _further_terms(states: tuple[str, ...], degree: int, n_equations: int) -> tuple[Exponents, ...]:
+    """Monomials of the next degrees; of one coordinate and its velocity each, if they are many."""
+    found = [term for term in library(len(states), degree + DEGREES) if sum(term) > degree]
+    if len(found) * n_equations > MOST_TERMS:
+        pairs = [{i, velocity} for i, velocity in velocity_pairs(states).items()]
+        found = [
+            term
+            for term in found
+            if any({k for k, power in enumerate(term) if power} <= pair for pair in pairs)
+        ]
+    return tuple(found)
+
+
+def _nonlinear_share(model: PolynomialModel, rest: np.ndarray, states: np.ndarray) -> np.ndarray:
+    """(n_states,) how large the nonlinear part of each equation gets over states (n, n_states), in
+    the size of the linear part, about a position of rest; one at most.
+    """
+    linear = (states - rest) @ model.jacobian(rest[np.newaxis])[0].T
+    nonlinear = np.abs(model(states) - model(rest[np.newaxis]) - linear).max(axis=0)
+    return np.minimum(nonlinear / np.maximum(np.abs(linear).max(axis=0), np.finfo(float).tiny), 1.0)
+
+
+@dataclass(frozen=True)
+class _Regression:
+    """The coefficients of a model, and those of further terms beside them.
+
+    The further terms are monomials of the distance from `rest`, in `sizes` of the motion, and their
+    coefficients are in `rates`, (n_states,) of the linear part of each equation. equations: indices
+    of those that have the terms.
+    """
+
+    identified: IdentifiedModel
+    equations: Sequence[int]
+    terms: tuple[Exponents, ...]
+    rest: np.ndarray
+    sizes: np.ndarray
+    rates: np.ndarray
+
+    @cached_property
+    def expansion(self) -> tuple[tuple[Exponents, ...], np.ndarray]:
+        """Monomials of the states, and (n_terms, n_monomials) what of them each term is."""
+        found: dict[Exponents, int] = {}
+        entries = []
+        for row, term in enumerate(self.terms):
+            for lower in product(*(range(power + 1) for power in term)):
+                parts = zip(term, lower, self.rest, self.sizes, strict=True)
+                value = prod(comb(m, k) * (-at) ** (m - k) / size**m for m, k, at, size in parts)
+                if value:
+                    entries.append((row, found.setdefault(lower, len(found)), value))
+        matrix = np.zeros((len(self.terms), len(found)))
+        for row, column, value in entries:
+            matrix[row, column] = value
+        return tuple(found), matrix
+
+    @cached_property
+    def wide(self) -> tuple[PolynomialModel, np.ndarray]:
+        """The model on a library with the further monomials, and (n_free, 2) the coefficients of
+        its terms and then, by equation, those of the monomials, as pairs (equation, term).
+        """
+        model = self.identified.model
+        monomials = [(*term, *(0 for _ in model.inputs)) for term in self.expansion[0]]
+        terms = tuple(dict.fromkeys([*model.terms, *monomials]))
+        place = {term: j for j, term in enumerate(terms)}
+        further = [(i, place[term]) for i in self.equations for term in monomials]
+        own = np.argwhere(self.identified.support)  # terms keep their places
+        return model.on_library(terms), np.concatenate([own, np.reshape(further, (-1, 2))])
+
+    def of_recording(
+        self, recording: Recording, start: np.ndarray
+    ) -> tuple[np.ndarray, float, int, np.ndarray]:
+        """Normal equations of a recording, the residual behind the coefficients, about the motion
+        of the model from its start (n_states,); sum of squares and number of the samples taken
+        together; and (n, n_states) states of the motion.
+
+        Raises FloatingPointError if the model diverges.
+        """
+        model, recording = self.identified.model, without_outliers(recording)
+        follow, n = Following(self.identified, recording), len(model.states)
+        time, samples = recording.time, follow.samples
+        motion = follow.motion(model, start, time)
+        if not np.isfinite(motion).all():
+            raise FloatingPointError("the model diverges over the recording")
+        steady = model.at(mean_inputs(model.inputs, [recording])) if model.inputs else model
+        fast = Pace.of(steady, self.rest).fast
+        thin = max(round_down(fast / PER_PERIOD / recording.step), 1)
+        blocks = len(time) // thin
+        left = (samples - motion)[: blocks * thin].reshape(blocks, thin, -1)
+        counts = np.isfinite(left).sum(axis=1)
+        known = follow.sigma > 0.0
+        weight = np.sqrt(counts) * np.where(known, 1.0 / np.where(known, follow.sigma, 1.0), 0.0)
+        residual = weight * np.nan_to_num(left).sum(axis=1) / np.maximum(counts, 1)
+        try:
+            slopes = self._slopes(recording, start, time[thin // 2 :: thin][:blocks], follow)
+            rows = weight[..., np.newaxis] * slopes
+            rows = np.insert(rows, rows.shape[2] - n, residual, axis=2)
+            gram = fisher_information(rows, rows.shape[2] - n)
+        except ValueError as error:
+            raise FloatingPointError(str(error)) from error
+        return gram, float(np.sum(residual**2)), np.count_nonzero(weight), motion[:, :n]
+
+    def _slopes(
+        self, recording: Recording, start: np.ndarray, time: np.ndarray, follow: Following
+    ) -> np.ndarray:
+        """(n, n_sensed, n_coefficients + n_states) of what sensors see at times (n,), s."""
+        wide, free = self.wide
+        n, own = len(start), int(self.identified.support.sum())
+        rates = np.full(n, np.inf)
+        rates[list(follow.sensed.rates)] = 1.0
+        experiment = Experiment(
+            start, np.append(recording.time[0], time[time > recording.time[0]]), np.ones(n),
+            rates if follow.sensed.rates else None, recording.inputs,
+        )  # fmt: skip
+        slopes = weighted_sensitivities(wide, free, experiment)[-len(time) :]
+        slopes = slopes[:, [*range(n), *(n + k for k in follow.sensed.rates)]]
+        of_own, of_further, of_start = np.split(slopes, [own, len(free)], axis=2)
+        parts = np.split(of_further, len(self.equations), axis=2)
+        scaled = [
+            part @ (self.rates[i] * self.expansion[1].T)
+            for i, part in zip(self.equations, parts, strict=True)
+        ]
+        return np.concatenate([of_own, *scaled, of_start], axis=2)
+
+    def left_open(self, gram: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (n_support,) and covariance (n_support, n_support) of what the further terms change.
+
+        gram: normal equations of all recordings. shares: (n_states,) of the nonlinear part in each
+        equation, the square of the ratio of a geometric series.
+        """
+        own, degrees = int(self.identified.support.sum()), np.array([*map(sum, self.terms)])
+        ratios = np.maximum(shares[list(self.equations), np.newaxis], LEAST)
+        prior = (ratios ** ((1 - degrees) / 2.0)).ravel() ** 2.0
+        told = np.diag(gram)[:-1]
+        unit = 1.0 / np.sqrt(np.where(told > 0.0, told, 1.0))
+        information, right = gram[:-1, :-1] * unit * unit[:, np.newaxis], gram[:-1, -1] * unit
+        response = -np.linalg.solve(information[:own, :own], information[:own, own:])
+        further = information[own:, own:] + information[own:, :own] @ response
+        further += np.diag(prior * unit[own:] ** 2)
+        root = np.sqrt(np.diag(further))
+        covariance = np.linalg.inv(further / root / root[:, np.newaxis])
+        covariance = covariance / root / root[:, np.newaxis]
+        mean = covariance @ (right[own:] + response.T @ right[:own])
+        response = unit[:own, np.newaxis] * response
+        return response @ mean, response @ covariance @ response.T

@@ -1,0 +1,237 @@
+"""Motions of a model beside the samples of a recording: what sensors see, and how it begins."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from galloping.cycles.settling import filled
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.preparation.smoothing import (
+    shortest_period,
+    undisplaced,
+    with_integrals,
+    without_drift,
+)
+from galloping.inspection.quality import DIFFERENT, outlying, peaks_of, spectrum
+from galloping.model.polynomial import PolynomialModel, velocity_pairs
+from galloping.recording.samples import Input, Recording, at_times, mean_inputs
+from galloping.trajectory.simulation import Simulator, rates_of
+
+ITERATIONS = 4  # of Gauss-Newton on the start, which is nearly linear over a few periods
+NEARBY = 2  # of them, from a start that is near
+STAGES = (1 / 6, 1 / 3, 2 / 3, 1.0)  # of the samples that a start is told from, one after another
+STEP = 1e-5  # of finite differences of the start, relative to each state's size
+FAR = 1e6  # times the recorded motion, from which a model runs away
+SLOPE = 1 / 4  # of the fastest period, over which a first guess of a velocity is a slope,
+FEWEST = 5  # but so many samples
+
+
+@dataclass(frozen=True)
+class Sensed:
+    """What sensors tell of a motion: its states, and rates where no displacement is measured.
+
+    rates: indices of the states whose rates are told from the others, as accelerometers alone do.
+    """
+
+    states: tuple[str, ...]
+    rates: tuple[int, ...]
+
+    @classmethod
+    def by(cls, recording: Recording) -> "Sensed":
+        """What the sensors of a recording tell."""
+        alone = {k for pair in undisplaced(recording).items() for k in pair}
+        measured = [] if recording.rates is None else np.isfinite(recording.rates).any(axis=0)
+        return cls(recording.states, tuple(k for k in np.flatnonzero(measured) if k in alone))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the n_sensed channels."""
+        return self.states + tuple(f"d{self.states[k]}" for k in self.rates)
+
+    def samples(self, recording: Recording) -> np.ndarray:
+        """(n, n_sensed), NaN where missing; rates without their unknown offsets."""
+        columns = [recording.values]
+        for k in self.rates:
+            rate = recording.rates[:, k]
+            if recording.unknown_offsets is not None and recording.unknown_offsets[k]:
+                rate = without_drift(recording.time, rate)
+            columns.append(rate[:, np.newaxis])
+        return np.hstack(columns)
+
+
+def without_outliers(recording: Recording) -> Recording:
+    """The recording without samples far from those beside them, of which no model can tell."""
+    values, rates = (
+        None
+        if columns is None
+        else np.column_stack([_cleaned(recording.time, y) for y in columns.T])
+        for columns in (recording.values, recording.rates)
+    )
+    return replace(recording, values=values, rates=rates)
+
+
+def _cleaned(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """(n,) values of a channel, NaN where they are missing or outliers."""
+    known = np.isfinite(values)
+    if np.count_nonzero(known) < DIFFERENT:
+        return values
+    time, own = time[known], values[known]
+    frequency, share = spectrum(time, own, float(np.median(np.diff(time))))
+    own = np.where(outlying(time, own, frequency[peaks_of(share)[1]]), np.nan, own)
+    cleaned = values.copy()
+    cleaned[known] = own
+    return cleaned
+
+
+def half_ranges(columns: Iterable[np.ndarray | None]) -> np.ndarray | float:
+    """(n_states,) half of the ranges of samples (n, n_states) of several recordings, zero of those
+    without any.
+    """
+    given = [each for each in columns if each is not None]
+    if not given:
+        return 0.0
+    values = np.concatenate(given)
+    known = np.isfinite(values)
+    low = np.where(known, values, np.inf).min(axis=0)
+    high = np.where(known, values, -np.inf).max(axis=0)
+    return np.where(known.any(axis=0), (high - low) / 2.0, 0.0)
+
+
+def simulator_of(model: PolynomialModel) -> Simulator:
+    """For the model and others with its terms."""
+    return Simulator(model.states, model.terms, model.inputs)
+
+
+@dataclass(frozen=True)
+class Following:
+    """Motions of a model, and of others with its terms, beside the samples of a recording."""
+
+    identified: IdentifiedModel
+    recording: Recording
+
+    @cached_property
+    def sensed(self) -> Sensed:
+        return Sensed.by(self.recording)
+
+    @cached_property
+    def samples(self) -> np.ndarray:
+        """(n, n_sensed), NaN where missing."""
+        return self.sensed.samples(self.recording)
+
+    @cached_property
+    def sigma(self) -> np.ndarray:
+        """(n_sensed,) noise of a sample, zero where not measured or not told by the method."""
+        rates = self.sensed.names[len(self.sensed.states) :]
+        told = [self.identified.diagnostics.get(f"noise_{name}", 0.0) for name in rates]
+        own = self.identified.sigma[-1:].sum(axis=0)  # of no recording zero
+        return np.append(np.nan_to_num(own), told)
+
+    @cached_property
+    def _simulator(self) -> Simulator:
+        return simulator_of(self.identified.model)
+
+    @cached_property
+    def _limit(self) -> float:
+        """Distance from zero at which a motion runs away, by the size of the recorded one."""
+        model, recording = self.identified.model, self.recording
+        known = np.isfinite(recording.values)
+        size = np.where(known, np.abs(recording.values), 0.0).max(axis=0)
+        steady = model.at(mean_inputs(model.inputs, [recording])) if model.inputs else model
+        size = filled(size, steady, np.zeros(len(size)), half_ranges([recording.rates]))
+        return FAR * float(np.linalg.norm(size))
+
+    @property
+    def _inputs(self) -> dict[str, Input]:
+        return {name: self.recording.inputs[name] for name in self.identified.model.inputs}
+
+    def motion(self, model: PolynomialModel, start: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """(n, n_sensed) of a model from a start, not finite where it diverges."""
+        states = self._simulator(model, start, time, self._inputs, self._limit).states
+        return self.shown(model, states, time)
+
+    def shown(self, model: PolynomialModel, states: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """(n, n_sensed) of a motion (n, n_states)."""
+        if not self.sensed.rates:
+            return states
+        rates = rates_of(model, states, at_times(list(self._inputs.values()), time))
+        return np.hstack([states, rates[:, self.sensed.rates]])
+
+    def begin(self, rows: slice) -> np.ndarray | None:
+        """(n_states,) where the model must begin to follow samples best, None where it diverges."""
+        guess = first_guess(self.recording, rows.start)
+        return self.start(self.identified.model, rows, guess, self.samples[rows])
+
+    def start(
+        self,
+        model: PolynomialModel,
+        rows: slice,
+        guess: np.ndarray,
+        values: np.ndarray,
+        slopes: np.ndarray | None = None,
+    ) -> np.ndarray | None:
+        """The same of another model and other samples at these rows.
+
+        guess: (n_states,) near it. values: (n, n_sensed) the samples, NaN where missing. slopes:
+        those of a model and start near by, to spare their own.
+        """
+        sigma, time = self.sigma, self.recording.time[rows]
+        weight = np.isfinite(values) * np.where(sigma > 0, 1.0 / np.where(sigma > 0, sigma, 1), 0.0)
+        target, start = np.nan_to_num(values), guess
+        for stage in STAGES if slopes is None else STAGES[-1:]:
+            n = max(int(stage * len(time)), min(len(time), 2 * len(guess)))
+            for _ in range(ITERATIONS if slopes is None else NEARBY):
+                motion = self.motion(model, start, time[:n])
+                if not np.isfinite(motion).all():
+                    return None
+                own = self.slopes(model, start, motion, time[:n]) if slopes is None else slopes
+                if not np.isfinite(own).all():
+                    return None
+                left = ((target[:n] - motion) * weight[:n]).ravel()
+                design = (own * weight[:n]).reshape(len(start), -1).T
+                size = np.linalg.norm(design, axis=0) + np.finfo(float).tiny
+                start = start + np.linalg.lstsq(design / size, left, rcond=1e-12)[0] / size
+        return start
+
+    def slopes(
+        self, model: PolynomialModel, start: np.ndarray, motion: np.ndarray, time: np.ndarray
+    ) -> np.ndarray:
+        """(n_states, n, n_sensed): change of the motion (n, n_sensed) with each state at first."""
+        size = np.abs(start) + np.nanstd(motion[:, : len(start)], axis=0)
+        size = STEP * np.where(size > 0.0, size, size.max() or 1.0)
+        return np.array(
+            [
+                (self.motion(model, start + size * unit, time) - motion) / size[k]
+                for k, unit in enumerate(np.eye(len(start)))
+            ]
+        )
+
+    def misfit(self, motion: np.ndarray, values: np.ndarray) -> float:
+        """chi^2 per sample of a motion (n, n_sensed), infinite where it diverges."""
+        known = np.isfinite(values) & (self.sigma > 0)
+        squares = ((values - motion) / np.where(self.sigma > 0, self.sigma, 1.0)) ** 2
+        mean = np.mean(squares[known]) if known.any() else np.inf
+        return float(mean) if np.isfinite(mean) else np.inf
+
+
+def first_guess(recording: Recording, begin: int) -> np.ndarray:
+    """A state near the sample `begin`: interpolated values, slopes for unmeasured velocities."""
+    recording = with_integrals(recording)
+    time, states = recording.time, recording.states
+    guess = np.zeros(len(states))
+    displacement = {velocity: k for k, velocity in velocity_pairs(states).items()}
+    for k in range(len(states)):
+        known = np.isfinite(recording.values[:, k])
+        if known.any():
+            guess[k] = np.interp(time[begin], time[known], recording.values[known, k])
+        elif k in displacement:
+            source = recording.values[:, displacement[k]]
+            known = np.isfinite(source)
+            away = np.abs(time[known] - time[begin])
+            within = max(
+                SLOPE / 2 * shortest_period([recording]), np.partition(away, FEWEST)[FEWEST]
+            )
+            near = away <= within
+            guess[k] = np.polyfit(time[known][near] - time[begin], source[known][near], 1)[0]
+    return guess

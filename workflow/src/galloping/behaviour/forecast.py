@@ -1,0 +1,402 @@
+"""Where a recorded motion goes from here, with intervals, and how such forecasts held."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from galloping.arrays import TIME_ROUNDING, Immutable, first_from, round_down
+from galloping.behaviour.following import FEWEST, Following, Sensed, without_outliers
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.random_forces import forced_motion as in_random_forces
+from galloping.model.intervals import QUANTILES_90, drawn
+from galloping.model.polynomial import PolynomialModel
+from galloping.passes import passing
+from galloping.readers.units import NONE
+from galloping.recording.samples import INTERPOLATED, Input, Recording
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+DRAWS = 100  # of models and starts: the ends of a 90 % band then scatter by a tenth of its width
+FOLLOWS = 1.3  # chi^2 per sample of a start that is right
+SHARES = (1.0, 0.5, 0.25)  # of the window, where motions soon part
+ENOUGH = 0.9  # of the draws, that follow the samples
+ORIGINS, PARTS = 8, 4  # of forecasts that tell how wrong an approximate model is; of a window
+TRIED = 5  # windows, over which such forecasts go
+WIDER = "forecast_widened_"  # and a channel: the name of its factor in the diagnostics of a model
+USELESS = "that of what was held out of its recordings was worse than their mean"
+BY_CHANCE = 0.01  # of the shares that a band holds which is right
+MOST_SAMPLES = 4000  # that a start is told from: more say little more of a few periods
+NOISE_ALONE = 3.0  # standard errors of its mean square, which samples of noise alone do not exceed
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Forecast(Immutable):
+    """What the sensors will show.
+
+    names: of the n_sensed channels, the states first. time: (n,) s. median, low, high:
+    (n, n_sensed), the 90 % band of what sensors will show. chance: (n_sensed,) share of the samples
+    below which a band that is right holds once in a hundred times.
+    """
+
+    names: tuple[str, ...]
+    time: NDArray[np.float64]
+    median: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    chance: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        first, last = self.time[0], self.time[-1]
+        return f"Forecast of {', '.join(self.names)} from {first:.6g} to {last:.6g} s"
+
+    def channel_columns(self) -> dict[str, NDArray[np.float64]]:
+        """Of each channel the median and the ends of its 90 % band, (n,) each, by name."""
+        parts = {"": self.median, "_low": self.low, "_high": self.high}
+        return {
+            f"{name}{end}": values[:, k]
+            for k, name in enumerate(self.names)
+            for end, values in parts.items()
+        }
+
+    def to_frame(self) -> "DataFrame":
+        """Return the forecast as a pandas DataFrame.
+
+        Returns
+        -------
+        DataFrame
+            A row for each time, which is the index `t` in s. Of each channel `X` the columns `X`,
+            the median, and `X_low` and `X_high`, the ends of its 90 % band.
+        """
+        import pandas as pd  # an extra, and slow to import
+
+        return pd.DataFrame(self.channel_columns(), pd.Index(self.time, name="t"))
+
+    def widened(self, factors: NDArray[np.float64]) -> "Forecast":
+        """The forecast with its band made wider about the median, by (n_sensed,) factors."""
+        low, high = (self.median + factors * (end - self.median) for end in (self.low, self.high))
+        return replace(self, low=low, high=high)
+
+
+def forecast(
+    identified: IdentifiedModel,
+    recording: Recording,
+    time: np.ndarray,
+    window: float,
+    rng: np.random.Generator,
+    inputs: Mapping[str, Input | float] = NONE,
+) -> Forecast:
+    """Forecast the states at `time` from the last `window` seconds of a recording.
+
+    Outliers of the recording are left out. Each of 100 draws takes coefficients from their
+    covariance, and as its start the state that follows the samples of the window best after noise
+    was added to them once more. The noise of a sample is part of the band; that of an approximate
+    model is as wide as its forecasts from earlier times of the recording were wrong. Where motions
+    of an exact model soon part, so that draws do not follow the samples, the window is halved. The
+    band at an instant does not depend on the instants after it. A model that random forces move
+    goes on from what its filter tells, in forces that are drawn anew. Raises ValueError where there
+    is no model, and where most draws do not follow the window or diverge, or where the model's
+    forecast of what was held out was of no use. Bands are widened by what that one needed.
+    """
+    if identified.status == "refused":
+        raise ValueError(f"there is no model to forecast with: {identified.reason}")
+    sensed = Sensed.by(recording)
+    factors = np.array([identified.diagnostics.get(f"{WIDER}{name}", 1.0) for name in sensed.names])
+    if np.isinf(factors).any():
+        raise ValueError(f"the model gives no forecast: {USELESS}")
+    recording = _known_ahead(identified.model, without_outliers(recording), time, inputs)
+    follow = Following(identified, recording)
+    sigma = follow.sigma
+    if identified.is_forced:
+        models = drawn(identified, rng, DRAWS)
+        states = in_random_forces.motions(identified, models, recording, time, rng)
+        shown = (follow.shown(*each, time) for each in zip(models, states, strict=True))
+        motions = np.array(list(shown))
+        missed = in_random_forces.noise_of_means(identified, recording, sensed.rates, sigma)
+    elif identified.status == "approximate":
+        motions = _motions(follow, time, window, np.inf, rng)
+        missed = _missed(follow, time - recording.time[-1], window)
+    else:
+        for share in SHARES:
+            motions = _motions(follow, time, share * window, FOLLOWS, rng)
+            if len(motions) > ENOUGH * DRAWS:
+                break
+        missed = np.zeros_like(sigma)
+    if len(motions) < DRAWS // 2:
+        raise ValueError(
+            f"{DRAWS - len(motions)} of {DRAWS} draws of the model do not follow the last "
+            f"{min(window, np.ptp(recording.time)):.3g} s of the recording"
+        )
+    bounded = np.isfinite(motions).all(axis=(1, 2))
+    if bounded.sum() < DRAWS // 2:
+        raise ValueError(f"{DRAWS - bounded.sum()} of {DRAWS} draws of the model diverge")
+    draws = rng.standard_normal((len(time), *motions.shape[::2])).transpose(1, 0, 2)
+    seen = motions + np.maximum(sigma, missed) * draws
+    low, high = _quantiles(seen, QUANTILES_90)
+    held = np.mean((seen[bounded] >= low) & (seen[bounded] <= high), axis=1)
+    chance = np.quantile(held, BY_CHANCE, axis=0)
+    ahead = Forecast(sensed.names, time, _quantiles(motions, (0.5,))[0], low, high, chance)
+    return ahead.widened(factors) if factors.max() > 1.0 else ahead
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut(Immutable):
+    """A forecast of what was held out, and how well it held.
+
+    forecast: with its band as it was computed. skill: (n_sensed,) R2 of the median. missed:
+    (n_sensed,) root mean square error of the median, in the deviation of the whole recording. held:
+    (n_sensed,) share of the samples inside the band. is_noise: (n_sensed,) boolean, whether
+    nothing but noise was left to forecast. factors: (n_sensed,) how many times as wide the band
+    must be to hold 90 % of them: 1 where no fewer are inside than chance allows, infinite where the
+    forecast is worse than the mean of the samples and of no use. NaN of channels that nothing
+    measures, their factors 1. index: of the recording whose end it is, -1 of the last.
+    """
+
+    forecast: Forecast
+    skill: NDArray[np.float64]
+    missed: NDArray[np.float64]
+    held: NDArray[np.float64]
+    is_noise: NDArray[np.bool_]
+    factors: NDArray[np.float64]
+    index: int = -1
+
+    @property
+    def useful(self) -> bool:
+        """Whether the forecast is worse than the mean of the samples in no channel."""
+        return bool(np.isfinite(self.factors).all())
+
+    def to_frame(self) -> "DataFrame":
+        """Return the scores as a pandas DataFrame.
+
+        Returns
+        -------
+        DataFrame
+            A row for each channel, by name: `skill`, `missed`, `held`, `is_noise` and `factor`.
+        """
+        import pandas as pd  # an extra, and slow to import
+
+        scores = {
+            "skill": self.skill, "missed": self.missed, "held": self.held,
+            "is_noise": self.is_noise, "factor": self.factors,
+        }  # fmt: skip
+        return pd.DataFrame(scores, pd.Index(self.forecast.names, name="channel"))
+
+
+def held_out(
+    ahead: Forecast, measured: np.ndarray, deviation: np.ndarray, noise: np.ndarray
+) -> HeldOut:
+    """Compare a forecast with the samples (n, n_sensed) at its times, NaN where missing.
+
+    deviation: (n_sensed,) of the whole recording, which a useful forecast does not err by. noise:
+    (n_sensed,) of a sample, zero where unknown.
+    """
+    known = np.isfinite(measured)
+    error = np.where(known, measured - ahead.median, 0.0)
+    inside = known & (measured >= ahead.low) & (measured <= ahead.high)
+    counts = known.sum(axis=0)
+    missed = np.sum(error**2, axis=0)
+    factors = np.ones(len(counts))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        skill = 1.0 - missed / (counts * deviations_of(measured) ** 2)
+        shares = np.sqrt(missed / counts) / deviation
+        held = inside.sum(axis=0) / counts
+        away = np.maximum(
+            error / (ahead.high - ahead.median), error / (ahead.low - ahead.median)
+        )  # in widths of the band on the side of the sample
+    for k in np.flatnonzero(held < ahead.chance):
+        useless = skill[k] <= 0.0 and missed[k] > counts[k] * deviation[k] ** 2
+        factors[k] = np.inf if useless else np.quantile(away[known[:, k], k], 0.9)
+    by_chance = 1.0 + NOISE_ALONE * np.sqrt(2.0 / np.maximum(counts, 1))
+    is_noise = deviations_of(measured) < noise * np.sqrt(by_chance)
+    return HeldOut(ahead, skill, shares, held, is_noise, factors)
+
+
+def deviations_of(samples: np.ndarray) -> np.ndarray:
+    """(n_sensed,) standard deviation of samples (n, n_sensed), zero where nothing is measured."""
+    known = np.isfinite(samples)
+    counts = np.maximum(known.sum(axis=0), 1)
+    mean = np.where(known, samples, 0.0).sum(axis=0) / counts
+    return np.sqrt(np.sum(np.where(known, samples - mean, 0.0) ** 2, axis=0) / counts)
+
+
+def with_factors(identified: IdentifiedModel, trial: HeldOut) -> IdentifiedModel:
+    """The model with what it was seen to need: how many times as wide its bands must be."""
+    factors = {
+        f"{WIDER}{name}": float(factor)
+        for name, factor in zip(trial.forecast.names, trial.factors, strict=True)
+        if factor != 1.0
+    }
+    return replace(identified, diagnostics={**identified.diagnostics, **factors})
+
+
+def _quantiles(motions: np.ndarray, at: Sequence[float]) -> np.ndarray:
+    """(n_quantiles, n, n_sensed) of draws (n_draws, n, n_sensed), without those that diverged."""
+    gone = ~np.isfinite(motions).all(axis=(0, 2))
+    with np.errstate(invalid="ignore"):  # between two that are infinite
+        found = np.quantile(motions, at, axis=0, method="weibull")
+    if gone.any():
+        found[:, gone] = np.nanquantile(motions[:, gone], at, axis=0, method="weibull")
+    return found
+
+
+def check_followed(identified: IdentifiedModel, recording: Recording, window: float) -> None:
+    """Raise ValueError, in one line, where the end of a recording is not the motion of a model.
+
+    The model is fitted to ORIGINS windows of `window` s, from the last 5 of them on, by their
+    starts alone. An approximate model may miss the samples as it missed those of its own recording.
+    """
+    recording = without_outliers(recording)
+    if identified.is_forced:
+        return in_random_forces.check_followed(identified, recording)
+    follow = Following(identified, recording)
+    time, sigma = recording.time, follow.sigma
+    least = FOLLOWS
+    if identified.status == "approximate":
+        least *= max(identified.chi2, 1.0)
+    left = []
+    last = max(time[-1] - window, time[0])
+    for begin in np.linspace(max(time[-1] - TRIED * window, time[0]), last, ORIGINS):
+        own = slice(*first_from(time, (begin, begin + window)))
+        values = follow.samples[own]
+        if np.isfinite(values[:, sigma > 0]).sum() < FEWEST * len(sigma):
+            continue
+        start = follow.begin(own)
+        motion = None if start is None else follow.motion(identified.model, start, time[own])
+        left.append(np.inf if motion is None else follow.misfit(motion, values))
+    if left and not np.median(left) <= least:
+        names = follow.sensed.names
+        noise = ", ".join(
+            f"{name} {each:.2g}" for name, each in zip(names, sigma, strict=True) if each > 0
+        )
+        raise ValueError(
+            "the model does not follow the recording: over "
+            f"{min(window, np.ptp(time)):.3g} s it misses the samples "
+            f"by {np.sqrt(np.median(left)):.3g} times their noise ({noise}), where "
+            f"{np.sqrt(least):.3g} is allowed: another line, another wind, or another sensor"
+        )
+
+
+def _motions(
+    follow: Following, time: np.ndarray, window: float, worst: float, rng: np.random.Generator
+) -> np.ndarray:
+    """(n_draws, n, n_sensed) motions at `time` of the draws, NaN from where one diverges.
+
+    worst: misfit, as of `Following.misfit`, beyond which a draw does not follow its samples and is
+    left out.
+    """
+    best, recording, sigma = follow.identified.model, follow.recording, follow.sigma
+    begin = int(first_from(recording.time, recording.time[-1] - window))
+    rows = slice(begin, None, 1 + (len(recording.time) - begin) // MOST_SAMPLES)
+    sampled, values = recording.time[rows], follow.samples[rows]
+    if len(sampled) < len(recording.states):
+        raise ValueError(
+            f"the last {min(window, np.ptp(recording.time)):.3g} s of the recording hold "
+            f"{len(sampled)} samples; a forecast needs "
+            f"{len(recording.states)} or more to start from"
+        )
+    fitted = follow.begin(rows)
+    motions = []
+    near = None if fitted is None else follow.motion(best, fitted, sampled)
+    if near is not None and follow.misfit(near, values) < worst:
+        slopes = follow.slopes(best, fitted, near, sampled)
+        for model in drawn(follow.identified, rng, DRAWS):
+            passing("draw models and starts")
+            noisy = values + sigma * rng.standard_normal(values.shape)
+            start = follow.start(model, rows, fitted, noisy, slopes)
+            if start is None:
+                continue
+            motion = follow.motion(model, start, np.concatenate([sampled, time]))
+            if follow.misfit(motion[: len(sampled)], noisy) < 2.0 * worst:  # noise twice
+                motions.append(motion[len(sampled) :])
+    return np.array(motions).reshape(-1, len(time), len(sigma))
+
+
+def _missed(follow: Following, ahead: np.ndarray, window: float) -> np.ndarray:
+    """(n, n_sensed) root mean square errors, noise included, of forecasts from earlier windows.
+
+    ahead: (n,) s, of what is forecast. The forecasts begin at `ORIGINS` times of the recording,
+    the later half of it, and are of TRIED windows or a quarter of it; their errors are taken
+    together in `PARTS` of a window and do not shrink. Later ones grow with the time, as those of a
+    phase do, up to what two motions of the channel differ by at random.
+    """
+    time, values = follow.recording.time, follow.samples
+    quarter = (time[-1] - time[0]) / 4
+    length = min(window, quarter) / PARTS
+    parts = round_down(min(TRIED * window, quarter) / length)
+    horizon = parts * length
+    squares, counts = np.zeros((2, parts, values.shape[1]))
+    for origin in np.linspace(time[0] + (time[-1] - time[0]) / 2, time[-1] - horizon, ORIGINS):
+        begin, now, end = first_from(time, (origin - window, origin, origin + horizon))
+        if now - begin < len(values[0]):
+            continue  # the window falls into a gap
+        start = follow.begin(slice(begin, now))
+        if start is None:
+            continue
+        motion = follow.motion(follow.identified.model, start, time[begin:end])[now - begin :]
+        part = ((time[now:end] - origin) / length + TIME_ROUNDING).astype(int)
+        part = np.clip(part, 0, parts - 1)
+        error = values[now:end] - motion
+        known = np.isfinite(error)
+        np.add.at(squares, part, np.where(known, error, 0.0) ** 2)
+        np.add.at(counts, part, known)
+    if not counts.any():
+        raise ValueError("no earlier stretch of the recording tells how wrong forecasts are")
+    missed = np.maximum.accumulate(np.sqrt(squares / np.maximum(counts, 1)), axis=0)
+    centres = (np.arange(parts) + 0.5) * length
+    inside = np.column_stack([np.interp(ahead, centres, each) for each in missed.T])
+    most = np.maximum(np.sqrt(2.0) * deviations_of(values), missed[-1])
+    later = np.maximum(ahead / centres[-1], 1.0)[:, np.newaxis]
+    return np.where(later > 1.0, np.minimum(inside * later, most), inside)
+
+
+def _known_ahead(
+    model: PolynomialModel,
+    recording: Recording,
+    time: np.ndarray,
+    ahead: Mapping[str, Input | float],
+) -> Recording:
+    """The recording with the inputs of a model known up to the end of `time`, s.
+
+    ahead: by name, what they are after the recording: measured, or a constant. Raises ValueError
+    where one is not known.
+    """
+    inputs = dict(recording.inputs)
+    for name in model.inputs:
+        if name not in inputs:
+            raise ValueError(f"recording: has no input {name}, which drives the model")
+        if name in ahead:
+            inputs[name] = _continued(name, inputs[name], ahead[name], recording.time[-1], time[-1])
+        elif not inputs[name].covered(time).all():
+            held = np.nanmean(inputs[name].values)
+            raise ValueError(
+                f"the model is driven by {name}: say what it is after the recording, in a file "
+                f"(--inputs FILE) or held (--at {name}={held:.3g})"
+            )
+    return replace(recording, inputs=inputs)
+
+
+def _continued(name: str, past: Input, ahead: Input | float, end: float, until: float) -> Input:
+    """An input up to `end`, s, and what it is from then on: its samples are as close as before."""
+    kept = past.time <= end
+    step = float(np.median(np.diff(past.time)))
+    time = np.arange(past.time[kept][-1] + step, until + 2 * step, step)
+    if isinstance(ahead, Input):
+        values = ahead(time)
+        known = np.isfinite(values)
+        late = (time < ahead.stretches[0][0]) & (time < end + INTERPOLATED * step)
+        beyond = time > until
+        if not known.any() or not np.all(known | late | beyond):
+            first, last = ahead.stretches[0][0], ahead.stretches[-1][1]
+            raise ValueError(
+                f"input {name} is known from {first:g} to {last:g} s after the recording, with "
+                f"{len(ahead.stretches) - 1} gaps; it is needed from {end:g} to {until:g} s"
+            )
+        values = np.interp(time, time[known], values[known])
+    else:
+        values = np.full(len(time), float(ahead))
+    return replace(
+        past, time=np.append(past.time[kept], time), values=np.append(past.values[kept], values)
+    )

@@ -1,0 +1,280 @@
+"""Where recordings are not motions of one system left to itself, and a model is refused for it."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from galloping.arrays import first_from
+from galloping.behaviour.dynamics import Surroundings, dynamics
+from galloping.behaviour.following import Following
+from galloping.identification.identified_model import LITTLE_TOLD, IdentifiedModel
+from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.observations import Code, Finding
+from galloping.identification.random_forces.start import wavers
+from galloping.identification.random_forces.unmodelled import unmodelled
+from galloping.inspection.excerpts import excerpts
+from galloping.model.intervals import NORMAL_95
+from galloping.model.polynomial import library, velocity_pairs
+from galloping.recording.samples import Recording
+
+# A motion without random forces follows from its start: where the line is stable it dies out. A
+# motion of a stable line that does not is forced (ambient vibration, buffeting); a model that goes
+# on moving where the recorded motion dies out is none of the line.
+LASTING = 1 / 3  # of a motion that its last third has at least, where it does not decay
+LARGER = 3.0  # times the other motion then: that of the model, or the recorded one
+THIRDS = 3  # parts of a recording, which are compared
+LEAST_PERIODS = 15  # of a part
+# Share of the motion that one model misses, below which a difference changes no number of interest,
+# and how many times as much as models of the parts it then misses. Measured: on lines in gusts of
+# 5 % one model misses no more than those of the thirds do, in winds 4 % apart five times as much.
+RELEVANT, WORSE = 0.03, 2.0
+UNLIKE = 3.5  # standard errors between values of two halves: once in 500 of four by chance
+SHARE = "error_share_all_"  # and a channel: a diagnostic of approximate models
+
+Identify = Callable[[Sequence[Recording]], IdentifiedModel]
+
+
+def objected(
+    identified: IdentifiedModel,
+    recordings: Sequence[Recording],
+    names: Sequence[str],
+    period: float,
+    identify: Identify,
+    faults: Sequence[Finding] = (),
+    are_one: bool = False,
+) -> IdentifiedModel:
+    """The model, refused where its recordings are not motions of one system left to itself.
+
+    Of a single recording, the parts of which are not, this is a finding of an approximate model.
+    are_one: whether the recordings are parts of a single one. names: of the recordings, for who
+    reads the finding. period: s, the longest of the motion. identify: the method, with its library
+    and known equations. faults: of the recordings, as `quality` finds them, which are added if
+    there is no model.
+    """
+    inexact = identified.status in ("approximate", "refused") and not identified.is_forced
+    more = unmodelled(list(recordings)) if inexact else []
+    objections = _forced(identified, recordings, period) or _outlived(identified, recordings)
+    if objections:
+        objections = more or objections
+    elif (not are_one or identified.status == "refused") and (
+        found := difference(identified, recordings, identify)
+    ):
+        objections = [found.between(names)]
+    if objections or identified.status == "refused":
+        findings, model = (*faults, *(objections or identified.findings)), identified.model
+        return IdentifiedModel.refused(model.states, model.terms, findings, model.inputs)
+    if (len(recordings) == 1 or are_one) and not more:
+        more = _changing(identified, recordings, period, identify)
+    alone = identified.is_forced and len(recordings) == 1 and not more
+    if alone:
+        more = _changing_at_random(identified, recordings[0], period)
+    return identified.with_findings(*more)
+
+
+def _forced(
+    identified: IdentifiedModel, recordings: Sequence[Recording], period: float
+) -> list[Finding]:
+    """Find whether random forces keep the motion up, in which no model follows it."""
+    kept = [Finding.of(Code.KEPT_UP)]
+    if identified.is_forced:
+        return []
+    own, has_model = excerpts(list(recordings)), identified.status != "refused"
+    if has_model and (still := unmoved(identified)):
+        return [Finding.of(Code.NOT_ACCELERATED, name) for name in still]
+    if identified.model.inputs:  # they keep it up; a model that comes to rest may lack terms
+        return []
+    for parts in (own, recordings) if has_model else ():  # whichever the model was found from
+        if len(parts) == len(identified.initial_states) and kept_up(identified, parts):
+            return kept
+    if not identified.tells_little or not wavers(recordings, period):
+        return []
+    linear = maximum_likelihood(own, library(len(identified.model.states), 1))
+    if any(each.has_finding(Code.LIMIT_OF_WORK) for each in (identified, linear)):
+        return []  # a search to its end may tell more
+    told = linear.diagnostics.get("forecast_r2", 0.0)  # none of a model in random forces
+    return kept if told < LITTLE_TOLD or kept_up(linear, own) else []
+
+
+def _outlived(identified: IdentifiedModel, recordings: Sequence[Recording]) -> list[Finding]:
+    """Find whether the model goes on moving where the recorded motion dies out."""
+    inexact = identified.status == "approximate" and not identified.is_forced
+    if inexact and not identified.model.inputs:
+        for parts in (excerpts(list(recordings)), recordings):
+            if len(parts) == len(identified.initial_states) and outlived(identified, parts):
+                return [Finding.of(Code.OUTLIVED)]
+    return []
+
+
+def _changing(
+    identified: IdentifiedModel, parts: Sequence[Recording], period: float, identify: Identify
+) -> list[Finding]:
+    """What sets the parts of one recording apart, its thirds where it has no gaps, which a gusty
+    wind may do as well.
+    """
+    if identified.status != "approximate" or identified.envelope:
+        return []
+    if len(parts) == 1:
+        (recording,), time = parts, parts[0].time
+        if np.ptp(time) < THIRDS * LEAST_PERIODS * period:
+            return []
+        edges = first_from(time, np.linspace(time[0], time[-1], THIRDS + 1))
+        parts = [recording[a:b] for a, b in pairwise(edges)]
+    found = difference(identified, parts, identify)
+    drifts = identified.has_finding(Code.DRIFTS, Code.RESIDUAL_DRIFTS)
+    if not found or (drifts and found.own > 0.0):  # what drifts does so part by part as well
+        return []
+    return [found.within(_spans(parts))]
+
+
+def _spans(parts: Sequence[Recording]) -> str:
+    ends = ((float(f"{end:.3g}") for end in part.time[[0, -1]]) for part in parts)
+    return ", ".join(f"{first:g} to {last:g} s" for first, last in ends)
+
+
+def _changing_at_random(
+    identified: IdentifiedModel, recording: Recording, period: float
+) -> list[Finding]:
+    """What sets the halves of a recording apart that random forces moved: a frequency or a damping,
+    by UNLIKE standard errors.
+    """
+    if identified.model.inputs or np.ptp(recording.time) < 2 * LEAST_PERIODS * period:
+        return []
+    middle, model = len(recording.time) // 2, identified.model
+    halves, told = [recording[:middle], recording[middle:]], []
+    for half in halves:
+        known = tuple(model.states[i] for i in identified.known)
+        found = maximum_likelihood([half], model.terms, model, known, forced=())
+        if found.status == "refused":
+            return []
+        of = dynamics(found, Surroundings.of([half]), np.random.default_rng(0))
+        told.append((of.frequencies, of.damping))
+    for names, code, unit, factor in (
+        (0, Code.FREQUENCY_CHANGES, "hz", 1.0), (1, Code.DAMPING_CHANGES, "percent", 100.0),
+    ):  # fmt: skip
+        first, second = told[0][names], told[1][names]
+        for name in first.keys() & second.keys():
+            one, other = first[name], second[name]
+            error = np.hypot(one.high - one.low, other.high - other.low) / (2.0 * NORMAL_95)
+            if abs(one.value - other.value) > UNLIKE * error:
+                values = {
+                    f"first_{unit}": factor * one.value, f"second_{unit}": factor * other.value
+                }  # fmt: skip
+                return [Finding.of(code, name, spans=_spans(halves), **values)]
+    return []
+
+
+def unmoved(identified: IdentifiedModel) -> list[str]:
+    """Coordinates of whose acceleration the model knows nothing."""
+    states = identified.model.states
+    return [
+        states[i]
+        for i, velocity in velocity_pairs(states).items()
+        if velocity not in identified.known and not np.any(identified.model.coefficients[velocity])
+    ]
+
+
+def kept_up(identified: IdentifiedModel, recordings: Sequence[Recording]) -> bool:
+    """Whether the recorded motion of every channel lasts, above its noise, while that of the model
+    dies out.
+
+    recordings: those that it was identified from, with a start of each in its `initial_states`.
+    """
+    kept = [
+        recorded.last > LASTING * recorded.all and recorded.last > LARGER * own.last
+        for recorded, own in _sizes(identified, recordings)
+    ]
+    return bool(kept) and all(kept)
+
+
+def outlived(identified: IdentifiedModel, recordings: Sequence[Recording]) -> bool:
+    """Whether the model's motion of a channel lasts, or runs away, where the recorded one dies out.
+
+    recordings: as of `kept_up`.
+    """
+    return any(
+        recorded.last < LASTING * recorded.all
+        and not (own.last <= LASTING * own.all or own.last <= LARGER * recorded.last)
+        for recorded, own in _sizes(identified, recordings)
+    )
+
+
+class _Size(NamedTuple):
+    """Standard deviation of a motion, and of its last third."""
+
+    all: float
+    last: float
+
+
+def _sizes(
+    identified: IdentifiedModel, recordings: Sequence[Recording]
+) -> Iterator[tuple[_Size, _Size]]:
+    """Of each channel of each recording the size of its motion, and of the model's from its start.
+
+    Those of the model are not finite where it diverges.
+    """
+    for recording, start in zip(recordings, identified.initial_states, strict=True):
+        follow, time = Following(identified, recording), recording.time
+        motion = follow.motion(identified.model, start, time)
+        last = time > time[-1] - (time[-1] - time[0]) / 3
+        for samples, own, noise in zip(follow.samples.T, motion.T, follow.sigma, strict=True):
+            known = np.isfinite(samples)
+            if (known & last).any():
+                whole, end = _above(samples[known], noise), _above(samples[known & last], noise)
+                yield _Size(whole, end), _Size(np.std(own), np.std(own[last]))
+
+
+def _above(samples: np.ndarray, noise: float) -> float:
+    """Standard deviation of samples (n,) without that of their noise."""
+    return float(np.sqrt(max(np.var(samples) - noise**2, 0.0)))
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What sets parts of recordings apart that were identified together.
+
+    channel: of which it is plainest. missed, own: share of its motion that forecasts miss, by the
+    one model, infinite where there is none, and at the median by those of the parts.
+    """
+
+    channel: str
+    missed: float
+    own: float
+
+    def between(self, names: Sequence[str]) -> Finding:
+        """Return the finding on recordings of some names, of which no model can be trusted."""
+        shares = {"names": ", ".join(names), "own": self.own}
+        if np.isinf(self.missed):
+            return Finding.of(Code.NO_COMMON_MODEL, self.channel, **shares)
+        return Finding.of(Code.RECORDINGS_DIFFER, self.channel, missed=self.missed, **shares)
+
+    def within(self, spans: str) -> Finding:
+        """Return the finding on parts of one recording, named by their spans."""
+        shares = {"missed": self.missed, "own": self.own}
+        return Finding.of(Code.PARTS_DIFFER, self.channel, spans=spans, **shares)
+
+
+def difference(
+    together: IdentifiedModel, parts: Sequence[Recording], identify: Identify
+) -> Difference | None:
+    """What sets parts of recordings apart that were identified together, None where nothing does.
+
+    A model that is exact misses nothing, and what is followed by one is one system.
+    """
+    if together.status not in ("approximate", "refused") or len(parts) < 2:
+        return None
+    alone = [identify([part]) for part in parts]
+    if any(each.status == "refused" for each in alone):
+        return None
+    told = {key for each in (together, *alone) for key in each.diagnostics if SHARE in key}
+    found = []
+    for key in sorted(told) or [SHARE + together.model.states[0]]:
+        name, missed = key.removeprefix(SHARE), together.diagnostics.get(key, np.nan)
+        own = float(np.median([each.diagnostics.get(key, 0.0) for each in alone]))
+        if together.status == "refused" and own < RELEVANT:
+            found.append(Difference(name, np.inf, own))
+        elif missed > max(RELEVANT, WORSE * own):
+            found.append(Difference(name, missed, own))
+    return max(found, key=lambda each: each.missed, default=None)

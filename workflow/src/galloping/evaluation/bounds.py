@@ -1,0 +1,245 @@
+"""The Cramer-Rao bound: how precisely any unbiased method can know each coefficient."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from galloping.model.polynomial import PolynomialModel, beside, design_matrix
+from galloping.recording.measurement import Motion, Noise
+from galloping.recording.samples import Input, at_times
+from galloping.trajectory.simulation import (
+    EQUAL_STEPS,
+    check_inputs,
+    first_step,
+    holding,
+    most_steps,
+    solve_driven,
+)
+from galloping.trajectory.taylor import Ending, solve
+
+MAX_STEPS = 2**16
+
+
+def sensitivities(
+    model: PolynomialModel,
+    free: np.ndarray,
+    initial_state: np.ndarray,
+    time: np.ndarray,
+    inputs: Mapping[str, Input] | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Solve `model` with its derivatives, to double precision if it has no inputs.
+
+    free: (n_free, 2) pairs (equation, term) of the coefficients to differentiate by; absent ones
+    too. initial_state: (n_states,) at time[0]. time: (n,), s, increasing. inputs: the model's.
+    Returns the states (n, n_states) and the sensitivities (n, n_states, n_free + n_states), by
+    the free coefficients and then by the initial state.
+    Raises ValueError where the solution leaves the range of numbers.
+    """
+    start = np.asarray(initial_state, float)
+    diverges = "the solution of the model diverges, or its time scale is too short"
+    if model.inputs:
+        own = list(check_inputs(model, inputs or {}, time).values())
+        most = EQUAL_STEPS * most_steps(time)
+        try:
+            states, moved, _ = solve_driven(model, own, start, time, first_step(own), most, free)
+        except FloatingPointError:
+            raise ValueError(diverges) from None
+    else:
+        states, moved, _, ending = solve(model, start, time, MAX_STEPS, free)
+        if ending is not Ending.COMPLETE:
+            raise ValueError(diverges)
+    if not (np.all(np.isfinite(states)) and np.all(np.isfinite(moved))):
+        raise ValueError(diverges)
+    return states, moved
+
+
+# --- the bound ---
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What one recording measures: where it starts, when it samples, and how well.
+
+    initial_state: (n_states,). time: (n,), s, increasing, any sampling; the state at time[0] is
+    `initial_state`. sigma: (n_states,) standard deviation of the noise on each state, in the
+    state's unit, infinite for a state that is not measured. rate_sigma: the same of the states'
+    rates, None where none is measured. inputs: those of a model that has any.
+    """
+
+    initial_state: np.ndarray
+    time: np.ndarray
+    sigma: np.ndarray
+    rate_sigma: np.ndarray | None = None
+    inputs: Mapping[str, Input] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The bound of each free coefficient.
+
+    free: (n_free, 2) pairs (equation, term). std: (n_free,) least standard deviation, in the
+    coefficient's unit, infinite where the data say nothing. t: (n_free,) |coefficient| / std.
+    covariance: (n_free, n_free), the inverse of the information, infinite where it is singular.
+    """
+
+    free: np.ndarray
+    std: np.ndarray
+    t: np.ndarray
+    covariance: np.ndarray
+
+
+def state_bound(model: PolynomialModel, free: np.ndarray, experiments: list[Experiment]) -> Bound:
+    """Bound from noisy states: protocols `state` and `displacement`, subsets, several recordings.
+
+    free: (n_free, 2) pairs (equation, term). The recordings share the coefficients; the initial
+    state of each is unknown. The information is the sum over samples of S^T S / sigma^2.
+    Raises ValueError where the model's solution diverges.
+    """
+    return bound_of(model, free, sum(information(model, free, one) for one in experiments))
+
+
+def information(model: PolynomialModel, free: np.ndarray, experiment: Experiment) -> np.ndarray:
+    """(n_free, n_free) Fisher information of one recording, its initial state eliminated.
+
+    Raises ValueError where the model's solution diverges, and as `fisher_information`.
+    """
+    return fisher_information(weighted_sensitivities(model, free, experiment), len(free))
+
+
+def weighted_sensitivities(
+    model: PolynomialModel, free: np.ndarray, experiment: Experiment
+) -> np.ndarray:
+    """(n, n_channels, n_free + n_states): what samples depend on, in deviations of their noise.
+
+    Channels are the states and then, where any is measured, their derivatives. Columns, and what it
+    raises: as of `sensitivities`.
+    """
+    time, inputs = experiment.time, experiment.inputs
+    states, moved = sensitivities(model, free, experiment.initial_state, time, inputs)
+    weighted = moved / experiment.sigma[:, None]
+    if experiment.rate_sigma is None:
+        return weighted
+    driving = at_times([inputs[name] for name in model.inputs], time)
+    rates = model.jacobian(states, driving) @ moved
+    theta = design_matrix(beside(states, driving), model.terms)
+    rates[:, free[:, 0], np.arange(len(free))] += theta[:, free[:, 1]]
+    held = holding(model, states, driving)
+    rates = rates if held is None else held @ rates
+    return np.concatenate([weighted, rates / experiment.rate_sigma[:, None]], axis=1)
+
+
+def fisher_information(weighted: np.ndarray, n_free: int) -> np.ndarray:
+    """(n_free, n_free), of the samples of `weighted_sensitivities`, or of some of them, the initial
+    state eliminated.
+
+    Raises ValueError where it leaves the range of numbers, as of a long chaotic motion.
+    """
+    rows = weighted.reshape(-1, weighted.shape[2])
+    by_coefficients, by_state = rows[:, :n_free], rows[:, n_free:]
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = np.linalg.norm(rows, axis=0)
+    if not np.all(np.isfinite(size)):
+        raise ValueError("the motion depends on where it starts by more than numbers hold")
+    # what the initial state does may be a million times what is left: a difference of informations
+    # would be rounding
+    scaled = by_state / np.maximum(size[n_free:], np.finfo(float).tiny)
+    directions, spread, _ = np.linalg.svd(scaled, full_matrices=False)
+    directions = directions[:, spread > 1e-13 * spread.max(initial=0.0)]
+    left = by_coefficients - directions @ (directions.T @ by_coefficients)
+    return left.T @ left
+
+
+def derivative_bound(
+    model: PolynomialModel, free: np.ndarray, x: np.ndarray, sigma: np.ndarray
+) -> Bound:
+    """Bound from exact states and noisy derivatives: sigma^2 (Theta^T Theta)^-1, per equation.
+
+    x: (n, n_states) the sampled states, with the inputs beside them if there are any. sigma:
+    (n_states,) noise of each state derivative.
+    """
+    theta = design_matrix(x, model.terms)
+    gram = theta.T @ theta
+    total = np.zeros((len(free), len(free)))
+    for equation in np.unique(free[:, 0]):
+        rows = np.flatnonzero(free[:, 0] == equation)
+        columns = free[rows, 1]
+        total[np.ix_(rows, rows)] = gram[np.ix_(columns, columns)] / sigma[equation] ** 2
+    return bound_of(model, free, total)
+
+
+def covariance_of(information: np.ndarray) -> np.ndarray:
+    """Inverse of an information matrix, its diagonal infinite where a parameter is undetermined."""
+    diagonal = np.diag(information).copy()
+    seen = diagonal > 0
+    covariance = np.full(information.shape, np.inf)
+    if not seen.any():
+        return covariance
+    scale = 1.0 / np.sqrt(diagonal[seen])
+    values, vectors = np.linalg.eigh(information[np.ix_(seen, seen)] * scale[:, None] * scale)
+    good = values > 1e-13 * values[-1]
+    inverse = (vectors[:, good] / values[good]) @ vectors[:, good].T
+    undetermined = (vectors[:, ~good] ** 2).sum(axis=1) > 1e-6
+    inverse = inverse * scale[:, None] * scale
+    inverse[undetermined, undetermined] = np.inf
+    covariance[np.ix_(seen, seen)] = inverse
+    return covariance
+
+
+def bound_of(model: PolynomialModel, free: np.ndarray, total: np.ndarray) -> Bound:
+    """The bound from the information `total` (n_free, n_free)."""
+    covariance = covariance_of(total)
+    std = np.sqrt(np.diag(covariance))
+    t = np.abs(model.coefficients[free[:, 0], free[:, 1]]) / std
+    return Bound(free, std, t, covariance)
+
+
+# --- recordings of a line ---
+
+
+def free_terms(model: PolynomialModel, equations: Sequence[int]) -> np.ndarray:
+    """(n_free, 2) pairs (equation, term) of the terms present in the unknown `equations`."""
+    pairs = np.argwhere(model.support)
+    return pairs[np.isin(pairs[:, 0], equations)]
+
+
+def bounds_of(
+    model: PolynomialModel,
+    equations: Sequence[int],
+    motions: Sequence[Motion],
+    noises: Sequence[Noise],
+    samplings: Sequence[Sequence[np.ndarray | slice]],
+) -> list[Bound]:
+    """The bound on the present terms from recordings of one system, by each of some samplings.
+
+    motions, noises: one for each recording. samplings: indices of the samples of each recording.
+    Raises ValueError for rates of exact states where their noise differs.
+    """
+    free = free_terms(model, equations)
+    rates = [n.rates if np.any(np.isfinite(n.rates)) else None for n in noises]
+    if not any(np.any(noise.states) for noise in noises):
+        if any(np.any(noise.rates != noises[0].rates) for noise in noises):
+            raise ValueError("bound: rates of exact states need the same noise")
+        # one system, one noise: the rows of all recordings in one regression
+        x = ([m.states[k] for m, k in zip(motions, rows, strict=True)] for rows in samplings)
+        sigma = noises[0].rates
+        return [derivative_bound(model, free, np.concatenate(each), sigma) for each in x]
+    # a motion is followed once: to be free where it starts is to be free where samples begin
+    whole = [
+        weighted_sensitivities(
+            model, free, Experiment(motion.states[0], motion.time, noise.states, rate)
+        )
+        for motion, noise, rate in zip(motions, noises, rates, strict=True)
+    ]
+    totals = (
+        sum(fisher_information(each[k], len(free)) for each, k in zip(whole, rows, strict=True))
+        for rows in samplings
+    )
+    return [bound_of(model, free, total) for total in totals]
+
+
+def on_library(model: PolynomialModel, found: Bound) -> np.ndarray:
+    """Standard deviations of a bound as (n_states, n_terms), NaN for terms without one."""
+    std = np.full(model.coefficients.shape, np.nan)
+    std[tuple(found.free.T)] = found.std
+    return std

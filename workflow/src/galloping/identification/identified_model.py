@@ -1,0 +1,453 @@
+"""What every identification method returns: a model, how sure it is, and why."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from itertools import chain
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from galloping.arrays import Immutable, checked_state, increasing
+from galloping.identification.observations import Code, Finding
+from galloping.identification.oscillations import EnvelopePart, FurtherMode, Resonance
+from galloping.identification.sentences import reason_of
+from galloping.identification.status import STATUSES, status_of
+from galloping.model.functions import from_plain, n_exponents, plain
+from galloping.model.intervals import NORMAL_95
+from galloping.model.polynomial import (
+    Bound,
+    Exponents,
+    PolynomialModel,
+    merged,
+)
+from galloping.recording.samples import Input
+from galloping.storage import read_json, write_json
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+    from galloping.trajectory.simulation import Trajectory
+
+
+RANGE = ("_low", "_high")  # behind the name of an input or a state: diagnostics, its range
+# R2 of forecasts over some periods, below which a model may only imitate forces: they miss 45 % of
+# the motion. With a higher limit random forces are asked after where a model forecasts well, with a
+# lower one forces go unnamed; the number was not calibrated.
+LITTLE_TOLD = 0.8
+LONGEST_NAME = 100  # characters, of a state or an input in a file
+MOST_POWER = 64  # of a state or an input in a term of a file
+BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class IdentifiedModel(Immutable):
+    """A model identified from recordings, with its uncertainty and a verdict.
+
+    model: on the candidate library, zero where a term is absent, NaN where there is no model;
+    known equations included.
+    status: `ok`; `not identifiable` where the data leave open which terms there are, the model
+    being one of those possible; `approximate` where no model of the library is right, and this
+    one is near; `refused` where there is no model; `unjudged` where the method states no verdict.
+    findings: what was noticed, from which the status follows (`status_of`).
+    standard_errors: (n_states, n_terms) of the present terms were they known to be the terms.
+    unconditional_errors: the same without that trust, of present and absent terms.
+    detection_limits: (n_states, n_terms), the size from which an absent term would have shown.
+    All three are NaN where a term has none or the method states none.
+    covariance: (n_support, n_support) behind `standard_errors`, in the order of
+    np.argwhere(support); (0, 0) where the method states none.
+    rivals: (n_rivals, n_states, n_terms), coefficients drawn of the models of other terms that data
+    and prior do not rule out, each as often as it is probable, known equations included.
+    rival_share: how probable these models are together, zero where the method weighs none.
+    extrapolation_shift, extrapolation_covariance: (n_support,) and (n_support, n_support), in the
+    order of `covariance`, mean and covariance of what terms of the next degrees, which the library
+    lacks, would change: of coefficients where motions smaller than all recorded ones are told by
+    them. Of no length where not stated.
+    initial_states: (n_recordings, n_states), at the first sample of each recording.
+    sigma: (n_recordings, n_states) noise of a sample of each channel, NaN where not measured; for
+    recordings with derivatives, noise of the derivatives.
+    thresholds: (n_states,) of each equation, in the method's unit, NaN where it has none.
+    chi2: misfit per degree of freedom against the noise measured, NaN where unknown.
+    known: indices of the equations that were known and not identified.
+    diagnostics: figures behind the verdict, by name; in words, as `path`, the stages by which
+    `maximum_likelihood` found the model, in order.
+    further_modes: what recordings hold besides the model.
+    envelope: of an `approximate` model of free motion that is no exponential, frequency and damping
+    for each amplitude.
+    forces: (n_states, n_states) covariance in a second of white forces in the equations, which then
+    are dx = f(x) dt + dW; zero where nothing but the start moves the model. slow_forces: the same
+    of what drives forces that decay at rates, 1/s, `slow_rate_dX` of the diagnostics. resonances:
+    of what is moved so in more modes than it has coordinates.
+    bounds: of coefficients, that were known: equation, term, least and greatest.
+    An array that is not given is NaN of its shape. All of them are read-only; models that are equal
+    in everything are equal, and have the same hash.
+    Raises ValueError for a status that is none of these.
+    """
+
+    model: PolynomialModel
+    status: str
+    findings: tuple[Finding, ...] = ()
+    standard_errors: NDArray[np.float64] = None
+    unconditional_errors: NDArray[np.float64] = None
+    detection_limits: NDArray[np.float64] = None
+    covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    rivals: NDArray[np.float64] = None
+    rival_share: float = 0.0
+    extrapolation_shift: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    extrapolation_covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    initial_states: NDArray[np.float64] = None
+    sigma: NDArray[np.float64] = None
+    thresholds: NDArray[np.float64] = None
+    chi2: float = np.nan
+    known: tuple[int, ...] = ()
+    diagnostics: Mapping[str, float | str] = field(default_factory=dict)
+    further_modes: tuple[FurtherMode, ...] = ()
+    envelope: tuple[EnvelopePart, ...] = ()
+    forces: NDArray[np.float64] = None
+    slow_forces: NDArray[np.float64] = None
+    resonances: tuple[Resonance, ...] = ()
+    bounds: tuple[Bound, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.status not in STATUSES:
+            raise ValueError(f"status: {self.status!r} must be one of {', '.join(STATUSES)}")
+        for name, shape in _shapes(*self.model.coefficients.shape).items():
+            if getattr(self, name) is None:
+                unstated = 0.0 if name in ("forces", "slow_forces") else np.nan
+                object.__setattr__(self, name, np.full([max(n, 0) for n in shape], unstated))
+        super().__post_init__()
+
+    @classmethod
+    def refused(
+        cls,
+        states: tuple[str, ...],
+        terms: tuple[Exponents, ...],
+        findings: Iterable[Finding],
+        inputs: tuple[str, ...] = (),
+    ) -> IdentifiedModel:
+        """Return the answer if there is no model, with what was noticed."""
+        findings = tuple(findings)
+        if status_of(findings) != "refused":
+            findings += (Finding.of(Code.NO_MODEL),)
+        nothing = np.full((len(states), len(terms)), np.nan)
+        model = PolynomialModel(states, terms, nothing, inputs)
+        return cls(model, status_of(findings), findings)
+
+    @property
+    def support(self) -> NDArray[np.bool_]:
+        """(n_states, n_terms) boolean: the terms found in the equations that were identified."""
+        present = np.nan_to_num(self.model.coefficients) != 0
+        present[list(self.known)] = False
+        return present
+
+    @property
+    def is_forced(self) -> bool:
+        """Whether the model has random forces."""
+        return bool(np.any(self.forces) or np.any(self.slow_forces))
+
+    @property
+    def tells_little(self) -> bool:
+        """Whether there is no model, or it hardly tells the motion from what came before."""
+        inexact = self.status in ("approximate", "refused")
+        return inexact and self.diagnostics.get("forecast_r2", 0.0) < LITTLE_TOLD
+
+    def with_findings(self, *findings: Finding) -> IdentifiedModel:
+        """Add what else was noticed, from which the status follows anew."""
+        findings = (*self.findings, *findings)
+        status = self.status if self.status == "unjudged" else status_of(findings)
+        return replace(self, status=status, findings=findings)
+
+    def has_finding(self, *codes: Code) -> bool:
+        """Whether a finding of one of some codes is among those of the model."""
+        return any(each.code in codes for each in self.findings)
+
+    @property
+    def codes(self) -> str:
+        """Return the codes of all findings, separated by spaces."""
+        return " ".join(each.code for each in self.findings)
+
+    @property
+    def reason(self) -> str:
+        """Why the model has its status, in one line for people; programs read `findings`."""
+        return reason_of(self.findings)
+
+    @property
+    def verdict(self) -> str:
+        """Status and reason in one line."""
+        return ": ".join(filter(None, (self.status, self.reason)))
+
+    def recorded(self, name: str) -> tuple[float, ...]:
+        """Ends of the range of an input in which nine tenths of its samples are, and of a state, in
+        the model of a `Summary`, its least and greatest; none unknown.
+        """
+        ends = tuple(f"{name}{end}" for end in RANGE)
+        return tuple(self.diagnostics[end] for end in ends if end in self.diagnostics)
+
+    def at(self, values: Mapping[str, float]) -> IdentifiedModel:
+        """The model at constant values of inputs, its terms merged; the other inputs stay.
+
+        Covariance and errors follow the merged coefficients. Raises ValueError as
+        `PolynomialModel.at` does.
+        """
+        model = self.model.at(values)
+        _, merge = merged(self.model, values)
+        old, kept = np.argwhere(self.support), {"model": model}
+        new = replace(self, model=model).support
+        places = np.argwhere(new)
+        same = places[:, :1] == old[:, 0]
+        slope = np.where(same, merge[old[:, 1]][:, places[:, 1]].T, 0.0)
+        if len(self.covariance):
+            kept["covariance"] = slope @ self.covariance @ slope.T
+        if len(self.extrapolation_shift):
+            kept["extrapolation_shift"] = slope @ self.extrapolation_shift
+            kept["extrapolation_covariance"] = slope @ self.extrapolation_covariance @ slope.T
+        kept["rivals"] = self.rivals @ merge
+        shape = model.coefficients.shape
+        kept |= {name: np.full(shape, np.nan) for name in BY_TERM}
+        at = tuple(places.T)
+        if len(self.covariance):
+            kept["standard_errors"][at] = np.sqrt(np.diag(kept["covariance"]))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            wider = np.fmax(self.unconditional_errors / self.standard_errors, 1.0)
+        for k, (i, j) in enumerate(places):
+            ratio = np.max(wider[tuple(old[slope[k] != 0].T)], initial=1.0)
+            kept["unconditional_errors"][i, j] = ratio * kept["standard_errors"][i, j]
+        for name in ("unconditional_errors", "detection_limits"):
+            limits = getattr(self, name)
+            absent = np.sqrt(np.nan_to_num(limits, posinf=0.0) ** 2 @ merge**2)
+            absent[np.isinf(limits) @ (merge != 0.0)] = np.inf
+            stated = ~new & (absent > 0.0)
+            kept[name][stated] = absent[stated]
+        return replace(self, **kept)
+
+    def equations(self) -> tuple[str, ...]:
+        """The equation of each state, coefficients with their standard errors where stated."""
+        return self.model.equations(self.standard_errors)
+
+    def __repr__(self) -> str:
+        return f"IdentifiedModel of {', '.join(self.model.states)}\n{self}"
+
+    def __str__(self) -> str:
+        if self.status == "refused":
+            return self.verdict
+        return "\n".join([*self.equations(), self.verdict])
+
+    def simulate(
+        self,
+        initial_state: ArrayLike,
+        time: ArrayLike,
+        inputs: Mapping[str, Input | float] | None = None,
+    ) -> Trajectory:
+        """Motion of the model from `initial_state` (n_states,) at time[0], on `time` (n,), s.
+
+        inputs: each of the model's, measured or constant. Raises ValueError where there is no
+        model, and for other input.
+        """
+        from galloping.trajectory.simulation import (  # compiles; few callers need it
+            Simulator,
+            away_from,
+        )
+
+        if self.status == "refused":
+            raise ValueError(f"there is no model to simulate: {self.reason}")
+        start = checked_state(initial_state, self.model.states)
+        simulator = Simulator(self.model.states, self.model.terms, inputs=self.model.inputs)
+        return simulator(self.model, start, increasing("time", time), inputs, away_from(start))
+
+    def further_motion(self, time: NDArray[np.float64], recording: int = 0) -> NDArray[np.float64]:
+        """(n, n_states) of a recording's further modes at `time` (n,), s from its first sample."""
+        motion = np.zeros((len(time), len(self.model.states)))
+        for mode in self.further_modes:
+            if mode.recording == recording:
+                motion[:, self.model.states.index(mode.state)] += mode(np.asarray(time, float))
+        return motion
+
+    def latex(self) -> str:
+        """The equations as LaTeX, for amsmath; a velocity dX is written as X with a dot."""
+        return self.model.latex(self.standard_errors)
+
+    def _repr_latex_(self) -> str | None:
+        """What notebooks show: the equations, and the status; None without a model."""
+        if self.status == "refused":
+            return None
+        body = self.latex().removesuffix("\n\\end{aligned}")
+        return f"$$\n{body} \\\\\n&\\text{{{self.status}}}\n\\end{{aligned}}\n$$"
+
+    def confidence_limits(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Compute the 95 % interval of each coefficient.
+
+        Returns
+        -------
+        low, high : (n_states, n_terms) arrays
+            Ends of the intervals, inside the bounds of the coefficients. The interval of a term
+            that is absent is its detection limit. NaN where neither is stated.
+        """
+        present = np.nan_to_num(self.model.coefficients) != 0
+        half = np.where(present, NORMAL_95 * self.standard_errors, self.detection_limits)
+        low, high = self.model.coefficients - half, self.model.coefficients + half
+        place = {term: j for j, term in enumerate(self.model.terms)}
+        for i, term, least, most in self.bounds:
+            if (j := place.get(term)) is not None:  # a model at values of inputs has other terms
+                low[i, j], high[i, j] = max(low[i, j], least), min(high[i, j], most)
+        return low, high
+
+    def to_frame(self, absent: bool = False) -> DataFrame:
+        """Return the coefficients as a pandas DataFrame.
+
+        Parameters
+        ----------
+        absent : whether terms that are not in the model have rows too
+
+        Returns
+        -------
+        DataFrame
+            A row for each term of each equation, by the index `equation`, `term`, and the columns
+            `coefficient`, `standard_error` (were the terms known), `unconditional_error` (without
+            that), `low` and `high`, the ends of the 95 % interval. Those of an absent term are its
+            detection limit. Errors of known coefficients are zero, and NaN of known equations.
+        """
+        import pandas as pd  # an extra, and slow to import
+
+        model, (low, high) = self.model, self.confidence_limits()
+        shown = np.full(low.shape, True) if absent else np.nan_to_num(model.coefficients) != 0
+        names = model.term_names
+        index = pd.MultiIndex.from_tuples(
+            [(model.states[i], names[j]) for i, j in np.argwhere(shown)],
+            names=("equation", "term"),
+        )
+        columns = {
+            "coefficient": model.coefficients, "standard_error": self.standard_errors,
+            "unconditional_error": self.unconditional_errors, "low": low, "high": high,
+        }  # fmt: skip
+        return pd.DataFrame({name: of[shown] for name, of in columns.items()}, index)
+
+    def to_plain(self) -> dict[str, object]:
+        """Return everything as plain values for JSON; numbers that are not finite are text."""
+        of = self.model
+        terms = [plain(term) for term in of.terms]
+        content = {"states": of.states, "inputs": of.inputs, "terms": terms}
+        own = {"coefficients": of.coefficients} | self._held()
+        del own["model"], own["bounds"]
+        content |= {name: _plain(value) for name, value in own.items()}
+        content["reason"] = self.reason
+        content["bounds"] = [[i, plain(term), *map(_plain, ends)] for i, term, *ends in self.bounds]
+        return content | {"known": [int(i) for i in self.known]}
+
+    @classmethod
+    def from_plain(cls, content: Mapping[str, object]) -> IdentifiedModel:
+        """Return what `to_plain` was called of, which other keys do not change.
+
+        Raises KeyError, or ValueError and its kin, for anything else.
+        """
+        states, inputs = _names(content["states"]), _names(content["inputs"])
+        terms = tuple(map(from_plain, content["terms"]))
+        powers = [term[: n_exponents(term)] for term in terms]
+        if not terms or any(type(e) is not int or abs(e) > MOST_POWER for e in chain(*powers)):
+            raise ValueError(f"terms: must be whole exponents up to {MOST_POWER}")
+        if any(e < 0 for own in powers for e in own[: len(states)]):
+            raise ValueError("terms: exponents of states must be 0 or more")
+        model = PolynomialModel(states, terms, _array(content["coefficients"]), inputs)
+        status, shapes = content["status"], _shapes(*model.coefficients.shape)
+        shapes["covariance"] = (len(content["covariance"]),) * 2
+        beyond = len(content["extrapolation_shift"])
+        shapes |= {
+            "extrapolation_shift": (beyond,), "extrapolation_covariance": (beyond, beyond)
+        }  # fmt: skip
+        if status != "refused" and not np.all(np.isfinite(model.coefficients)):
+            raise ValueError(f"coefficients: not all are finite, and the status is {status!r}")
+        return cls(
+            model=model,
+            status=status,
+            chi2=float(content["chi2"]),
+            rival_share=float(content["rival_share"]),
+            known=tuple(content["known"]),
+            diagnostics={
+                name: value if name == "path" else float(value)
+                for name, value in content["diagnostics"].items()
+            },
+            further_modes=_of_values(FurtherMode, content["further_modes"]),
+            findings=tuple(Finding(**each) for each in content.get("findings", ())),
+            envelope=_of_values(EnvelopePart, content.get("envelope", ())),
+            bounds=tuple(
+                (int(i), from_plain(term), float(least), float(most))
+                for i, term, least, most in content.get("bounds", ())
+            ),
+            resonances=tuple(
+                Resonance(**{k: tuple(v) if isinstance(v, list) else v for k, v in one.items()})
+                for one in content["resonances"]
+            ),
+            **{name: _array(content[name]).reshape(shape) for name, shape in shapes.items()},
+        )
+
+    def save(self, path: str | os.PathLike, **about: object) -> None:
+        """Write everything as JSON, as of `to_plain`.
+
+        about: further plain values, such as units, which `load` leaves aside.
+        """
+        write_json(path, self.to_plain() | about)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike) -> IdentifiedModel:
+        """What `save` wrote. Raises ValueError where the file holds something else."""
+        try:
+            content = read_json(path)
+            if not isinstance(content, dict):
+                raise TypeError("must be a mapping of keys")
+            return cls.from_plain(content)
+        except KeyError as error:
+            raise ValueError(f"{path}: not an identified model: no key {error}") from None
+        except (AttributeError, TypeError, ValueError, ArithmeticError, RecursionError) as error:
+            cause = " ".join(str(error).split())[:200]
+            raise ValueError(f"{path}: not an identified model: {cause}") from None
+
+
+def _names(content: object) -> tuple[str, ...]:
+    """Names of states or inputs. Raises ValueError for anything else."""
+    names = tuple(content)
+    if not all(
+        isinstance(name, str) and name.isprintable() and 0 < len(name) <= LONGEST_NAME
+        for name in names
+    ):
+        raise ValueError(f"{names!r:.60}: must be names that print, in one line")
+    if len(set(names)) < len(names):
+        raise ValueError(f"{names!r:.60}: a name is there twice")
+    return names
+
+
+def _of_values(kind: type, contents: Sequence[Mapping[str, object]]) -> tuple:
+    """Objects of numbers and names, as `_plain` has written them."""
+    return tuple(
+        kind(**{k: v if k in ("recording", "state") else float(v) for k, v in one.items()})
+        for one in contents
+    )
+
+
+def _shapes(states: int, terms: int) -> dict[str, tuple[int, ...]]:
+    """Of each array of a model, by name; -1 where its length is free."""
+    square = (states, states)
+    return dict.fromkeys(BY_TERM, (states, terms)) | {
+        "rivals": (-1, states, terms), "initial_states": (-1, states), "sigma": (-1, states),
+        "thresholds": (states,), "forces": square, "slow_forces": square,
+    }  # fmt: skip
+
+
+def _plain(value: object) -> object:
+    """As JSON has it; numbers that are not finite are text."""
+    if isinstance(value, Finding):
+        return value.as_dict()
+    if isinstance(value, FurtherMode | Resonance | EnvelopePart):
+        return {name: _plain(each) for name, each in asdict(value).items()}
+    if isinstance(value, Mapping):
+        return {name: _plain(each) for name, each in value.items()}
+    if isinstance(value, str | int):
+        return value
+    if np.ndim(value):
+        return [_plain(each) for each in value]
+    return float(value) if np.isfinite(value) else str(float(value))
+
+
+def _array(lists: object) -> NDArray[np.float64]:
+    return np.array(lists, dtype=float)

@@ -1,0 +1,63 @@
+"""Why a search leads to no model: errors with a finding, and the value that stands for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Self, TypeVar
+
+import numpy as np
+
+from galloping.identification.observations import Code, Finding
+from galloping.identification.sentences import sentence_of
+
+
+class NotFound(Exception):
+    """A finding because of which a search gives no model."""
+
+    def __init__(self, code: Code, subject: str = "", **data: float | str) -> None:
+        self.finding = Finding.of(code, subject, **data)
+        super().__init__(sentence_of(self.finding))
+
+    @classmethod
+    def of(cls, finding: Finding) -> Self:
+        """Make an error of what an earlier one said."""
+        return cls(finding.code, finding.subject, **finding.data)
+
+
+class Unusable(NotFound, ValueError):
+    """Why recordings give no model: an answer, not a mistake in a call."""
+
+
+class Unsolved(NotFound, FloatingPointError):
+    """Why a numerical search ended without a solution."""
+
+
+# `Unusable`, and what numerics raise where there is no model: a solution diverges, or numpy cannot
+# factor or invert a matrix. Any other ValueError is a mistake in the code.
+NO_MODEL = (Unusable, FloatingPointError, np.linalg.LinAlgError)
+Found = TypeVar("Found")
+
+
+@dataclass(frozen=True)
+class NoModel:
+    """What a search returns that leads to no model: why it does not."""
+
+    findings: tuple[Finding, ...] = ()
+    tells_little = True  # as of an `IdentifiedModel`
+
+
+def attempt(search: Callable[[], Found]) -> Found | NoModel:
+    """What a search returns, or `NoModel` where it raises one of NO_MODEL."""
+    try:
+        return search()
+    except NO_MODEL as error:
+        return NoModel((finding_of(error),))
+
+
+def finding_of(error: Exception) -> Finding:
+    """Return what an error of NO_MODEL says."""
+    if isinstance(error, NotFound):
+        return error.finding
+    lines = str(error).splitlines() or [type(error).__name__]
+    return Finding.of(Code.COMPUTATION_FAILED, error=lines[0])

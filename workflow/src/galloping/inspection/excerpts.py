@@ -1,0 +1,111 @@
+"""Stretches of long recordings, so that what a model costs is bounded."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from galloping.arrays import first_from, round_down
+from galloping.identification.free_motion.answer import free_at_once, with_findings
+from galloping.identification.free_motion.rest import moving_recordings
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.inputs import FEWEST, asked
+from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.preparation.smoothing import shortest_period, with_integrals
+from galloping.identification.prior_knowledge import PRIOR
+from galloping.identification.random_forces.decision import if_moved_at_random
+from galloping.identification.random_forces.start import wavers
+from galloping.recording.samples import Recording
+
+STRETCHES = 8  # spread over a long recording
+PERIODS = 64  # of the fastest motion, in each
+PARTS = 8  # of a stretch, whose sizes are compared
+TINY = 1e-9  # deviations of a channel
+
+
+def excerpts(recordings: list[Recording]) -> list[Recording]:
+    """The recordings, of long ones only stretches, so that what a model costs is bounded.
+
+    They are at most STRETCHES of PERIODS in all, but one at least of every recording. A longer
+    recording is cut into equal parts. From every other part comes the stretch in which the size of
+    the motion varies most, for what grows and decays tells of damping; from the others that in
+    which the motion is largest, for it tells of the cubic terms. Stretches without gaps go before
+    others. Recordings of which no channel varies above its noise have no period, and stay whole,
+    and so do those of whose stretches there were fewer than FEWEST samples.
+    """
+    try:
+        period = shortest_period([with_integrals(recording) for recording in recordings])
+    except ValueError:
+        return recordings
+    each = max(STRETCHES // len(recordings), 1)
+    found = [piece for recording in recordings for piece in _pieces(recording, each, period)]
+    return found if sum(len(piece.time) for piece in found) >= FEWEST else recordings
+
+
+def by_excerpts(
+    method: Callable[..., IdentifiedModel],
+    recordings: list[Recording],
+    *question: object,
+    **options: object,
+) -> IdentifiedModel:
+    """The model that a method finds in the excerpts of recordings, without their rests; of free
+    motion, and of motion that random forces keep up, of which every swing tells as much as another,
+    in the whole of them.
+    """
+    if "forced" in options:
+        return method(recordings, *question, **options)
+    moving = moving_recordings(recordings)
+    if moving.findings:
+        return with_findings(by_excerpts(method, moving.recordings, *question, **options), moving)
+    if method is maximum_likelihood and free_at_once(recordings):
+        return method(recordings, *question, **options)
+    stretches = excerpts(recordings)
+    whole = all(one is other for one, other in zip(stretches, recordings, strict=False))
+    if method is not maximum_likelihood or recordings[0].inputs or whole:
+        return method(stretches, *question, **options)
+    if wavers(recordings, shortest_period([with_integrals(each) for each in recordings])):
+        names = ("prior", "coefficients", "allowed")
+        about = {"prior": PRIOR} | {name: options[name] for name in names if name in options}
+        problem = asked(recordings, *question, **about)
+        if found := if_moved_at_random(problem, recordings):
+            return found
+    found = method(stretches, *question, **options)
+    if found.is_forced:
+        every = method(recordings, *question, **options, forced=())
+        return every if every.status == "ok" or found.status != "ok" else found
+    return found
+
+
+def _pieces(recording: Recording, count: int, period: float) -> list[Recording]:
+    time, length = recording.time, PERIODS * period
+    fitting = round_down((time[-1] - time[0]) / length)
+    if fitting <= count:
+        return [recording]
+    edges = first_from(time, time[0] + length / PARTS * np.arange(fitting * PARTS + 1))
+    sizes = _sizes(with_integrals(recording).values, edges).reshape(fitting, PARTS, -1)
+    merits = np.array([np.log(sizes).std(axis=1).sum(axis=1), sizes.mean(axis=(1, 2))])
+    gaps = np.searchsorted(edges[::PARTS], np.flatnonzero(np.diff(time) > period), "right") - 1
+    broken = np.isin(np.arange(fitting), gaps) | np.any(sizes <= TINY, axis=(1, 2))
+    merits[:, broken] = -1.0
+    parts = np.array_split(np.arange(fitting), count)
+    chosen = [part[np.argmax(merits[n % 2, part])] for n, part in enumerate(parts)]
+    pieces = [slice(edges[PARTS * k], edges[PARTS * (k + 1)]) for k in chosen]
+    return [recording[own] for own in pieces if own.stop - own.start > 2 * PARTS]
+
+
+def _sizes(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """(n_parts, n_channels) size of the motion in the parts between `edges`, TINY without samples.
+
+    values: (n, n_states). edges: (n_parts + 1,) samples. In units of the channel's deviation.
+    """
+    values = values[:, np.isfinite(values).any(axis=0)]
+    known = np.isfinite(values)
+    scaled = (values - np.nanmean(values, axis=0)) / np.nanstd(values, axis=0)
+    scaled = np.where(known, scaled, 0.0)
+
+    def total(of: np.ndarray) -> np.ndarray:
+        sums = np.concatenate([np.zeros((1, of.shape[1])), np.cumsum(of, axis=0)])
+        return np.diff(sums[edges], axis=0)
+
+    share = np.maximum(total(known), 1)
+    variance = total(scaled**2) / share - (total(scaled) / share) ** 2
+    return np.sqrt(np.maximum(variance, TINY**2))

@@ -1,0 +1,58 @@
+"""What was noticed in recordings, in sentences."""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from galloping.identification.observations import Finding
+from galloping.identification.oscillations import EnvelopePart, FurtherMode
+from galloping.identification.sentences import explain
+from galloping.model.intervals import NORMAL_95
+from galloping.readers.units import meaning, plain_unit
+
+
+def sentences_of(
+    findings: Iterable[Finding],
+    further: Iterable[FurtherMode] = (),
+    of_model: Iterable[str] = (),
+) -> Iterator[str]:
+    """What was noticed, and which modes swing beside the model, a sentence each.
+
+    Parameters
+    ----------
+    findings : iterable of Finding
+        Those that bear on the verdict are left aside.
+    further : iterable of FurtherMode
+    of_model : iterable of str
+        Names of the modes that are told with an interval.
+    """
+    findings = list(findings)
+    units = {each.subject: _name_and_unit(each.subject) for each in findings}
+    yield from (meaning for meaning, _ in explain(findings, False, units=units))
+    told = set(of_model)
+    names = dict.fromkeys(mode.name for mode in further if mode.name in told)
+    if names:
+        yield (
+            f"Beside it swings {', and '.join(names)}: it is left out of the equations, and told "
+            "by itself."
+        )
+
+
+def _name_and_unit(subject: str) -> tuple[str, str]:
+    name = meaning(subject)
+    return f"The {name}" if name else subject, plain_unit(subject) if subject else ""
+
+
+def envelope_rows(parts: Iterable[EnvelopePart]) -> Iterator[str]:
+    """Rows of a table: amplitude, frequency and damping, each with its 95 % interval."""
+    for part in parts:
+        hz = np.array([part.frequency, NORMAL_95 * part.frequency_error]) / (2.0 * np.pi)
+        omega = np.hypot(part.frequency, part.growth)
+        percent = 100.0 * np.array([-part.growth, NORMAL_95 * part.growth_error]) / omega
+        amplitude = f"±{part.amplitude:.3g} {plain_unit(part.state)}".rstrip()
+        yield (f"| {part.time:.4g} s | {amplitude} | {_within(*hz)} Hz | {_within(*percent)} % |")
+
+
+def _within(value: float, half: float) -> str:
+    digits = max(0, 1 - int(np.floor(np.log10(max(half, 1e-12)))))
+    return f"{value:.{digits}f} ± {half:.{digits}f}"

@@ -1,0 +1,406 @@
+"""What a recording is worth before anything is identified: sampling, gaps, noise, spectrum."""
+
+from itertools import combinations, pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.polynomial.legendre import Legendre, legvander
+from scipy.ndimage import maximum_filter1d, median_filter
+
+from galloping.arrays import TIME_ROUNDING, round_down, round_up
+from galloping.identification.free_motion.rest import moving_samples
+from galloping.identification.observations import Code, Finding
+from galloping.identification.preparation.screening import piled
+from galloping.identification.sentences import sentence_of
+from galloping.inspection.noticed import sentences_of
+from galloping.readers.units import state_unit
+
+if TYPE_CHECKING:
+    from galloping.readers.mapping import ColumnMapping, InputColumn
+    from galloping.readers.series import Series
+
+NEIGHBOURS = 5  # samples of which the median is taken
+JUMP = 0.05  # of its range, that a channel jumps at least
+AROUND = 16  # quarters of a period on each side: a step stands out of what recurs there
+OUTLIER = 8.0  # noise deviations from the median of the neighbours: 1 in 10^15 by chance
+REPORTED_GAP = 3.0  # median steps between two samples: more is told as a gap, jitter never
+CLIPPED = 5  # equal samples in a row at an end of the range
+PERIODS = 10  # fewer tell no damping
+PER_PERIOD = 10  # samples: where there are fewer, nothing here tells noise from motion
+APART = 0.02  # of the time with samples: gaps that are longer part what lies on their sides
+MISSED = 0.1  # of the time of other columns, in gaps of a channel
+DIFFERENT = 32  # values: fewer resolve a motion to no better than a tenth of its deviation
+SIGNAL = 3.0  # motion over noise below which terms can hardly be told
+STANDS_OUT = 20.0  # times what is around it at the median: no peak of white noise is half as high
+RECURS, NEAR = 0.6, 1.6  # correlation of a motion with itself, up to so many times a period later
+# Variance of the difference of two channels, over that of their noise, below which both show the
+# same motion; the variance of a noise is told to a few percent.
+SAME = 1.3
+WITH = 0.5  # correlation of an acceleration with its displacement
+SIDEWAYS = 10.0  # times as far as a line moves vertically
+# What no span does; beyond it a unit is most likely wrong. From the lowest to the highest sample:
+RANGES = {"m": (0.005, 50.0), "m/s": (0.005, 100.0), "m/s^2": (0.005, 1000.0)}
+FREQUENCIES = 0.02, 20.0  # Hz, of galloping and of what else moves a span that much
+
+
+def quality(series: "Series", mapping: "ColumnMapping") -> dict:
+    """Plain values: `sampling`, entries of `channels` and `inputs` by column, `problems`, `notes`.
+
+    A problem names its column, the row in the file where it begins, its code with data, and what it
+    is, in words. Frequencies in Hz, times in s, values in SI units.
+    """
+    time = series.time
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    gaps = np.flatnonzero(steps > REPORTED_GAP * step)
+    report = {
+        "file": series.path.name,
+        "start": series.start,
+        "sampling": {
+            "samples": len(time),
+            "duration_s": float(time[-1] - time[0]),
+            "sampled_s": sampled(time),
+            "rate_hz": 1.0 / step,
+            "irregularity_percent": float(100 * np.std(steps[steps <= REPORTED_GAP * step]) / step),
+            "gaps": [
+                {"row": int(series.rows[k]), "from_s": float(time[k]), "length_s": float(steps[k])}
+                for k in gaps[np.argsort(-steps[gaps])][:20]
+            ],
+            "gaps_total": len(gaps),
+        },
+        "channels": {},
+        "problems": [],
+        "notes": list(series.notes),
+    }
+    moves, rests = moving_samples(time, series.values)
+    report["notes"] += sentences_of(rests)
+    for channel, values in zip(mapping.channels, series.values.T, strict=True):
+        unit = state_unit(channel.measures)
+        _, is_rate = mapping.target(channel)
+        own = time[moves], values[moves], step, series.rows[moves]  # rest is no fault
+        described, problems = _channel(*own, unit, is_rate)
+        place = {"measures": channel.measures, "position_m": channel.position}
+        report["channels"][channel.column] = place | described
+        report["problems"] += [
+            _problem(row, Finding.of(code, channel.column, **data)) for row, code, data in problems
+        ]
+    report["problems"] += _too_short(series, mapping, report)
+    report["problems"] += _shown_twice(series, mapping, report["channels"])
+    report["problems"] += _mixed_up(series, mapping, report["channels"])
+    report["inputs"] = {one.column: _of_input(series, one) for one in mapping.inputs}
+    return report
+
+
+def _problem(row: int, finding: Finding) -> dict:
+    about = finding.as_dict()
+    return {
+        "column": finding.subject, "row": int(row), "code": about["code"], "data": about["data"],
+        "what": sentence_of(finding),
+    }  # fmt: skip
+
+
+def finding_of(problem: dict) -> Finding:
+    """Return a problem of a report as a finding on its column."""
+    return Finding.of(Code(problem["code"]), problem["column"], **problem["data"])
+
+
+def _too_short(series: "Series", mapping: "ColumnMapping", report: dict) -> list[dict]:
+    """Problems of channels that hold fewer than PERIODS of their motion.
+
+    What does not recur is no motion of its own where another channel holds as many periods: it
+    follows gusts, say. What moves about another mean is a problem by that.
+    """
+    moved = {one["column"] for one in report["problems"] if one["code"] == Code.MEAN_MOVES}
+    few, enough, least = {}, False, PERIODS * (1.0 - TIME_ROUNDING)
+    for channel, values in zip(mapping.channels, series.values.T, strict=True):
+        known = np.isfinite(values)
+        frequencies = report["channels"][channel.column]["dominant_frequencies_hz"]
+        periods = sampled(series.time[known]) * np.array(frequencies)
+        enough |= bool(np.any(periods >= least))
+        if len(periods) and periods[0] < least and channel.column not in moved:
+            few[channel.column] = known, values, frequencies[0]
+    return [
+        _problem(series.rows[known][0], Finding.of(Code.FEW_PERIODS, column, periods=PERIODS))
+        for column, (known, values, frequency) in few.items()
+        if not enough or _recurs(series.time[known], values[known], frequency)
+    ]
+
+
+def _recurs(time: np.ndarray, values: np.ndarray, frequency: float) -> bool:
+    """Whether values are alike about a period later, as far as the recording goes on so long."""
+    longest = min(NEAR / frequency, 2.0 / 3.0 * np.ptp(time))
+    alike = [0.0]
+    for lag in np.linspace(1.0 / NEAR / frequency, longest, 33):
+        early = time <= time[-1] - lag
+        if np.count_nonzero(early) > 2:
+            later = np.interp(time[early] + lag, time, values)
+            alike.append(np.corrcoef(values[early], later)[0, 1])
+    return max(alike) > RECURS
+
+
+def _shown_twice(series: "Series", mapping: "ColumnMapping", channels: dict) -> list[dict]:
+    """Problems of channels that show the motion of another coordinate and nothing of their own.
+
+    That holds where some combination of the two channels varies no more than their noise does
+    (total least squares).
+    """
+    step, found = float(np.median(np.diff(series.time))), []
+    for (i, one), (j, other) in combinations(enumerate(mapping.channels), 2):
+        about = channels[one.column], channels[other.column]
+        fastest = max(f for each in about for f in (*each["dominant_frequencies_hz"], 0.0))
+        noises = np.array([each["noise"] for each in about])
+        motions = np.array([each["standard_deviation"] for each in about])
+        known = np.isfinite(series.values[:, [i, j]]).all(axis=1)
+        if (
+            one.measures.lstrip("d") == other.measures.lstrip("d")
+            or fastest * step > (1.0 + TIME_ROUNDING) / PER_PERIOD
+            or np.any(motions < SIGNAL * noises)
+            or not noises.all()
+            or known.sum() < DIFFERENT
+        ):
+            continue
+        pair = np.cov((series.values[known][:, [i, j]] / noises).T)
+        least, across = np.linalg.eigh(pair)
+        if least[0] < SAME:
+            times = abs(across[1, 1] / across[0, 1] * noises[1] / noises[0])
+            same = {"other": one.column, "times": times}
+            found.append(
+                _problem(series.rows[0], Finding.of(Code.SHOWN_TWICE, other.column, **same))
+            )
+    return found
+
+
+def _mixed_up(series: "Series", mapping: "ColumnMapping", channels: dict) -> list[dict]:
+    """Problems of channels whose sign, or whose place beside another one, is most likely wrong."""
+    found, by_measure = [], {one.measures: k for k, one in enumerate(mapping.channels)}
+    for measures, k in by_measure.items():
+        column, against = mapping.channels[k].column, by_measure.get(measures.removeprefix("dd"))
+        across = by_measure.get(measures.removesuffix("w") + "v")
+        if measures.startswith("dd") and against is not None:
+            pair = series.values[:, [k, against]]
+            pair = pair[np.isfinite(pair).all(axis=1)]
+            if len(pair) > DIFFERENT and np.corrcoef(pair.T)[0, 1] > WITH:
+                other = mapping.channels[against].column
+                wrong = Finding.of(Code.SIGN_UNLIKELY, column, other=other)
+                found.append(_problem(series.rows[0], wrong))
+        if measures.endswith("q_w") and across is not None:
+            other = mapping.channels[across].column
+            times = channels[column]["standard_deviation"] / max(
+                channels[other]["standard_deviation"], np.finfo(float).tiny
+            )
+            if times > SIDEWAYS:
+                swapped = Finding.of(Code.COLUMNS_SWAPPED, column, other=other, times=times)
+                found.append(_problem(series.rows[0], swapped))
+    return found
+
+
+def noise(values: np.ndarray) -> float:
+    """Standard deviation of white noise on a slow signal, from fourth differences.
+
+    values: (n,) equally spaced. Their median size is that of the noise as long as the motion has
+    more than some ten samples a period.
+    """
+    differences = np.diff(values, 4)
+    return float(np.median(np.abs(differences)) / (0.6745 * np.sqrt(70.0)))
+
+
+def spectrum(time: np.ndarray, values: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies, Hz, and the share of each in the variance.
+
+    Short gaps are bridged by lines; of what long ones part, the powers are added.
+    """
+    signals = []
+    own = float(np.median(np.diff(time)))
+    for piece in pieces(time, max(REPORTED_GAP * own, APART * sampled(time))):
+        first, last = time[piece][[0, -1]]
+        grid = first + step * np.arange(round_up((last - first) / step))
+        signal = np.interp(grid, time[piece], values[piece])
+        if len(signal):
+            signals.append((signal - signal.mean()) * np.hanning(len(signal)))
+    count = max(map(len, signals))
+    power = np.sum([np.abs(np.fft.rfft(signal, count)) ** 2 for signal in signals], axis=0)
+    return np.fft.rfftfreq(count, step), power / max(power.sum(), np.finfo(float).tiny)
+
+
+def pieces(time: np.ndarray, longest: float) -> list[slice]:
+    """The samples between gaps that are longer than `longest`, s."""
+    edges = [0, *(np.flatnonzero(np.diff(time) > longest) + 1), len(time)]
+    return [slice(int(a), int(b)) for a, b in pairwise(edges)]
+
+
+def sampled(time: np.ndarray) -> float:
+    """How long there are samples, s: the gaps left out."""
+    steps = np.diff(time)
+    return float(steps[steps <= REPORTED_GAP * np.median(steps)].sum())
+
+
+def peaks_of(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of a `spectrum`, the share around each frequency, and where the highest peaks are.
+
+    share: (n,). Returns (n,), and the indices of four peaks at most, the highest first.
+    """
+    around = np.convolve(share, np.ones(5))[2 : len(share) + 2]  # also of fewer than five
+    highest = around == maximum_filter1d(around, 9)
+    peaks = 1 + np.flatnonzero(highest[1:-1] & (around[1:-1] > 0.01))
+    return around, peaks[np.argsort(-around[peaks])][:4]
+
+
+def _channel(
+    time: np.ndarray, values: np.ndarray, step: float, rows: np.ndarray, unit: str, is_rate: bool
+) -> tuple[dict, list[tuple[int, Code, dict]]]:
+    """What a channel is like, and its problems: the row where each begins, its code and its data.
+
+    is_rate: whether it shows random forces, such as an acceleration does, which are no noise: it
+    then is hardly more than that where no frequency stands out.
+    """
+    known = np.isfinite(values)
+    t, y, row = time[known], values[known], rows[known]
+    sigma = noise(y)
+    frequency, share = spectrum(t, y, step)
+    around, peaks = peaks_of(share)
+    turn = 2.0 * np.pi * step * frequency[peaks].max(initial=0.0)
+    outliers = outlying(t, y, frequency[peaks])
+    after = np.flatnonzero(np.diff(t) > REPORTED_GAP * np.median(np.diff(t))) + 1
+    motion = float(np.std(y))
+    thirds = np.array_split(y, 3)
+    described = {
+        "missing_percent": float(100 * (1 - known.mean())),
+        **_extent(y),
+        "noise": sigma,
+        "outliers": int(outliers.sum()),
+        "dominant_frequencies_hz": [float(frequency[k]) for k in peaks],
+        "shares_of_variance": [float(around[k]) for k in peaks],
+        "standard_deviation_of_thirds": [float(np.std(part)) for part in thirds],
+    }
+    means = np.array([part.mean() for part in thirds])
+    drifts = np.ptp(means) > max(motion, 10 * sigma)
+    moves, by = _moves(t, y) if drifts else (0, 0.0)
+    problems, shown = [], "" if unit == "1" else unit
+    coarse = len(peaks) > 0 and frequency[peaks[0]] * step > (1.0 + TIME_ROUNDING) / PER_PERIOD
+    if outliers.any():
+        problems.append((row[outliers][0], Code.OUTLIERS_SEEN, {"count": outliers.sum()}))
+    at_end = np.isin(y, piled(y))
+    flat = np.convolve(at_end, np.ones(CLIPPED), mode="valid") >= CLIPPED
+    if flat.any():
+        at = np.argmax(flat)
+        problems.append((row[at], Code.CLIPPED, {"at": y[at]}))
+    elif (jumps := _jumps(t, y, turn / step)) is not None:
+        at, by = jumps
+        problems.append((row[at], Code.CHANNEL_JUMPS, {"change": by, "unit": shown}))
+    if (missed := 1.0 - sampled(t) / sampled(time)) > MISSED:
+        last = row[after[0] - 1] if len(after) else row[-1]
+        problems.append((last, Code.SAMPLES_MISSING, {"share": missed}))
+    if (different := len(np.unique(y))) < DIFFERENT:
+        problems.append((row[0], Code.RESOLVED_COARSELY, {"values": different}))
+    stands_out = around.max() * np.log(2.0) > STANDS_OUT * 5.0 * np.median(share)
+    if motion < SIGNAL * sigma and not (coarse or (is_rate and stands_out)):
+        problems.append((row[0], Code.MOSTLY_NOISE, {}))
+    if coarse:
+        problems.append((row[0], Code.SAMPLED_COARSELY, {"samples": PER_PERIOD}))
+    if moves:
+        problems.append((row[moves], Code.MEAN_MOVES, {"change": by, "unit": shown}))
+    elif drifts:
+        problems.append((row[0], Code.MEAN_DRIFTS, {}))
+    problems += [(rows[0], *unlikely) for unlikely in _unlikely(described, unit, t, y)]
+    return described, problems
+
+
+def outlying(time: np.ndarray, values: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
+    """(n,) which samples lie far from the median of those beside them.
+
+    frequencies: Hz, of the motion, the strongest first. Where that one has few samples in a period
+    nothing tells an outlier from the motion, and none is found.
+    """
+    step = float(np.median(np.diff(time)))
+    if len(frequencies) and frequencies[0] * step > (1.0 + TIME_ROUNDING) / PER_PERIOD:
+        return np.zeros(len(values), bool)
+    scale = max(noise(values), 1e-9 * float(np.ptp(values)))
+    turn = 2.0 * np.pi * step * frequencies.max(initial=0.0)
+    bend = (np.cos(turn / 2.0) - np.cos(1.5 * turn)) / 2.0  # of its range, from such a median
+    apart = OUTLIER * scale + np.ptp(values) * max(bend, 0.05)
+    found = np.abs(values - median_filter(values, NEIGHBOURS)) > apart
+    after = np.flatnonzero(np.diff(time) > REPORTED_GAP * step) + 1
+    ends = np.concatenate([[0, len(time)], after])  # where a median has no neighbours on one side
+    found[np.add.outer((-2, -1, 0, 1), ends) % len(time)] = False
+    return found
+
+
+def _jumps(time: np.ndarray, values: np.ndarray, omega: float) -> tuple[int, float] | None:
+    """Where a channel jumps most, and by how much, where no motion and no noise does.
+
+    A polynomial in time and a step are fitted to each half of a period. omega: the highest of the
+    motion, rad/s.
+    """
+    step = float(np.median(np.diff(time)))
+    half = round_down(np.pi / 2.0 / omega / step) if omega else 0
+    if half < NEIGHBOURS or len(time) < 4 * half:
+        return None
+    place = (np.arange(2 * half) - half + 0.5) / half
+    shape = np.column_stack([legvander(place, 4), place > 0])
+    jump = np.correlate(median_filter(values, NEIGHBOURS), np.linalg.pinv(shape)[-1], "valid")
+    uneven = np.abs(np.diff(time) - step) > 0.5 * step  # a gap, or a clock of its own
+    jump[np.convolve(uneven, np.ones(2 * half - 1), mode="valid") > 0.5] = np.nan
+    size = np.abs(jump)
+    if np.isnan(size).all():
+        return None
+    at = int(np.nanargmax(size))
+    near = size[max(0, at - AROUND * half) : at + AROUND * half + 1]  # of a motion that decays
+    usual = max(np.nanmedian(size), np.nanmedian(near)) / 0.6745
+    if size[at] <= max(OUTLIER * usual, JUMP * np.ptp(values)):
+        return None
+    return at + half, float(jump[at])
+
+
+def _moves(time: np.ndarray, values: np.ndarray) -> tuple[int, float]:
+    """From which sample on a channel moves about another mean, and by how much that is another; 0
+    where a line in time is nearly as good.
+    """
+    count, whole = np.arange(1, len(values)), values - values.mean()
+    told = np.cumsum(whole)[:-1] ** 2 * len(values) / (count * (len(values) - count))
+    at, squares = int(np.argmax(told)) + 1, whole @ whole
+    line = Legendre.fit(time, whole, 1)(time) - whole
+    if squares - told[at - 1] > 0.5 * (line @ line):
+        return 0, 0.0
+    return at, float(values[at:].mean() - values[:at].mean())
+
+
+def _extent(values: np.ndarray) -> dict[str, float]:
+    return {
+        "mean": float(values.mean()),
+        "standard_deviation": float(np.std(values)),
+        "lowest": float(values.min()),
+        "highest": float(values.max()),
+    }
+
+
+def _unlikely(
+    described: dict, unit: str, time: np.ndarray, values: np.ndarray
+) -> list[tuple[Code, dict]]:
+    """What no span does, of a channel that measures one in `unit`."""
+    if unit not in RANGES:
+        return []
+    (least, most), size = RANGES[unit], described["highest"] - described["lowest"]
+    said = []
+    if not least <= size <= most:
+        about = {"size": size, "least": least, "most": most, "unit": unit}
+        said.append((Code.UNIT_UNLIKELY, about))
+    slowest, fastest = FREQUENCIES
+    dominant = described["dominant_frequencies_hz"]
+    likely = any(slowest <= frequency <= fastest for frequency in dominant)
+    if dominant and not likely and _recurs(time, values, dominant[0]):
+        about = {"frequency_hz": dominant[0], "least": slowest, "most": fastest}
+        said.append((Code.TIME_UNIT_UNLIKELY, about))
+    return said
+
+
+def _of_input(series: "Series", column: "InputColumn") -> dict:
+    one = series.inputs[column.name]
+    known = np.isfinite(one.values)
+    return {
+        "name": column.name,
+        "unit": series.units[column.name],
+        **_extent(one.values[known]),
+        "step_s": float(np.median(np.diff(one.time[known]))),
+        "between": one.between,
+        "error": column.error,
+    }

@@ -1,0 +1,227 @@
+"""Measures against galloping, as changes of a case, and the room that a galloping span needs.
+
+The line keeps its two modes: a measure changes what it hangs from, what it carries or what the
+wind finds, and the derivation of the model is repeated.
+All lengths are in metres; formulas that their sources print in feet are converted inside. An
+ellipse stands upright at mid-span (major axis vertical); sag is that of the iced line at rest.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from math import log, sqrt
+
+import numpy as np
+
+from galloping.line.galerkin import Line, modes
+
+EPRI = "EPRI, Transmission Line Reference Book: Wind-Induced Conductor Motion (2009), ch. 4"
+CIGRE = "CIGRE Technical Brochure 322 (2007)"
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One change of a line.
+
+    label: in words, with its size. change: of the case. damping: viscous dampers to earth, pairs
+    of a place on the span (m) and a coefficient (N s/m). masses: added point masses, pairs of a
+    place (m) and a mass (kg). source: of the physical model. limit: what the model cannot say, or
+    ''.
+    """
+
+    label: str
+    change: Callable[[Mapping], Mapping] = lambda case: case
+    damping: Sequence[tuple[float, float]] = ()
+    masses: Sequence[tuple[float, float]] = ()
+    source: str = EPRI
+    limit: str = ""
+
+
+NOTHING = Measure("as it is")
+
+
+def tension(factor: float) -> Measure:
+    """Tension times a factor: stiffer, with less sag and another ratio of the frequencies."""
+    word = "more" if factor > 1 else "less"
+
+    def change(case: Mapping) -> dict:
+        return {**case, "line": {**case["line"], "tension": factor * case["line"]["tension"]}}
+
+    return Measure(f"{abs(factor - 1):.0%} {word} tension", change)
+
+
+def damper(position: float, coefficient: float) -> Measure:
+    """A viscous damper to earth at a point: c phi(s)^2 of modal damping, mode shapes kept."""
+    label = f"damper of {coefficient:g} N s/m at {position:g} m"
+    return Measure(label, damping=((position, coefficient),))
+
+
+def spacers(mass: float, positions: Sequence[float]) -> Measure:
+    """Other spacers: their mass lowers both frequencies, each by its mode at their places."""
+    label = f"spacers of {mass:g} kg at {', '.join(f'{p:g}' for p in positions)} m"
+    new = {"mass": mass, "positions": list(positions)}
+    return Measure(label, lambda case: {**case, "spacers": new}, source=CIGRE)
+
+
+def pendulum(mass: float, positions: Sequence[float]) -> Measure:
+    """Detuning pendulums: of them, this model knows the mass."""
+    return Measure(
+        f"pendulums of {mass:g} kg, mass alone",
+        masses=tuple((position, mass) for position in positions),
+        source=CIGRE,
+        limit="detuning of torsion, the purpose of a pendulum, is not in a model without torsion",
+    )
+
+
+def ice_removal() -> Measure:
+    """No ice: a round conductor has no lift that depends on the angle of attack."""
+    bare = {"reading": "custom", "vertical": [0.0, 0.0, 0.0], "horizontal": [0.0, 0.0, 0.0]}
+    return Measure("ice removed", lambda case: {**case, "ice": bare}, source=CIGRE)
+
+
+KINDS = {kind.__name__: kind for kind in (tension, damper, spacers, pendulum, ice_removal)}
+
+
+def usual(case: Mapping) -> tuple[Measure, ...]:
+    """Measures of a size that practice uses, for a case; other spacers where it has any."""
+    span, mass = case["line"]["span"], case["spacers"]["mass"]
+    positions = case["spacers"]["positions"]
+    thirds = [float(round(share * span)) for share in (2 / 9, 4 / 9, 7 / 9)]
+    others = (spacers(4 * mass, positions), spacers(mass, thirds)) if mass and positions else ()
+    return (
+        tension(1.2),
+        tension(0.8),
+        damper(round(0.1 * span, 3), 200.0),
+        *others,
+        pendulum(20.0, thirds),
+        ice_removal(),
+    )
+
+
+def added(case: Mapping, applied: Measure) -> tuple[np.ndarray, np.ndarray]:
+    """Modal damping (N s/m) and mass (kg) that a measure adds to the vertical and the horizontal
+    mode: two arrays (2,). Raises ValueError for a place outside the span."""
+    line = Line.from_case(case)
+    damping, mass = np.zeros(2), np.zeros(2)
+    for total, points in ((damping, applied.damping), (mass, applied.masses)):
+        for position, value in points:
+            if not 0 < position < line.span:
+                raise ValueError(
+                    f"{applied.label}: position {position:g} m must be inside the span "
+                    f"(0..{line.span:g} m)"
+                )
+            at = modes(case, replace(line, spacer_positions=(position,)))
+            total += [value * float(mode.at_spacers[0]) ** 2 for mode in at]
+    return damping, mass
+
+
+FOOT = 0.3048  # m
+
+
+@dataclass(frozen=True)
+class Ellipse:
+    """Major (vertical) and minor axis, and how far the lowest point lies below rest, all in m."""
+
+    major: float
+    minor: float
+    below: float
+
+    def outline(self) -> np.ndarray:
+        """(400, 2) places (w, v) about the rest position at mid-span, in m."""
+        angle = 2 * np.pi * np.arange(400) / 400
+        centre = self.major / 2 - self.below
+        return np.column_stack(
+            [self.minor / 2 * np.cos(angle), centre + self.major / 2 * np.sin(angle)]
+        )
+
+
+def davison(sag: float) -> Ellipse:
+    """Single-loop galloping (Davison, as in RUS Bulletin 1724E-200, ch. 6).
+
+    In feet: major 1.25 S + 1, minor 0.4 of it, lowest point 0.25 S below rest.
+    """
+    s = sag / FOOT
+    major = 1.25 * s + 1
+    return Ellipse(major * FOOT, 0.4 * major * FOOT, 0.25 * s * FOOT)
+
+
+def toye(span: float, sag: float) -> Ellipse:
+    """Double-loop galloping of long spans (Toye, as in RUS Bulletin 1724E-200, ch. 6).
+
+    In feet, a = sqrt((L/2)^2 + S^2): major 1 + sqrt(3a/8 (L + 8 S^2/(3 L) - 2a)), minor
+    2 sqrt(major - 1), lowest point 0.2 of the major below rest.
+    """
+    length, s = span / FOOT, sag / FOOT
+    a = sqrt((length / 2) ** 2 + s**2)
+    slack = length + 8 * s**2 / (3 * length) - 2 * a
+    major = 1 + sqrt(3 * a / 8 * slack)
+    return Ellipse(major * FOOT, 2 * sqrt(major - 1) * FOOT, 0.2 * major * FOOT)
+
+
+def cigre(sag: float, diameter: float, bundle: bool) -> Ellipse:
+    """CIGRE Technical Brochure 322 (2007), from observed events, for single conductors and bundles.
+
+    diameter: of one conductor, m. Major 80 d ln(8 S/(50 d)), of bundles 170 d ln(8 S/(500 d));
+    minor 0.4 and lowest point 0.3 of it. Raises ValueError where the sag is too small for the
+    formula.
+    """
+    factor, scale = (170, 500) if bundle else (80, 50)
+    if 8 * sag <= scale * diameter:
+        raise ValueError(
+            f"sag: {sag:g} m is too small for the formula of CIGRE 322; "
+            f"must be > {scale * diameter / 8:g} m for conductors of {diameter:g} m"
+        )
+    major = factor * diameter * log(8 * sag / (scale * diameter))
+    return Ellipse(major, 0.4 * major, 0.3 * major)
+
+
+def design_ellipses(case: Mapping) -> dict[str, Ellipse]:
+    """The ellipses of a case, without that of CIGRE 322 where the sag is too small for it.
+
+    A conductor's diameter is the bundle's dimension by number.
+    """
+    sag, count = Line.from_case(case).sag, case["bundle"]["subconductors"]
+    found = {"Davison": davison(sag), "Toye": toye(case["line"]["span"], sag)}
+    with suppress(ValueError):
+        found["CIGRE 322"] = cigre(sag, case["bundle"]["dimension"] / count, bundle=count > 1)
+    return found
+
+
+def envelope(orbit: np.ndarray) -> tuple[float, float, float]:
+    """Height, width and lowest point below rest, in m, of an orbit (n, 2) of places (w, v)."""
+    width, height = np.ptp(orbit, axis=0)
+    return float(height), float(width), float(max(0.0, -np.min(orbit[:, 1])))
+
+
+def clearance(first: np.ndarray, second: np.ndarray, distance: tuple[float, float]) -> float:
+    """Least distance of two galloping spans at mid-span, where their modes are largest, m.
+
+    Whatever their phases in time; zero where the orbits cross. first, second: (n, 2) places (w, v)
+    of each over one period, closed, in m. distance: (horizontal, vertical) from the first to the
+    second at rest, m.
+    """
+    second = second + np.asarray(distance, float)
+    if _cross(first, second):
+        return 0.0
+    return min(_to_edges(first, second), _to_edges(second, first))
+
+
+def _to_edges(points: np.ndarray, polygon: np.ndarray) -> float:
+    edge = np.roll(polygon, -1, axis=0) - polygon
+    offset = points[:, np.newaxis] - polygon
+    square = np.maximum(np.sum(edge**2, axis=1), 1e-300)
+    along = np.clip(np.sum(offset * edge, axis=2) / square, 0, 1)
+    return float(np.min(np.linalg.norm(offset - along[..., np.newaxis] * edge, axis=2)))
+
+
+def _cross(first: np.ndarray, second: np.ndarray) -> bool:
+    """Whether an edge of one closed polygon crosses an edge of the other."""
+
+    def side(start, end, point):
+        a, b = end - start, point - start
+        return np.sign(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+    a, b = first[:, np.newaxis], np.roll(first, -1, axis=0)[:, np.newaxis]
+    c, d = second[np.newaxis], np.roll(second, -1, axis=0)[np.newaxis]
+    between = side(a, b, c) * side(a, b, d) < 0
+    return bool(np.any(between & (side(c, d, a) * side(c, d, b) < 0)))

@@ -1,0 +1,1 @@
+"""Models: equations in states and inputs, how libraries are written, modes of small motions."""

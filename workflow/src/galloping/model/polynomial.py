@@ -1,0 +1,415 @@
+"""First-order systems dx/dt = C theta(x, u): the form of every model in this project.
+
+States x; inputs u, known functions of time, where a model has any. Terms are monomials of both, and
+may have elementary functions of states as further factors (see `functions`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import chain, combinations_with_replacement, compress
+from math import floor, isfinite, log10, prod
+from numbers import Integral
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from galloping.arrays import Immutable, Matrix
+from galloping.model.functions import FUNCTIONS, Function, derivatives, n_exponents
+from galloping.model.modes import Modes
+
+# of the states and then of the inputs; behind them the functions that multiply these powers
+Exponents = tuple[int | Function, ...]
+# on a coefficient: its equation and term, and the least and greatest number that it may be
+Bound = tuple[int, Exponents, float, float]
+
+
+def library(n_states: int, degree: int) -> tuple[Exponents, ...]:
+    """Exponents of all monomials up to `degree`, in the order of pysindy's PolynomialLibrary.
+
+    Raises ValueError where `n_states` is no whole number >= 1 or `degree` none >= 0.
+    """
+    for name, value, least in (("n_states", n_states, 1), ("degree", degree, 0)):
+        if not isinstance(value, Integral) or value < least:
+            raise ValueError(f"{name}: {value!r:.60}; must be a whole number >= {least}")
+    indices = chain.from_iterable(
+        combinations_with_replacement(range(n_states), d) for d in range(degree + 1)
+    )
+    return tuple(tuple(index.count(k) for k in range(n_states)) for index in indices)
+
+
+def alone(k: int, count: int) -> Exponents:
+    """Exponents of the term that is the k-th of `count` names alone."""
+    return tuple(int(i == k) for i in range(count))
+
+
+def extended(terms: tuple[Exponents, ...], model: PolynomialModel) -> tuple[Exponents, ...]:
+    """The library `terms`, followed by the terms present in `model` that it lacks."""
+    present = (t for t, used in zip(model.terms, model.support.any(axis=0), strict=True) if used)
+    return tuple(dict.fromkeys([*terms, *present]))
+
+
+def velocity_pairs(states: tuple[str, ...]) -> dict[int, int]:
+    """Index of each state X whose derivative is a state too, named `dX`, with that of dX."""
+    index = {name: i for i, name in enumerate(states)}
+    return {i: index[f"d{name}"] for i, name in enumerate(states) if f"d{name}" in index}
+
+
+def exponents_of(terms: Sequence[Exponents], count: int) -> NDArray[np.int64]:
+    """(n_terms, count) exponents with which terms begin, without their functions."""
+    return np.array([term[:count] for term in terms], np.int64).reshape(-1, count)
+
+
+def has_functions(term: Exponents) -> bool:
+    """Whether a term has a factor that is no power."""
+    return bool(term) and isinstance(term[-1], Function)
+
+
+def term_name(exponents: Exponents, names: tuple[str, ...]) -> str:
+    """Name of a term as pysindy prints it: `1`, `q_v`, `q_v q_w^2`; or `dq_v^3/U`, `|dq| dq`.
+
+    names: of the states and, where exponents are of inputs too, of those.
+    """
+    own = Counter(exponents[len(names) :])
+    powers = [(f.text(names), e) for f, e in own.items() if f.name != "inverse"]
+    powers += zip(names, exponents, strict=False)
+    below = [(s, -e) for s, e in powers if e < 0]
+    for f, e in own.items():
+        if f.name == "inverse":
+            argument = f.argument_text(names)
+            below.append((argument if f.state is not None else f"({argument})", e))
+    factors = [f"{s}^{e}" if e > 1 else s for s, e in powers if e > 0]
+    return (" ".join(factors) or "1") + "".join(f"/{s}^{e}" if e > 1 else f"/{s}" for s, e in below)
+
+
+def latex_factors(term: Exponents, names: Sequence[str], number: Callable[[str], str]) -> list[str]:
+    """The factors of a term as LaTeX.
+
+    names: of states and inputs, as LaTeX. number: makes LaTeX of a printed number.
+    """
+    powers = [(name, power) for name, power in zip(names, term, strict=False) if power]
+    for function, power in Counter(term[len(names) :]).items():
+        about = function.argument_text(names, lambda value: number(f"{value:.6g}"))
+        factor = FUNCTIONS[function.name].latex.format(about)
+        powers.append((factor if power == 1 else rf"\left({factor}\right)", power))
+    return [factor if power == 1 else f"{factor}^{{{power}}}" for factor, power in powers]
+
+
+def design_matrix(x: np.ndarray, terms: tuple[Exponents, ...]) -> np.ndarray:
+    """Terms at the states `x`.
+
+    x: (n, n_states), or of states and inputs, whose exponents may be negative. Returns (n,
+    n_terms). Each monomial costs one product, of a state with a monomial of one degree less where
+    that one is in the library.
+    """
+    functions, terms = separated(terms)
+    if functions:
+        x = np.column_stack([x, *(own(x) for own in functions)])
+    theta = np.empty((len(x), len(terms)), order="F")
+    for j, (last, lower) in enumerate(products(terms)):
+        if last is None:
+            theta[:, j] = 1.0
+        elif lower is None:
+            theta[:, j] = np.prod(x ** np.array(terms[j], float), axis=1)
+        elif lower < 0:
+            theta[:, j] = x[:, last]
+        else:
+            np.multiply(theta[:, lower], x[:, last], out=theta[:, j])
+    return theta
+
+
+@cache
+def separated(
+    terms: tuple[Exponents, ...],
+) -> tuple[tuple[Function, ...], tuple[tuple[int, ...], ...]]:
+    """The functions of terms, and the terms as exponents, those of the functions last."""
+    functions = tuple(sorted({own for term in terms for own in term if isinstance(own, Function)}))
+    if not functions:
+        return (), terms
+    count = n_exponents(terms[0])
+    return functions, tuple(
+        (*term[:count], *(term[count:].count(own) for own in functions)) for term in terms
+    )
+
+
+@cache
+def products(terms: tuple[Exponents, ...]) -> tuple[tuple[int | None, int | None], ...]:
+    """How each monomial is made: the last of its states, and the place of the monomial of one
+    degree less; -1 where that is a constant, None where it is not among those before.
+    """
+    column, made = {term: j for j, term in enumerate(terms)}, []
+    for j, term in enumerate(terms):
+        last = max((k for k, e in enumerate(term) if e), default=None)
+        lower = tuple(e - (k == last) for k, e in enumerate(term))
+        place = -1 if last is not None and not any(lower) else column.get(lower, j)
+        made.append((last, place if place < j and min(term) >= 0 else None))
+    return tuple(made)
+
+
+@cache
+def slopes(terms: tuple[Exponents, ...], n_states: int) -> tuple[tuple, ...]:
+    """The derivative of each term by each state, a sum of numbers times terms.
+
+    By state: places of the terms that have a derivative, the numbers, and the terms of the
+    derivatives. That of a power is its exponent times what is left when the state is divided out
+    once; a term with functions may have several, one after the other.
+    """
+    found = []
+    for k in range(n_states):
+        rows = [(j, *part) for j, term in enumerate(terms) for part in derivatives(term, k)]
+        places, factors, lower = zip(*rows, strict=True) if rows else ((), (), ())
+        found.append((np.array(places, int), np.array(factors), lower))
+    return tuple(found)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PolynomialModel(Immutable):
+    """dx/dt = coefficients @ theta(x, u).
+
+    states: names of the n_states states. terms: exponents of the n_terms terms, in the states and
+    then in the inputs, and their functions. coefficients: (n_states, n_terms), SI units. inputs:
+    names of the n_inputs inputs. Raises ValueError where they have another shape.
+    """
+
+    states: tuple[str, ...]
+    terms: tuple[Exponents, ...]
+    coefficients: NDArray[np.float64]
+    inputs: tuple[str, ...] = ()
+
+    if TYPE_CHECKING:  # what is given may be a list; what is held is not
+
+        def __init__(
+            self,
+            states: Sequence[str],
+            terms: Sequence[Sequence[int]],
+            coefficients: Matrix,
+            inputs: Sequence[str] = ...,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "states", tuple(self.states))
+        object.__setattr__(self, "inputs", tuple(self.inputs))
+        object.__setattr__(self, "terms", tuple(map(tuple, self.terms)))
+        object.__setattr__(self, "coefficients", np.asarray(self.coefficients, float))
+        super().__post_init__()
+        if self.coefficients.shape != (len(self.states), len(self.terms)):
+            raise ValueError(
+                f"coefficients: shape {self.coefficients.shape}, expected "
+                f"({len(self.states)}, {len(self.terms)})"
+            )
+        if any(n_exponents(term) != len(self.names) for term in self.terms):
+            raise ValueError(f"terms: must have {len(self.names)} exponents, of states and inputs")
+        functions, _ = separated(self.terms)
+        if any(len(own.weights) != len(self.states) for own in functions):
+            raise ValueError(f"terms: functions must have {len(self.states)} weights, of states")
+
+    def __repr__(self) -> str:
+        driven = f" driven by {', '.join(self.inputs)}" if self.inputs else ""
+        about = (
+            f"PolynomialModel of {', '.join(self.states)}{driven}, {len(self.terms)} candidate "
+            "terms"
+        )
+        return "\n".join([about, *self.equations()])
+
+    def equations(self, standard_errors: ArrayLike | None = None) -> tuple[str, ...]:
+        """The equation of each state as text.
+
+        standard_errors: (n_states, n_terms), printed beside the coefficients where finite.
+        """
+        errors = np.nan if standard_errors is None else standard_errors
+        errors = np.broadcast_to(errors, self.coefficients.shape)
+        names, lines = self.term_names, []
+        for state, row, own in zip(self.states, self.coefficients, errors, strict=True):
+            parts = [
+                f"{with_error(row[j], own[j])} {names[j]}".removesuffix(" 1")
+                for j in np.flatnonzero(row)
+            ]
+            lines.append(f"d({state})/dt = {' + '.join(parts) or '0'}")
+        return tuple(lines)
+
+    def latex(self, standard_errors: ArrayLike | None = None) -> str:
+        """The equations as LaTeX, for amsmath; a velocity dX is written as X with a dot.
+
+        standard_errors: as of `equations`.
+        """
+        errors = np.nan if standard_errors is None else standard_errors
+        errors = np.broadcast_to(errors, self.coefficients.shape)
+        lines, states = [], [_latex(state, self.states) for state in self.states]
+        names = [*states, *(_latex(name, ()) for name in self.inputs)]
+        for name, row, own in zip(states, self.coefficients, errors, strict=True):
+            parts = []
+            for j in np.flatnonzero(row):
+                number = _power_of_ten(with_error(row[j], own[j]).replace("±", r"\pm"))
+                factors = latex_factors(self.terms[j], names, _power_of_ten)
+                parts.append(r" \, ".join([number, *factors]))
+            right = " + ".join(parts) or "0"
+            lines.append(rf"\frac{{\mathrm{{d}} {name}}}{{\mathrm{{d}} t}} &= {right}")
+        body = " \\\\\n".join(lines)
+        return f"\\begin{{aligned}}\n{body}\n\\end{{aligned}}"
+
+    def _repr_latex_(self) -> str:
+        """What notebooks show."""
+        return f"$$\n{self.latex()}\n$$"
+
+    @property
+    def support(self) -> NDArray[np.bool_]:
+        """(n_states, n_terms) boolean: which terms are present."""
+        return self.coefficients != 0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the states and then of the inputs, in the order of a term's exponents."""
+        return self.states + self.inputs
+
+    @property
+    def term_names(self) -> tuple[str, ...]:
+        """(n_terms,) as `term_name` writes them."""
+        return tuple(term_name(term, self.names) for term in self.terms)
+
+    def __call__(
+        self, x: NDArray[np.float64], u: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """State derivatives at `x`: (n, n_states) -> (n, n_states).
+
+        u: (n, n_inputs) of a model with inputs.
+        """
+        return design_matrix(beside(x, u), self.terms) @ self.coefficients.T
+
+    def jacobian(
+        self, x: NDArray[np.float64], u: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """Derivatives of the rates by the states: (n, n_states) -> (n, n_states, n_states)."""
+        both = beside(x, u)
+        by_state = [
+            design_matrix(both, lower) @ (self.coefficients[:, places] * factors).T
+            for places, factors, lower in slopes(self.terms, len(self.states))
+        ]
+        return np.stack(by_state, axis=2)
+
+    def small_motions(self, x: NDArray[np.float64]) -> Modes:
+        """The modes of the motions near `x` (n_states,), such as at rest, of a model without
+        inputs.
+        """
+        return Modes.of(self.jacobian(x[np.newaxis])[0])
+
+    def at(self, values: Mapping[str, float]) -> PolynomialModel:
+        """The model at constant values of inputs, its terms merged; the other inputs stay.
+
+        Raises ValueError for an input that it does not have, and for a value at which a term is
+        not finite.
+        """
+        terms, merge = merged(self, values)
+        inputs = tuple(name for name in self.inputs if name not in values)
+        return PolynomialModel(self.states, terms, self.coefficients @ merge, inputs)
+
+    def without_absent_terms(self) -> PolynomialModel:
+        """This model on a library of the terms that any equation has, which costs less to move; on
+        the first term alone where none has any.
+        """
+        present = compress(self.terms, self.support.any(axis=0))
+        return self.on_library(tuple(present) or self.terms[:1])
+
+    def without_dry_friction(self) -> PolynomialModel:
+        """This model without terms that have a sign of velocities, which hold any position near its
+        position of rest.
+        """
+        velocities = set(velocity_pairs(self.states).values())
+
+        def is_friction(term: Exponents) -> bool:
+            return any(
+                own.name == "sign"
+                and own.offset == 0.0
+                and {k for k, weight in enumerate(own.weights) if weight} <= velocities
+                for own in term[len(self.names) :]
+            )
+
+        friction = np.array([is_friction(term) for term in self.terms])
+        if not friction.any():
+            return self
+        return replace(self, coefficients=np.where(friction, 0.0, self.coefficients))
+
+    def on_library(self, terms: tuple[Exponents, ...]) -> PolynomialModel:
+        """This model, written in another library.
+
+        Raises ValueError where a term with a non-zero coefficient is missing from `terms`.
+        """
+        if terms == self.terms:
+            return self
+        index = {term: j for j, term in enumerate(terms)}
+        coefficients = np.zeros((len(self.states), len(terms)))
+        for j, term in enumerate(self.terms):
+            if term in index:
+                coefficients[:, index[term]] = self.coefficients[:, j]
+            elif np.any(self.coefficients[:, j]):
+                raise ValueError(f"term {term_name(term, self.names)} is not in the library")
+        return PolynomialModel(self.states, terms, coefficients, self.inputs)
+
+
+def merged(
+    model: PolynomialModel, values: Mapping[str, float]
+) -> tuple[tuple[Exponents, ...], NDArray[np.float64]]:
+    """Terms of a model at constant values of inputs, and what each old one brings to each new one.
+
+    Returns the terms, without the exponents of those inputs, and (n_terms, n_merged). Raises
+    ValueError for an input that it does not have, and for a value at which a term is not finite.
+    """
+    for name, value in values.items():
+        if name not in model.inputs:
+            has = f"has the inputs {', '.join(model.inputs)}" if model.inputs else "has no inputs"
+            raise ValueError(f"{name}: no input; the model {has}")
+        if not isfinite(value):
+            raise ValueError(f"{name}: {value!r:.60}; must be a finite number")
+    held = tuple(len(model.states) + k for k, name in enumerate(model.inputs) if name in values)
+    own = [values[name] for name in model.inputs if name in values]
+    terms, places = _without(model.terms, held)
+    merge = np.zeros((len(places), len(terms)))
+    for j, (term, place) in enumerate(zip(model.terms, places, strict=True)):
+        for value, k in zip(own, held, strict=True):
+            if value == 0.0 and term[k] < 0:
+                name = model.names[k]
+                raise ValueError(f"{name}: 0; {term_name(term, model.names)} is not finite there")
+        merge[j, place] = prod(value ** term[k] for value, k in zip(own, held, strict=True))
+    return terms, merge
+
+
+@cache
+def _without(
+    terms: tuple[Exponents, ...], held: tuple[int, ...]
+) -> tuple[tuple[Exponents, ...], tuple[int, ...]]:
+    """Terms without the exponents at `held`, each once, and the place of each old one in them."""
+    kept = [tuple(e for k, e in enumerate(term) if k not in held) for term in terms]
+    place = {term: j for j, term in enumerate(dict.fromkeys(kept))}
+    return tuple(place), tuple(place[term] for term in kept)
+
+
+def beside(x: np.ndarray, u: np.ndarray | None) -> np.ndarray:
+    """States (n, n_states) with inputs (n, n_inputs), where there are any, beside them."""
+    return x if u is None else np.concatenate([x, u], axis=1)
+
+
+def _latex(state: str, states: tuple[str, ...]) -> str:
+    """A state's name as LaTeX, with a dot where it is the velocity of one of `states`."""
+    dotted = state[:1] == "d" and state[1:] in states
+    stem, _, index = (state[1:] if dotted else state).partition("_")
+    symbol = rf"\dot {stem}" if dotted else stem
+    return f"{symbol}_{{{index}}}" if index else symbol
+
+
+def _power_of_ten(number: str) -> str:
+    """A printed number with its exponents as LaTeX."""
+    return re.sub(r"e([+-]?\d+)", lambda match: rf" \cdot 10^{{{int(match[1])}}}", number)
+
+
+def with_error(value: float, error: float = np.nan) -> str:
+    """A coefficient with its standard error to two digits, where it has one."""
+    if not (isfinite(error) and error > 0.0):
+        return f"{value:.6g}"
+    decimals = 1 - floor(log10(error))
+    if not 0 <= decimals <= 9:
+        return f"({value:.6g} ± {error:.2g})"
+    return f"({value:.{decimals}f} ± {error:.{decimals}f})"

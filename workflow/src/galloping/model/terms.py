@@ -1,0 +1,499 @@
+"""The grammar of libraries and of what is known: one in command, mapping and Python.
+
+A library is a sum of terms of states and measured inputs, without coefficients:
+
+    poly(q_v, q_w, dq_v, dq_w; 3) + U*dq_v + dq_v^3/U      in every equation
+    dq_v, dq_w: U^2 + U*(dq_v + dq_w)                      in these equations alone
+    |dq_v| dq_v + sign(dq_v) + sin(q_v) + 1/(q_v + 3)      functions of states
+    wind(U)                                                what the quasi-static law allows
+
+`poly` is all monomials of its names up to a degree, and sums in brackets multiply out. Functions
+are sin, cos, exp, sign, abs or bars, and division; their argument is a sum of states, with
+coefficients, such as `sin(2 q_v - q_w)`. Several libraries are added. What is known is written in
+the same terms: a whole equation, `dq_w = -9.2 q_w - 0.03 dq_w`, one coefficient,
+`dq_v: U*dq_v = 0.02 +- 0.005`, or its bounds, `dq_v: -0.1 < dq_v < 0`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import combinations_with_replacement
+from math import comb, isfinite
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from galloping.model.functions import function, n_exponents, times
+from galloping.model.polynomial import (
+    Exponents,
+    PolynomialModel,
+    has_functions,
+    term_name,
+    velocity_pairs,
+)
+
+if TYPE_CHECKING:
+    from lark import Lark, Token, Tree
+
+GRAMMAR = r"""
+library: [scope] sum
+scope: NAME ("," NAME)* ":"
+
+?known: equation | coefficient | bounded
+equation: (NAME | _RATE NAME _BY_TIME) "=" sum
+coefficient: NAME ":" sum "=" number [("+-" | "±") number]
+number: [SIGN] NUMBER
+bounded: NAME ":" sum RELATION sum [RELATION sum]
+
+sum: [SIGN] product (SIGN product)*
+product: _power ([TIMES | BY] _power)*
+_power: atom | raised
+raised: atom _POWER number
+?atom: NAME -> name
+    | NUMBER -> constant
+    | "(" sum ")"
+    | _POLY NAME ("," NAME)* ";" NUMBER ")" -> poly
+    | _WIND NAME ")" -> wind
+    | FUNCTION sum ")" -> function
+    | OPEN sum CLOSE -> function
+
+_POLY.2: /poly\s*\(/
+_WIND.2: /wind\s*\(/
+FUNCTION.2: /(sin|cos|exp|abs|sign)\s*\(/
+OPEN: "⟦"
+CLOSE: "⟧"
+_RATE.2: /d\s*\(/
+_BY_TIME: /\)\s*\/\s*dt\b/
+_POWER.2: "**" | "^"
+RELATION: "<=" | ">=" | "<" | ">"
+SIGN: "+" | "-"
+TIMES: "*"
+BY: "/"
+NUMBER: /(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?/
+NAME: /[^\W\d]\w*/
+%ignore /\s+/
+"""
+EXPECTED = {  # by terminal; others are not worth a word
+    "NAME": "a name", "NUMBER": "a number", "RPAR": ")", "SEMICOLON": "; and a degree",
+    "EQUAL": "=", "COLON": ":", "COMMA": "a comma", "CLOSE": "|",
+}  # fmt: skip
+HIGHEST = 12  # power of a name in a term, and degree of `poly`
+# A text within these bounds is read in a moment, whatever it says.
+MOST_CHARACTERS, DEEPEST = 10_000, 50  # of a text, and of brackets within brackets
+MOST_TERMS = 600  # that a text multiplies out to
+STRUCTURE = 3  # degree of the elastic forces of `wind`
+
+Sum = dict[Exponents, float]  # coefficients by term
+
+
+def parse(
+    texts: str | Sequence[str], states: Sequence[str], inputs: Sequence[str] = ()
+) -> tuple[tuple[Exponents, ...], NDArray[np.bool_] | None]:
+    """Terms of a library that is written as text, and the equations in which each may be.
+
+    Terms are exponents of the states and then of the inputs. The equations are (n_states, n_terms)
+    boolean, None where every term may be in every equation.
+    Raises ValueError, in one line that names the character, for text that is no library.
+    """
+    texts = [texts] if isinstance(texts, str) else list(texts)
+    allowed: list[dict[Exponents, None]] = [{} for _ in states]
+    for text in texts:
+        sentence = _Sentence("library", text, tuple(states), tuple(inputs))
+        for equation, terms in sentence.of_equations():
+            allowed[equation] |= dict.fromkeys(terms)
+    terms = tuple(dict.fromkeys(term for own in allowed for term in own))
+    mask = np.array([[term in own for term in terms] for own in allowed])
+    return terms, None if mask.all() else mask
+
+
+@dataclass(frozen=True)
+class Known:
+    """One thing that is known of a model.
+
+    state: of whose equation. terms: coefficients by term: all that it has, or where `deviation` is
+    not None a single one, the prior mean, with its standard deviation, zero where it is fixed.
+    """
+
+    state: str
+    terms: Sum
+    deviation: float | None = None
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What is known of the size of a coefficient.
+
+    state: in whose equation. term: its own. lower, upper: the range, infinite where it is open.
+    """
+
+    state: str
+    term: Exponents
+    lower: float
+    upper: float
+
+
+def known_model(
+    texts: Sequence[str],
+    states: tuple[str, ...],
+    terms: tuple[Exponents, ...],
+    inputs: tuple[str, ...] = (),
+) -> tuple[PolynomialModel, tuple[str, ...], tuple[Known | Bounds, ...]]:
+    """Known equations on a library, the states that they are of, and known coefficients and bounds.
+
+    Raises ValueError, in one line, where one cannot be read, has a term outside the library or is
+    said twice.
+    """
+    coefficients = np.zeros((len(states), len(terms)))
+    equations: list[str] = []
+    single: list[Known | Bounds] = []
+    said: set[tuple] = set()
+    for text in texts:
+        known = parse_known(text, states, inputs)
+        own = (known.term,) if isinstance(known, Bounds) else tuple(known.terms)
+        places = [place(term, terms, states + inputs) for term in own]
+        if known.state in equations or (type(known), known.state, own) in said:
+            raise ValueError(f"known {text!r}: is said twice")
+        if isinstance(known, Bounds) or known.deviation is not None:
+            single.append(known)
+            said.add((type(known), known.state, own))
+            continue
+        equations.append(known.state)
+        coefficients[states.index(known.state), places] = list(known.terms.values())
+    return PolynomialModel(states, terms, coefficients, inputs), tuple(equations), tuple(single)
+
+
+def parse_model(text: str, inputs: Sequence[str] = ()) -> PolynomialModel:
+    """A model from its equations, one of each state with `;` between them.
+
+    Parameters
+    ----------
+    text : such as `q = dq; dq = -9.81 sin(q) - 0.1 dq`; states are what is left of the =
+    inputs : names of what drives the model
+
+    Raises
+    ------
+    ValueError
+        If an equation cannot be read, or a state has two.
+    """
+    texts, inputs = text.split(";"), tuple(inputs)
+    heads = [re.sub(r"^d\s*\(|\)\s*/\s*dt$", "", own.partition("=")[0].strip()) for own in texts]
+    states = tuple(head.strip() for head in heads)
+    known = [parse_known(own, states, inputs) for own in texts]
+    for own, said in zip(known, texts, strict=True):
+        if isinstance(own, Bounds) or own.deviation is not None:
+            raise ValueError(f"{said.strip()!r}: must be an equation, such as 'q = dq'")
+    terms = tuple(dict.fromkeys(term for own in known for term in own.terms))
+    return known_model(texts, states, terms, inputs)[0]
+
+
+def place(term: Exponents, terms: Sequence[Exponents], names: Sequence[str]) -> int:
+    """Index of a term in a library. Raises ValueError where it is not there."""
+    if term not in terms:
+        raise ValueError(f"known term {term_name(term, names)} is not in the library")
+    return terms.index(term)
+
+
+def parse_known(text: str, states: Sequence[str], inputs: Sequence[str] = ()) -> Known | Bounds:
+    """A known equation, `STATE = SUM`, coefficient, `STATE: TERM = VALUE +- DEVIATION`, or its
+    bounds, `STATE: TERM < VALUE`.
+
+    Raises ValueError as `parse` does.
+    """
+    return _Sentence("known", text, tuple(states), tuple(inputs)).known()
+
+
+@cache
+def _grammar() -> Lark:
+    from lark import Lark  # few models have a grammar to read
+
+    return Lark(GRAMMAR, parser="lalr", start=["library", "known"], maybe_placeholders=True)
+
+
+@dataclass(frozen=True)
+class _Sentence:
+    """kind: a start of the grammar. text: in it, of these states and inputs."""
+
+    kind: str
+    text: str
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+
+    def tree(self) -> Tree:
+        from lark.exceptions import UnexpectedInput
+
+        if len(self.text) > MOST_CHARACTERS:
+            said = f"{len(self.text)} characters are more than {MOST_CHARACTERS}"
+            raise ValueError(f"{self.kind} {self.text:.60}...: {said}")
+        depth = 0
+        for place, character in enumerate(self.text):
+            depth += (character == "(") - (character == ")")
+            if depth > DEEPEST:
+                raise self.fault(place, f"more than {DEEPEST} brackets within each other")
+        # bars in pairs, each of the length it had: else the grammar has two readings
+        text = re.sub(r"\|([^|]*)\|", r"⟦\1⟧", self.text)
+        try:
+            return _grammar().parse(text, start=self.kind)
+        except UnexpectedInput as error:
+            expected = getattr(error, "accepts", None) or getattr(error, "allowed", None) or ()
+            words = [word for name, word in EXPECTED.items() if name in expected]
+            token = getattr(error, "token", None)
+            if token is not None and token.type == "$END":
+                place, said = len(self.text.rstrip()), "more is needed here"
+            else:
+                place = error.pos_in_stream
+                what = self.text[place : place + len(token or " ")]
+                said = f"{what!r} is not understood here"
+            hint = f"; must be {' or '.join(words)}" if 0 < len(words) < 4 else ""
+            raise self.fault(place, f"{said}{hint}") from None
+
+    def fault(self, place: int | Token, said: str) -> ValueError:
+        place = getattr(place, "start_pos", place)
+        text = self.text if len(self.text) < 200 else f"{self.text:.60}..."
+        return ValueError(f"{self.kind} {text!r}, character {place + 1}: {said}")
+
+    def times(self, left: Sum, right: Sum, place: Token | None) -> Sum:
+        """The product of two sums. Raises ValueError for too many terms or too high a power."""
+        result: Sum = {}
+        for one, a in left.items():
+            for other, b in right.items():
+                term = times(one, other)
+                result[term] = result.get(term, 0.0) + a * b
+            self.check_count(len(result), place)
+        highest = max(max(map(abs, term[: n_exponents(term)])) for term in result)
+        if highest > HIGHEST:
+            raise self.fault(place or 0, f"a power of {highest} is more than {HIGHEST}")
+        return result
+
+    def check_count(self, terms: int, place: Token | None) -> None:
+        if terms > MOST_TERMS:
+            raise self.fault(place or 0, f"{terms} terms are too many; at most {MOST_TERMS}")
+
+    def of_equations(self) -> Iterator[tuple[int, Sum]]:
+        """The terms that a library has in each equation that it is about."""
+        scope, right = self.tree().children
+        scoped = range(len(self.states))
+        if scope is not None:
+            scoped = [self.state(name) for name in scope.children]
+        for equation in scoped:
+            yield equation, self.sum(right, equation)
+
+    def known(self) -> Known | Bounds:
+        tree = self.tree()
+        name, right, *numbers = tree.children
+        equation = self.state(name)
+        if tree.data == "bounded":
+            return self.bounds(name, [right, *numbers], equation)
+        terms = self.sum(right, equation)
+        if not numbers:
+            if not all(map(isfinite, terms.values())):
+                raise self.fault(name, "a coefficient is not finite")
+            return Known(name.value, terms)
+        mean, deviation = (None if number is None else self.number(number) for number in numbers)
+        if list(terms.values()) != [1.0]:
+            raise self.fault(name, "must be one term, without a number, before the =")
+        if not isfinite(mean):
+            raise self.fault(numbers[0].children[1], "must be finite")
+        if deviation is not None and not 0.0 < deviation < np.inf:
+            raise self.fault(numbers[1].children[1], "the deviation must be above 0")
+        return Known(name.value, dict.fromkeys(terms, mean), deviation or 0.0)
+
+    def bounds(self, name: Token, parts: Sequence[Tree | Token | None], equation: int) -> Bounds:
+        """Of sums with relations between them: one is the term, what is beside it are numbers."""
+        sums = [self.sum(part, equation) for part in parts[::2] if part is not None]
+        relations = [relation[0] for relation in parts[1::2] if relation is not None]
+        constant = self.monomial(())
+        values = [own.get(constant, 0.0) if set(own) <= {constant} else None for own in sums]
+        own = 1 if len(sums) == 3 else int(values[0] is not None and values[1] is None)
+        if list(sums[own].values()) != [1.0]:
+            raise self.fault(name, "must be one term, without a number, and its bounds")
+        ends = {"<": np.inf, ">": -np.inf}  # on the side to which a relation opens
+        for k, relation in enumerate(relations):
+            other = k if k + 1 == own else k + 1
+            side = relation if other > own else "<>"[relation == "<"]
+            if values[other] is None or not isfinite(values[other]):
+                raise self.fault(name, "a bound must be a finite number")
+            if not np.isinf(ends[side]):
+                raise self.fault(name, "two bounds are on one side")
+            ends[side] = values[other]
+        lower, upper = ends[">"], ends["<"]
+        if not lower < upper:
+            raise self.fault(name, f"no number is between {lower:g} and {upper:g}")
+        return Bounds(name.value, next(iter(sums[own])), lower, upper)
+
+    def state(self, name: Token) -> int:
+        if name not in self.states:
+            said = f"{name.value!r} is no state; must be one of {', '.join(self.states)}"
+            raise self.fault(name, said)
+        return self.states.index(name)
+
+    def number(self, tree: Tree) -> float:
+        sign, number = tree.children
+        return float(f"{sign or ''}{number}")
+
+    def sum(self, tree: Tree, equation: int, within: bool = False) -> Sum:
+        """Coefficients by term; in a library all are one, but `within` a function or a divisor."""
+        bare = self.kind == "library" and not within
+        total: Sum = {}
+        for sign, product in zip(tree.children[::2], tree.children[1::2], strict=True):
+            if sign == "-" and bare:
+                raise self.fault(sign, "a library is a sum, and signs are found; must be +")
+            for term, value in self.product(product, equation, within).items():
+                total[term] = total.get(term, 0.0) + (-value if sign == "-" else value)
+            self.check_count(len(total), None)
+        return dict.fromkeys(total, 1.0) if bare else total
+
+    def product(self, tree: Tree, equation: int, within: bool) -> Sum:
+        first, *others = tree.children
+        result = self.factor(first, equation, within)
+        for sign, factor in zip(others[::2], others[1::2], strict=True):
+            if sign is None and factor.data == "constant":
+                said = "a number is not understood here; it stands first, or behind * or /"
+                raise self.fault(factor.children[0], said)
+            by = self.divided if sign == "/" else self.factor
+            result = self.times(result, by(factor, equation, within, sign), sign)
+        return result
+
+    def divided(self, tree: Tree, equation: int, within: bool, place: Token) -> Sum:
+        """One over a factor."""
+        if tree.data == "raised":
+            return self.raised(*tree.children, equation, within, place)
+        return self.inverse(self.factor(tree, equation, within or tree.data == "sum"), place)
+
+    def factor(self, tree: Tree, equation: int, within: bool, _: object = None) -> Sum:
+        if tree.data == "sum":
+            return self.sum(tree, equation, within)
+        if tree.data == "raised":
+            return self.raised(*tree.children, equation, within)
+        if tree.data == "function":
+            return self.function(*tree.children[:2], equation)
+        name = tree.children[0]
+        if tree.data == "constant":
+            if self.kind == "library" and not within and float(name) != 1.0:
+                raise self.fault(name, "a library has terms, not coefficients; must be 1")
+            return {self.monomial(()): float(name)}
+        if tree.data == "poly":
+            *names, degree = tree.children
+            places, most = [self.name(each) for each in names], self.power(degree)
+            self.check_count(comb(len(places) + most, most), degree)
+            return {self.monomial(own): 1.0 for own in _chosen(places, most)}
+        if tree.data == "wind" or (name == "wind" and "wind" not in self.states + self.inputs):
+            return self.wind(name, equation, tree.data == "wind")
+        return {self.monomial([self.name(name)]): 1.0}
+
+    def function(self, name: Token, argument: Tree, equation: int) -> Sum:
+        """A function of a sum of states. name: with its bracket, or an opening bar."""
+        kind = "abs" if name.type == "OPEN" else name.rstrip("(").rstrip()
+        own = self.combination(self.sum(argument, equation, within=True))
+        if own is None:
+            said = f"{kind} must be of a sum of states, such as {kind}(2 {self.states[0]})"
+            raise self.fault(name, said)
+        return self.applied(kind, own, name)
+
+    def applied(self, kind: str, own: Sequence[float], place: Token) -> Sum:
+        """A function of a combination of states, as of `combination`."""
+        try:
+            factor, made = function(kind, own[:-1], own[-1])
+        except ValueError as error:
+            raise self.fault(place, str(error)) from None
+        return {(*self.monomial(()), made): factor}
+
+    def combination(self, of: Sum) -> list[float] | None:
+        """Weights of the states, and the number besides, that make up a sum; None where they do
+        not.
+        """
+        own = [0.0] * (len(self.states) + 1)
+        for term, value in of.items():
+            of_states, others = term[: len(self.states)], term[len(self.states) :]
+            if any(others) or sum(of_states) > 1:
+                return None
+            own[of_states.index(1) if any(of_states) else -1] = value
+        return own if any(own[:-1]) else None
+
+    def raised(
+        self, base: Tree, number: Tree, equation: int, within: bool, below: Token | None = None
+    ) -> Sum:
+        """A power. below: the sign of a division by it."""
+        sign, digits = number.children
+        by = self.divided if (sign == "-") != (below is not None) else self.factor
+        power, own = self.power(digits), by(base, equation, within, below or sign)
+        result = {self.monomial(()): 1.0}
+        for _ in range(power):
+            result = self.times(result, own, digits)
+        return result
+
+    def power(self, digits: Token) -> int:
+        if not digits.isdigit() or len(digits) > 4 or int(digits) > HIGHEST:
+            said = f"{digits.value:.20} is not allowed; must be a whole number up to {HIGHEST}"
+            raise self.fault(digits, said)
+        return int(digits)
+
+    def inverse(self, of: Sum, place: Token) -> Sum:
+        if (own := self.combination(of)) is not None:
+            return self.applied("inverse", own, place)
+        (term, value), *others = of.items()
+        if others or has_functions(term):
+            said = "only numbers, inputs, states and sums of states can be divided by"
+            raise self.fault(place, said)
+        if not value:
+            raise self.fault(place, "zero cannot be divided by")
+        n = len(self.states)
+        result = {tuple([0] * n + [-e for e in term[n:]]): 1.0 / value}
+        for k, power in enumerate(term[:n]):
+            unit = [float(i == k) for i in range(n)] + [0.0]
+            for _ in range(power):
+                result = self.times(result, self.applied("inverse", unit, place), place)
+        return result
+
+    def name(self, name: Token) -> int:
+        names = self.states + self.inputs
+        if name not in names:
+            inputs = ", ".join(self.inputs) or "there are none"
+            said = f"{name.value!r} is neither a state ({', '.join(self.states)}) nor an input"
+            said = f"{said} ({inputs})"
+            if self.text[name.end_pos :].lstrip().startswith("("):
+                said += ", nor a function (sin, cos, exp, abs, sign)"
+            raise self.fault(name, said)
+        return names.index(name)
+
+    def monomial(self, places: Sequence[int]) -> Exponents:
+        return tuple(places.count(k) for k in range(len(self.states + self.inputs)))
+
+    def wind(self, name: Token, equation: int, named: bool) -> Sum:
+        """What a quasi-static load allows in an equation: p velocities come with U^(2 - p).
+
+        Of a displacement that is its velocity; of a velocity a structure without wind, elastic
+        forces to the third degree and linear damping, and aerodynamics to the third degree.
+        """
+        pairs = velocity_pairs(self.states)
+        if named and name not in self.inputs:
+            inputs = ", ".join(self.inputs) or "there are none"
+            raise self.fault(name, f"{name.value!r} is no input ({inputs})")
+        if not named and len(self.inputs) != 1:
+            inputs = ", ".join(self.inputs) or "none yet"
+            said = f"wind needs the input that is the wind speed ({inputs}), such as wind(U)"
+            raise self.fault(name, said)
+        if equation in pairs:
+            return {self.monomial([pairs[equation]]): 1.0}
+        if equation not in pairs.values():
+            state = self.states[equation]
+            said = f"wind is of displacements and velocities, and {state!r} has no d{state}"
+            raise self.fault(name, said)
+        speed = self.name(name) if named else len(self.states)
+        displacements, velocities = list(pairs), list(pairs.values())
+        terms = [self.monomial(own) for own in _chosen(displacements, STRUCTURE)]
+        terms += [self.monomial([velocity]) for velocity in velocities]
+        for own in _chosen(velocities, 3):
+            term = list(self.monomial(own))
+            term[speed] = 2 - len(own)
+            terms.append(tuple(term))
+        return dict.fromkeys(terms, 1.0)
+
+
+def _chosen(places: Sequence[int], degree: int) -> Iterator[tuple[int, ...]]:
+    """The factors of every monomial up to a degree, in the order of `polynomial.library`."""
+    for power in range(degree + 1):
+        yield from combinations_with_replacement(places, power)

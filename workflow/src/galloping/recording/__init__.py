@@ -1,0 +1,1 @@
+"""Recordings, their inputs, and how a trajectory is measured."""

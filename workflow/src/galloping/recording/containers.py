@@ -1,0 +1,266 @@
+"""Recordings from what users hold data in: arrays, and frames of pandas, polars and xarray.
+
+None of these packages is imported: a container is recognised by what it can do.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from galloping.arrays import finite, floats, seconds
+from galloping.recording.samples import Frame, Input, Recording
+
+Samples: TypeAlias = ArrayLike | Frame
+Data: TypeAlias = Samples | Recording | Sequence[Samples | Recording]
+SampleTimes: TypeAlias = ArrayLike | Sequence[ArrayLike] | None
+OfOne: TypeAlias = Samples | Mapping[str, Input | float]
+Driving: TypeAlias = OfOne | Callable[[float], ArrayLike] | Sequence[OfOne] | None
+
+
+def is_several(data: object) -> bool:
+    """Whether data are a list of recordings: of arrays or frames, as for pysindy.
+
+    Nested lists of numbers are one array.
+    """
+    if not isinstance(data, list | tuple) or not data:
+        return False
+    first = data[0]
+    if isinstance(first, list | tuple):
+        return bool(first) and isinstance(first[0], list | tuple)
+    is_frame = isinstance(first, Recording | Mapping) or hasattr(first, "to_frame")
+    return is_frame or np.ndim(first) > 0
+
+
+@dataclass
+class Table:
+    """Columns of a container by name, and what it has as their times.
+
+    is_named: whether the names are those of the container.
+    """
+
+    what: str
+    columns: dict[str, Any]
+    index: Any = None
+    is_named: bool = True
+
+    @classmethod
+    def of(cls, what: str, data: Any) -> "Table":
+        """The table of an array, whose columns are `what` and a number, or of a frame.
+
+        Raises ValueError, beginning with `what`, for anything else.
+        """
+        if hasattr(data, "to_pandas") and hasattr(data, "coords"):  # xarray
+            data = data.reset_coords(drop=True).to_pandas()
+        if hasattr(data, "to_frame") and not hasattr(data, "columns"):  # a series, a trajectory
+            data = data.to_frame()
+        if not hasattr(data, "columns") and not isinstance(data, Mapping):
+            if np.ndim(data) == 1:
+                data = np.asarray(data)[:, np.newaxis]
+            values = floats(what, data, (None, None))
+            return cls(what, {f"{what}{k}": y for k, y in enumerate(values.T)}, is_named=False)
+        names = list(data if isinstance(data, Mapping) else data.columns)
+        if len(set(names)) < len(names):
+            raise ValueError(f"{what}: {names!r:.60}; columns must have distinct names")
+        index = getattr(data, "index", None)
+        counts_rows = getattr(index, "start", None) == 0 and getattr(index, "step", None) == 1
+        return cls(what, {str(n): data[n] for n in names}, None if counts_rows else index)
+
+    def pop(self, what: str, name: str) -> Any:
+        """Take out a column. Raises ValueError, beginning with `what`, where it is not there."""
+        if name not in self.columns:
+            there = ", ".join(self.columns)
+            raise ValueError(f"{what}: no column {name!r}; must be one of {there:.60}")
+        return self.columns.pop(name)
+
+    def pop_times(self, t: Any = None) -> Any:
+        """Take out the column of times, `t` by default, else return the index; None without one."""
+        if isinstance(t, str):
+            return self.pop("t", t)
+        return self.columns.pop("t", self.index) if self.is_named else None
+
+    def matrix(
+        self, names: Sequence[str] | None = None
+    ) -> tuple[tuple[str, ...], NDArray[np.float64]]:
+        """Names of columns, and their values (n, n_columns).
+
+        names: of the columns that are meant or, where not all of them are there, new names of all.
+        """
+        meant = tuple(self.columns if names is None else names)
+        chosen = meant if set(meant) <= set(self.columns) else tuple(self.columns)
+        if len(chosen) != len(meant):
+            have = f"{len(self.columns)} columns, {', '.join(self.columns):.60}"
+            raise ValueError(f"{self.what}: has {have}; must be {', '.join(meant):.60}")
+        if not chosen:
+            raise ValueError(f"{self.what}: has no columns")
+        values = [floats(f"{self.what}: {n}", self.columns[n], (None,)) for n in chosen]
+        if len({*map(len, values)}) > 1:
+            raise ValueError(f"{self.what}: columns differ in length")
+        return meant, np.column_stack(values)
+
+
+def _names(u: object) -> list[str] | None:
+    """Names of columns, where `u` is such."""
+    if isinstance(u, str):
+        return [u]
+    are_names = isinstance(u, list | tuple) and u and all(isinstance(name, str) for name in u)
+    return list(u) if are_names else None
+
+
+def split_samples(
+    x: Any,
+    t: Any = None,
+    u: Any = None,
+    states: Sequence[str] | None = None,
+) -> tuple[NDArray[np.float64] | None, tuple[str, ...], NDArray[np.float64], Any]:
+    """Times, names of states, their values (n, n_states) and the inputs, of one recording.
+
+    Parameters are those of `make_recordings`. Times are None where nothing says them. Inputs that
+    are columns of `x` are a mapping, others are returned as they are.
+    """
+    table = Table.of("x", x)
+    times = table.pop_times(t)
+    if isinstance(t, str) or t is None:
+        t = times
+    driving: Any = u
+    if columns := _names(u):
+        driving = {name: table.pop("u", name) for name in columns}
+    names, values = table.matrix(states)
+    if t is not None and np.ndim(t) == 0:
+        step = float(finite("t", t, ()))
+        if step <= 0.0:
+            raise ValueError(f"t: {t!r:.60}; must be a step > 0, or times that increase")
+        t = step * np.arange(len(values))
+    if t is not None:
+        t = floats("t", seconds("t", t), (len(values),))
+    return t, names, values, driving
+
+
+def make_recordings(
+    x: Data,
+    t: SampleTimes = None,
+    u: Driving = None,
+    x_dot: Data | None = None,
+    *,
+    states: Sequence[str] | None = None,
+    inputs: Sequence[str] | None = None,
+    between: str = "cubic",
+) -> list[Recording]:
+    """Make recordings of what a user holds data in.
+
+    Parameters
+    ----------
+    x : (n, n_states) array, frame, `Recording`, or a list of these
+        States; of a list each is one recording. NaN is what is missing.
+    t : float, (n,) array, str, or a list of these
+        Step or times of the samples, s, or the column of a frame that has them. By default they
+        are the column `t` of a frame, or its index if that does not count rows.
+    u : (n,) or (n, n_inputs) array, frame, mapping of names, or a list of these
+        Inputs at the times of `x`, an `Input` of a mapping at its own times; or names of columns of
+        the frame `x`.
+    x_dot : (n, n_states) array, frame, or a list of these
+        Measured rates of the states, if there are any.
+    states, inputs : sequence of str
+        Names; by default those of columns, else x0, x1, ... and u0, u1, ...
+    between : str
+        What inputs are between their samples, as of `Input`.
+
+    Raises
+    ------
+    ValueError
+        If something is missing or does not fit, in one line that names it.
+    """
+    if not is_several(x):
+        return [_recording(x, t, u, x_dot, states, inputs, between)]
+    found = []
+    parts = {"x_dot": x_dot} if _names(u) else {"u": u, "x_dot": x_dot}
+    for name, part in parts.items():
+        if part is not None and (not isinstance(part, list | tuple) or len(part) != len(x)):
+            raise ValueError(f"{name}: must be a list of {len(x)}, one for each recording of x")
+    each_t = isinstance(t, list | tuple) and len(t) == len(x)
+    for k, one in enumerate(x):
+        driving = u if "u" not in parts or u is None else u[k]
+        rates = None if x_dot is None else x_dot[k]
+        try:
+            found.append(
+                _recording(one, t[k] if each_t else t, driving, rates, states, inputs, between)
+            )
+        except ValueError as error:
+            raise ValueError(f"recording {k}: {error}") from None
+    return found
+
+
+def _recording(
+    x: Any,
+    t: Any,
+    u: Any,
+    x_dot: Any,
+    states: Sequence[str] | None,
+    inputs: Sequence[str] | None,
+    between: str,
+) -> Recording:
+    if isinstance(x, Recording):
+        if t is not None or u is not None or x_dot is not None:
+            raise ValueError("t, u, x_dot: must be left out, for a Recording holds its own")
+        if states is not None and tuple(states) != x.states:
+            have = f"x: has the states {', '.join(x.states)}"
+            raise ValueError(f"{have}; must have {', '.join(states)}")
+        return x
+    time, names, values, driving = split_samples(x, t, u, states)
+    if time is None:
+        raise ValueError("t: is missing; must be the times of the samples or their step, in s")
+    rates = None
+    if x_dot is not None:
+        table = Table.of("x_dot", x_dot)
+        table.pop_times()
+        rates = table.matrix(names)[1]
+    driving = make_inputs(driving, time, inputs, between)
+    return Recording(time, names, values, rates=rates, inputs=driving)
+
+
+def make_inputs(
+    u: Any, time: NDArray[np.float64], names: Sequence[str] | None = None, between: str = "cubic"
+) -> dict[str, Any]:
+    """Make inputs of what a user holds them in.
+
+    Parameters
+    ----------
+    u : (n,) or (n, n_inputs) array, frame, mapping of names, function of time, or None
+        Inputs at `time`. An `Input` or a number of a mapping stays as it is.
+    time : (n,) array
+        Times in s.
+    names : sequence of str
+        Names; by default those of columns, else u0, u1, ...
+    between : str
+        What inputs are between their samples, as of `Input`.
+
+    Raises
+    ------
+    ValueError
+        If an input does not fit, in one line that names it.
+    """
+    if u is None:
+        return {}
+    if isinstance(u, Mapping) and names is None:
+        columns = {str(name): values for name, values in u.items()}
+    elif isinstance(u, Mapping) and set(names or ()) <= set(u):
+        columns = {name: u[name] for name in names or ()}
+    else:
+        if callable(u):
+            u = np.array([np.ravel(u(each)) for each in time])
+        table = Table.of("u", u)
+        table.pop_times()
+        own, values = table.matrix(names)
+        columns = dict(zip(own, values.T, strict=True))
+    found: dict[str, Any] = {}
+    for name, values in columns.items():
+        if isinstance(values, Input) or np.ndim(values) == 0:
+            found[name] = values if isinstance(values, Input) else float(values)
+            continue
+        try:
+            found[name] = Input(time, values, between)
+        except ValueError as error:
+            raise ValueError(f"u: {name}: {str(error).removeprefix('input: ')}") from None
+    return found

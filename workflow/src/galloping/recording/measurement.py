@@ -1,0 +1,166 @@
+"""What instruments would have recorded of a motion, by one protocol or another.
+
+A protocol is its noise on each state and on each state's derivative: from it follow the recordings,
+the Cramer-Rao bound (`bounds`) and which methods can use them (`identification.registry`).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from galloping.recording.samples import Recording
+from galloping.results import Motion
+from galloping.streams import generator
+
+# What recordings hold: exact states with their rates, all states, not all of them, or rates beside
+# states that are not exact, if there are any.
+DERIVATIVES, ALL_STATES = "derivatives", "states"
+DISPLACEMENTS_ALONE, RATES = "displacements", "rates"
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviation of the noise on each channel: 0 where exact, inf where not measured.
+
+    states, rates: (n_states,), of the states in their units and of their rates. It is drawn white
+    and Gaussian (`recordings_of`).
+    """
+
+    states: np.ndarray
+    rates: np.ndarray
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """One way to measure a motion.
+
+    noise: from the noise level and the scale (2, n_states) of each state and of each rate to a
+    `Noise`; displacements come before velocities. meaning: in the words of the settings.
+    by_default: whether a study has it that names none.
+    """
+
+    name: str
+    noise: Callable[[float, np.ndarray], Noise]
+    meaning: str
+    by_default: bool = True
+
+    @property
+    def measures(self) -> str:
+        """DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE or RATES: what its recordings hold."""
+        noise = self.noise(1.0, np.ones((2, 2)))
+        if np.any(np.isfinite(noise.rates)):
+            return RATES if np.any(noise.states) else DERIVATIVES
+        return ALL_STATES if np.all(np.isfinite(noise.states)) else DISPLACEMENTS_ALONE
+
+    @property
+    def is_scaled(self) -> bool:
+        """Whether its noise depends on the size of the motion."""
+        one, other = (self.noise(1.0, np.full((2, 2), size)) for size in (1.0, 2.0))
+        return bool(np.any(one.states != other.states) or np.any(one.rates != other.rates))
+
+    def noise_label(self, relative: bool) -> str:
+        """What a noise level is, with its unit. relative: as in `channel_scale`."""
+        if relative and self.is_scaled:
+            return "sensor noise, standard deviations of each channel"
+        labels = {
+            DERIVATIVES: "noise of the derivatives, SI units",
+            ALL_STATES: "sensor noise, SI units",
+            DISPLACEMENTS_ALONE: "sensor noise, m",
+        }
+        return labels.get(self.measures, "sensor noise, m/s²")
+
+
+def _derivatives(level: float, scale: np.ndarray) -> Noise:
+    """Absolute noise on every rate (Brunton et al. 2016)."""
+    return Noise(np.zeros(scale.shape[1]), np.full(scale.shape[1], level))
+
+
+def _states(level: float, scale: np.ndarray) -> Noise:
+    return Noise(level * scale[0], np.full(scale.shape[1], np.inf))
+
+
+def _displacements(level: float, scale: np.ndarray) -> Noise:
+    """As `_states`, without the velocities, which are the second half of the states."""
+    noise = _states(level, scale)
+    noise.states[scale.shape[1] // 2 :] = np.inf
+    return noise
+
+
+def _accelerations(level: float, scale: np.ndarray) -> Noise:
+    """On the rates of the velocities, which are all that is measured."""
+    noise = Noise(np.full(scale.shape[1], np.inf), level * scale[1])
+    noise.rates[: scale.shape[1] // 2] = np.inf
+    return noise
+
+
+PROTOCOLS = (
+    Protocol("derivative", _derivatives, "exact states with noisy derivatives"),
+    Protocol("state", _states, "noisy states"),
+    Protocol("displacement", _displacements, "noisy displacements without velocities"),
+    # of the methods only `maximum_likelihood` can use it
+    Protocol("acceleration", _accelerations, "noisy accelerations alone", by_default=False),
+)
+BY_NAME = {protocol.name: protocol for protocol in PROTOCOLS}
+
+
+def recordings_of(
+    motions: Sequence[Motion],
+    *,
+    protocol: str,
+    level: float,
+    relative: bool,
+    samples: int,
+    recordings: int,
+    replicates: int,
+    seed: int,
+    name: Sequence[str],
+) -> list[tuple[Recording, ...]]:
+    """Independent recordings of the first motion or of several under one protocol, by replicate.
+
+    level: of the noise; relative: in units of each channel's standard deviation. samples: how many
+    of each motion; fewer than it has are a random subset, drawn without replacement. recordings: of
+    how many motions. The recording of a motion in a replicate depends on `seed`, `name` and these
+    two numbers only.
+    """
+    noises = noises_of(motions[:recordings], protocol, level, relative)
+    exact = BY_NAME[protocol].measures == DERIVATIVES
+
+    def record(replicate: int, release: int) -> Recording:
+        rng = generator(seed, "measurement", *name, replicate, release)
+        motion, noise = motions[release], noises[release]
+        rows = slice(None)
+        if samples < len(motion.time):
+            rows = np.sort(rng.choice(len(motion.time), size=samples, replace=False))
+        values = _channels(motion.states[rows], noise.states, rng)
+        rates = None
+        if np.any(np.isfinite(noise.rates)):
+            rates = _channels(motion.rates[rows], noise.rates, rng)
+        return Recording(motion.time[rows], motion.names, values, rates, exact=exact)
+
+    return [tuple(record(r, i) for i in range(recordings)) for r in range(replicates)]
+
+
+def noises_of(
+    motions: Sequence[Motion], protocol: str, level: float, relative: bool
+) -> list[Noise]:
+    """The noise on each motion. Raises KeyError for an unknown protocol."""
+    described = BY_NAME[protocol]
+    return [described.noise(level, channel_scale(each, relative)) for each in motions]
+
+
+def _channels(exact: np.ndarray, sigma: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Exact channels (n, n_channels) with noise, NaN where one is not measured."""
+    if not np.any(sigma):
+        return exact
+    return exact + np.where(np.isinf(sigma), np.nan, sigma) * rng.standard_normal(exact.shape)
+
+
+def channel_scale(motion: Motion, relative: bool) -> np.ndarray:
+    """What a noise level is in units of, (2, n_states), of states and of rates.
+
+    relative: the standard deviation of each, else one SI unit.
+    """
+    if not relative:
+        return np.ones((2, len(motion.names)))
+    return np.array([motion.states.std(axis=0), motion.rates.std(axis=0)])

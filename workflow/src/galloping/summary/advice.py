@@ -1,0 +1,135 @@
+"""Which further recording would tell most of the term that is known worst."""
+
+from dataclasses import dataclass, replace
+from math import floor, log10
+
+import numpy as np
+
+from galloping.arrays import round_down, round_up
+from galloping.behaviour.dynamics import Surroundings
+from galloping.evaluation.bounds import Experiment, bound_of, information
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.observations import Code
+from galloping.model.polynomial import term_name, velocity_pairs
+from galloping.readers.units import coefficient_unit, state_unit
+from galloping.recording.samples import Recording
+from galloping.summary.helps import is_span
+
+FARTHER = 1.5  # times the largest displacement from rest that was recorded
+FARTHEST = 2.0  # times the same, to which a release may lead: the model tells no motion beyond
+LONGEST = 60  # periods, of a further recording
+WEIGHED = 40  # samples that information is summed over: more are weighed, not integrated
+
+
+@dataclass(frozen=True)
+class Advice:
+    """What further recordings promise, by the bound of Cramer and Rao.
+
+    term: that is known worst, with its equation. coefficient; error: its standard error now, in
+    unit. duration: s, of a further recording. options: how one is made, with the standard error
+    that this term would have, the best first.
+    """
+
+    term: str
+    coefficient: float
+    error: float
+    unit: str
+    duration: float
+    options: tuple[tuple[str, float], ...]
+
+    def percent(self, error: float) -> str:
+        """A standard error as a share of the coefficient."""
+        return f"{100.0 / abs(self.coefficient) * error:.2g} %"
+
+
+def advice(identified: IdentifiedModel, recording: Recording, period: float) -> Advice | None:
+    """What one more recording, by the instruments of the last, would do for the weakest term.
+
+    period: s, of the motion. None where there is no exact model, for what an approximate one errs
+    by is not the noise; where the motion only repeats, for other terms have it too; and where no
+    channel is of a state, as its options would be.
+    """
+    exact = identified.status in ("ok", "not identifiable") and len(identified.covariance)
+    driven = identified.is_forced or identified.model.inputs  # which differ in another recording
+    repeats = identified.has_finding(Code.MOTION_REPEATS)
+    if driven or repeats or not exact or not np.isfinite(identified.sigma[-1]).any():
+        return None
+    model, states = identified.model, identified.model.states
+    free = np.argwhere(identified.support)
+    before = np.linalg.inv(identified.covariance)
+    now = bound_of(model, free, before)
+    weakest = int(np.argmin(now.t))
+    if not np.isfinite(now.std[weakest]):  # lost in rounding
+        return None
+    equation, term = free[weakest]
+    duration = min(recording.time[-1] - recording.time[0], LONGEST * period)
+    step = recording.step
+    thin = max(round_down(period / WEIGHED / step), 1)
+    sigma = np.where(np.isfinite(identified.sigma[-1]), identified.sigma[-1], np.inf)
+    first = Experiment(
+        identified.initial_states[0],
+        thin * step * np.arange(round_up(duration / (thin * step))),
+        sigma / np.sqrt(thin),
+    )
+    ranked = []
+    for name, option in _options(first, identified, recording).items():
+        try:
+            total = before + information(model, free, option)
+        except ValueError:  # by this model the motion would not stay bounded
+            continue
+        error = float(bound_of(model, free, total).std[weakest])
+        if np.isfinite(error):
+            ranked.append((name, error))
+    return Advice(
+        f"{term_name(model.terms[term], states)} in d({states[equation]})/dt",
+        float(model.coefficients[equation, term]),
+        float(now.std[weakest]),
+        coefficient_unit(states[equation], model.terms[term], states),
+        float(duration),
+        tuple(sorted(ranked, key=lambda option: option[1])),
+    )
+
+
+def _options(
+    first: Experiment, identified: IdentifiedModel, recording: Recording
+) -> dict[str, Experiment]:
+    """Recordings that could be made, by what is done."""
+    states = identified.model.states
+    pairs = velocity_pairs(states)
+    around = Surroundings.of([recording])
+    rest = around.middle if (found := around.rest(identified.model)) is None else found
+    twice = first.time[1] * np.arange(2 * len(first.time))
+    options = {
+        "the same motion again": first,
+        "the same motion, twice as long": replace(first, time=twice),
+        "the same motion, sampled twice as often": replace(first, sigma=first.sigma / np.sqrt(2.0)),
+    }
+    motion = identified.simulate(first.initial_state, first.time).states
+    bounded = np.all(np.isfinite(motion[-1]))
+    if bounded:
+        options["what follows on the same motion"] = replace(first, initial_state=motion[-1])
+    released = () if is_span(identified) else pairs or range(len(states))  # nobody pulls at a line
+    for k in released:
+        if np.isfinite(recording.values[:, k]).any():
+            recorded = np.nanmax(np.abs(recording.values[:, k] - rest[k]))
+            away = FARTHER * recorded
+            height = round(rest[k] + away, 1 - floor(log10(away)))
+            start = first.initial_state.copy()
+            start[list(pairs.values())] = 0.0
+            start[k] = height
+            led = np.abs(identified.simulate(start, first.time).states[:, k] - rest[k])
+            if not np.all(led < FARTHEST * recorded):
+                continue
+            at_rest = " at rest" if pairs else ""
+            place = f"{states[k]} = {height:g} {state_unit(states[k])}".removesuffix(" 1")
+            options[f"a release from {place}{at_rest}"] = replace(first, initial_state=start)
+    unseen = [v for k, v in pairs.items() if not np.isfinite(first.sigma[v])]
+    if unseen and bounded:
+        # as well as displacements are: the same share of the motion is noise
+        size, sigma = motion.std(axis=0), first.sigma.copy()
+        for k, v in pairs.items():
+            sigma[v] = min(sigma[v], size[v] * sigma[k] / size[k])
+        options["the same motion, its velocities measured as well as its displacements"] = replace(
+            first, sigma=sigma
+        )
+    return options

@@ -1,0 +1,308 @@
+"""From files to everything that is written about them: quality, model, fit, forecast, summary."""
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from galloping import __version__
+from galloping.behaviour.dynamics import Dynamics, Surroundings, expected
+from galloping.behaviour.following import Sensed
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.inputs import asked
+from galloping.identification.observations import Code, Finding
+from galloping.identification.preparation.interpolation import (
+    choose_interpolants,
+    of_kind,
+    with_interpolants,
+)
+from galloping.identification.prior_knowledge import PRIOR, coefficients_of
+from galloping.identification.work import limited
+from galloping.inspection.excerpts import by_excerpts, excerpts
+from galloping.inspection.quality import finding_of, quality
+from galloping.model.polynomial import Exponents, PolynomialModel, library
+from galloping.model.terms import known_model, parse
+from galloping.passes import part, passing
+from galloping.readers.mapping import ColumnMapping
+from galloping.readers.recordings import LEAST, SILENT, input_notes, parted, recording
+from galloping.readers.series import Series, check_apart, read_series
+from galloping.readers.units import state_unit
+from galloping.recording.samples import Recording, typical_inputs
+from galloping.storage import write_json, write_rows, write_text
+from galloping.summary.csv_rows import MODEL_COLUMNS, forecast_rows, model_rows
+from galloping.summary.numbers import findings
+from galloping.summary.summarise import METHODS, Summary, longest_period, summarised
+from galloping.summary.terminal import SEARCHED, json_text
+from galloping.summary.wording import escape_markdown, rendered
+
+FAULTS = (  # of channels, for which there may be no model
+    Code.CLIPPED, Code.CHANNEL_JUMPS, Code.MEAN_MOVES, Code.MOSTLY_NOISE, Code.SHOWN_TWICE,
+)  # fmt: skip
+IN_WORDS = {"zero": "held", "linear": "linear", "cubic": "smooth"}
+
+
+@dataclass(frozen=True)
+class Field:
+    """Recordings of one system as they came from files.
+
+    series, reports: one of each for each file; reports are those of `quality`. recordings: of all
+    files in their order, those with long gaps in parts; names: of them.
+    """
+
+    mapping: ColumnMapping
+    series: tuple[Series, ...]
+    recordings: tuple[Recording, ...]
+    names: tuple[str, ...]
+    reports: tuple[dict, ...]
+
+    @property
+    def between(self) -> dict[str, str]:
+        """What inputs are between their samples, by name."""
+        return {name: one.between for name, one in self.series[0].inputs.items()}
+
+    def with_interpolants(self, kinds: Mapping[str, str]) -> "Field":
+        """The recordings with what inputs are between their samples decided, and that noted."""
+        reports = copy.deepcopy(self.reports)
+        for report in reports:
+            for one in report["inputs"].values():
+                if one["between"] != kinds.get(one["name"], one["between"]):
+                    one["between"] = kinds[one["name"]]
+                    report["notes"].append(
+                        f"input {one['name']} is {IN_WORDS[one['between']]} between its samples: "
+                        "the motion tells"
+                    )
+        series = tuple(
+            replace(
+                one, inputs={n: of_kind(i, kinds.get(n, i.between)) for n, i in one.inputs.items()}
+            )
+            for one in self.series
+        )
+        recordings = tuple(with_interpolants(one, kinds) for one in self.recordings)
+        return replace(self, series=series, recordings=recordings, reports=reports)
+
+    @property
+    def faults(self) -> list[Finding]:
+        """Why there may be no model: channels that are cut off, jump, are mostly noise, or show no
+        motion of their own.
+        """
+        return [
+            replace(one, subject=escape_markdown(f"{one.subject} of {report['file']}"))
+            for report in self.reports
+            for problem in report["problems"]
+            if (one := finding_of(problem)).code in FAULTS
+        ]
+
+
+def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
+    """Files of one system. Raises FileError in one line."""
+    with part("read", until=0.05):
+        series = tuple(read_series(path, mapping) for path in paths)
+    check_apart(series)
+    reports = tuple(quality(one, mapping) for one in series)
+    whole = [recording(one, mapping) for one in series]
+    period = longest_period(whole)
+    recordings: list[Recording] = []
+    names: list[str] = []
+    for one, of_file, report in zip(series, whole, reports, strict=True):
+        parts = parted(of_file, period)
+        report["notes"] += input_notes(of_file)
+        if one.unused:
+            report["notes"].append(one.unused_note)
+        report["unused_motion"] = list(one.unused_motion)
+        if len(parts) > 1 or len(parts[0].time) < len(of_file.time):
+            kept = sum(np.ptp(each.time) for each in parts)
+            report["notes"].append(
+                f"gaps longer than a period of {period:.3g} s, or of one sensor alone longer than "
+                f"{SILENT}, part it into recordings of their own: {len(parts)} of {LEAST} periods "
+                f"or more, {kept:.4g} s in all"
+            )
+        recordings += parts
+        names += [
+            escape_markdown(one.path.name)
+            + (f" from {each.time[0]:.4g} s" if len(parts) > 1 else "")
+            for each in parts
+        ]
+    return Field(mapping, series, tuple(recordings), tuple(names), reports)
+
+
+@dataclass(frozen=True)
+class FieldQuestion:
+    """What is asked of recordings.
+
+    degree: of the polynomial library of states and inputs, where neither `library` nor the mapping
+    says another. method: a name of METHODS. library, known: texts, as in `terms`; those of the
+    mapping are known besides. seed: of the draws of intervals and forecasts. random_force: names of
+    what random forces move, or all; where there are none those of the mapping count, else the
+    motion tells.
+    """
+
+    degree: int = 3
+    method: str = "maximum_likelihood"
+    known: tuple[str, ...] = ()
+    seed: int = 0
+    library: tuple[str, ...] = ()
+    random_force: tuple[str, ...] = ()
+
+    def terms(self, mapping: ColumnMapping) -> tuple[tuple[Exponents, ...], np.ndarray | None]:
+        """The library, and in which equations its terms may be, as of `terms.parse`.
+
+        Raises ValueError for what is no library, and where it leaves an input out.
+        """
+        inputs = mapping.input_names
+        texts = self.library or mapping.library
+        if not texts:
+            return library(len(mapping.states) + len(inputs), self.degree), None
+        terms, allowed = parse(texts, mapping.states, inputs)
+        for k, name in enumerate(inputs, start=len(mapping.states)):
+            if not any(term[k] for term in terms):
+                raise ValueError(f"input {name} is in no term of the library {' + '.join(texts)}")
+        return terms, allowed
+
+
+def analyse(
+    field: Field,
+    question: FieldQuestion,
+    folder: Path,
+    beside: tuple[str, PolynomialModel] | None = None,
+) -> IdentifiedModel:
+    """From recordings of one system to everything in `folder`, written when all of it is made.
+
+    beside: a name and a model of the line that the summary compares with. Raises ValueError, in one
+    line, for files or a question that make no sense; a recording without a model is no error.
+    """
+    field, summary = identify_field(field, question)
+    case = None
+    if beside and summary.found.status != "refused":
+        found = summary.found.at(typical_inputs(summary.found.model.inputs, field.recordings))
+        case = beside[0], expected(beside[1], found, Surroundings.of(field.recordings))
+    with part("write", until=1.0):
+        write_outputs(folder, field, summary, case)
+        write_figures(folder, field, summary)
+    return summary.found
+
+
+def identify_field(field: Field, question: FieldQuestion) -> tuple[Field, Summary]:
+    """Identify one model from recordings of one system, and try it.
+
+    Returns
+    -------
+    Field
+        The recordings, with what inputs are between their samples decided.
+    Summary
+        The model, refused if there is none, and what it says of the system.
+
+    Raises
+    ------
+    ValueError
+        In one line, for files or a question that make no sense.
+    """
+    mapping = field.mapping
+    terms, allowed = question.terms(mapping)
+    check_telling(field.series, terms, len(mapping.states))
+    inputs = mapping.input_names
+    texts = (*mapping.known, *question.known)
+    known, known_states, single = known_model(texts, mapping.states, terms, inputs)
+    coefficients = list(chain.from_iterable(map(coefficients_of, single)))
+    if any(one.alternatives for one in field.recordings[0].inputs.values()):
+        stretches = excerpts(list(field.recordings))
+        problem = asked(stretches, terms, known, known_states, PRIOR, coefficients, allowed)
+        field = field.with_interpolants(choose_interpolants(problem, stretches))
+    method, given = METHODS[question.method], field.recordings
+    options: dict[str, object] = {}
+    if forced := question.random_force or mapping.random_force:
+        options["forced"] = () if forced == ("all",) else forced
+    if coefficients:
+        options["coefficients"] = coefficients
+    if allowed is not None:
+        options["allowed"] = allowed
+    if question.method != "maximum_likelihood" and options:
+        raise ValueError(
+            f"--method {question.method}: takes no single known coefficient, no terms of some "
+            "equations alone and no random forces; maximum_likelihood does"
+        )
+
+    def identify(recordings: Sequence[Recording]) -> IdentifiedModel:
+        return by_excerpts(method, list(recordings), terms, known, known_states, **options)
+
+    with limited(given):
+        with part("identify", until=SEARCHED):
+            identified = identify(given)
+        with part("summarise", until=0.8):
+            summary = summarised(
+                identified, given, identify, question.seed, names=field.names,
+                faults=field.faults, are_one=len(field.series) == 1,
+            )  # fmt: skip
+    return field, summary
+
+
+def check_telling(series: Sequence[Series], terms: Sequence[Exponents], n_states: int) -> None:
+    """Refuse inputs that tell nothing, or that a library divides by where they cross zero.
+
+    series: of all files. terms: exponents of states and inputs. Raises ValueError.
+    """
+    for k, name in enumerate(series[0].inputs, start=n_states):
+        own = [one.inputs[name].values for one in series]
+        least, most = (f([f(v[np.isfinite(v)]) for v in own]) for f in (min, max))
+        if least == most:
+            raise ValueError(
+                f"{series[0].path}: input {name} is {least:g} throughout: what never changes "
+                "drives nothing that could be told; leave it out"
+            )
+        divides = any(term[k] < 0 for term in terms)
+        if divides and least <= 0.0 <= most:
+            raise ValueError(
+                f"{series[0].path}: input {name} crosses zero, from {least:g} to {most:g}, and "
+                f"the library divides by it; leave out the terms with /{name}"
+            )
+
+
+def write_outputs(
+    folder: Path, field: Field, of: Summary, beside: tuple[str, Dynamics | None] | None = None
+) -> None:
+    """The tables, the model, and `summary.md` with its numbers. beside: as of `findings`."""
+    identified, states, inputs = of.found, of.found.model.states, dict(field.series[0].units)
+    write_json(folder / "quality.json", list(field.reports))
+    identified.save(
+        folder / "model.json",
+        units={state: state_unit(state) for state in states} | inputs,
+        between=field.between,
+        versions={"galloping": __version__},
+    )
+    channels = Sensed.by(field.recordings[-1]).names
+    units = {f"{s}{end}": state_unit(s) for s in channels for end in ("", "_low", "_high")}
+    tables = {"model.csv": MODEL_COLUMNS, "forecast.csv": {"time_s": "s", **units}}
+    ahead = [row for part in of.forecasts for row in forecast_rows(part)]
+    write_rows(folder / "model.csv", model_rows(identified, inputs), list(MODEL_COLUMNS))
+    write_rows(folder / "forecast.csv", ahead, list(tables["forecast.csv"]))
+    write_json(folder / "datapackage.json", _package(tables))
+    told = findings(of, field.reports, beside)
+    write_text(folder / "summary.json", json_text(asdict(told), indent=2) + "\n")
+    write_text(folder / "summary.md", rendered(of, told, field.reports))
+
+
+def _package(tables: Mapping[str, Mapping[str, str]]) -> dict:
+    """The Frictionless description of CSV files, of each its columns with their units."""
+    resources = []
+    for file, columns in tables.items():
+        fields = [{"name": n, "unit": unit} if unit else {"name": n} for n, unit in columns.items()]
+        resources.append({"name": Path(file).stem, "path": file, "schema": {"fields": fields}})
+    return {"name": "galloping", "resources": resources}
+
+
+def write_figures(folder: Path, field: Field, of: Summary) -> None:
+    """quality, fit and forecast, as SVG and PNG."""
+    from galloping.figures.style import write_figure
+    from galloping.summary import drawing  # matplotlib
+
+    drawn = {
+        "quality": lambda: drawing.draw_quality(field.series, field.reports, field.mapping),
+        "fit": of.draw_fit,
+        "forecast": of.draw_forecast,
+    }
+    for name, draw in drawn.items():
+        passing(f"draw {name}")
+        svg, png = folder / f"{name}.svg", folder / f"{name}.png"
+        write_figure(svg, png, draw, drawing.DPI, drawing.FONT_SIZE)

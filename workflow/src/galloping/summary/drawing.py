@@ -1,0 +1,276 @@
+"""Recordings of a user: what they are worth, the model beside them, and where they go from here."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from textwrap import fill
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
+
+from galloping.behaviour.assessment import Assessment, Cycle
+from galloping.behaviour.following import Sensed
+from galloping.behaviour.forecast import Forecast
+from galloping.figures import parts
+from galloping.figures.style import BAND, MODEL, PAPER, SHADE, TRUE
+from galloping.identification.random_forces.channels import Channels
+from galloping.identification.random_forces.forced_motion import model_spectra
+from galloping.identification.random_forces.start import on_grid
+from galloping.inspection.quality import REPORTED_GAP, spectrum
+from galloping.readers.units import meaning, plain_unit, state_unit
+from galloping.recording.samples import Recording
+
+if TYPE_CHECKING:
+    from galloping.identification.identified_model import IdentifiedModel
+    from galloping.readers.mapping import ColumnMapping
+    from galloping.readers.series import Series
+
+DPI, FONT_SIZE = 150, 8
+ROW = 1.7  # inches, of a row of panels
+LABEL = 26  # letters, that a row has room for
+POINTS = 1500  # of an envelope: more than a figure has pixels
+SEGMENTS = 6  # of a recording, whose spectra are averaged
+DECADES = 6  # of a spectrum
+EDGE = "#a8741a"  # of the band, so that it is seen in grey
+MARK = {"color": PAPER, "lw": 0.8, "ls": ":"}
+
+
+def draw_quality(
+    series: "Sequence[Series]", reports: Sequence[dict], mapping: "ColumnMapping"
+) -> Figure:
+    """A row for each channel and input of each file: the samples, gaps shaded, and their spectrum.
+
+    series: of each file. reports: of `field.quality`, of each file. mapping: names the channels.
+    """
+    rows = []
+    for of_file, report in zip(series, reports, strict=True):
+        gaps = [(gap["from_s"], gap["from_s"] + gap["length_s"])
+                for gap in report["sampling"]["gaps"]]  # fmt: skip
+        told = report["channels"].values()
+        fastest = max((f for one in told for f in one["dominant_frequencies_hz"]), default=np.inf)
+        for channel, values in zip(mapping.channels, of_file.values.T, strict=True):
+            dominant = report["channels"][channel.column]["dominant_frequencies_hz"]
+            title, label = _title(channel.column, report), _with_unit(channel.measures)
+            rows.append((title, label, of_file.time, values, gaps, dominant, fastest))
+        for column in mapping.inputs:
+            one, unit = of_file.inputs[column.name], of_file.units[column.name]
+            unknown = [(a[1], b[0]) for a, b in pairwise(one.stretches)]
+            title = f"{_title(column.column, report)}, an input"
+            label = f"{column.name}, {unit}".removesuffix(", 1")
+            rows.append((title, label, one.time, one.values, unknown, [], fastest))
+    shared = len(series) == 1  # files differ in their times
+    figure, grid = parts.panels(
+        0.5 + ROW * len(rows), len(rows), 2, sharex="col" if shared else "none", width_ratios=(2, 1)
+    )
+    reach = 0.0
+    for k, ((left, right), row) in enumerate(zip(grid, rows, strict=True)):
+        title, label, time, values, gaps, dominant, fastest = row
+        parts.letter(left, 2 * k, title)
+        parts.letter(right, 2 * k + 1, "spectrum")
+        left.plot(*_envelope(time, values), color=MODEL, lw=0.5)
+        for gap in gaps:
+            left.axvspan(*gap, color=BAND, lw=0, label="gap")
+        left.set(ylabel=label.replace(" ", "\n", 1), xlim=(time[0], time[-1]))
+        known = np.isfinite(values)
+        frequency, share = spectrum(time[known], values[known], float(np.median(np.diff(time))))
+        share = np.maximum(share, share.max() * 10.0**-DECADES)
+        for first in dominant[:1]:
+            right.axvline(first, **MARK, label="dominant")
+            right.annotate(
+                f"{first:.3g} Hz", (first, 1.0), xycoords=("data", "axes fraction"),
+                xytext=(2, -2), textcoords="offset points", va="top", color=PAPER, size="x-small",
+            )  # fmt: skip
+        top = min(5 * fastest, frequency[-1])
+        shown = frequency <= top
+        if share.any():  # of what is constant there is none, which has no logarithm
+            right.semilogy(*_envelope(frequency[shown], share[shown]), color=MODEL, lw=0.6)
+        right.yaxis.set_minor_locator(NullLocator())
+        right.yaxis.set_major_formatter("{x:.0e}")  # powers as formulas take long
+        reach = max(reach, top) if shared else top  # an input may be slower than the motion
+        right.set(xlim=(0, reach), ylabel="share of the power")
+    for left, right in grid[-1:] if shared else grid:
+        left.set_xlabel("time, s")
+        right.set_xlabel("frequency, Hz")
+    parts.legend(figure, columns=2, loc="outside upper right")
+    return figure
+
+
+def _title(column: str, report: dict) -> str:
+    """Name a column and its file, in which a dollar begins no formula."""
+    return f"{column} of {report['file']}".replace("$", r"\$")
+
+
+def draw_fit(recording: Recording, motions: Sequence[tuple[np.ndarray, np.ndarray]]) -> Figure:
+    """Samples and the model's motion, in a column for each of some stretches of the recording.
+
+    motions: of each stretch the times (n,), s, and the channels (n, n_sensed) of the model.
+    """
+    if not motions:
+        return parts.nothing_at_all("the recording gives no model to draw beside it")
+    figure, panels, samples = _channels(recording, len(motions))
+    for (_, column, k), axes in panels.items():
+        time, motion = motions[column]
+        _samples(axes, recording.time, samples[:, k], (time[0], time[-1]))
+        axes.plot(time, motion[:, k], color=MODEL, label="model, started anew in each part")
+    parts.legend(figure)
+    return figure
+
+
+def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
+    """Of each channel the spectrum of the samples, and that of a model that random forces move."""
+    from scipy.signal import welch  # slow to import
+
+    channels = Channels.of([recording])
+    step = recording.step
+    grid = on_grid(recording.time, channels.samples(recording), step)
+    filled = np.nan_to_num(grid - np.nanmean(grid, axis=0))
+    long = max(len(filled) // SEGMENTS, 8)
+    frequency, power = welch(filled, 1.0 / step, nperseg=long, axis=0)
+    power /= np.isfinite(grid).mean(axis=0)
+    shown = frequency > 0
+    fine, told = model_spectra(found, recording, np.random.default_rng(0))
+    figure, (row,) = parts.panels(0.5 + ROW, columns=len(channels.names), sharex=True)
+    for k, (axes, name) in enumerate(zip(row, channels.names, strict=True)):
+        parts.letter(axes, k, meaning(name) or name)
+        axes.semilogy(
+            frequency[shown], power[shown, k], ".", ms=2.5, color=TRUE, label="samples"
+        )  # fmt: skip
+        axes.semilogy(fine, told[:, k], color=MODEL, label="model in random forces")
+        unit = state_unit(name).replace("^2", "²")
+        unit = f"({unit})" if "/" in unit else unit
+        axes.set(xlabel="frequency, Hz", ylabel=f"spectrum, {unit}²/Hz")
+    parts.legend(figure)
+    return figure
+
+
+def draw_forecast(
+    recordings: Sequence[Recording], forecasts: Sequence[Forecast], length: float
+) -> Figure:
+    """The end of a recording, the forecast of what was held out, and the one after the recording.
+
+    recordings: of each forecast the one that it goes on from. length: s, of what is shown of each.
+    """
+    if not forecasts:
+        return parts.nothing_at_all("the recording gives no model to forecast with")
+    figure, panels, _ = _channels(recordings[-1], len(forecasts))
+    samples = [Sensed.by(one).samples(one) for one in recordings]
+    for (row, column, k), axes in panels.items():
+        ahead, time = forecasts[column], recordings[column].time
+        begin = ahead.time[0]
+        if row == 0:
+            what = "held out" if begin <= time[-1] else "after the recording"
+            parts.letter(axes, column, what)
+        _samples(axes, time, samples[column][:, k], (begin - length / 2, begin + length))
+        own = ahead.time < begin + length
+        axes.plot(ahead.time[own], ahead.median[own, k], color=MODEL, lw=0.6, zorder=3,
+                  label="forecast, median")  # fmt: skip
+        low, high = ahead.low[own, k], ahead.high[own, k]
+        parts.band(axes, ahead.time[own], low, high, "90 % of samples", ec=EDGE, lw=0.4)
+        axes.axvline(begin, **MARK, label="begin of the forecast")
+    parts.legend(figure)
+    return figure
+
+
+def draw_assessment(of: Assessment, units: Mapping[str, str]) -> Figure:
+    """Half ranges of the limit cycles along an input, with their intervals, and the onset.
+
+    units: of inputs, by name.
+    """
+    cycles = [(c.at[of.along], cycle) for c in of.conditions for cycle in c.cycles if of.along]
+    if not cycles:
+        return parts.nothing_at_all("no limit cycle along a range of an input")
+    states = list(cycles[0][1].half_range)
+    figure, (row,) = parts.panels(0.6 + 2.2, columns=len(states), sharex=True)
+    for k, (axes, state) in enumerate(zip(row, states, strict=True)):
+        parts.letter(axes, k, meaning(state) or state)
+        for onset in of.onsets:
+            axes.axvline(onset.value.value, **MARK, label="onset")
+            ends = np.clip((onset.value.low, onset.value.high), *of.span)
+            axes.axvspan(*ends, color=SHADE, lw=0, zorder=0, label="onset, 95 %")
+        for chain in _chains(of):
+            x = [at for at, _ in chain]
+            values = [cycle.half_range[state] for _, cycle in chain]
+            y, low, high = np.array([(v.value, v.low, v.high) for v in values]).T
+            stable = chain[0][1].stable
+            look = {"label": "stable"} if stable else {"label": "unstable", "mfc": "white"}
+            axes.plot(
+                x, y, color=MODEL, lw=0.6, marker="o", ms=3, ls="-" if stable else "--", **look
+            )
+            parts.band(axes, x, low, high, "95 % interval", ec=EDGE, lw=0.4)
+        unit = units.get(of.along, "")
+        axes.set(xlabel=f"{of.along}, {unit}" if unit else of.along, xlim=of.span,
+                 ylabel=f"half range of {_with_unit(state)}")  # fmt: skip
+        axes.set_ylim(bottom=0.0)
+    parts.legend(figure)
+    return figure
+
+
+def _chains(of: Assessment) -> list[list[tuple[float, Cycle]]]:
+    """Limit cycles along an input, each with the one that is nearest at the value before."""
+    chains: list[list[tuple[float, Cycle]]] = []
+    before = np.nan
+    for condition in of.conditions:
+        now, open_ = condition.at[of.along], [c for c in chains if c[-1][0] == before]
+        for cycle in condition.cycles:
+            alike = [c for c in open_ if c[-1][1].stable == cycle.stable]
+            if alike:
+                nearest = min(alike, key=lambda chain: _distance(chain[-1][1], cycle))
+                open_.remove(nearest)
+                nearest.append((now, cycle))
+            else:
+                chains.append([(now, cycle)])
+        before = now
+    return chains
+
+
+def _distance(one: Cycle, other: Cycle) -> float:
+    return sum(abs(other.half_range[s].value - v.value) for s, v in one.half_range.items())
+
+
+def _channels(
+    recording: Recording, columns: int
+) -> tuple[Figure, dict[tuple[int, int, int], Axes], np.ndarray]:
+    """Panels by row, column and sensed channel, a row for each that has samples; the samples."""
+    sensed = Sensed.by(recording)
+    samples = sensed.samples(recording)
+    shown = np.flatnonzero(np.isfinite(samples).any(axis=0))
+    height = 0.6 + ROW * len(shown)
+    figure, grid = parts.panels(height, len(shown), columns, sharex="col", sharey="row")
+    for row, k in zip(grid, shown, strict=True):
+        row[0].set_ylabel(fill(_with_unit(sensed.names[k]), LABEL))
+    for axes in grid[-1]:
+        axes.set_xlabel("time, s")
+    panels = {
+        (row, column, int(k)): grid[row, column]
+        for row, k in enumerate(shown)
+        for column in range(columns)
+    }
+    return figure, panels, samples
+
+
+def _samples(axes: Axes, time: np.ndarray, values: np.ndarray, span: tuple[float, float]) -> None:
+    inside = (time >= span[0]) & (time <= span[1])
+    axes.plot(time[inside], values[inside], ls="", marker=".", ms=2, color=TRUE, zorder=2,
+              rasterized=True, label="samples")  # fmt: skip
+
+
+def _with_unit(name: str) -> str:
+    return ", ".join(filter(None, (meaning(name) or name, plain_unit(name)))).replace("^2", "²")
+
+
+def _envelope(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The least and greatest samples of many stretches: as dense as a figure can show."""
+    known = np.isfinite(values)
+    time, values = time[known], values[known]
+    gaps = np.flatnonzero(np.diff(time) > REPORTED_GAP * np.median(np.diff(time))) + 1
+    between = (time[gaps - 1] + time[gaps]) / 2
+    places = np.arange(len(time))
+    if len(time) > 2 * POINTS:
+        long = -(-len(time) // POINTS)
+        stretches = np.pad(values, (0, -len(time) % long), mode="edge").reshape(-1, long)
+        ends = stretches.argmin(axis=1), stretches.argmax(axis=1)
+        places = np.unique(places[::long] + np.array(ends))
+    apart = np.searchsorted(time[places], between)
+    return np.insert(time[places], apart, between), np.insert(values[places], apart, np.nan)

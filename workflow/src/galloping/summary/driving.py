@@ -1,0 +1,149 @@
+"""What drives a model that is simulated or forecast: held values, and inputs from a file."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from galloping.cycles.settling import Pace
+from galloping.model.polynomial import PolynomialModel
+from galloping.readers.file_table import read_table
+from galloping.readers.mapping import ColumnMapping, InputColumn, TimeColumn
+from galloping.readers.proposal import ROWS, find_clock
+from galloping.readers.series import read_series
+from galloping.readers.units import NONE
+from galloping.recording.samples import Input
+
+if TYPE_CHECKING:
+    from galloping.summary.analysis import Field
+
+VALUES, MOST_VALUES = 9, 200  # of a range, where no step is said; and at all
+ROUNDING = 1e-9  # of a range, in steps
+PERIODS, PER_PERIOD = 60, 60  # of a simulation, and samples of each
+
+
+def driving(
+    model: str,
+    names: Sequence[str],
+    at: Sequence[str],
+    path: str | None,
+    time: str | None = None,
+    kinds: Mapping[str, str] = NONE,
+) -> dict[str, Input | float]:
+    """Inputs by name, held as `at` says, the others from a file, s from its first time.
+
+    model: for the message. time: the column of times. kinds: what inputs are between samples.
+    Columns have the names of the inputs, and their units behind them. Raises ValueError where an
+    input is not said, and for files that cannot be read.
+    """
+    found: dict[str, Input | float] = _held(at, names)
+    left = [name for name in names if name not in found]
+    if path is not None:
+        if not left:
+            raise ValueError(f"--inputs {path}: the model needs no inputs from a file")
+        clock = time or find_clock(read_table(path, None, None, ROWS), None, {})
+        inputs = tuple(InputColumn(column=name, between=kinds.get(name)) for name in left)
+        mapping = ColumnMapping.model_construct(
+            time=TimeColumn(column=clock), channels=(), inputs=inputs
+        )
+        found |= read_series(path, mapping).inputs
+    elif left:
+        name = left[0]
+        raise ValueError(
+            f"{model}: is driven by {name}; say what it is, held (--at {name}=VALUE) or in a file "
+            "(--inputs FILE)"
+        )
+    return found
+
+
+def inputs_after(
+    field: "Field", names: Sequence[str], at: Sequence[str], path: str | None
+) -> dict[str, Input | float]:
+    """Inputs of a model after the last of its recordings, as far as they are said.
+
+    path: a file with the columns of the recording, on its clock. Raises ValueError where the
+    recording does not hold an input, and where only one of the files has dates.
+    """
+    mapping, recording = field.mapping, field.series[-1]
+    columns = {one.name: one for one in mapping.inputs}
+    for name in names:
+        if name not in columns:
+            raise ValueError(
+                f"{recording.path}: the model is driven by {name}; say its column, --input {name}"
+                "=COLUMN (inputs: in a mapping)"
+            )
+    found = _held(at, names)
+    left = [name for name in names if name not in found]
+    if path is None or not left:
+        return found
+    if mapping.rate and not mapping.time:
+        raise ValueError(
+            f"{path}: is on no clock with {recording.path}, the times of which are its rows; say "
+            "which column counts samples, --time"
+        )
+    others = {"channels": (), "inputs": tuple(columns[name] for name in left)}
+    series = read_series(path, mapping.model_copy(update=others))
+    if bool(series.start) != bool(recording.start):
+        raise ValueError(
+            f"{path}: has {'dates' if series.start else 'no dates'} for times, unlike "
+            f"{recording.path}; must be one clock"
+        )
+    shift = series.origin - recording.origin
+    return found | {
+        name: replace(one, time=one.time + shift) for name, one in series.inputs.items()
+    }
+
+
+def usual_sampling(
+    model: PolynomialModel, start: np.ndarray, inputs: Mapping[str, Input | float]
+) -> tuple[float, float]:
+    """Duration, s, and rate, Hz, that show the motion of a model from a start (n_states,): so many
+    periods of its small motions there, inputs at their means, and samples of a period.
+    """
+    means = {
+        name: float(np.nanmean(one.values)) if isinstance(one, Input) else one
+        for name, one in inputs.items()
+    }
+    pace = Pace.of(model.at(means), start)
+    return tuple(float(f"{usual:.2g}") for usual in (PERIODS * pace.slow, PER_PERIOD / pace.fast))
+
+
+def _held(at: Sequence[str], names: Sequence[str]) -> dict[str, float]:
+    found = held_at(at, names)
+    for name, value in found.items():
+        if np.ndim(value):
+            raise ValueError(f"--at {name}: a range is of `galloping assess`; must be one value")
+    return found
+
+
+def held_at(texts: Sequence[str], inputs: Sequence[str]) -> dict[str, float | np.ndarray]:
+    """Values of inputs by name, from `U=12`, or `U=8:16` and `U=8:16:0.5`, a range.
+
+    Raises ValueError where a text has another form or names no input.
+    """
+    found: dict[str, float | np.ndarray] = {}
+    for text in texts:
+        name, _, said = (part.strip() for part in text.partition("="))
+        if name not in inputs:
+            has = f"has the inputs {', '.join(inputs)}" if inputs else "has no inputs"
+            raise ValueError(f"--at {text}: the model {has}")
+        try:
+            values = [float(part) for part in said.split(":")]
+        except ValueError:
+            values = []
+        low, high, *step = [*values, *values] if len(values) == 1 else values or [np.nan] * 4
+        step = step or [(high - low) / (VALUES - 1)]
+        if not (np.isfinite([low, high, *step]).all() and low <= high and len(step) == 1):
+            raise ValueError(
+                f"--at {text}: must be one value, {name}=12, or a range with or without a step, "
+                f"{name}=8:16 or {name}=8:16:0.5"
+            )
+        if low == high:
+            found[name] = low
+            continue
+        count = int((high - low) / step[0] + ROUNDING) + 1 if step[0] > 0 else 0
+        if not 2 <= count <= MOST_VALUES:
+            raise ValueError(f"--at {text}: must be 2 to {MOST_VALUES} values")
+        found[name] = low + step[0] * np.arange(count)
+    return found

@@ -1,0 +1,119 @@
+"""What would help most, in the words of an engineer, and what the findings of a verdict mean."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.observations import Code, Finding
+from galloping.identification.sentences import explain
+from galloping.inspection.quality import finding_of
+from galloping.readers.units import meaning
+
+if TYPE_CHECKING:
+    from galloping.summary.summarise import Summary
+
+HELPS = {
+    "wind": "the wind speed, recorded beside the motion (`--input`)",
+    "places": "sensors at more places along the span, which tell its modes apart (`position` in a "
+    "mapping)",
+    "directions": "sensors in both directions",
+    "fewer": "fewer candidate terms (`--library`, `--degree`)",
+    "clocks": "one clock for all sensors, and samples at regular times",
+}
+WIND, PLACES = HELPS["wind"], HELPS["places"]
+KNOWN = 0.01  # standard error of a coefficient that no further recording needs to tell better
+
+
+def what_helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
+    """What would help, that which helps most first."""
+    problems = [finding_of(problem) for report in reports for problem in report["problems"]]
+    span, units = is_span(of.found), units_in(reports)
+    helps = [more for _, more in meanings_and_advice(problems, span) if more]
+    if of.found.status == "refused" and (alone := _alone(reports)):
+        helps.insert(0, f"a model without {alone}, which has no motion of its own (`--states`)")
+    if len({"q_v", "q_w"}.intersection(of.found.model.states)) == 1:
+        helps.append(
+            "a sensor of the other direction: vertical and horizontal motion drive each other"
+        )
+    for _, more in meanings_and_advice(of.found.findings, span):
+        helps += [more] if more and more not in " ".join(helps) else []
+    advice = of.advice
+    if advice and advice.options and advice.error > KNOWN * abs(advice.coefficient):
+        name, error = advice.options[0]
+        helps.append(
+            f"one more recording{' at the same wind' * span}, best of {name}: the coefficient that "
+            f"is known worst would then be known to {advice.percent(error)} instead of "
+            f"{advice.percent(advice.error)}"
+        )
+    if of.found.status == "approximate" and PLACES not in helps:
+        helps.append(f"{PLACES}; more of the same kind would not, for what the model misses is no "
+                     "noise that averages out")  # fmt: skip
+    if not of.found.model.inputs and WIND not in " ".join(helps):
+        helps.append(f"{WIND}, in several winds: one wind alone does not tell at which wind "
+                     "galloping begins")  # fmt: skip
+    if of.found.model.inputs or not span:  # which were recorded; no wind drives other systems
+        helps = [each for each in helps if WIND not in each]
+    if span and _both_directions(reports):
+        helps = [each.replace("; " + HELPS["directions"], "") for each in helps]
+    if not span:
+        helps = [
+            each.replace(HELPS["directions"], HELPS["fewer"])
+            for each in helps
+            if PLACES not in each
+        ]
+    for name in of.found.model.inputs:
+        if ends := of.found.recorded(name):
+            unit = shown_units(units).get(name, "")
+            beyond = f"below {ends[0]:.3g} or above {ends[1]:.3g} {unit}".rstrip()
+            known = "; or a known damping (`--known`)" if may_be_wind(of.found, units) else ""
+            helps.append(f"recordings with {name} {beyond}, if the model is to hold there{known}")
+    return list(dict.fromkeys(helps))
+
+
+def _both_directions(reports: Sequence[dict]) -> bool:
+    """Whether the sensors of a span measure its vertical and its horizontal motion."""
+    measured = {one["measures"][-1] for report in reports for one in report["channels"].values()}
+    return {"v", "w"} <= measured
+
+
+def _alone(reports: Sequence[dict]) -> str:
+    """The columns without a motion of their own, where there are others; '' where not."""
+    idle = {
+        problem["column"]
+        for report in reports
+        for problem in report["problems"]
+        if problem["code"] in (Code.MOSTLY_NOISE, Code.SHOWN_TWICE)
+    }
+    others = {column for report in reports for column in report["channels"]} - idle
+    return listed(sorted(idle)) if idle and others else ""
+
+
+def meanings_and_advice(findings: Iterable[Finding], is_span: bool = True) -> list[tuple[str, str]]:
+    """Say what findings that bear on a verdict mean, and what would help (`sentences.explain`)."""
+    return explain(findings, True, is_span, HELPS)
+
+
+def units_in(reports: Sequence[dict]) -> dict[str, str]:
+    """Units of inputs, by name, from reports of `quality`."""
+    return {one["name"]: one["unit"] for report in reports for one in report["inputs"].values()}
+
+
+def shown_units(units: Mapping[str, str]) -> dict[str, str]:
+    """Units to be written behind numbers, those of pure ones left out."""
+    return {name: unit for name, unit in units.items() if unit != "1"}
+
+
+def may_be_wind(found: IdentifiedModel, units: Mapping[str, str]) -> bool:
+    """Whether what drives a span may be the wind, as far as units tell."""
+    return is_span(found) and all(units.get(n, "m/s") == "m/s" for n in found.model.inputs)
+
+
+def is_span(found: IdentifiedModel) -> bool:
+    """Whether a model is of a span, by the names of its states."""
+    return any(map(meaning, found.model.states))
+
+
+def listed(parts: Iterable[str]) -> str:
+    """`a, b and c`; there must be one at least."""
+    *most, last = parts
+    return f"{', '.join(most)} and {last}" if most else last

@@ -1,0 +1,412 @@
+"""The numbers that a summary tells, with their units: what `summary.json` holds.
+
+`summary.md` is rendered from the same values.
+"""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf, log, nan, pi
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from galloping.behaviour.dynamics import ROUNDING, Dynamics, Surroundings, Value
+from galloping.behaviour.following import Sensed, without_outliers
+from galloping.cycles.settling import Pace
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.observations import Code
+from galloping.identification.random_forces.tracking import Forces
+from galloping.inspection.excerpts import excerpts
+from galloping.inspection.quality import peaks_of, spectrum
+from galloping.model.polynomial import design_matrix, term_name, velocity_pairs
+from galloping.readers.units import coefficient_unit, meaning, plain_unit
+from galloping.recording.samples import Recording, mean_inputs
+from galloping.summary.helps import shown_units, units_in
+
+if TYPE_CHECKING:
+    from galloping.behaviour.forecast import HeldOut
+    from galloping.summary.summarise import Summary
+
+MOST_ABSENT = 3  # terms that are named because they may be there unseen
+PERCENT = "% of critical"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value with its 95 % interval, NaN where there is none. unit: '' of a pure number."""
+
+    value: float
+    low: float = nan
+    high: float = nan
+    unit: str = ""
+
+    @classmethod
+    def of(cls, value: Value, unit: str = "", factor: float = 1.0) -> Self:
+        """A value times a factor, which may be negative."""
+        ends = factor * value.low, factor * value.high
+        return cls(factor * value.value, min(ends), max(ends), unit)
+
+
+@dataclass(frozen=True)
+class RecordedMotion:
+    """Least and greatest of what was recorded, outliers left out.
+
+    name: of a state, its rate or a column. meaning: what is meant, '' of other systems than a span.
+    file: that the column is in, '' of a state. below_hz: what is faster is left out, NaN where
+    nothing is. frequency_hz: of most of the motion, NaN where none stands out.
+    """
+
+    name: str
+    meaning: str
+    low: float
+    high: float
+    unit: str
+    frequency_hz: float = nan
+    below_hz: float = nan
+    file: str = ""
+
+
+@dataclass(frozen=True)
+class SmallMotionEstimates:
+    """A mode of small motions about rest. name: of the coordinate that mostly moves, or of a mode
+    beside those of the coordinates. doubling_time: of one that grows.
+    """
+
+    name: str
+    natural_frequency: Estimate
+    net_damping: Estimate
+    doubling_time: Estimate | None
+
+
+@dataclass(frozen=True)
+class SystemEstimates:
+    """What a model says of its system.
+
+    at: inputs, at the means of which the rest is told. rest: place, by coordinate. small_motions:
+    none where the recordings do not tell them. end: how the motion ends: `cycle`, `rest`, `forced`,
+    `irregular`, or why its simulation stopped. limit_cycle: half range, by coordinate, and period;
+    none where the motion does not end on one.
+    """
+
+    at: Mapping[str, Estimate]
+    rest: Mapping[str, Estimate]
+    small_motions: tuple[SmallMotionEstimates, ...]
+    end: str
+    limit_cycle: Mapping[str, Estimate]
+    period: Estimate | None
+
+
+@dataclass(frozen=True)
+class HeldOutChannel:
+    """How the forecast of a channel went. missed_percent: root mean square error, of the deviation
+    of the whole recording, NaN of random forces, which nothing foretells. is_noise: whether nothing
+    but noise was left to forecast; r2 is NaN then. band_factor: how many times as wide the band had
+    to be, infinite where the forecast is of no use.
+    """
+
+    name: str
+    missed_percent: float
+    is_noise: bool
+    r2: float
+    inside_percent: float
+    inside_by_chance_percent: float
+    band_factor: float
+
+
+@dataclass(frozen=True)
+class HeldOutScores:
+    """How the forecast of the end of a recording went, which was hidden from the method.
+
+    until_s: the end of that recording, on its clock. is_longest: whether that is of the longest
+    recording and not of the last. is_useful: whether no channel was missed by more than its mean
+    would have missed it.
+    """
+
+    duration_s: float
+    until_s: float
+    is_longest: bool
+    is_useful: bool
+    channels: tuple[HeldOutChannel, ...]
+
+
+@dataclass(frozen=True)
+class AbsentTerm:
+    """A term that was not found, and from which size on it would have been."""
+
+    term: str
+    equation: str
+    limit: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class FurtherRecording:
+    """What further recordings promise of the term known worst: standard errors now and after each
+    of the options, the best first.
+    """
+
+    term: str
+    coefficient: float
+    standard_error: float
+    unit: str
+    duration_s: float
+    options: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Findings:
+    """All numbers of a summary.
+
+    columns: of files, where what they hold is no state as it is. random_forces: density of each,
+    with its unit; force_durations_s: how long slow ones last. stretches: how many the model comes
+    from, 0 for the whole, and their share of the time. scales: unknown ones that were found.
+    compared: a name, and what is known of the system by that name.
+    """
+
+    status: str
+    reason: str
+    findings: tuple[dict, ...]
+    recorded: tuple[RecordedMotion, ...]
+    columns: tuple[RecordedMotion, ...]
+    system: SystemEstimates | None
+    random_forces: Mapping[str, Estimate]
+    force_durations_s: tuple[float, ...]
+    forecast: HeldOutScores | None
+    no_forecast: str
+    stretches: int
+    stretches_percent: float
+    absent_terms: tuple[AbsentTerm, ...]
+    scales: Mapping[str, float]
+    further_recording: FurtherRecording | None
+    compared: tuple[str, SystemEstimates] | None
+
+
+def findings(
+    of: "Summary", reports: Sequence[dict] = (), beside: tuple[str, Dynamics | None] | None = None
+) -> Findings:
+    """The numbers of a summary.
+
+    Parameters
+    ----------
+    of : Summary
+    reports : sequence of dict
+        Of `quality`, where the recordings come from files.
+    beside : tuple, optional
+        A name, and what is known of the system by that name.
+    """
+    found, known, units = of.found, of.dynamics, units_in(reports)
+    below = found.diagnostics.get("below", nan)
+    placed = {
+        column["measures"]
+        for report in reports
+        for column in report["channels"].values()
+        if column["position_m"] is not None
+    }
+    recorded = tuple(_recorded(of.recordings, below, placed))
+    strengths, lasting = _forces(found, known) if found.is_forced else ({}, ())
+    count, share = _stretches(of.recordings, found)
+    is_refused = found.status == "refused"
+    return Findings(
+        status=found.status,
+        reason=found.reason,
+        findings=tuple(each.as_dict() for each in found.findings),
+        recorded=recorded,
+        columns=tuple(_columns(reports, recorded)),
+        system=_system(known, found, units) if known else None,
+        random_forces=strengths,
+        force_durations_s=lasting,
+        forecast=_held_out(of.held_out, found.is_forced) if of.held_out else None,
+        no_forecast=of.untried,
+        stretches=count,
+        stretches_percent=share,
+        absent_terms=() if is_refused else tuple(_absent(found, of.recordings, units)),
+        scales={
+            name.removeprefix("scale_"): float(value)
+            for name, value in found.diagnostics.items()
+            if name.startswith("scale_")
+        },
+        further_recording=_advice(of) if of.advice else None,
+        compared=(beside[0], _system(beside[1], None, units)) if beside and beside[1] else None,
+    )
+
+
+def keeps(known: Dynamics) -> bool:
+    """Whether a motion of any size goes on as it is."""
+    return all(abs(value.value) < ROUNDING for value in known.damping.values())
+
+
+def is_blind(found: IdentifiedModel, known: Dynamics) -> bool:
+    """Whether all small motions go on in the model as they are, and in others would not."""
+    return keeps(known) and found.status == "not identifiable"
+
+
+def _system(
+    known: Dynamics, found: IdentifiedModel | None, units: Mapping[str, str]
+) -> SystemEstimates:
+    hidden = found is not None and (
+        found.has_finding(Code.MOTION_REPEATS) or is_blind(found, known)
+    )
+    small = [] if hidden else [
+        name for name, value in known.frequencies.items() if np.isfinite(value.value)
+    ]  # fmt: skip
+    lasts = {} if keeps(known) else known.half_range
+    period = known.period if lasts else None
+    shown = shown_units(units)
+    return SystemEstimates(
+        {name: Estimate(value, unit=shown.get(name, "")) for name, value in known.at.items()},
+        {name: Estimate.of(value, plain_unit(name)) for name, value in known.rest.items()},
+        tuple(_small_motion(known, name) for name in small),
+        known.kind,
+        {name: Estimate.of(value, plain_unit(name)) for name, value in lasts.items()},
+        period and Estimate.of(period, "s"),
+    )
+
+
+def _small_motion(known: Dynamics, name: str) -> SmallMotionEstimates:
+    frequency, damping = known.frequencies[name], known.damping[name]
+    grows = damping.value < -ROUNDING and not damping.high > ROUNDING
+    return SmallMotionEstimates(
+        name,
+        Estimate.of(frequency, "Hz"),
+        Estimate.of(damping, PERCENT, 100.0),
+        _doubling(frequency, damping) if grows else None,
+    )
+
+
+def _doubling(frequency: Value, damping: Value) -> Estimate:
+    """The time in which a motion that grows doubles; without an end where it may not grow."""
+    time, *ends = (
+        log(2.0) / (2.0 * pi * frequency.value * -ratio) if ratio < 0.0 else inf
+        for ratio in (damping.value, damping.low, damping.high)
+    )
+    return Estimate(time, *ends, unit="s")
+
+
+def _recorded(
+    recordings: Sequence[Recording], below: float, placed: Collection[str]
+) -> Iterator[RecordedMotion]:
+    """Of each channel of all recordings; below: Hz, beyond which they have nothing left. placed:
+    those whose sensors have places along the span, from which the motion of its mode follows.
+    """
+    channels: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+    for own in recordings:
+        sensed = Sensed.by(own)
+        for name, values in zip(sensed.names, sensed.samples(without_outliers(own)).T, strict=True):
+            known, parts = np.isfinite(values), channels.setdefault(name, [])
+            if np.count_nonzero(known) > 1:
+                parts.append((own.time[known], values[known]))
+    for name, parts in channels.items():
+        if parts:
+            every = np.concatenate([values for _, values in parts])
+            time, longest = max(parts, key=lambda part: len(part[0]))
+            frequency, share = spectrum(time, longest, float(np.median(np.diff(time))))
+            peaks = peaks_of(share)[1]
+            pace = float(frequency[peaks[0]]) if len(peaks) else nan
+            ends = float(every.min()), float(every.max())
+            what = meaning(name) + " of the first mode" * (name in placed)
+            yield RecordedMotion(name, what, *ends, plain_unit(name), pace, below)
+
+
+def _columns(
+    reports: Sequence[dict], recorded: Sequence[RecordedMotion]
+) -> Iterator[RecordedMotion]:
+    """The columns of files whose own extremes are not those of the state that they measure."""
+    states, columns = {one.name: one for one in recorded}, {}
+    for report in reports:
+        for name, column in report["channels"].items():
+            own = report["file"], column["lowest"], column["highest"]
+            columns.setdefault((name, column["measures"]), []).append(own)
+    for (name, state), each in columns.items():
+        files, lowest, highest = zip(*each, strict=True)
+        low, high, one = min(lowest), max(highest), states.get(state)
+        if one and np.allclose((low, high), (one.low, one.high), 0.0, 1e-3 * (high - low)):
+            continue
+        file = files[0] if len(files) == 1 else f"{len(files)} files"
+        yield RecordedMotion(name, meaning(state), low, high, plain_unit(state), file=file)
+
+
+def _forces(
+    found: IdentifiedModel, known: Dynamics | None
+) -> tuple[dict[str, Estimate], tuple[float, ...]]:
+    """Roots of the one-sided spectra of the forces, at the frequency of the coordinate that each
+    moves, and how long slow ones last, s.
+    """
+    states, forces, said = found.model.states, Forces.of(found), {}
+    for i, velocity in velocity_pairs(states).items():
+        frequency = known.frequencies[states[i]].value if known else nan
+        density = forces.density(2.0 * pi * frequency)[velocity, velocity]
+        if density > 0.0:
+            unit = f"{plain_unit('d' + states[velocity]).replace('^2', '²')} per √Hz".lstrip()
+            said[states[i]] = Estimate(float(np.sqrt(2.0 * density)), unit=unit)
+    return said, tuple(float(1.0 / forces.rates[i]) for i in forces.places)
+
+
+def _held_out(of: "HeldOut", is_forced: bool) -> HeldOutScores:
+    ahead, numbers = of.forecast, []
+    each = zip(
+        ahead.names, of.skill, of.missed, of.held, of.is_noise, ahead.chance, of.factors,
+        strict=True,
+    )  # fmt: skip
+    for name, skill, missed, held, is_noise, chance, factor in each:
+        if np.isfinite(held):
+            numbers.append(
+                HeldOutChannel(
+                    name,
+                    nan if is_forced else float(100.0 * missed),
+                    bool(is_noise),
+                    nan if is_noise else float(skill),
+                    float(100.0 * held),
+                    float(100.0 * chance),
+                    float(factor),
+                )
+            )
+    first, last = float(ahead.time[0]), float(ahead.time[-1])
+    return HeldOutScores(last - first, last, of.index < -1, of.useful, tuple(numbers))
+
+
+def _stretches(recordings: Sequence[Recording], found: IdentifiedModel) -> tuple[int, float]:
+    """How many parts of the recordings were used, and their share of the time; 0 for the whole."""
+    own = recordings if found.is_forced else excerpts(list(recordings))
+    if all(one is other for one, other in zip(own, recordings, strict=False)):
+        return 0, 100.0
+    used, whole = (sum(np.ptp(one.time) for one in of) for of in (own, recordings))
+    return len(own), float(100.0 * used / whole)
+
+
+def _absent(
+    found: IdentifiedModel, recordings: Sequence[Recording], units: Mapping[str, str]
+) -> Iterator[AbsentTerm]:
+    """The absent terms that may be the largest part of their equation unseen.
+
+    units: of inputs, by name.
+    """
+    model = found.model
+    means = mean_inputs(model.inputs, recordings)
+    steady, around = model.at(means) if means else model, Surroundings.of(recordings)
+    sizes, time = around.sizes(steady), Pace.of(steady, around.middle).slow / (2.0 * pi)
+    signals = [*sizes, *(_root_mean_square(name, recordings) for name in model.inputs)]
+    largest = np.abs(design_matrix(np.array([signals]), model.terms)[0])
+    shares = found.detection_limits * largest * time / sizes[:, np.newaxis]
+    shares = np.where(np.isfinite(shares), shares, -1.0)
+    flat = np.argsort(-shares, axis=None, kind="stable")[:MOST_ABSENT]
+    inputs = dict.fromkeys(model.inputs, "") | units
+    for i, j in zip(*np.unravel_index(flat, shares.shape), strict=True):
+        if shares[i, j] > 0.0:
+            yield AbsentTerm(
+                term_name(model.terms[j], model.names),
+                f"d({model.states[i]})/dt",
+                float(found.detection_limits[i, j]),
+                coefficient_unit(model.states[i], model.terms[j], model.names, inputs),
+            )
+
+
+def _root_mean_square(name: str, recordings: Sequence[Recording]) -> float:
+    values = np.concatenate([one.inputs[name].values for one in recordings])
+    return float(np.sqrt(np.nanmean(values**2)))
+
+
+def _advice(of: "Summary") -> FurtherRecording:
+    own = of.advice
+    return FurtherRecording(
+        own.term, own.coefficient, own.error, own.unit, own.duration, dict(own.options)
+    )

@@ -1,0 +1,400 @@
+"""What an identified model says of its system: what `summary.md` holds, with its intervals."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from galloping.arrays import (
+    TIME_ROUNDING,
+    Immutable,
+    first_from,
+    increasing,
+    one_thread,
+    round_down,
+    round_up,
+)
+from galloping.behaviour import dynamics as of_line
+from galloping.behaviour import forecast as ahead
+from galloping.behaviour.dynamics import Dynamics, Surroundings
+from galloping.behaviour.extrapolation import with_extent, with_extrapolation
+from galloping.behaviour.following import Following, Sensed, without_outliers
+from galloping.behaviour.forecast import (
+    Forecast,
+    HeldOut,
+    check_followed,
+    deviations_of,
+    with_factors,
+)
+from galloping.behaviour.objections import Identify, objected
+from galloping.identification.free_motion.answer import as_recorded_alone
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.inputs import checked_recordings
+from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.likelihood.weak_gls import weak_gls
+from galloping.identification.random_forces import forced_motion as in_random_forces
+from galloping.identification.random_forces.low_pass import as_modelled
+from galloping.identification.work import limited
+from galloping.inspection.excerpts import by_excerpts
+from galloping.inspection.quality import PERIODS as PERIODS_HELD
+from galloping.inspection.quality import peaks_of, sampled, spectrum
+from galloping.passes import part, passing
+from galloping.readers.units import NONE
+from galloping.recording.samples import Input, Recording, typical_inputs
+from galloping.summary.advice import Advice, advice
+from galloping.summary.wording import summary_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+METHODS = {"maximum_likelihood": maximum_likelihood, "weak_gls": weak_gls}
+HELD_OUT = 0.1  # of a recording, to try the forecast on,
+MOST_HELD_OUT = 30  # periods of the motion, and so many samples of it
+MOST_SAMPLES = 5000
+PERIODS = 6  # of the motion from which a forecast starts
+POINTS = 600  # of a drawn motion
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Summary(Immutable):
+    """What an identified model says of its system, and how far it is to be believed.
+
+    Printed, it is the text of `summary.md`. recordings: what was asked about. found: the model that
+    was asked about, refused or doubted where the recordings object to it, and as sure of its
+    forecasts as that of the held-out end was right. dynamics: position of rest, natural
+    frequencies, damping and limit cycle. held_out: the end of the last recording, or of the longest
+    where that of the last is too short, forecast by a model that has not seen it; untried: why
+    there is none. forecast: where the last recording goes on. motions: of the model through the
+    begin, the middle and the end of the last recording, each as times (n,), s, and channels
+    (n, n_sensed). advice: which further recording would help most. None, or no motions, is what the
+    model and the recordings do not tell.
+    """
+
+    found: IdentifiedModel
+    recordings: tuple[Recording, ...]
+    dynamics: Dynamics | None = None
+    held_out: HeldOut | None = None
+    untried: str = ""
+    forecast: Forecast | None = None
+    motions: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...] = ()
+    advice: Advice | None = None
+
+    @property
+    def forecasts(self) -> list[Forecast]:
+        """Forecasts of the end that was held out, its band widened, and of what follows."""
+        trial = self.held_out
+        useful = trial is not None and trial.useful
+        parts = trial.forecast.widened(trial.factors) if useful else None, self.forecast
+        return [one for one in parts if one is not None]
+
+    def __str__(self) -> str:
+        return summary_text(self)
+
+    def _repr_markdown_(self) -> str:
+        """What notebooks show."""
+        return str(self)
+
+    def __repr__(self) -> str:
+        return f"Summary of {self.found!r}"
+
+    def draw_fit(self) -> "Figure":
+        """The model's motion beside the samples; the spectra where the model has random forces.
+
+        Needs matplotlib, as `draw_forecast` does.
+        """
+        from galloping.summary.drawing import draw_fit, draw_spectra
+
+        if self.found.is_forced:
+            return draw_spectra(self.found, self.recordings[-1])
+        return draw_fit(self.recordings[-1], self.motions)
+
+    def draw_forecast(self) -> "Figure":
+        """Both forecasts with their bands, beside the samples."""
+        from galloping.summary.drawing import draw_forecast
+
+        ahead, after = self.forecasts, [self.recordings[-1]] * (self.forecast is not None)
+        tried = [self.recordings[self.held_out.index]] if len(ahead) > len(after) else []
+        length = np.ptp(self.motions[0][0]) if self.motions else 0.0
+        return draw_forecast([*tried, *after], ahead, length)
+
+
+@one_thread
+def summarise(
+    found: IdentifiedModel,
+    recordings: Recording | Sequence[Recording],
+    *,
+    method: str = "maximum_likelihood",
+    seed: int = 0,
+    **options: object,
+) -> Summary:
+    """What an identified model and its recordings say: numbers, forecasts, text and figures.
+
+    method: `maximum_likelihood` or `weak_gls`, by which the model was found: the end of the last
+    recording is held out, and forecast by what it finds in the rest. options: further keywords of
+    the method that the model was found with, such as `prior`. seed: of the draws behind the
+    intervals. Raises ValueError for other input.
+    """
+    if method not in METHODS:
+        raise ValueError(f"method: {method!r}; must be one of {', '.join(METHODS)}")
+    given = _checked(found, recordings)
+
+    def identify(others: Sequence[Recording]) -> IdentifiedModel:
+        known = tuple(found.model.states[i] for i in found.known)
+        terms = found.model.terms
+        return by_excerpts(METHODS[method], list(others), terms, found.model, known, **options)
+
+    names = [f"recording {number}" for number in range(1, len(given) + 1)]
+    with limited(given):
+        return summarised(found, given, identify, seed, names=names)
+
+
+@one_thread
+def summarised(
+    found: IdentifiedModel,
+    recordings: Sequence[Recording],
+    identify: Identify,
+    seed: int,
+    *,
+    names: Sequence[str],
+    faults: Sequence[str] = (),
+    are_one: bool = False,
+) -> Summary:
+    """The same by any method: identify is what found the model. names, faults, are_one: as of
+    `objected`.
+
+    Raises ValueError where there is a model and no channel oscillates.
+    """
+    recordings = as_modelled(found, as_recorded_alone(found, recordings))
+    period, last, untried = longest_period(recordings), recordings[-1], ""
+    with part("compare the recordings", until=0.3):
+        found = objected(found, recordings, names, period, identify, faults, are_one)
+    if found.status == "refused":
+        return Summary(found, tuple(recordings))
+    window = PERIODS * _finite(period)
+    with part("hold out the end", until=0.7):
+        try:
+            held_out = hold_out(recordings, period, identify, np.random.default_rng(seed))
+            found = with_factors(found, held_out)
+        except ValueError as error:
+            held_out, untried = None, str(error)
+    with part("forecast", until=0.8):
+        try:
+            time, rng = _after(last, window), np.random.default_rng(seed)
+            predicted = ahead.forecast(found, last, time, window, rng)
+        except ValueError:
+            predicted = None
+    with part("follow the motion", until=1.0):
+        found = with_extrapolation(with_extent(found, recordings), recordings)
+        return Summary(
+            found,
+            tuple(recordings),
+            dynamics(found, recordings, seed=seed),
+            held_out,
+            untried,
+            predicted,
+            tuple(motions_beside(found, last, window)),
+            advice(found, last, period),
+        )
+
+
+@one_thread
+def dynamics(
+    found: IdentifiedModel, recordings: Recording | Sequence[Recording], *, seed: int = 0
+) -> Dynamics | None:
+    """Position of rest, natural frequencies, damping and limit cycle, with 95 % intervals.
+
+    Inputs of the model are held at their means. recordings: from which the model was identified.
+    seed: of the draws behind the intervals. None where no state is the velocity of another one, or
+    where there is no model. Raises ValueError for other input.
+    """
+    given = _checked(found, recordings)
+    if not len(found.extrapolation_shift):
+        found = with_extrapolation(found, given)
+    at = typical_inputs(found.model.inputs, given)
+    around, rng = Surroundings.of(given), np.random.default_rng(seed)
+    said = of_line.dynamics(found.at(at) if at else found, around, rng)
+    return replace(said, at=at) if said and at else said
+
+
+@one_thread
+def forecast(
+    found: IdentifiedModel,
+    recording: Recording,
+    time: ArrayLike | None = None,
+    *,
+    window: float | None = None,
+    inputs: Mapping[str, Input | float] = NONE,
+    seed: int = 0,
+) -> Forecast:
+    """What the sensors of a recording will show after its end: median and 90 % band.
+
+    recording: may be newer than those of the model; its end is used. time: (n,) s, later than its
+    last sample, on its clock; by default as long as `window`. window: s of its end, to start from;
+    by default six periods of the motion. inputs: those of the model after the recording, by name,
+    measured or constant, where it does not hold them itself. seed: of the draws behind the band. A
+    band is as wide as that of the held-out end had to be, where the model is `found` of a
+    `Summary`. Raises ValueError where there is no model, where it does not follow the recording,
+    where an input is not known, where most draws of it diverge, and for other input.
+    """
+    (recording,) = _checked(found, recording)
+    if window is None:
+        window = PERIODS * _finite(longest_period([recording]))
+    end = recording.time[-1]
+    times = _after(recording, window) if time is None else increasing("time", time)
+    if times[0] <= end:
+        raise ValueError(f"time: begins at {times[0]:g} s; the recording ends at {end:g} s")
+    if found.status != "refused":
+        check_followed(found, recording, window)
+    return ahead.forecast(found, recording, times, window, np.random.default_rng(seed), inputs)
+
+
+def _checked(found: object, recordings: object) -> list[Recording]:
+    if not isinstance(found, IdentifiedModel):
+        raise ValueError(
+            f"found: a {type(found).__name__}; must be an IdentifiedModel, such as "
+            "`maximum_likelihood` returns"
+        )
+    given = checked_recordings(recordings)
+    if given[0].states != found.model.states:
+        raise ValueError(
+            f"recordings: have the states {', '.join(given[0].states)}; the model has "
+            f"{', '.join(found.model.states)}"
+        )
+    return as_modelled(found, as_recorded_alone(found, given))
+
+
+def longest_period(recordings: Sequence[Recording]) -> float:
+    """Longest period of the motion, s, from the dominant frequencies of the channels.
+
+    Of each the first of which the recording holds PERIODS_HELD periods: slower ones are drifts of
+    the mean, which come with a motion that grows. Infinite where no channel oscillates.
+    """
+    frequencies = []
+    for recording in recordings:
+        least = PERIODS_HELD / sampled(recording.time) * (1.0 - TIME_ROUNDING)
+        for channel in Sensed.by(recording).samples(recording).T:
+            known = np.isfinite(channel)
+            if np.count_nonzero(known) > 1:
+                frequency, share = spectrum(recording.time[known], channel[known], recording.step)
+                dominant = frequency[peaks_of(share)[1]]
+                frequencies += [f for f in dominant if f >= least][:1] or list(dominant[:1])
+    return 1.0 / min(frequencies) if frequencies else np.inf
+
+
+def _finite(period: float) -> float:
+    if np.isinf(period):
+        raise ValueError("recordings: no channel oscillates: there is no motion to identify")
+    return period
+
+
+def _after(recording: Recording, length: float) -> NDArray[np.float64]:
+    """Times, s, of samples after a recording, as often as its own, for `length` s."""
+    step = max(recording.step, length / MOST_SAMPLES)
+    return recording.time[-1] + step * np.arange(1, round_up(length / step))
+
+
+def hold_out(
+    recordings: Sequence[Recording], period: float, identify: Identify, rng: np.random.Generator
+) -> HeldOut:
+    """Identify without the last part of the last recording, and forecast it.
+
+    Of the longest one, where that part of the last would be shorter than `period`, s, the longest
+    of the motion, and tell nothing. Raises ValueError where the shorter recordings give no
+    model, or that one no forecast.
+    """
+    index = len(recordings) - 1
+    if HELD_OUT * np.ptp(recordings[index].time) < period:
+        index = int(np.argmax([np.ptp(one.time) for one in recordings]))
+    last, others = recordings[index], [*recordings[:index], *recordings[index + 1 :]]
+    length = min(HELD_OUT * np.ptp(last.time), MOST_HELD_OUT * period)
+    cut = int(first_from(last.time, last.time[-1] - length))
+    samples = Sensed.by(last).samples(without_outliers(last))
+    if np.all(deviations_of(samples[cut:]) <= 1e-9 * deviations_of(samples)):  # rounding
+        raise ValueError(f"nothing moves in the last {length:.3g} s, which were to be forecast")
+    shown = slice(cut, None, 1 + (len(last.time) - cut) // MOST_SAMPLES)
+    identified = identify([*others, last[:cut]])
+    predicted = ahead.forecast(identified, last[:cut], last.time[shown], PERIODS * period, rng)
+    noise = Following(identified, last[:cut]).sigma
+    trial = ahead.held_out(predicted, samples[shown], deviations_of(samples), noise)
+    return replace(trial, index=index - len(recordings))
+
+
+def motions_beside(
+    identified: IdentifiedModel, recording: Recording, length: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The model's motion through the begin, the middle and the end of a recording.
+
+    Times (n,) and channels (n, n_sensed) of each stretch of `length` s through which the model can
+    be followed; it starts where it then follows the samples best.
+    """
+    time, model = recording.time, identified.model
+    follow = Following(identified, without_outliers(recording))
+    told = in_random_forces.followed(identified, recording) if identified.is_forced else None
+    motions = []
+    for share in (0.0, 0.5, 1.0):
+        passing("beside the samples")
+        begin = time[0] + share * max(np.ptp(time) - length, 0.0)
+        rows = slice(*first_from(time, (begin, begin + length)))
+        own = time[rows]
+        if len(own) < 2:
+            continue
+        if told is not None:
+            motions.append((own, follow.shown(model, told[rows], own)))
+        elif (start := follow.begin(rows)) is not None:
+            smooth = np.linspace(own[0], own[-1], POINTS)
+            motions.append((smooth, follow.motion(model, start, smooth)))
+    return motions
+
+
+def motion_scores(
+    identified: IdentifiedModel, recordings: Sequence[Recording]
+) -> NDArray[np.float64]:
+    """Compute R2 of a model's motion in each channel of recordings.
+
+    Parameters
+    ----------
+    identified : IdentifiedModel
+        With a model that no random forces move.
+    recordings : sequence of Recording
+        Each is cut into equal stretches of about PERIODS periods, in each of which the model starts
+        where it follows the samples best.
+
+    Returns
+    -------
+    (n_channels,) array
+        Of the channels that are measured. A stretch through which the model cannot be followed
+        counts as if the mean of its recording were the motion.
+
+    Raises
+    ------
+    ValueError
+        If random forces move the model.
+    """
+    if identified.is_forced:
+        raise ValueError("score: random forces move the model, which has no motion of its own")
+    squares: dict[str, list[NDArray[np.float64]]] = {}
+    period = longest_period(recordings)
+    for recording in recordings:
+        follow, time = Following(identified, without_outliers(recording)), recording.time
+        samples = follow.samples
+        measured = np.isfinite(samples).any(axis=0)
+        mean = np.nanmean(samples[:, measured], axis=0)
+        parts = max(round_down(np.ptp(time) / (PERIODS * period)), 1)
+        edges = first_from(time, np.linspace(time[0], time[-1], parts + 1))
+        left = samples[:, measured] - mean
+        whole = left**2
+        for begin, end in pairwise((*edges[:-1], len(time))):
+            rows = slice(begin, end)
+            if np.isfinite(left[rows]).any() and (start := follow.begin(rows)) is not None:
+                motion = follow.motion(identified.model, start, time[rows])[:, measured]
+                if np.isfinite(motion).all():
+                    left[rows] = samples[rows][:, measured] - motion
+        sums = np.nansum([left**2, whole], axis=1)
+        for name, own in zip(np.array(follow.sensed.names)[measured], sums.T, strict=True):
+            squares.setdefault(str(name), []).append(own)
+    missed, whole = np.array([np.sum(own, axis=0) for own in squares.values()]).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return 1.0 - missed / whole

@@ -1,0 +1,379 @@
+"""What recordings and their model tell, in the words of an engineer.
+
+The templates beside have the sentences, and here are the values and lists in them.
+"""
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from functools import cache
+from importlib.resources import files
+from math import floor, isfinite, isinf, isnan, log10
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined, Template
+
+from galloping.behaviour.dynamics import LARGER, ROUNDING, Value
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.observations import Code
+from galloping.inspection.noticed import envelope_rows, sentences_of
+from galloping.readers.units import meaning, plain_unit
+from galloping.recording.samples import Recording
+from galloping.summary.helps import (
+    is_span,
+    listed,
+    may_be_wind,
+    meanings_and_advice,
+    shown_units,
+    units_in,
+    what_helps,
+)
+from galloping.summary.numbers import (
+    PERCENT,
+    Estimate,
+    Findings,
+    FurtherRecording,
+    HeldOutChannel,
+    RecordedMotion,
+    SmallMotionEstimates,
+    findings,
+    is_blind,
+    keeps,
+)
+
+if TYPE_CHECKING:
+    from galloping.behaviour.assessment import Assessment
+    from galloping.behaviour.dynamics import Dynamics
+    from galloping.summary.summarise import Summary
+
+ENDS = {
+    "rest": "the motion dies out",
+    "forced": "random forces keep it moving",
+    "irregular": "the motion never repeats, or settles too slowly to tell",
+    "stopped": "the model does not tell where the motion ends: it is too fast to be followed",
+}
+RUNS_AWAY = "in simulation the motion runs away"
+TECHNICAL = "## Technical part"
+PARTS_DIFFER = Code.PARTS_DIFFER, Code.FREQUENCY_CHANGES, Code.DAMPING_CHANGES
+UNITS = Code.UNIT_UNLIKELY, Code.TIME_UNIT_UNLIKELY
+MOST_DIGITS = 6  # of a number: no clock and no scale of an instrument is known better
+TWO_DIGITS = 3.55  # first digits of half an interval, below which two of them are told
+PLAIN = 1e-3, 1e6  # between which numbers are written without a power of ten
+STEADY = 12.0  # such factors, that the interval of a damping holds
+MOST_PROBLEMS = 5  # of samples, that are told before the technical part
+
+
+def summary_text(
+    of: "Summary", reports: Sequence[dict] = (), beside: "tuple[str, Dynamics | None] | None" = None
+) -> str:
+    """summary.md: what was found, how far to believe it, what would help most; technical part.
+
+    reports: of `quality`, where the recordings come from files. beside: a name, and what is known
+    of the line by that name.
+    """
+    return rendered(of, findings(of, reports, beside), reports)
+
+
+def rendered(of: "Summary", told: Findings, reports: Sequence[dict] = ()) -> str:
+    """The same of numbers that are known. reports: as of `summary_text`."""
+    found, known = of.found, of.dynamics
+    problems = [
+        escape_markdown(f"{report['file']}, from row {p['row']} on: {p['what']}")
+        for report in reports
+        for p in report["problems"]
+    ]
+    described = [*map(report_text, reports)] or [*map(repr, of.recordings)]
+    unused = [f"{name!r} of {report['file']}" for report in reports
+              for name in report.get("unused_motion", ())]  # fmt: skip
+    of_span, units = is_span(found), units_in(reports)
+    line = "the line" if of_span else "the system"
+    values = {
+        "of": of, "found": found, "known": known, "told": told, "trial": of.held_out, "ends": ENDS,
+        "technical": TECHNICAL, "most_problems": MOST_PROBLEMS,
+        "refused": found.status == "refused",
+        "sure": bool(np.any(found.standard_errors > 0.0)),
+        "of_span": of_span,
+        "units": shown_units(units),
+        "conditions": _conditions(found, units),
+        "line": line,
+        "gallop": "gallop" if of_span else "oscillate by itself",
+        "gallops": "gallops" if of_span else "oscillates by itself",
+        "exact": [n for n in found.model.inputs if not of.recordings[-1].inputs[n].error],
+        "held": [n for n in found.model.inputs if of.recordings[-1].inputs[n].between == "zero"],
+        "odd": any(p["code"] in UNITS for report in reports for p in report["problems"]),
+        "repeats": found.has_finding(Code.MOTION_REPEATS),
+        "keeps": known is not None and keeps(known),
+        "blind": known is not None and is_blind(found, known),
+        "mixed": found.has_finding(*PARTS_DIFFER),
+        "margins": _margins(known, of.recordings, found) if found.is_forced and known else [],
+        "meanings": [
+            re.sub("(?<=[Tt])he line", line[1:], why)
+            for why, _ in meanings_and_advice(found.findings, of_span)
+            if why
+        ],
+        "problems": problems,
+        "helps": what_helps(of, reports),
+        "described": [re.sub(r"\n\s*", "\n  - ", escape_markdown(text)) for text in described],
+        "unused": escape_markdown(listed(unused)) if unused else "",
+        "small": _of_small(known, told, [one.name for one in found.further_modes]) if known else {},
+        "beyond": _beyond_recorded(told),
+        "degrees": _further_degrees(found),
+        "noticed": list(
+            sentences_of(found.findings, found.further_modes, known.damping if known else ())
+        ),
+        "envelope": list(envelope_rows(found.envelope)),
+    }  # fmt: skip
+    text = _template("summary.md").render(values)
+    text = re.sub(r"(?<=\S)( *\n {4,})+|(?<=[.:]) {2,}", " ", text)
+    text = re.sub(r"^ {4,}| +$", "", text, flags=re.MULTILINE)
+    return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
+
+
+def escape_markdown(text: str) -> str:
+    """Escape what would be markup: names of files and columns may hold anything."""
+    return re.sub(r"([\\`*<>\[\]|]|(?<!\w)_|_(?!\w))", r"\\\1", text)
+
+
+def report_text(report: dict) -> str:
+    """A report of `quality`: the file, then a line for each channel, input, note and problem."""
+    return _template("quality.txt").render(report=report).rstrip()
+
+
+def assessment_text(of: "Assessment", units: Mapping[str, str]) -> str:
+    """A line for each thing that there is. units: of inputs, by name."""
+    return _template("assessment.txt").render(of=of, units=shown_units(units)).rstrip()
+
+
+def _conditions(found: IdentifiedModel, units: Mapping[str, str]) -> str:
+    """What beside motions a model holds for: such winds, or values of inputs, as were recorded."""
+    if may_be_wind(found, units):
+        return "winds and "
+    return f"values of {listed(found.model.inputs)} and " if found.model.inputs else ""
+
+
+@cache
+def _template(name: str) -> Template:
+    environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters |= {
+        "bullets": lambda lines: "\n".join(f"- {line}" for line in lines),
+        "cells": lambda of: " | ".join(_cells(of)),
+        "digits": lambda number, state="": f"{number:.3g} {plain_unit(state)}".strip(),
+        "end": lambda kind: RUNS_AWAY if kind.startswith("diverged") else ENDS.get(kind, kind),
+        "escape": escape_markdown,
+        "extent": extent_in_words,
+        "is_number": isfinite,
+        "listed": listed,
+        "meaning": meaning,
+        "missed": _missed,
+        "name": _name,
+        "percent": lambda error, of: _percent(of, error),
+        "said": _said,
+        "sentence": lambda text: text[:1].upper() + text[1:],
+        "short": lambda number, unit="": f"{number:.3g} {unit}".rstrip(),
+        "shown_damping": _damping_cells,
+        "unit": plain_unit,
+        "whole": lambda number: f"{number:.0f}",
+        "words": in_words,
+    }
+    environment.tests["is_finite"] = isfinite
+    text = files(__package__).joinpath(f"{name}.jinja").read_text(encoding="utf-8")
+    return environment.from_string(text)
+
+
+# --- numbers ---
+
+
+def in_words(of: Estimate) -> str:
+    """A value with its interval, to the digits that the interval tells."""
+    number, interval = _cells(of)
+    return number + (f" ({interval})" if interval else "")
+
+
+def _cells(of: Estimate) -> tuple[str, str]:
+    """A value with its unit, and its interval."""
+    value, low, high, unit = of.value, of.low, of.high, of.unit
+    if isinf(value):
+        return f"{value:g} {unit}".strip(), "interval unknown"
+    if isnan(low) or isnan(high):
+        return f"{value:.3g} {unit}".strip(), "interval unknown"
+    if isinf(low) or isinf(high):
+        ends = [f"{end:.3g}" if isfinite(end) else "beyond the range" for end in (low, high)]
+        return f"{value:.3g} {unit}".strip(), " to ".join(ends)
+    largest = max(abs(value), abs(low), abs(high))
+    least = floor(log10(largest)) + 1 - MOST_DIGITS if largest else 0
+    half, place = (high - low) / 2.0, least
+    if half > 0.0:
+        first = floor(log10(half))
+        place = max(first - (half / 10.0**first < TWO_DIGITS), least)
+    number, low, high = _at_place((value, low, high), place)
+    exact = half < 10.0**place
+    return f"{number} {unit}".strip(), "" if exact and low == high else f"{low} to {high}"
+
+
+def _at_place(numbers: Sequence[float], place: int) -> list[str]:
+    """Numbers to one power of ten, with a common one behind them where they are large or small."""
+    largest = max(map(abs, numbers))
+    if not largest or PLAIN[0] <= largest < PLAIN[1]:
+        return [f"{round(number, -place) + 0.0:.{max(-place, 0)}f}" for number in numbers]
+    power = floor(log10(largest))
+    decimals = max(power - place, 0)
+    heads = [f"{number / 10.0**power + 0.0:.{decimals}f}" for number in numbers]
+    return [f"{head}e{power:+03d}" if float(head) else "0" for head in heads]
+
+
+def extent_in_words(of: RecordedMotion) -> str:
+    """`-0.95 to 1.09 m`, to three digits of the larger end."""
+    largest = float(f"{max(abs(of.low), abs(of.high)):.3g}")
+    place = floor(log10(largest)) - 2 if largest else 0
+    return f"{' to '.join(_at_place((of.low, of.high), place))} {of.unit}".rstrip()
+
+
+def _said(of: Value, unit: str, factor: float = 1.0) -> str:
+    """A value times a factor with its interval, if it has one, to the digits that it tells."""
+    told = Estimate.of(of, unit, factor)
+    if isnan(told.low):
+        return f"{told.value:.4g} {unit}".rstrip()
+    return in_words(told)
+
+
+def _damping_cells(of: Estimate) -> str:
+    """Of a net damping that may be none; its interval then is what would have shown."""
+    told = " | ".join(_cells(of))
+    return told if abs(of.value) >= 100.0 * ROUNDING else "none found | " + told.partition(" | ")[2]
+
+
+def _percent(of: FurtherRecording, error: float) -> str:
+    """A standard error as a share of the coefficient."""
+    return f"{100.0 / abs(of.coefficient) * error:.2g} %"
+
+
+# --- words ---
+
+
+def _name(state: str) -> str:
+    """`vertical`, of q_v; of other systems the state."""
+    return meaning(state).partition(" ")[0] or state
+
+
+def _of_small(known: "Dynamics", told: Findings, of_further: Collection[str]) -> dict:
+    """What small motions about rest do, and the places and sizes that are told with them."""
+    damped = {
+        state: value
+        for state, value in known.damping.items()
+        if isfinite(value.value) and state not in of_further
+    }
+    system = told.system
+    least = min(damped, key=lambda state: damped[state].value, default="")
+    return {
+        "damped": damped,
+        "unsure": [
+            state
+            for state, value in damped.items()
+            if abs(value.value) < ROUNDING or value.low < -ROUNDING < ROUNDING < value.high
+        ],
+        "growing": [
+            f"{_name(one.name)} ones double in {_doubling(one)}"
+            for one in system.small_motions
+            if one.doubling_time is not None
+        ],
+        "least": least,
+        "margin": Estimate.of(damped[least], f"{PERCENT} damping", 100.0) if damped else None,
+        "halves": [f"±{in_words(v)} {_name(s)}" for s, v in system.limit_cycle.items()],
+        "places": ", ".join(f"{s} = {in_words(v)}" for s, v in system.rest.items()),
+        "still": "\n".join(
+            f"{state} does not oscillate by itself."
+            for state, value in known.frequencies.items()
+            if isnan(value.value)
+        ),
+    }
+
+
+def _doubling(of: SmallMotionEstimates) -> str:
+    time = of.doubling_time
+    if not (
+        isfinite(time.low) and isfinite(time.high)
+    ):  # as far as is told, motions may not grow at all
+        own, least = (float(f"{number:.2g}") for number in (time.value, min(time.low, time.high)))
+        return f"{own:g} s (at least {least:g} s)"
+    return in_words(time)
+
+
+def _beyond_recorded(told: Findings) -> list[str]:
+    """How far a limit cycle lies beyond what was recorded, by coordinate, where it does."""
+    half = {one.name: (one.high - one.low) / 2.0 for one in told.recorded}
+    return [
+        f"{value.value / half[name]:.2g} times as far as was recorded in {_name(name)} motion"
+        for name, value in (told.system.limit_cycle if told.system else {}).items()
+        if half.get(name) and value.value > LARGER * half[name]
+    ]
+
+
+def _further_degrees(found: IdentifiedModel) -> str:
+    """The degrees of terms whose absence the intervals of small motions hold, '' of none."""
+    if not len(found.extrapolation_shift):
+        return ""
+    n = len(found.model.states)
+    degree = max(sum(term[:n]) for term in found.model.terms)
+    return f"{degree + 1} and {degree + 2}"
+
+
+def _margins(
+    known: "Dynamics", recordings: Sequence[Recording], found: IdentifiedModel
+) -> list[str]:
+    """Whether modes that random forces move gallop besides."""
+    states, length = found.model.states, sum(np.ptp(one.time) for one in recordings)
+    return [
+        f"{_name(name)}{' motion' * (name in states)} "
+        + _margin(
+            damping,
+            2.0 * np.pi * known.frequencies[name].value * length,
+            all(
+                _is_of_one_size(one.values[:, states.index(name)])
+                for one in recordings
+                if name in states
+            ),
+        )
+        for name, damping in known.damping.items()
+    ]
+
+
+def _is_of_one_size(values: np.ndarray) -> bool:
+    """Whether a channel (n,) moves as far in each third of it, to a factor of e."""
+    thirds = np.array_split(values[np.isfinite(values)], 3)
+    sizes = [np.std(part) for part in thirds if len(part)]
+    return not sizes or max(sizes) <= np.e * min(sizes)
+
+
+def _margin(damping: Value, turned: float, is_of_one_size: bool) -> str:
+    """Whether a mode gallops, as far as its net damping tells.
+
+    turned: rad, by its swings while it was recorded. What then neither grows nor dies out, by a
+    factor of e, is no answer to random forces.
+    """
+    is_steady = abs(damping.value) * turned < 1.0 and (damping.high - damping.low) * turned < STEADY
+    if is_steady and is_of_one_size:
+        return "swings steadily, as what a machine drives, or galloping that has settled"
+    if damping.low > 0.0:
+        return f"does not, at least {100 * damping.low:.2g} % of critical damping is left"
+    if damping.high < 0.0:
+        return "does, small motions grow"
+    return "may, the recording is too short to tell whether small motions grow"
+
+
+def _missed(channels: Sequence[HeldOutChannel]) -> str:
+    """What a forecast missed, by channel; nothing of random forces."""
+    noise = [_motion_of(one.name) for one in channels if one.is_noise]
+    missed = [
+        f"{one.missed_percent:.2g} % of {_motion_of(one.name)}"
+        for one in channels
+        if not one.is_noise and isfinite(one.missed_percent)
+    ]
+    parts = [f"the forecast missed {listed(missed)}"] if missed else []
+    parts += [f"nothing but noise was left to forecast of {listed(noise)}"] if noise else []
+    return ", and ".join(parts)
+
+
+def _motion_of(name: str) -> str:
+    """`the vertical motion`, of q_v; of other systems the state."""
+    said = meaning(name).replace("displacement", "motion")
+    return f"the {said}" if said else name

@@ -1,0 +1,1 @@
+"""Motion of a model, with and without inputs, by power series."""

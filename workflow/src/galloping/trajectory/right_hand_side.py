@@ -1,0 +1,328 @@
+"""Right-hand sides as index tables, which compiled code reads as data.
+
+One compilation serves every library, support, number of states and model.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from galloping.model.functions import FUNCTIONS, KINKED, Function, derivatives
+from galloping.model.polynomial import Exponents, exponents_of, has_functions, separated
+from galloping.recording.samples import Factor
+
+
+@dataclass(frozen=True)
+class Tables:
+    """Index tables of one library: every monomial is an earlier monomial times a signal.
+
+    Signals are the states, then the functions that terms have, and then known functions of time,
+    the factors that inputs bring to terms, of which a monomial has one at most.
+    monomials: the library's terms, their derivatives and what these are made of, by degree, the
+    constant first; as terms, with exponents of the states and of the factors.
+    position: (n_terms,) where each library term is among the monomials.
+    parent, factor: (n_monomials,); monomial m = monomial parent[m] times signal factor[m].
+    exponents: (n_monomials, n_states + n_factors). slopes: (n_slopes, 3) monomial, state, and the
+    monomial that its derivative by the state consists of, times slope_factors (n_slopes,); of a sum
+    each part. signs: (n_signs, 3) monomial with a factor sign(u), the argument u, and the monomial
+    without it. factors: exponents of the inputs, of each signal that comes from them. functions: of
+    states. arguments: of the functions, weights and offset, those with a kink first; n_kinks: the
+    number of these.
+    """
+
+    monomials: tuple[Exponents, ...]
+    position: np.ndarray
+    parent: np.ndarray
+    factor: np.ndarray
+    exponents: np.ndarray
+    slopes: np.ndarray
+    slope_factors: np.ndarray
+    signs: np.ndarray
+    factors: tuple[Factor, ...]
+    functions: tuple[Function, ...]
+    arguments: tuple[tuple[tuple[float, ...], float], ...]
+    n_kinks: int
+
+    def on_monomials(self, coefficients: np.ndarray) -> np.ndarray:
+        """(n_states, n_monomials) from coefficients (n_states, n_terms)."""
+        found = np.zeros((len(coefficients), len(self.monomials)))
+        found[:, self.position] = coefficients
+        return found
+
+    def jacobian(self, coefficients: np.ndarray) -> np.ndarray:
+        """(n_states, n_states, n_monomials) on the monomials, the derivative of each equation by
+        each state; coefficients: (n_states, n_terms).
+        """
+        n_states, (monomial, state, lower) = len(coefficients), self.slopes.T
+        found = np.zeros((n_states, n_states, len(self.monomials)))
+        parts = self.on_monomials(coefficients)[:, monomial] * self.slope_factors
+        np.add.at(found, (slice(None), state, lower), parts)
+        return found
+
+
+@lru_cache(maxsize=64)
+def tables(terms: tuple[Exponents, ...], n_states: int) -> Tables:
+    """Index tables of the library `terms` (n_terms) in so many states, and in inputs if any."""
+    functions, plain = separated(terms)
+    n_exponents = len(plain[0]) - len(functions)
+    of_inputs = [term[n_states:n_exponents] for term in terms]
+    factors = tuple(dict.fromkeys(factor for factor in of_inputs if any(factor)))
+    n_signals = n_states + len(factors)
+    units = dict(zip(factors, np.eye(len(factors), dtype=int).tolist(), strict=True))
+    none = [0] * len(factors)
+    terms = tuple(
+        (*term[:n_states], *units.get(factor, none), *term[n_exponents:])
+        for term, factor in zip(terms, of_inputs, strict=True)
+    )
+    slopes = [
+        (term, k, lower, number)
+        for term in terms
+        for k in range(n_states)
+        for number, lower in derivatives(term, k)
+    ]
+    signs = [(term, *part) for term in terms for part in _signs(term)]
+    zero = (0,) * n_signals
+    closed, queue = {zero}, {*terms, *map(tuple, np.eye(n_states, n_signals, dtype=int).tolist())}
+    queue |= {row[2] for row in (*slopes, *signs)}
+    while queue:
+        closed |= queue
+        queue = {need for term in queue for need in _needs(term, n_states)} - closed
+    monomials = tuple(sorted(closed, key=lambda term: _order(term, n_signals)))
+    functions, _ = separated(monomials)
+    kinked = sorted(functions, key=lambda own: own.name not in KINKED)
+    arguments = tuple(dict.fromkeys(own[1:] for own in kinked))
+    n_kinks = len({own[1:] for own in functions if own.name in KINKED})
+    index = {term: m for m, term in enumerate(monomials)}
+    place = {own: n_states + k for k, own in enumerate(functions)}
+    place |= {k: k if k < n_states else k + len(functions) for k in range(n_signals)}
+    made = [(0, zero), *(_last(term, n_states) for term in monomials[1:])]
+    return Tables(
+        monomials,
+        np.array([index[term] for term in terms]),
+        np.array([index[lower] for _, lower in made], np.int64),
+        np.array([place[factor] for factor, _ in made], np.int64),
+        exponents_of(monomials, n_signals),
+        _rows((index[term], k, index[lower]) for term, k, lower, _ in slopes),
+        np.array([number for *_, number in slopes], float),
+        _rows((index[term], arguments.index(own[1:]), index[left]) for term, own, left in signs),
+        factors,
+        functions,
+        arguments,
+        n_kinks,
+    )
+
+
+def _rows(rows: Iterator[tuple[int, int, int]]) -> np.ndarray:
+    return np.array(list(rows), np.int64).reshape(-1, 3)
+
+
+def _order(term: Exponents, n_signals: int) -> tuple:
+    """By which monomials are sorted: the degree, then the first signals first."""
+    exponents, functions = term[:n_signals], term[n_signals:]
+    return sum(exponents) + len(functions), [-e for e in exponents], functions
+
+
+def _last(term: Exponents, n_states: int) -> tuple[int | Function, Exponents]:
+    """The last factor of a monomial and what is left without it: a function if it has any, else a
+    state, and what comes from inputs if it has neither.
+    """
+    if has_functions(term):
+        return term[-1], term[:-1]
+    present = [k for k, power in enumerate(term) if power]
+    last = max((k for k in present if k < n_states), default=present[-1])
+    return last, tuple(e - (k == last) for k, e in enumerate(term))
+
+
+def _needs(term: Exponents, n_states: int) -> Iterator[Exponents]:
+    """The monomials that one is made of, and functions by which its own have their series."""
+    if any(term):
+        yield _last(term, n_states)[1]
+    exponents = [factor for factor in term if not isinstance(factor, Function)]
+    for own in term[len(exponents) :]:
+        if own.name not in KINKED:
+            _, others = own.derivative(0)
+            yield from ((*[0] * len(exponents), each) for each in (own, *others))
+
+
+def _signs(term: Exponents) -> Iterator[tuple[Function, Exponents]]:
+    """Each factor sign(u) of a term, and the term without it."""
+    for k, own in enumerate(term):
+        if isinstance(own, Function) and own.name == "sign":
+            yield own, (*term[:k], *term[k + 1 :])
+
+
+# --- what the compiled integrator reads ---
+
+CODES = {name: code for code, name in enumerate(FUNCTIONS)}
+
+
+class Signals(NamedTuple):
+    """Functions of states, in the form the compiled integrator reads them.
+
+    kind: (n_functions,) of CODES. argument: (n_functions,) index. partner: (n_functions,) index of
+    the cosine of a sine and the other way round. weights: (n_arguments, n_states), offsets:
+    (n_arguments,). n_kinks: the first arguments, whose zeros are kinks. sign: (n_kinks,) index of
+    their functions sign(u), -1 where there is none. slides: (n_slides, 3) equation, kink and
+    monomial, of each coefficient of a term with a sign(u), without that factor; slide_values:
+    (n_slides,).
+    """
+
+    kind: np.ndarray
+    argument: np.ndarray
+    partner: np.ndarray
+    weights: np.ndarray
+    offsets: np.ndarray
+    n_kinks: int
+    sign: np.ndarray
+    slides: np.ndarray
+    slide_values: np.ndarray
+
+
+class System(NamedTuple):
+    """One model in the form the compiled integrator reads, built by `system`.
+
+    rates: (n, 2) int, (equation, monomial) of each coefficient present; rate_values: (n,).
+    jacobian: (n, 3) int, (equation, state, monomial); jacobian_values: (n,).
+    columns: (n_free, 3) int, (equation, monomial, column) of each free coefficient, by column;
+    weights: (n_free,) what it grows by as the column's parameter grows. signals: functions of
+    states, None where there are none.
+    """
+
+    parent: np.ndarray
+    factor: np.ndarray
+    rates: np.ndarray
+    rate_values: np.ndarray
+    jacobian: np.ndarray
+    jacobian_values: np.ndarray
+    columns: np.ndarray
+    weights: np.ndarray
+    signals: Signals | None
+
+    @property
+    def n_free(self) -> int:
+        """How many parameters the sensitivities are by, beside the start."""
+        return int(self.columns[-1, 2]) + 1 if len(self.columns) else 0
+
+
+def system(
+    table: Tables, coefficients: np.ndarray, free: np.ndarray, together: np.ndarray | None = None
+) -> System:
+    """The model with `coefficients` (n_states, n_terms) and `free` (n_free, 2) index pairs.
+
+    A pair (equation, term) names a coefficient whose sensitivity is wanted; its value may be zero.
+    together: (n_free,) slopes of them all along one parameter, whose sensitivity is then wanted.
+    """
+    present = np.argwhere(coefficients)
+    monomial = table.position[present[:, 1]]
+    values = coefficients[present[:, 0], present[:, 1]]
+    by_states = table.jacobian(coefficients)
+    jacobian = np.argwhere(by_states)
+    column = np.arange(len(free)) if together is None else np.zeros(len(free))
+    return System(
+        table.parent,
+        table.factor,
+        np.column_stack([present[:, 0], monomial]).astype(np.int64).reshape(-1, 2),
+        np.ascontiguousarray(values, dtype=float),
+        np.ascontiguousarray(jacobian, np.int64),
+        by_states[tuple(jacobian.T)],
+        np.column_stack([free[:, 0], table.position[free[:, 1]], column]).astype(np.int64),
+        np.ones(len(free)) if together is None else np.asarray(together, float),
+        _signals(table, coefficients) if table.functions else None,
+    )
+
+
+def _signals(table: Tables, coefficients: np.ndarray) -> Signals:
+    functions, index = table.functions, {own: k for k, own in enumerate(table.functions)}
+    other = {"sin": "cos", "cos": "sin"}
+    signs = [Function("sign", *table.arguments[k]) for k in range(table.n_kinks)]
+    of_signs = table.on_monomials(coefficients)[:, table.signs[:, 0]]
+    equation, row = np.nonzero(of_signs)
+    return Signals(
+        np.array([CODES[own.name] for own in functions]),
+        np.array([table.arguments.index(own[1:]) for own in functions]),
+        np.array([index[own._replace(name=other.get(own.name, own.name))] for own in functions]),
+        np.array([weights for weights, _ in table.arguments]),
+        np.array([offset for _, offset in table.arguments]),
+        table.n_kinks,
+        np.array([index.get(own, -1) for own in signs], np.int64),
+        np.column_stack([equation, table.signs[row, 1:]]).astype(np.int64).reshape(-1, 3),
+        of_signs[equation, row],
+    )
+
+
+def without_idle_monomials(compiled: System, sensitive: bool) -> System:
+    """The system without the monomials of its library on which nothing wanted depends."""
+    used = np.zeros(len(compiled.parent), bool)
+    used[0] = True
+    used[compiled.rates[:, 1]] = True
+    if sensitive:
+        used[compiled.jacobian[:, 2]] = True
+        used[compiled.columns[:, 1]] = True
+    signals = compiled.signals
+    if signals is not None:
+        used[signals.slides[:, 2]] = True
+    for m in range(len(used) - 1, 0, -1):
+        used[compiled.parent[m]] |= used[m]
+    place = np.cumsum(used) - 1
+    if signals is not None:
+        slides = np.column_stack([signals.slides[:, :2], place[signals.slides[:, 2]]])
+        signals = signals._replace(slides=slides)
+    return compiled._replace(
+        parent=place[compiled.parent[used]],
+        factor=compiled.factor[used],
+        signals=signals,
+        **{
+            name: np.column_stack([table[:, :at], place[table[:, at]], table[:, at + 1 :]])
+            for name, table, at in (
+                ("rates", compiled.rates, 1),
+                ("jacobian", compiled.jacobian, 2),
+                ("columns", compiled.columns, 1),
+            )
+        },
+    )
+
+
+class Workspace(NamedTuple):
+    """Series of one step that the compiled integrators fill, built by `workspace`.
+
+    x: (order + 1, n_states + n_functions) of the states and of functions of them, theta: (order +
+    1, n_monomials), jac: (order + 1, n_states, n_states) of the Jacobian, s: (order + 1, n_states,
+    n_columns or more) of the sensitivities. kind: (n_states, n_states) 0 where the Jacobian is
+    zero, 1 where it is constant, else 2. u: (order + 1, n_arguments) of the arguments of functions.
+    modes: (n_kinks,) the sign of each argument with a kink, 0 of one that sticks at zero. fresh:
+    (n_kinks,) how many of its derivatives, from itself on, are zero where the step begins.
+    """
+
+    x: np.ndarray
+    theta: np.ndarray
+    jac: np.ndarray
+    s: np.ndarray
+    kind: np.ndarray
+    u: np.ndarray
+    modes: np.ndarray
+    fresh: np.ndarray
+
+
+def workspace(compiled: System, order: int, n_states: int, sensitive: bool) -> Workspace:
+    """Arrays for series of a system; compiled code that makes them would compile for longer."""
+    columns = compiled.n_free + n_states if sensitive else 0
+    kind = np.zeros((n_states, n_states), np.int64)
+    equation, state, monomial = compiled.jacobian.T
+    np.maximum.at(kind, (equation, state), np.where(monomial == 0, 1, 2))
+    signals = compiled.signals
+    functions, arguments, kinks = (
+        (0, 0, 0) if signals is None else (len(signals.kind), len(signals.offsets), signals.n_kinks)
+    )
+    return Workspace(
+        np.zeros((order + 1, n_states + functions)),
+        np.zeros((order + 1, len(compiled.parent))),
+        np.zeros((order + 1, n_states, n_states)),
+        np.zeros((order + 1, n_states, -(-columns // 16) * 16)),  # in whole vectors
+        kind,
+        np.zeros((order + 1, arguments)),
+        np.zeros(kinks),
+        np.zeros(kinks, np.int64),
+    )
