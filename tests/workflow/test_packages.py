@@ -85,6 +85,15 @@ def test_every_import_is_declared(folder, extras):
     assert paths and outside(paths, declared(*extras)) == set()
 
 
+def test_install_lines_of_all_pages_name_extras_that_there_are():
+    pages = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "config").glob("*.md")]
+    lines = re.findall(
+        r"pip install '?(?:\.|galloping)\[([\w,]+)\]", "".join(map(Path.read_text, pages))
+    )
+    extras = {extra for line in lines for extra in line.split(",")}
+    assert "field" in extras and extras <= PROJECT["optional-dependencies"].keys()
+
+
 def test_the_conda_environment_is_that_of_pyproject_and_holds_what_jobs_import():
     text = write_environment.ENVIRONMENT.read_text(encoding="utf-8")
     assert text == write_environment.environment(PYPROJECT)
