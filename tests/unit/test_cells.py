@@ -142,7 +142,7 @@ def test_a_report_is_written_without_snakemake(script, tmp_path):
     script("write_report")(
         drawn[:1], [], [table], [summary, *drawn[1:]], [], tmp_path / "report.html", {},
         {"trust": "methods"}, "Words.", {"trust": "How far."},
-        {name: "" for name in ("quality", "fit", "forecast")}, {"case": "", "protocol": ""},
+        dict.fromkeys(("quality", "fit", "forecast"), ""), {"case": "", "protocol": ""},
         DEFAULT.plain | {"recordings": {"span": {}}},
     )  # fmt: skip
     page = (tmp_path / "report.html").read_text()
