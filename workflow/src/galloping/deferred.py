@@ -8,6 +8,7 @@ that with `pkgutil.resolve_name`, and `reproducibility.digest` finds its code by
 import re
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 SOURCE = Path(__file__).parents[1]
 
@@ -18,7 +19,7 @@ class Deferred:
     def __init__(self, name: str) -> None:
         self._name = name
 
-    def __getattr__(self, name: str) -> "Deferred | str":
+    def __getattr__(self, name: str) -> Any:  # a Deferred or a str
         """A module in the package, or a function as `module:function`.
 
         Raises AttributeError where the files have neither.
@@ -39,5 +40,5 @@ def file_of(name: str) -> Path | None:
     return next(filter(Path.is_file, (base / "__init__.py", base.with_suffix(".py"))), None)
 
 
-def __getattr__(name: str) -> Deferred | str:
+def __getattr__(name: str) -> Any:
     return getattr(Deferred(__package__), name)

@@ -16,7 +16,7 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
 from galloping.model.intervals import DRAWS, drawn_with_rivals
-from galloping.model.polynomial import Exponents, term_name
+from galloping.model.polynomial import Exponents, exponents_of, term_name
 from galloping.recording.samples import Recording
 
 EXACT = 1e-9  # of a factor's length, beside others: what is left of it is rounding
@@ -51,7 +51,7 @@ def without_aliases(problem: Problem, recordings: Sequence[Recording]) -> Proble
     if not problem.inputs:
         return problem
     n, aliases = len(problem.states), []
-    of_inputs = slice(n, n + len(problem.inputs))
+    powers = exponents_of(problem.terms, len(problem.names))[:, n:].tolist()
     values = _recorded_values(problem, recordings)
     known = problem.precision > 0.0
     for equation, term, *_ in problem.bounds:
@@ -59,12 +59,12 @@ def without_aliases(problem: Problem, recordings: Sequence[Recording]) -> Proble
     may_be = problem.open.copy()
     for equation in problem.unknown:
         groups: dict[Exponents, list[int]] = {}
-        for j in np.flatnonzero(problem.open[equation]):
-            term = problem.terms[j]
-            of_states = (*term[:n], *term[of_inputs.stop :])
-            groups.setdefault(of_states, []).append(int(j))
+        for place in np.flatnonzero(problem.open[equation]):
+            term = problem.terms[place]
+            of_states = (*term[:n], *term[len(problem.names) :])
+            groups.setdefault(of_states, []).append(int(place))
         for group in groups.values():
-            factors = {j: problem.terms[j][of_inputs] for j in group}
+            factors = {j: tuple[int, ...](powers[j]) for j in group}
             group.sort(key=lambda j: (not known[equation, j], *_complexity(factors[j])))
             for j, combination in _combinations(group, [factors[j] for j in group], values):
                 if not known[equation, j]:
@@ -88,20 +88,21 @@ def _recorded_values(problem: Problem, recordings: Sequence[Recording]) -> np.nd
     return values[:: -(-len(values) // MOST_VALUES)]
 
 
-def _complexity(factor: Exponents) -> tuple:
+def _complexity(factor: tuple[int, ...]) -> tuple:
     """Sort key: fewer powers come first, then fewer inputs, multiplication before division."""
     powers = [abs(e) for e in factor]
     return sum(powers), np.count_nonzero(powers), sum(e < 0 for e in factor), factor[::-1]
 
 
 def _combinations(
-    places: Sequence[int], factors: Sequence[Exponents], values: np.ndarray
+    places: Sequence[int], factors: Sequence[tuple[int, ...]], values: np.ndarray
 ) -> list[tuple[int, dict[int, float]]]:
     """Return the factors that are combinations of earlier ones at all values, each with these.
 
     A product with an infinite value, of a division by zero, is no combination.
     """
-    found, kept, columns = [], [], np.empty((len(values), 0))
+    kept: list[tuple[int, float]] = []
+    found, columns = [], np.empty((len(values), 0))
     for place, factor in zip(places, factors, strict=True):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             column = np.prod(values ** np.array(factor, float), axis=1)

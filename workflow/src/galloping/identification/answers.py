@@ -4,6 +4,7 @@ are known make of them.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from galloping.recording.samples import Recording
 def by(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:
     """The model with further stages before those of its path, by which it was found."""
     own = identified.diagnostics.get("path")
-    stages = [*path, *([own] if own else [])]
+    stages = [*path, *([str(own)] if own else [])]
     return replace(identified, diagnostics={**identified.diagnostics, "path": ", ".join(stages)})
 
 
@@ -38,11 +39,12 @@ def on_terms_of(problem: Problem, identified: IdentifiedModel) -> IdentifiedMode
         return whole
 
     coefficients = spread(identified.model.coefficients, 0.0)
+    by_term: Any = {name: spread(getattr(identified, name), np.nan) for name in BY_TERM}
     return replace(
         identified,
         model=replace(identified.model, terms=problem.terms, coefficients=coefficients),
         rivals=spread(identified.rivals, 0.0),
-        **{name: spread(getattr(identified, name), np.nan) for name in BY_TERM},
+        **by_term,
     )
 
 
@@ -106,7 +108,9 @@ def with_inputs(
         moved = error * power * identified.model.coefficients[at]
         moved[identified.standard_errors[at] == 0.0] = 0.0  # of those that are fixed
         added += np.outer(moved, moved)
-    wider = {"covariance": identified.covariance + added} if len(identified.covariance) else {}
+    wider: dict[str, Any] = {}
+    if len(identified.covariance):
+        wider["covariance"] = identified.covariance + added
     for name in ("standard_errors", "unconditional_errors"):
         errors = np.array(getattr(identified, name))
         errors[at] = np.hypot(errors[at], np.sqrt(np.diag(added)))
@@ -116,7 +120,7 @@ def with_inputs(
 
 
 def undetermined_laws(
-    identified: IdentifiedModel, sizes: Sequence[float], about: Mapping[str, object]
+    identified: IdentifiedModel, sizes: Sequence[float], about: Mapping[str, float | str]
 ) -> list[Finding]:
     """Find the linear terms whose change with the inputs the recordings hardly determine, a finding
     for each input, with the range recorded.

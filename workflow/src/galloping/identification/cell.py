@@ -32,8 +32,9 @@ def identify(
         for method, settings in methods.items():
             options = dict(settings["options"])
             if settings["seed"] is not None:
-                named = ("identification", *name, method, replicate)
-                options["rng"] = generator(settings["seed"], *named)
+                options["rng"] = generator(
+                    settings["seed"], "identification", *name, method, replicate
+                )
             try:
                 model = resolve_name(settings["function"])(
                     evidence(settings["evidence"]), **options

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import chain
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,6 +40,7 @@ RANGE = ("_low", "_high")  # behind the name of an input or a state: diagnostics
 LITTLE_TOLD = 0.8
 LONGEST_NAME = 100  # characters, of a state or an input in a file
 MOST_POWER = 64  # of a state or an input in a term of a file
+UNSTATED: Any = None  # of an array that is not given
 BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
 
 
@@ -90,24 +91,24 @@ class IdentifiedModel(Immutable):
     model: PolynomialModel
     status: str
     findings: tuple[Finding, ...] = ()
-    standard_errors: NDArray[np.float64] = None
-    unconditional_errors: NDArray[np.float64] = None
-    detection_limits: NDArray[np.float64] = None
+    standard_errors: NDArray[np.float64] = UNSTATED
+    unconditional_errors: NDArray[np.float64] = UNSTATED
+    detection_limits: NDArray[np.float64] = UNSTATED
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
-    rivals: NDArray[np.float64] = None
+    rivals: NDArray[np.float64] = UNSTATED
     rival_share: float = 0.0
     extrapolation_shift: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     extrapolation_covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
-    initial_states: NDArray[np.float64] = None
-    sigma: NDArray[np.float64] = None
-    thresholds: NDArray[np.float64] = None
+    initial_states: NDArray[np.float64] = UNSTATED
+    sigma: NDArray[np.float64] = UNSTATED
+    thresholds: NDArray[np.float64] = UNSTATED
     chi2: float = np.nan
     known: tuple[int, ...] = ()
     diagnostics: Mapping[str, float | str] = field(default_factory=dict)
     further_modes: tuple[FurtherMode, ...] = ()
     envelope: tuple[EnvelopePart, ...] = ()
-    forces: NDArray[np.float64] = None
-    slow_forces: NDArray[np.float64] = None
+    forces: NDArray[np.float64] = UNSTATED
+    slow_forces: NDArray[np.float64] = UNSTATED
     resonances: tuple[Resonance, ...] = ()
     bounds: tuple[Bound, ...] = ()
 
@@ -152,7 +153,7 @@ class IdentifiedModel(Immutable):
     def tells_little(self) -> bool:
         """Whether there is no model, or it hardly tells the motion from what came before."""
         inexact = self.status in ("approximate", "refused")
-        return inexact and self.diagnostics.get("forecast_r2", 0.0) < LITTLE_TOLD
+        return inexact and float(self.diagnostics.get("forecast_r2", 0.0)) < LITTLE_TOLD
 
     def with_findings(self, *findings: Finding) -> IdentifiedModel:
         """Add what else was noticed, from which the status follows anew."""
@@ -184,7 +185,7 @@ class IdentifiedModel(Immutable):
         the model of a `Summary`, its least and greatest; none unknown.
         """
         ends = tuple(f"{name}{end}" for end in RANGE)
-        return tuple(self.diagnostics[end] for end in ends if end in self.diagnostics)
+        return tuple(float(self.diagnostics[end]) for end in ends if end in self.diagnostics)
 
     def at(self, values: Mapping[str, float]) -> IdentifiedModel:
         """The model at constant values of inputs, its terms merged; the other inputs stay.
@@ -194,7 +195,7 @@ class IdentifiedModel(Immutable):
         """
         model = self.model.at(values)
         _, merge = merged(self.model, values)
-        old, kept = np.argwhere(self.support), {"model": model}
+        old, kept = np.argwhere(self.support), dict[str, Any](model=model)
         new = replace(self, model=model).support
         places = np.argwhere(new)
         same = places[:, :1] == old[:, 0]
@@ -328,7 +329,7 @@ class IdentifiedModel(Immutable):
         """Return everything as plain values for JSON; numbers that are not finite are text."""
         of = self.model
         terms = [plain(term) for term in of.terms]
-        content = {"states": of.states, "inputs": of.inputs, "terms": terms}
+        content: dict[str, Any] = {"states": of.states, "inputs": of.inputs, "terms": terms}
         own = {"coefficients": of.coefficients} | self._held()
         del own["model"], own["bounds"]
         content |= {name: _plain(value) for name, value in own.items()}
@@ -337,7 +338,7 @@ class IdentifiedModel(Immutable):
         return content | {"known": [int(i) for i in self.known]}
 
     @classmethod
-    def from_plain(cls, content: Mapping[str, object]) -> IdentifiedModel:
+    def from_plain(cls, content: Mapping[str, Any]) -> IdentifiedModel:
         """Return what `to_plain` was called of, which other keys do not change.
 
         Raises KeyError, or ValueError and its kin, for anything else.
@@ -375,10 +376,7 @@ class IdentifiedModel(Immutable):
                 (int(i), from_plain(term), float(least), float(most))
                 for i, term, least, most in content.get("bounds", ())
             ),
-            resonances=tuple(
-                Resonance(**{k: tuple(v) if isinstance(v, list) else v for k, v in one.items()})
-                for one in content["resonances"]
-            ),
+            resonances=_of_values(Resonance, content["resonances"]),
             **{name: _array(content[name]).reshape(shape) for name, shape in shapes.items()},
         )
 
@@ -404,7 +402,7 @@ class IdentifiedModel(Immutable):
             raise ValueError(f"{path}: not an identified model: {cause}") from None
 
 
-def _names(content: object) -> tuple[str, ...]:
+def _names(content: Iterable[Any]) -> tuple[str, ...]:
     """Names of states or inputs. Raises ValueError for anything else."""
     names = tuple(content)
     if not all(
@@ -417,12 +415,15 @@ def _names(content: object) -> tuple[str, ...]:
     return names
 
 
-def _of_values(kind: type, contents: Sequence[Mapping[str, object]]) -> tuple:
+def _of_values(kind: type, contents: Sequence[Mapping[str, Any]]) -> tuple:
     """Objects of numbers and names, as `_plain` has written them."""
-    return tuple(
-        kind(**{k: v if k in ("recording", "state") else float(v) for k, v in one.items()})
-        for one in contents
-    )
+
+    def value(name: str, plain: Any) -> Any:
+        if name in ("recording", "state"):
+            return plain
+        return tuple(map(float, plain)) if isinstance(plain, list) else float(plain)
+
+    return tuple(kind(**{name: value(name, own) for name, own in one.items()}) for one in contents)
 
 
 def _shapes(states: int, terms: int) -> dict[str, tuple[int, ...]]:
@@ -434,7 +435,7 @@ def _shapes(states: int, terms: int) -> dict[str, tuple[int, ...]]:
     }  # fmt: skip
 
 
-def _plain(value: object) -> object:
+def _plain(value: Any) -> Any:
     """As JSON has it; numbers that are not finite are text."""
     if isinstance(value, Finding):
         return value.as_dict()

@@ -75,8 +75,11 @@ def asked(
         sound = isinstance(term, tuple) and len(exponents) == n_exponents(terms[0])
         sound = sound and len(exponents) in (n, n + len(inputs))
         sound = sound and all(isinstance(e, Integral) for e in term[: len(exponents)])
-        sound = sound and all(len(own.weights) == n for own in term[len(exponents) :])
-        if not sound or not all(e >= 0 for e in term[:n]):
+        functions = term[len(exponents) :] if sound else ()
+        sound = sound and all(
+            isinstance(own, Function) and len(own.weights) == n for own in functions
+        )
+        if not sound or not all(e >= 0 for e in exponents[:n]):
             raise ValueError(f"terms: {term!r:.60}; {hint}")
     for name, value, kind in (("known", known, PolynomialModel), ("prior", prior, Prior)):
         if value is not None and not isinstance(value, kind):

@@ -4,9 +4,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import compress
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from galloping.identification.prior_knowledge import Coefficient, Prior
 from galloping.identification.selection import Price, select, solve_support
@@ -95,7 +96,9 @@ class Problem:
 
     @property
     def prior_prices(self) -> np.ndarray:
-        """(n_candidates,) of `Prior.prices`."""
+        """(n_candidates,) of `Prior.prices`, zero without a prior."""
+        if self.prior is None:
+            return np.zeros(len(self.candidates))
         powers = exponents_of(self.terms, len(self.names))[:, len(self.states) :]
         of_inputs = np.abs(powers).sum(axis=1)
         return self.prior.prices(self.complexity, of_inputs[self.candidates[:, 1]])
@@ -122,7 +125,7 @@ class Problem:
         that by the other terms.
         """
         by_term = ("known", "open", "expected", "precision")
-        values = {name: change(getattr(self, name)) for name in by_term}
+        values: dict[str, Any] = {name: change(getattr(self, name)) for name in by_term}
         return replace(self, terms=tuple(terms), **values)
 
     def without(self, left_out: Callable[[Exponents], bool]) -> Self:
@@ -132,9 +135,11 @@ class Problem:
             return self
         return self.by_term(lambda values: values[:, kept], list(compress(self.terms, kept)))
 
-    def named(self, candidates: Sequence[int]) -> str:
+    def named(self, candidates: Sequence[int] | np.ndarray) -> str:
         """Some candidates in words, '' of none."""
-        return " with ".join(self.coefficient_name(i, j) for i, j in self.candidates[candidates])
+        return " with ".join(
+            self.coefficient_name(i, j) for i, j in self.candidates[list(candidates)]
+        )
 
     def coefficient_name(self, equation: int, term: int) -> str:
         """Return what findings call a term in an equation."""
@@ -352,7 +357,7 @@ def posed(
     prior: Prior | None = None,
     inputs: Sequence[str] = (),
     coefficients: Sequence[Coefficient] = (),
-    allowed: np.ndarray | None = None,
+    allowed: ArrayLike | None = None,
 ) -> Problem:
     """The identification problem of a library.
 

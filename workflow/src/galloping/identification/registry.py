@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from galloping.deferred import identification
 from galloping.fields import Section, one_of, real, setting, whole
@@ -15,7 +16,15 @@ from galloping.recording.measurement import (
 )
 from galloping.results import IDENTIFIED, KNOWN
 
-Positive = real(gt=0)
+if TYPE_CHECKING:
+    Positive = float
+    Length = int
+    Count = int
+    Kinematics = str
+else:
+    Positive = real(gt=0)
+    Length, Count = whole(ge=5, le=1000), whole(ge=2, le=1000)
+    Kinematics = one_of((IDENTIFIED, KNOWN))
 
 
 class NoOptions(Section):
@@ -33,15 +42,13 @@ class Thresholded(Section):
 class Scanned(Thresholded):
     """A threshold, chosen out of a path of candidates."""
 
-    path_length: whole(ge=5, le=1000) = setting(
-        30, "candidate thresholds scanned where the data choose", "1"
-    )
+    path_length: Length = setting(30, "candidate thresholds scanned where the data choose", "1")
 
 
 class Paper(Scanned):
     """The paper's method."""
 
-    kinematics: one_of((IDENTIFIED, KNOWN)) = setting(
+    kinematics: Kinematics = setting(
         IDENTIFIED,
         "that the rate of a displacement is its velocity: identified as any equation, or known",
     )
@@ -50,7 +57,7 @@ class Paper(Scanned):
 class Ensemble(Scanned):
     """An ensemble."""
 
-    models: whole(ge=2, le=1000) = setting(20, "bagged models of an ensemble", "1")
+    models: Count = setting(20, "bagged models of an ensemble", "1")
 
 
 sparse = identification.sparse

@@ -81,14 +81,14 @@ def select(
     price: of each term (n,), in units of chi^2, or one of all. Shapes as in `solve_support`; about:
     as in `whiten`. Returns the (n,) boolean support.
     """
-    whitened, priced = whiten(information, right, about), isinstance(price, Price)
-    least = np.broadcast_to(price.least if priced else price, len(right))
+    whitened = whiten(information, right, about)
+    least = np.broadcast_to(price.least if isinstance(price, Price) else price, len(right))
     ends: dict[bytes, tuple[float, np.ndarray]] = {}
     for start in starts:
         value, support = _descend(whitened, start & whitened.usable, least, ends)
         ends[support.tobytes()] = (value, support)
     support = min(ends.values(), key=lambda end: end[0])[1]
-    if not priced:
+    if not isinstance(price, Price):
         return support
     here = tableau(whitened, support)
     errors = whitened.unit[here.kept] * np.sqrt(np.diag(here.covariance))

@@ -45,7 +45,7 @@ def explain(
         Meaning and advice, either of which may be ''. That the model is inadequate, the last row,
         is said if nothing else is.
     """
-    side, told = 0 if is_span else 1, {}
+    side, told = 0 if is_span else 1, dict[tuple[str, str], None]()
     for finding in _by_weight(findings) if is_verdict else findings:
         kind = kinds()[finding.code]
         if bool(kind.sentence) != is_verdict:
@@ -53,14 +53,16 @@ def explain(
         name, unit = (units or {}).get(finding.subject, (finding.subject, ""))
         values = _values(finding) | {"name": name, "unit": finding.data.get("unit", unit)}
         values |= words or {}
-        own = (
-            re.sub("<(.*?)>", lambda of: f"{of[1]}|".split("|")[side], text).format_map(values)
-            for text in (kind.meaning, kind.advice)
-        )
-        told[tuple(text.replace(" .", ".").replace(" ,", ",") for text in own)] = None
+        told[_filled(kind.meaning, side, values), _filled(kind.advice, side, values)] = None
     least = kinds()[Code.RESIDUAL_POWER].meaning
     said = [pair for pair in told if any(pair)]
     return [pair for pair in said if pair[0] != least] or said
+
+
+def _filled(template: str, side: int, values: Mapping[str, object]) -> str:
+    """Fill in a template. side: which of the two phrases in <> is said."""
+    text = re.sub("<(.*?)>", lambda of: f"{of[1]}|".split("|")[side], template)
+    return text.format_map(values).replace(" .", ".").replace(" ,", ",")
 
 
 def _by_weight(findings: Iterable[Finding]) -> list[Finding]:
@@ -69,7 +71,7 @@ def _by_weight(findings: Iterable[Finding]) -> list[Finding]:
 
 def _values(finding: Finding) -> dict[str, object]:
     """What templates may name: subject, data, and shares in percent and in words."""
-    values = {"subject": finding.subject, **finding.data}
+    values: dict[str, object] = {"subject": finding.subject, **finding.data}
     if "share" in finding.data:
         share = float(finding.data["share"])
         values["share_percent"] = 100.0 * share

@@ -101,8 +101,9 @@ def counted() -> tuple[float, float]:
     """Work counted so far, s, and what is left at most until all is written, s, infinite without a
     limit.
     """
-    work, most, spent = _work.get(), _UNLIMITED.most, 0.0
-    while work is not _UNLIMITED:
+    work: Work | None = _work.get()
+    most, spent = _UNLIMITED.most, 0.0
+    while work and work is not _UNLIMITED:
         most, spent, work = work.most, spent + work.spent, work.around
     return spent, max(most - spent, 0.0) + AFTER
 

@@ -98,7 +98,7 @@ class Condensed:
     @cached_property
     def present(self) -> np.ndarray:
         """(n_windows, n_observed, n_rows) whether a projection tells anything."""
-        return self.functionals.any(axis=3)
+        return np.asarray(self.functionals.any(axis=3))
 
     @property
     def is_known(self) -> np.ndarray:

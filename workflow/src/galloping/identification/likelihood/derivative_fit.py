@@ -8,7 +8,13 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.condense import TRUNCATION
 from galloping.identification.likelihood.free_run import pulled
 from galloping.identification.likelihood.residual_tests import RESIDUAL_RATE
-from galloping.identification.likelihood.verdict import Near, Regression, approximate, judged
+from galloping.identification.likelihood.verdict import (
+    Fitted,
+    Near,
+    Regression,
+    approximate,
+    judged,
+)
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem, largest
 from galloping.identification.selection import added_deviation
@@ -35,15 +41,15 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         np.hstack([one.values, at_times(list(one.inputs.values()), one.time)]) for one in recordings
     ]
     thetas = [design_matrix(one, problem.terms) for one in values]
-    rates = np.concatenate([recording.rates for recording in recordings])
-    size = largest(problem, np.concatenate(values), rates)
+    measured = [one.rates for one in recordings if one.rates is not None]
+    size = largest(problem, np.concatenate(values), np.concatenate(measured))
     squares, count, parts = 0.0, 0, []
     for i in problem.unknown:
         block = np.flatnonzero(problem.candidates[:, 0] == i)
         columns = problem.candidates[block, 1]
         samples = 0
-        for r, (theta, recording) in enumerate(zip(thetas, recordings, strict=True)):
-            rate = recording.rates[:, i] - theta @ problem.known[i]
+        for r, (theta, rates) in enumerate(zip(thetas, measured, strict=True)):
+            rate = rates[:, i] - theta @ problem.known[i]
             good = np.isfinite(rate) & np.all(np.isfinite(theta), axis=1)
             if good.sum() <= len(problem.terms):
                 continue  # so few rows do not tell their noise
@@ -67,7 +73,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     penalty = 2.0 * np.log(count / len(problem.unknown))  # of an equation's samples, on average
     free, covariance = problem.solve(information, right, support)
     misfit = max(squares - float(free @ right), 0.0)
-    fitted = {
+    fitted: Fitted = {
         "initial_states": np.array([recording.values[0] for recording in recordings]),
         "sigma": sigma,
         "chi2": misfit / max(count - int(support.sum()), 1),

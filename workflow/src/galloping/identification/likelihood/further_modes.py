@@ -87,5 +87,6 @@ def _oscillations(
     for pole, amplitude in found:
         begin = amplitude * np.exp(-pole * time[0])  # at the first sample
         inside = np.sinc(pole.imag * window / (2.0 * np.pi))  # share left in a mean over a window
-        modes.append((pole.imag, pole.real, begin.real / inside, -begin.imag / inside))
-    return [tuple(map(float, mode)) for mode in modes]
+        cosine, sine = begin.real / inside, -begin.imag / inside
+        modes.append((float(pole.imag), float(pole.real), float(cosine), float(sine)))
+    return modes

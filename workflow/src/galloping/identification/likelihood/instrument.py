@@ -5,9 +5,10 @@ the data pull it away, without another fit (C. R. Rao, 1948; T. S. Breusch and A
 Noise shows in the variance of the residuals, forces in how badly the segments join up.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
 from galloping.identification.likelihood.condense import PROJECTIONS
@@ -22,7 +23,7 @@ from galloping.identification.likelihood.shooting import (
 )
 from galloping.identification.observations import Code, Finding
 from galloping.identification.selection import DEPENDENT, select, solve_support, tableau, whiten
-from galloping.model.polynomial import velocity_pairs
+from galloping.model.polynomial import exponents_of, velocity_pairs
 
 FORCES = (Code.FORCES, Code.FORCES_BESIDE_INPUTS)  # without inputs, and beside them
 
@@ -34,14 +35,15 @@ class Fault:
     or_model: whether a wrong model would show as this fault does. Residuals of a wrong model are
     larger where the motion is larger, like noise that grows with the motion, and what the model
     lacks may be slow, like a drift.
-    mixture: (n_parameters,) weights of the parameters of faults, tested as one parameter. is_noise:
-    whether the fault only adds white noise, which explains no misfit that has a colour.
+    mixture: (n_parameters,) weights of the parameters of faults, tested as one parameter; none of a
+    fault that is no parameter. is_noise: whether the fault only adds white noise, which explains no
+    misfit that has a colour.
     """
 
     cause: Finding
     or_model: bool
     z: float = 0.0
-    mixture: np.ndarray | None = None
+    mixture: np.ndarray = field(default_factory=lambda: np.ones(0))
     is_noise: bool = False
 
     def explains(self, excess: float) -> bool:
@@ -101,18 +103,19 @@ def _delayed_inputs(fit: ShootingFit) -> tuple[ShootingFit, list[Late]]:
     problem, condensed = fit.record.problem, fit.record.condensed
     coefficients, powers = problem.coefficients(fit.free), condensed.inputs
     n, extra = len(problem.states), len(problem.inputs)
-    own = n + extra
-    terms, late = [(*term[:own], *[0] * extra, *term[own:]) for term in problem.terms], []
+    many = n + extra
+    terms, late = [(*term[:many], *[0] * extra, *term[many:]) for term in problem.terms], []
+    powers_of_inputs = exponents_of(problem.terms, many)[:, n:]
     slopes = np.zeros_like(powers)
     slopes[:, :-1] = powers[:, 1:] * np.arange(1, powers.shape[1])[:, None] / condensed.step
     columns = [powers]
     for k, name in enumerate(problem.inputs):
-        own = [term for term in problem.terms if term[n + k]]
-        if not own or any(np.count_nonzero(term[n : n + extra]) > 1 for term in own):
+        own = powers_of_inputs[powers_of_inputs[:, k] != 0]
+        if not len(own) or np.any(np.count_nonzero(own, axis=1) > 1):
             continue
         pairs, weights = [], []
-        for i, j in np.argwhere(coefficients):
-            if power := problem.terms[j][n + k]:
+        for i, j in np.argwhere(coefficients).tolist():
+            if power := int(powers_of_inputs[j, k]):
                 moved = {n + k: power - 1, n + extra + k: 1}
                 slope = tuple(moved.get(place, e) for place, e in enumerate(terms[j]))
                 if slope not in terms:
@@ -144,8 +147,8 @@ def _parameters(
     problem, condensed = record.problem, record.condensed
     states, names = problem.states, condensed.names(problem.states)
     channel = {int(condensed.observed[o]): int(o) for o in np.flatnonzero(~condensed.is_rate)}
-    pairs = velocity_pairs(states).items()
-    kinematic = [(i, v) for i, v in pairs if i in channel and v in channel]
+    velocities = velocity_pairs(states).items()
+    kinematic = [(i, v) for i, v in velocities if i in channel and v in channel]
     samplings, time = condensed.samplings, condensed.step * np.arange(len(rates))[:, None, None]
     trend = time * samplings[..., 0] + condensed.step * samplings[..., 1]
     count = len(names)
@@ -158,7 +161,7 @@ def _parameters(
     n, tests = first + 2 * count, []
 
     def test(
-        places: list[int], cause: Finding, or_model: bool = False, weights: object = 1.0
+        places: list[int], cause: Finding, or_model: bool = False, weights: ArrayLike = 1.0
     ) -> None:
         mixture = np.zeros(n)
         mixture[places] = weights

@@ -191,7 +191,8 @@ def _first_of(searches: Sequence[Search], recordings: list[Recording]) -> Outcom
 
     Each search is told what the searches before it found to speak against a model.
     """
-    unsure, objections = None, ()
+    unsure: IdentifiedModel | None = None
+    objections: Findings = ()
     with ExitStack() as limits:
         for search in searches:
             found, is_sure = search(objections)
@@ -390,7 +391,7 @@ def _noise(fit: ShootingFit, remaining: np.ndarray) -> tuple[np.ndarray, dict[st
     its name (see `Condensed.noise_told`). remaining: residuals of single shooting.
     """
     condensed = fit.record.condensed
-    share = fit.parameters / max(np.count_nonzero(condensed.counts), 1)
+    share = fit.parameters / max(int(np.count_nonzero(condensed.counts)), 1)
     squares = condensed.squares(remaining) + condensed.remainder
     variance = squares / np.maximum(condensed.counts - share, 1.0)
     variance = np.where(condensed.is_known, condensed.noise_variance, variance)
@@ -450,7 +451,7 @@ def _near_data(begun: Start, objections: Findings) -> Outcome:
         runs = partial(free_run.free_runs, start.record, near, begun.penalty, objections)
         run = attempt(runs)
         if isinstance(run, IdentifiedModel):
-            return by(["approximation", near.diagnostics["path"]], run)
+            return by(["approximation", str(near.diagnostics["path"])], run)
     return by(["approximation"], near)
 
 

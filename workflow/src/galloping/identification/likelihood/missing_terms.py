@@ -36,27 +36,27 @@ def missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
     diverges.
     """
     record, problem = fit.record, fit.record.problem
-    kinds = [kind for kind in _kinds(problem) if kind[1] not in problem.terms]
+    kinds = [kind for kind in _kinds(problem) if kind[2] not in problem.terms]
     if not kinds:
         return []
     n, extra = len(problem.candidates), len(kinds)
-    forces, given = _forces(fit, tuple(term for _, term in kinds)), record.condensed.inputs
+    forces, given = _forces(fit, tuple(term for *_, term in kinds)), record.condensed.inputs
     given = np.pad(given, ((0, 0), (0, DEGREE + 1 - given.shape[1]), (0, 0)))
     signals = np.concatenate([given, forces], axis=2)
-    names = tuple(f"force {k}" for k in range(extra))
+    force_names = tuple(f"force {k}" for k in range(extra))
     places = len(problem.names)
     terms = [(*term[:places], *[0] * extra, *term[places:]) for term in problem.terms]
     terms += [alone(places + k, places + extra) for k in range(extra)]
     padding = ((0, 0), (0, extra))
     wider = replace(
         problem.by_term(lambda values: np.pad(values, padding), terms),
-        inputs=(*problem.inputs, *names),
+        inputs=(*problem.inputs, *force_names),
     )
     condensed = replace(record.condensed, inputs=signals)
     wide = replace(
         fit, sigma=fit.reference, record=replace(record, problem=wider, condensed=condensed)
     )
-    entries = [(i, len(problem.terms) + k) for k, (i, _) in enumerate(kinds)]
+    entries = [(i, len(problem.terms) + k) for k, (i, *_) in enumerate(kinds)]
     linear = linearise(wide, np.vstack([problem.candidates, entries]))
     left = eliminate(linear, record.segments, fit.starts)
     among = np.arange(n + extra) < n
@@ -70,15 +70,14 @@ def missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
     excess = chi2 - float(np.sum(record.condensed.rows))
     if falls[best] < max(2.0 * penalty, EXPLAINED * excess):
         return []
-    equation, term = kinds[best]
-    alike = [other for i, other in kinds if i == equation and other[-1][1:] == term[-1][1:]]
-    said = " or ".join(term_name(own, problem.names) for own in alike)
-    return [Finding.of(Code.TERM_MISSING, problem.states[equation], term=said)]
+    same_force = [term for *place, term in kinds if place == list(kinds[best][:2])]
+    names = " or ".join(term_name(term, problem.names) for term in same_force)
+    return [Finding.of(Code.TERM_MISSING, problem.states[kinds[best][0]], term=names)]
 
 
-def _kinds(problem: Problem) -> Iterator[tuple[int, Exponents]]:
-    """Terms that are looked for, each with its equation: drag and friction along a velocity, or
-    what bends or breaks a stiffness along a displacement.
+def _kinds(problem: Problem) -> Iterator[tuple[int, int, Exponents]]:
+    """Terms that are looked for, each with its equation and state: drag and friction along a
+    velocity, or what bends or breaks a stiffness along a displacement.
     """
     n, pairs = len(problem.states), velocity_pairs(problem.states)
     none = (0,) * len(problem.names)
@@ -86,8 +85,8 @@ def _kinds(problem: Problem) -> Iterator[tuple[int, Exponents]]:
         for state in range(n):
             unit = tuple(float(k == state) for k in range(n))
             own = alone(state, len(problem.names))
-            yield equation, (*own, Function("abs", unit))
-            yield equation, (*none, Function("sin" if state in pairs else "sign", unit))
+            yield equation, state, (*own, Function("abs", unit))
+            yield equation, state, (*none, Function("sin" if state in pairs else "sign", unit))
 
 
 def _forces(fit: ShootingFit, terms: tuple[Exponents, ...]) -> np.ndarray:

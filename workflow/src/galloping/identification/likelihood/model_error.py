@@ -184,10 +184,11 @@ def _approximate(start: ShootingFit, penalty: float) -> Approximation | NoModel:
     misfits = {"coloured": coloured_misfit, "white": white_misfit}
     for colour in misfits:
         tried = attempt(partial(_of_misfit, first, misfits[colour], penalty))
-        found = not isinstance(tried, NoModel)
-        if found and (max(each.skill for each in tried[1]) > 0.0 or is_spent()):
+        if isinstance(tried, NoModel):
+            continue
+        if max(each.skill for each in tried[1]) > 0.0 or is_spent():
             break
-    if not found:
+    if isinstance(tried, NoModel):
         return tried
     whole, made = tried
     best = _varying(whole, penalty) or _smallest(made)
@@ -204,26 +205,27 @@ def _of_misfit(
     of a truth, 3 to 5 up to five terms more. No model may jump more than the whole library: what a
     term that was left out would do is no disturbance.
     """
-    whole, made = _iterate(first, misfit_of), []
+    fit = whole = _iterate(first, misfit_of)
+    made: list[Approximation] = []
     for times in (7.0, 25.0):
         if made and is_spent():
             break
-        fit = made[-1].fit if made else whole
         tried = attempt(partial(_of_price, fit, misfit_of, times * penalty, whole.jump))
         if isinstance(tried, NoModel):
             if not made:
                 return tried
             break
-        made.append(replace(tried, path=(f"penalty {times:g}",)))
+        fit, own = tried
+        made.append(replace(own, path=(f"penalty {times:g}",)))
     return whole, made
 
 
 def _of_price(
     fit: StretchFit, misfit_of: MisfitOf, price: float, most_jump: np.ndarray
-) -> Approximation | NoModel:
+) -> tuple[StretchFit, Approximation] | NoModel:
     """The model whose terms are worth a price, from another fit. most_jump: as of `_iterate`."""
     fit = _iterate(fit, misfit_of, price, most_jump)
-    return _judged(fit, price) if fit.support.any() else NoModel((Finding.of(Code.NO_TERM),))
+    return (fit, _judged(fit, price)) if fit.support.any() else NoModel((Finding.of(Code.NO_TERM),))
 
 
 def _smallest(made: list[Approximation]) -> Approximation:
@@ -269,14 +271,14 @@ def _iterate(
     Passes end with a step below 0.05, squared, in standard deviations: errors grow by 2.5 %. The
     most passes bound the work of what alternates, and were not calibrated.
     """
-    record, (passes, choosing) = fit.record, (5, 0) if price is None else (20, 6)
+    record, passes, choosing = fit.record, 5 if price is None else 20, 6
     for passed in range(passes):
         if passed and is_spent():
             break
         passing("approximate in stretches")
         solved = eliminate_with_jumps(record, fit.linear, record.precision(fit.jump))
         right, support = solved.right + solved.information @ fit.free, fit.support
-        if passed < choosing:
+        if price is not None and passed < choosing:
             support = chosen(record.problem, solved.information, right, support, price)
         free, _ = record.problem.solve(solved.information, right, support)
         change = free - fit.free
@@ -286,7 +288,8 @@ def _iterate(
             share = np.minimum(1.0, np.sqrt(np.diag(most_jump) / np.diag(jump)))
             jump = jump * np.outer(share, share)
         same, misfit = np.array_equal(support, fit.support), misfit_of(record, fit.linear.residual)
-        if choosing:  # else a fit and the covariance of what it leaves may alternate with others
+        if price is not None:
+            # else a fit and the covariance of what it leaves may alternate with others
             misfit = (misfit + fit.misfit) / 2.0
         fit = integrable(fit, StretchFit(record, free, support, starts, misfit, jump))
         length = change @ solved.information @ change  # squared, in standard deviations

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtri
@@ -66,11 +67,14 @@ class Residue:
         channels: names of the observed channels. Noise correlated over a few samples may have up
         to twice the power at the motion's frequencies.
         """
-        misfit, channel = {"band": self.band, "chi2": self.chi2}, channels[self.channel]
+        misfit: Any = {"band": self.band, "chi2": self.chi2}
+        channel = channels[self.channel]
         if self.line > self.line_allowed:
             if self.cycles > 2:
-                line = {"frequency_hz": self.frequency, **misfit}
-                return [Finding.of(Code.RESIDUAL_LINE, channel, **line)]
+                finding = Finding.of(
+                    Code.RESIDUAL_LINE, channel, frequency_hz=self.frequency, **misfit
+                )
+                return [finding]
             return [Finding.of(Code.RESIDUAL_DRIFTS, channel, **misfit)]
         if self.band > (MOST_COLOUR if self.coloured else self.band_allowed):
             code = Code.NOISE_CORRELATED if self.coloured else Code.RESIDUAL_POWER
@@ -114,10 +118,10 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
     # a bin over the mean of m others is F-distributed with (2, 2 m) degrees; of the highest
     m = 2 * NEIGHBOURS - 4
     line_allowed = m * ((RESIDUAL_RATE / (2.0 * int(condensed.first[-1]))) ** (-1.0 / m) - 1.0)
-    line, *where = max(lines, key=lambda own: own[0])
+    line, frequency, channel, cycles = max(lines, key=lambda own: own[0])
     return Residue(
         *_misfit(condensed, residual, parameters), bool(condensed.is_known.any()), band,
-        band_allowed, band_power, excess, line, line_allowed, *where,
+        band_allowed, band_power, excess, line, line_allowed, frequency, channel, cycles,
     )  # fmt: skip
 
 

@@ -208,6 +208,8 @@ def _while_moving(fit: ShootingFit) -> ShootingFit | None:
         return None
     functionals = np.where(stuck[:, None, None, None], 0.0, condensed.functionals)
     samples = condensed.samples
+    if samples is None:
+        return None
     held = np.repeat(stuck, np.diff(samples.offsets))
     rows = np.add.reduceat(functionals.any(axis=3).sum(axis=2), condensed.first[:-1])
     cut = replace(

@@ -279,10 +279,10 @@ def linearise(
             information += rest.T @ rest
             right += gap @ rest
     spend((1.1e-8 + 3e-11 * n) * m * record.condensed.targets.size + SEGMENT * len(starts))
-    own = problem.of_candidates(problem.precision, pairs)
+    precision = problem.of_candidates(problem.precision, pairs)
     values = problem.of_candidates(problem.coefficients(free), pairs)
-    information[np.diag_indices(len(pairs))] += own
-    right[: len(pairs)] += own * (problem.of_candidates(problem.expected, pairs) - values)
+    information[np.diag_indices(len(pairs))] += precision
+    right[: len(pairs)] += precision * (problem.of_candidates(problem.expected, pairs) - values)
     return Linearised(kept, information, right, squares, ends, end_derivatives)
 
 

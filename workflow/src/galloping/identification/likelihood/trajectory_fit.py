@@ -345,7 +345,7 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
 def with_noise(fit: ShootingFit, squares: np.ndarray) -> ShootingFit:
     """The fit with the noise and chi^2 of sums of squared residuals (n_recordings, n_observed)."""
     rows, floor = fit.record.condensed.rows, fit.record.floor
-    share = fit.parameters / max(np.count_nonzero(squares), 1)
+    share = fit.parameters / max(int(np.count_nonzero(squares)), 1)
     # a fifth of the rows at least: what many parameters follow exactly would seem to have no noise,
     # or a variance below zero; not critical
     sigma = np.maximum(np.sqrt(squares / np.maximum(rows - share, 0.2 * rows + 1.0)), floor)

@@ -1,8 +1,9 @@
 """The verdict on a set of terms, and the identified model that carries it: decided here alone."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from scipy.special import chdtri
@@ -10,6 +11,7 @@ from scipy.special import chdtri
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.repetition import Followed, only_repeats
 from galloping.identification.observations import Code, Finding, as_warnings
+from galloping.identification.oscillations import FurtherMode
 from galloping.identification.plausible import (
     MISS_RATE,
     Plausible,
@@ -62,6 +64,23 @@ class Regression:
     about: np.ndarray | float = 0.0
 
 
+class Fitted(TypedDict, total=False):
+    """What a fit contributes to an `IdentifiedModel`, as the fields of these names there."""
+
+    initial_states: np.ndarray
+    sigma: np.ndarray
+    chi2: float
+    diagnostics: Mapping[str, float | str]
+    further_modes: tuple[FurtherMode, ...]
+
+
+class Rivals(TypedDict, total=False):
+    """The rivals of an `IdentifiedModel`, as the fields of these names there."""
+
+    rivals: np.ndarray
+    rival_share: float
+
+
 @dataclass(frozen=True)
 class Near:
     """Coefficients of a model near the data, of which no model of the library is right.
@@ -84,7 +103,7 @@ def judged(
     doubts: Sequence[Finding] = (),
     followed: Sequence[Followed] = (),
     period: float = np.inf,
-    **fitted: object,
+    **fitted: Unpack[Fitted],
 ) -> IdentifiedModel:
     """The identified model of a fit that may be trusted, `ok` or `not identifiable`.
 
@@ -104,6 +123,7 @@ def judged(
     free = free + about
     findings, notes = [Finding.of(Code.NO_TERM)], []
     errors = added_deviation(information, support)
+    others: Rivals = {}
     if support.any():
         ruled_out, contradicted = beyond_bounds(problem, regression)
         allowed = np.where(np.logical_or.outer(ruled_out, ruled_out), 0.0, information)
@@ -124,7 +144,7 @@ def judged(
         if problem.prior and share > MOST_RIVAL_WEIGHT:
             notes = [Finding.of(Code.PRIOR_DECIDES, **rival), *notes]
         errors = unconditional_errors(plausible, errors)
-        fitted |= _rivals(problem, regression, believed)
+        others = _rivals(problem, regression, believed)
     model = problem.model(free)
     if followed and only_repeats(model, followed, period):
         findings = [Finding.of(Code.MOTION_REPEATS), *findings]
@@ -139,12 +159,13 @@ def judged(
         detection_limits=problem.on_library(detection_limits(errors, support, penalty)),
         covariance=problem.of_model(covariance, support),
         known=problem.known_equations,
+        **others,
         **fitted,
     )
 
 
 def approximate(
-    problem: Problem, near: Near, findings: Iterable[Finding], **fitted: object
+    problem: Problem, near: Near, findings: Iterable[Finding], **fitted: Unpack[Fitted]
 ) -> IdentifiedModel:
     """The identified model where no model of the library is right, `approximate`. It claims no more
     than how far it is from the data, which is among the findings. fitted: as of `judged`.
@@ -163,7 +184,7 @@ def approximate(
     )
 
 
-def _rivals(problem: Problem, regression: Regression, believed: Plausible) -> dict[str, object]:
+def _rivals(problem: Problem, regression: Regression, believed: Plausible) -> Rivals:
     """`IdentifiedModel.rivals` and `rival_share`; nothing where rivals are less likely together
     than MISS_RATE.
     """
@@ -187,7 +208,7 @@ def beyond_bounds(problem: Problem, regression: Regression) -> tuple[np.ndarray,
     """
     ruled_out, contradicted = np.zeros(len(regression.support), bool), []
     lower, upper = problem.box
-    for k in np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)):
+    for k in np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)).tolist():
         among = regression.support.copy()
         among[k] = True
         change, covariance = solve_support(regression.information, regression.right, among)
@@ -222,7 +243,7 @@ def best_of(found: list[IdentifiedModel]) -> IdentifiedModel:
         if identified.status in FOLLOW:
             return 0, float(identified.support.sum())
         if identified.status == "approximate":
-            return 1, -identified.diagnostics["forecast_r2"]
+            return 1, -float(identified.diagnostics["forecast_r2"])
         return 2, 0.0
 
     best = min(found, key=order)
@@ -292,7 +313,7 @@ def hidden_term(
     return [Finding.of(code, term=problem.named([k]), share=share[k])]
 
 
-def _rival(problem: Problem, plausible: Plausible) -> tuple[float, dict[str, float | str]]:
+def _rival(problem: Problem, plausible: Plausible) -> tuple[float, dict[str, Any]]:
     """The weight of all supports that lack any of the terms found, and the difference of the
     heaviest of these supports, as data of a finding.
     """

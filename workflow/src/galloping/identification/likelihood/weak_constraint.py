@@ -141,9 +141,9 @@ class StretchFit:
                 present = there[own, o, k]
                 if not present.any():  # LAPACK prints a message where there are none
                     continue
-                at, factor = slice(None), factors[recording, o, k, :n, :n]
-                if not present.all():
-                    at = np.flatnonzero(present)
+                at = np.flatnonzero(present)
+                factor = factors[recording, o, k, :n, :n]
+                if len(at) < n:
                     factor = np.linalg.cholesky(covariance[recording, o, k][np.ix_(at, at)])
                 # `scipy.linalg.solve_triangular` takes three times as long for so few rows
                 found[at, o, k] = lapack.dtrtrs(factor.T, rows[at, o, k], lower=0, trans=1)[0]
