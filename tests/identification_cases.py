@@ -6,7 +6,7 @@ from lines import simulate
 from galloping import IdentifiedModel, PolynomialModel, Recording
 from galloping import polynomial_library as library
 from galloping.evaluation.bounds import sensitivities
-from galloping.identification.problem import posed
+from galloping.identification.problem import make_problem
 
 TIME = np.linspace(0.0, 300.0, 30_001)
 RELEASE = np.array([0.1, 0.1, 0.0, 0.0])
@@ -39,7 +39,7 @@ def noisy(
 
 def unknown_support(true: PolynomialModel) -> np.ndarray:
     """The terms to be found: those of the equations that are not known by their states' names."""
-    unknown = posed(true.states, true.terms, inputs=true.inputs).unknown
+    unknown = make_problem(true.states, true.terms, inputs=true.inputs).unknown
     return true.support & np.isin(np.arange(len(true.states)), unknown)[:, np.newaxis]
 
 

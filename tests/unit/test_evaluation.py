@@ -10,7 +10,7 @@ from galloping.evaluation import score as scores
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
 from galloping.evaluation.score import Truth, evaluate, gallops, reconstruct, reconstruction, score
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.no_model import Unusable
+from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code, Finding
 from galloping.identification.sparse.evidence import reduce
 from galloping.line.galerkin import coefficients, model
@@ -209,7 +209,9 @@ def test_a_line_that_diverges_is_a_row_with_its_reason():
     truth = Truth(line, time, states, (10, 20), "diverged: |x| exceeded 1000 at t = 3 s")
     with np.errstate(invalid="raise"):
         motion = Motion(line.states, time, states, line(states), truth.status)
-    with pytest.raises(Unusable, match="every state at every sample"):  # which makes a row of it
+    with pytest.raises(
+        IdentificationError, match="every state at every sample"
+    ):  # which makes a row of it
         reduce(recorded(motion), library(4, 3))
     failed = IdentifiedModel.refused(line.states, line.terms, [Finding.of(Code.STATE_ZERO)])
     (motion,) = reconstruct(truth, [failed])

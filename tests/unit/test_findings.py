@@ -10,7 +10,13 @@ import pytest
 
 import galloping
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.observations import Code, Finding, Severity, as_warnings, kinds
+from galloping.identification.observations import (
+    Code,
+    Finding,
+    Severity,
+    as_warnings,
+    finding_kinds,
+)
 from galloping.identification.sentences import explain, reason_of, sentence_of
 from galloping.identification.status import status_of
 from galloping.summary.helps import HELPS
@@ -25,12 +31,12 @@ def fields(template: str) -> set[str]:
 
 
 def test_the_table_has_a_row_for_each_code_in_its_order():
-    assert list(kinds()) == list(Code)
+    assert list(finding_kinds()) == list(Code)
 
 
 @pytest.mark.parametrize("code", Code)
 def test_templates_name_only_the_data_of_their_code(code):
-    kind = kinds()[code]
+    kind = finding_kinds()[code]
     data = kind.keys | {"subject"} | (IN_SHARE if "share" in kind.keys else set())
     assert fields(kind.sentence) <= data
     assert fields(kind.meaning) <= data | {"name", "unit"}

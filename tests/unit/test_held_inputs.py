@@ -10,7 +10,7 @@ from held_inputs import COUNT, DAMPING, STEP, STIFFNESS, TIME, inputs, moved_by
 
 import galloping
 from galloping import IdentifiedModel, Input, Recording
-from galloping.identification.inputs import asked
+from galloping.identification.inputs import validated_problem
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.interpolation import choose_interpolants
 from galloping.model.intervals import drawn_with_rivals
@@ -39,7 +39,7 @@ def recorded(samples, between, said="cubic", noise=1e-3, names=("F",)):
 def test_the_motion_tells_what_an_input_is_between_its_samples(name, noise, said):
     samples, between = inputs()[name]
     recording = recorded(samples, between, said, noise)
-    problem = asked([recording], *parse("poly(q, dq; 3) + F", STATES, ("F",))[:1])
+    problem = validated_problem([recording], *parse("poly(q, dq; 3) + F", STATES, ("F",))[:1])
     found = choose_interpolants(problem, [recording])["F"]
     assert (found == "zero") == (between == "zero")
 
@@ -48,7 +48,7 @@ def test_what_is_said_of_an_input_is_not_asked():
     samples, _ = inputs()["a controller"]
     recording = recorded(samples, "zero")
     said = replace(recording, inputs={"F": Input(TIME, samples, "cubic")})
-    problem = asked([said], *parse("q + dq + F", STATES, ("F",))[:1])
+    problem = validated_problem([said], *parse("q + dq + F", STATES, ("F",))[:1])
     assert choose_interpolants(problem, [said]) == {}
 
 
@@ -70,7 +70,7 @@ def aliases(values, terms, names=("F",)):
     given = {name: Input(time, own, "zero") for name, own in zip(names, drawn.T, strict=True)}
     motion = rng.standard_normal((400, 2))
     recording = Recording(time, STATES, motion, inputs=given)
-    problem = asked([recording], *parse(f"dq + {terms}", STATES, names)[:1])
+    problem = validated_problem([recording], *parse(f"dq + {terms}", STATES, names)[:1])
     model = galloping.PolynomialModel(STATES, problem.terms, 0.0 * problem.known, names)
     names = dict(zip(problem.terms, model.term_names, strict=True))
     assert not any(problem.open[one.equation, problem.terms.index(one.term)]

@@ -13,7 +13,7 @@ from galloping.configuration.load import load, plain
 from galloping.identification import cell
 from galloping.identification.cell import identify
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.no_model import Unusable
+from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import Resonance
 from galloping.identification.registry import BY_NAME, METHODS
@@ -286,7 +286,7 @@ def test_only_recordings_that_give_no_model_are_refused(monkeypatch):
         monkeypatch.setattr(cell, "resolve_name", lambda name: Mock(side_effect=error))
         return identify(settings, [still], library(1, 1), NAME)["mine"][0]
 
-    assert raising(Unusable(Code.NO_MOTION)).codes == "no_motion"
+    assert raising(IdentificationError(Code.NO_MOTION)).codes == "no_motion"
     assert raising(FloatingPointError("overflow")).findings[0].data == {"error": "overflow"}
     with pytest.raises(ValueError, match="shapes differ"):
         raising(ValueError("shapes differ"))

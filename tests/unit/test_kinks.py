@@ -6,15 +6,15 @@ from scipy.integrate import solve_ivp
 
 from galloping import Input, PolynomialModel, parse_model, simulate
 from galloping.evaluation.bounds import sensitivities
-from galloping.identification.likelihood.condense import condense
+from galloping.identification.likelihood.condense import condense_recordings
 from galloping.identification.likelihood.shooting import (
     Record,
     ShootingFit,
-    cut,
+    cut_segments,
     linearise,
-    residuals,
+    segment_residuals,
 )
-from galloping.identification.problem import posed
+from galloping.identification.problem import make_problem
 from galloping.model.polynomial import design_matrix
 
 FRICTION = "q = dq; dq = -4 q - 0.9 sign(dq)"
@@ -145,15 +145,15 @@ def test_windows_with_a_kink_are_read_sample_by_sample():
     rates = model(states)[:, 1:]
     sampled = np.hstack([states, rates])
     is_rate, observed = np.array([False, False, True]), np.array([0, 1, 1])
-    problem = posed(model.states, model.terms)
-    condensed = condense(
+    problem = make_problem(model.states, model.terms)
+    condensed = condense_recordings(
         [time], [sampled], observed, 0.1, is_rate, np.full((1, 3), np.nan), keep_samples=True
     )
     windows = len(condensed.targets)
-    segments = cut(condensed, windows, np.ones(windows, bool))
+    segments = cut_segments(condensed, windows, np.ones(windows, bool))
     record = Record(problem, condensed, segments, np.tile(start, (windows, 1)), np.zeros((1, 3)))
     coefficients = problem.of_candidates(model.coefficients)
-    left, truncation = residuals(record, coefficients, start[np.newaxis])
+    left, truncation = segment_residuals(record, coefficients, start[np.newaxis])
     assert np.abs(left).max() < 1e-9 and truncation < 1e-9
     ones = np.ones((1, 3))
     fit = ShootingFit(record, coefficients, coefficients != 0, start[np.newaxis], ones, ones)

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import galloping
 from galloping import passes
-from galloping.identification.work import AFTER, limited, portion, spend
+from galloping.identification.work import AFTER, count_work, limit_work, sub_budget
 from galloping.passes import part, passing, progress
 from galloping.summary import terminal
 
@@ -72,9 +72,9 @@ def test_off_a_terminal_there_is_a_line_now_and_then(clock, capsys, step, at):
 
 
 def test_a_search_with_a_limit_tells_what_is_left_at_most_once_it_computes(clock, capsys):
-    with limited([RECORDING], 10.0), portion(0.5), terminal.shown():
+    with limit_work([RECORDING], 10.0), sub_budget(0.5), terminal.shown():
         for spent, took in ((0.0, 100.0), (0.6, 10.0), (4.0, 10.0), (0.1, 10.0)):
-            spend(spent)
+            count_work(spent)
             passing("join segments")
             clock[0] += took
         passing("join segments")

@@ -12,7 +12,7 @@ from galloping import IdentifiedModel, Recording
 from galloping.behaviour.dynamics import Surroundings, dynamics
 from galloping.behaviour.forecast import check_followed, forecast, held_out, with_factors
 from galloping.behaviour.objections import difference, kept_up, objected, unmoved
-from galloping.identification.likelihood.repetition import Followed, only_repeats
+from galloping.identification.likelihood.repetition import FollowedRecording, is_periodic
 from galloping.identification.observations import Code, Finding
 from galloping.identification.random_forces.start import wavers
 from galloping.model.polynomial import PolynomialModel, design_matrix, library
@@ -252,7 +252,9 @@ def test_a_motion_that_only_repeats_is_told_from_one_that_settles_or_beats():
     duration = np.ptp(recording.time)
 
     def repeats(model, start, duration=duration, period=2.4):
-        return only_repeats(model, [Followed(np.zeros(1), np.array([start]), duration)], period)
+        return is_periodic(
+            model, [FollowedRecording(np.zeros(1), np.array([start]), duration)], period
+        )
 
     assert repeats(exact, states[-1])
     assert not repeats(exact, files.RELEASE)
@@ -277,8 +279,10 @@ def test_a_motion_on_an_unstable_orbit_repeats():
     model = PolynomialModel(("x", "y"), terms, coefficients)
     times = np.arange(0.0, 60.0, 6.0)
     on_it = np.column_stack([np.cos(times), np.sin(times)])
-    assert only_repeats(model, [Followed(times, on_it, 60.0)], 2.0 * np.pi)
-    assert not only_repeats(model, [Followed(times[:1], 0.99 * on_it[:1], 60.0)], 2.0 * np.pi)
+    assert is_periodic(model, [FollowedRecording(times, on_it, 60.0)], 2.0 * np.pi)
+    assert not is_periodic(
+        model, [FollowedRecording(times[:1], 0.99 * on_it[:1], 60.0)], 2.0 * np.pi
+    )
 
 
 def test_a_known_fault_is_the_first_reason_where_there_is_no_model(tmp_path):

@@ -10,7 +10,7 @@ import galloping
 from galloping import Coefficient, Input
 from galloping.identification.observations import Code
 from galloping.identification.preparation.weak_form import begin, delayed_inputs
-from galloping.identification.problem import posed
+from galloping.identification.problem import make_problem
 
 TIME = np.arange(1601) / 20.0
 DUFFING_TERMS = ((1, 0, 0), (0, 1, 0), (3, 0, 0), (0, 0, 1))
@@ -220,7 +220,7 @@ def test_a_rest_shorter_than_a_test_function_says_nothing_of_delays():
     rng = np.random.default_rng(5)
     moving = np.column_stack([np.sin(TIME), np.cos(TIME)]) + 0.01 * rng.normal(size=(len(TIME), 2))
     short, rest = np.linspace(0.0, 0.5, 120), 0.01 * rng.normal(size=(120, 2))
-    problem = posed(("y", "dy"), DUFFING_TERMS, inputs=("F",))
+    problem = make_problem(("y", "dy"), DUFFING_TERMS, inputs=("F",))
 
     def late(*recorded):
         recordings = [

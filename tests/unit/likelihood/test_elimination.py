@@ -5,8 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from galloping.identification.likelihood.elimination import chained, eliminate, eliminate_with_jumps
-from galloping.identification.likelihood.shooting import Linearised, Segments, rotated
+from galloping.identification.likelihood.elimination import (
+    chain_segments,
+    eliminate_states,
+    eliminate_with_jumps,
+)
+from galloping.identification.likelihood.shooting import Linearised, Segments, qr_eliminate
 from galloping.identification.likelihood.weak_constraint import NormalEquations
 
 COUNT, STATES, N, ROWS = 6, 2, 3, 8
@@ -53,14 +57,14 @@ def test_eliminated_states_leave_the_best_coefficients_and_follow_them(jump: flo
         precision = np.tile(np.eye(STATES) / jump**2, (COUNT, 1, 1))
         found = eliminate_with_jumps(record, linear, precision)
     else:
-        parts = [rotated(*each, N) for each in zip(DESIGN, RESIDUAL, strict=True)]
+        parts = [qr_eliminate(*each, N) for each in zip(DESIGN, RESIDUAL, strict=True)]
         information = sum(rest.T @ rest for _, rest, _ in parts)
         right = sum(left @ rest for _, rest, left in parts)
         kept = np.array([own for own, *_ in parts])
         linear = Linearised(kept, information, right, np.zeros((2, 1)), ENDS, SLOPES)
-        segments = chained(linear, SEGMENTS)
+        segments = chain_segments(linear, SEGMENTS)
         assert segments.chains.tolist() == OWNER.tolist()
-        found = eliminate(linear, segments, STARTS)
+        found = eliminate_states(linear, segments, STARTS)
         assert found.gap == pytest.approx(
             np.abs(ENDS - np.roll(STARTS, -1, 0))[[0, 1, 2, 4]].max(0)
         )

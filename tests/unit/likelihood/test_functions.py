@@ -16,12 +16,12 @@ from galloping import (
     simulate,
 )
 from galloping.identification.likelihood import trajectory_fit
-from galloping.identification.likelihood.missing_terms import missing_kind
+from galloping.identification.likelihood.missing_terms import find_missing_kind
 from galloping.identification.observations import Code
 from galloping.identification.preparation.weak_form import begin
 from galloping.identification.prior_knowledge import PRIOR
-from galloping.identification.problem import posed
-from galloping.identification.selection import unseen_mixtures
+from galloping.identification.problem import make_problem
+from galloping.identification.selection import n_unidentifiable_directions
 
 DESIGN, REPORTING = 20261128, 20261129  # only the former was looked at while the method was made
 STATES = ("q", "dq")
@@ -78,11 +78,11 @@ def test_no_kind_of_term_is_named_beside_a_right_library():
 
 def kind_lacking(recording):
     """What a cubic library lacks to follow a recording."""
-    begun = begin(posed(STATES, polynomial_library(2, 3), prior=PRIOR), [recording])
-    free = trajectory_fit.free_fit(begun, begun.fit)
-    unseen = unseen_mixtures(free.information, begun.largest) > 0
-    joined = trajectory_fit.join(free, begun.price, 1.0, unseen)
-    return missing_kind(joined.step.fit, begun.penalty)
+    begun = begin(make_problem(STATES, polynomial_library(2, 3), prior=PRIOR), [recording])
+    free = trajectory_fit.fit_free_segments(begun, begun.fit)
+    unseen = n_unidentifiable_directions(free.information, begun.largest) > 0
+    joined = trajectory_fit.join_segments(free, begun.price, 1.0, unseen)
+    return find_missing_kind(joined.step.fit, begun.penalty)
 
 
 def test_a_quotient_of_what_crosses_zero_is_refused_with_the_divisor():

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from galloping.identification.likelihood.condense import condense
-from galloping.identification.likelihood.further_modes import further_modes
+from galloping.identification.likelihood.condense import condense_recordings
+from galloping.identification.likelihood.further_modes import find_further_modes
 
 TIME = np.arange(0.0, 300.0, 0.02)
 STATES = ("q", "dq")
@@ -18,9 +18,11 @@ def found(besides, observed=(0, 1), kept=slice(None)):
     def condensed(values):
         values_only, unknown = np.zeros(len(channels), bool), np.full((1, len(channels)), np.nan)
         sampled = [values[kept][:, channels]]
-        return condense([TIME[kept]], sampled, np.array(channels), 0.2, values_only, unknown)
+        return condense_recordings(
+            [TIME[kept]], sampled, np.array(channels), 0.2, values_only, unknown
+        )
 
-    return further_modes(STATES, condensed(MOTION + besides), condensed(besides).targets)
+    return find_further_modes(STATES, condensed(MOTION + besides), condensed(besides).targets)
 
 
 def noise(seed):

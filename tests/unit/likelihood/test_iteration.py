@@ -12,7 +12,7 @@ from galloping import simulate
 from galloping.identification.likelihood import trajectory_fit
 from galloping.identification.likelihood.shooting import ShootingFit
 from galloping.identification.preparation.weak_form import begin, whitened_weak_form
-from galloping.identification.problem import posed
+from galloping.identification.problem import make_problem
 from galloping.identification.selection import Price, solve_support
 
 PRICE = Price(*np.ones((3, 8)))
@@ -48,7 +48,7 @@ def test_a_step_that_goes_too_far_is_halved(monkeypatch, limit, misfit):
         return step(own, fit(misfit if own.free[0] > limit else 9.0))
 
     monkeypatch.setattr(trajectory_fit, "_gauss_newton", gauss_newton)
-    found = trajectory_fit.guarded_step(fit(place=0.0), fit(place=1.0), None, None)
+    found = trajectory_fit.take_guarded_step(fit(place=0.0), fit(place=1.0), None, None)
     assert found.before.free[0] == limit
 
 
@@ -62,13 +62,13 @@ def test_a_step_that_goes_too_far_is_halved(monkeypatch, limit, misfit):
 )
 def test_segments_are_as_long_as_they_may_be(monkeypatch, misfits, periods):
     left = {length: iter([*of_steps, *5 * of_steps[-1:]]) for length, of_steps in misfits.items()}
-    monkeypatch.setattr(trajectory_fit, "prepare", lambda _, __, length: fit(periods=length))
+    monkeypatch.setattr(trajectory_fit, "prepare_fit", lambda _, __, length: fit(periods=length))
 
     def guarded_step(_, own, *__):
         return step(own, fit(next(left[own.record.stretch]), periods=own.record.stretch))
 
-    monkeypatch.setattr(trajectory_fit, "guarded_step", guarded_step)
-    found = trajectory_fit.free_fit(SimpleNamespace(period=1.0), None)
+    monkeypatch.setattr(trajectory_fit, "take_guarded_step", guarded_step)
+    found = trajectory_fit.fit_free_segments(SimpleNamespace(period=1.0), None)
     assert found.fit.record.stretch == periods
 
 
@@ -88,9 +88,9 @@ def test_chains_grow_while_terms_change_and_terms_are_kept_in_the_last_passes(mo
         tried.append([np.flatnonzero(start).tolist() for start in starts])
         return np.isin(np.arange(8), 1)
 
-    monkeypatch.setattr(trajectory_fit, "guarded_step", guarded_step)
+    monkeypatch.setattr(trajectory_fit, "take_guarded_step", guarded_step)
     begun = fit(1.0, [0, 2], segments=1000, select=select)
-    joined = trajectory_fit.join(step(begun, begun), PRICE, 1.0, unseen)
+    joined = trajectory_fit.join_segments(step(begun, begun), PRICE, 1.0, unseen)
     assert tried == [[list(range(8)), [0, 2]]]  # from all terms and from those before
     assert longest[:5] == [4, 16, 64, 256, 1024]
     assert choosing == 14 * [True] + (0 if unseen else 6) * [False]
@@ -101,7 +101,7 @@ def test_the_weak_form_is_weighed_until_its_coefficients_move_by_less_than_their
     true = model(("x", "dx"), 3, {"dx": 1.0}, {"x": -1.0, "dx": 0.3, "x^2 dx": -0.3})
     time = np.linspace(0.0, 60.0, 1201)
     recording = noisy(true, simulate(true, (0.5, 0.0), time).states, time, 0.1, 202611275)
-    begun = begin(posed(true.states, true.terms), [recording])
+    begun = begin(make_problem(true.states, true.terms), [recording])
     weighed = begun.problem.coefficients(begun.fit.free)
     rows, rates = whitened_weak_form(begun.problem, begun.smoothed[0], weighed)
     again, covariance = solve_support(rows.T @ rows, rows.T @ rates, begun.fit.support)

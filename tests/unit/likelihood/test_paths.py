@@ -18,7 +18,7 @@ from identification_cases import model, noisy
 
 from galloping import Input, PolynomialModel, Recording, Simulator, maximum_likelihood, simulate
 from galloping import polynomial_library as library
-from galloping.identification.likelihood import trajectory_fit
+from galloping.identification.likelihood import exact_fit, trajectory_fit
 from galloping.identification.likelihood.instrument import FORCES
 from galloping.identification.observations import Code
 from galloping.line.galerkin import STATES
@@ -112,8 +112,8 @@ def test_each_part_that_stays_has_a_test(root) -> None:
 
 
 def test_the_first_start_that_settles_is_the_last(monkeypatch):
-    free_fit = Mock(side_effect=trajectory_fit.free_fit)
-    monkeypatch.setattr(trajectory_fit, "free_fit", free_fit)
+    free_fit = Mock(side_effect=trajectory_fit.fit_free_segments)
+    monkeypatch.setattr(trajectory_fit, "fit_free_segments", free_fit)
     recording = noisy(OSCILLATOR, simulate(OSCILLATOR, (0.5, 0.0), TIME).states, TIME, 0.05, 0)
     assert "settled" in maximum_likelihood(recording, OSCILLATOR.terms).diagnostics["path"]
     free_fit.assert_called_once()
@@ -123,7 +123,7 @@ def test_few_terms_are_not_believed_where_as_many_mixtures_go_unseen(monkeypatch
     """As of a limit cycle, which looks like one of fewer terms."""
     true, recording = FOUND["few terms"]()
     assert maximum_likelihood(recording, true.terms).diagnostics["path"].startswith("few terms")
-    monkeypatch.setattr(f"{maximum_likelihood.__module__}.unseen_mixtures", lambda *_: 99)
+    monkeypatch.setattr(exact_fit, "n_unidentifiable_directions", lambda *_: 99)
     path = maximum_likelihood(recording, true.terms).diagnostics["path"]
     assert "few terms" not in path or "unsettled" in path
 

@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 
 from galloping import IdentifiedModel, PolynomialModel, Prior
-from galloping.identification.answers import undetermined_laws
-from galloping.identification.likelihood.verdict import Regression, judged, open_questions
+from galloping.identification.answers import find_weakly_determined_input_terms
+from galloping.identification.likelihood.verdict import Regression, assess_fit, find_open_questions
 from galloping.identification.observations import Code, Finding
 from galloping.identification.plausible import (
     Plausible,
     plausible_supports,
     unconditional_errors,
-    with_prior,
+    weigh_by_prior,
 )
-from galloping.identification.problem import Problem, posed
-from galloping.identification.selection import select, whiten
+from galloping.identification.problem import Problem, make_problem
+from galloping.identification.selection import select_support, whiten
 from galloping.model.intervals import drawn, drawn_with_rivals, of_draws
 
 TERMS = tuple((k,) for k in range(12))
-PROBLEM = posed(("x",), TERMS)
+PROBLEM = make_problem(("x",), TERMS)
 
 
 def verdict(
@@ -30,9 +30,9 @@ def verdict(
     information, right = columns.T @ columns, columns.T @ observed
     penalty = 2.0 * np.log(len(columns))
     starts = [np.isin(np.arange(columns.shape[1]), start)]
-    support = select(information, right, starts, problem.least_prices(penalty))
+    support = select_support(information, right, starts, problem.least_prices(penalty))
     largest = np.sqrt(np.mean(observed**2)) / np.sqrt(np.mean(columns**2, axis=0))
-    return judged(problem, Regression(information, right, support, penalty, largest))
+    return assess_fit(problem, Regression(information, right, support, penalty, largest))
 
 
 def verdict_on(true: np.ndarray, columns: np.ndarray, rng: np.random.Generator) -> IdentifiedModel:
@@ -123,7 +123,7 @@ def alike(
     """A regression of dx/dt on y, which x y imitates well: its problem, columns and rates."""
     rng = np.random.default_rng(12)
     known = PolynomialModel(("x", "y"), PLANE, np.zeros((2, 6)))
-    problem = posed(("x", "y"), PLANE, known, ("y",), prior)
+    problem = make_problem(("x", "y"), PLANE, known, ("y",), prior)
     columns = rng.normal(size=(rows, 6))
     columns[:, XY] = columns[:, Y] + 0.2 * rng.normal(size=rows)
     return problem, columns, 3.0 * columns[:, 1], rng.normal(size=rows)
@@ -187,8 +187,8 @@ def test_the_prior_costs_the_same_in_any_unit() -> None:
 
 def test_a_constant_beside_a_displacement_costs_more_than_a_nonlinear_term() -> None:
     """A term of the third degree costs as much as one of the second."""
-    line = posed(("q", "dq"), (*PLANE, (3, 0)), prior=Prior(nonlinear=0.1))
-    plain = posed(("x", "y"), PLANE, prior=Prior(nonlinear=0.1))
+    line = make_problem(("q", "dq"), (*PLANE, (3, 0)), prior=Prior(nonlinear=0.1))
+    plain = make_problem(("x", "y"), PLANE, prior=Prior(nonlinear=0.1))
     rate = line.prior_prices / np.log(10.0)
     assert np.allclose(rate, 2.0 * np.array([2, 0, 0, 1, 1, 1, 1]))
     assert np.all(plain.complexity[[0, 6]] == -1)
@@ -197,14 +197,14 @@ def test_a_constant_beside_a_displacement_costs_more_than_a_nonlinear_term() -> 
 def test_the_odds_of_terms_are_those_that_recordings_calibrated() -> None:
     """A constant costs ln N + 1, a linear term ln N + 2, a nonlinear one 6 more."""
     penalty = 2.0 * np.log(400)
-    beyond = posed(("x", "y"), PLANE, prior=Prior()).least_prices(penalty)[:6] - np.log(400)
+    beyond = make_problem(("x", "y"), PLANE, prior=Prior()).least_prices(penalty)[:6] - np.log(400)
     assert np.allclose(beyond, [1.0, 2.2, 2.2, 8.2, 8.2, 8.2], atol=0.05)
 
 
 def test_simple_terms_told_finely_cost_more_but_not_beside_a_displacement() -> None:
     rows, largest = 400, np.geomspace(1e-3, 1e3, 12)
     for states, dearer in ((("x", "y"), [0, 1, 2, 6, 7, 8]), (("q", "dq"), [])):
-        problem = posed(states, PLANE, prior=Prior())
+        problem = make_problem(states, PLANE, prior=Prior())
         price = problem.price(2.0 * np.log(rows), largest[: len(problem.candidates)])
         terms = np.arange(len(problem.candidates))
         roughly = price.with_errors(price.width, terms)  # as a prior worth one sample is wide
@@ -222,7 +222,7 @@ def test_supports_that_lack_a_term_may_weigh_a_fifth() -> None:
     for share in (0.15, 0.25):
         weight = np.array([1.0 - share, share])
         plausible = Plausible(supports, np.zeros(2), weight, nothing, nothing)
-        codes = [each.code for each in open_questions(problem, whitened, plausible)]
+        codes = [each.code for each in find_open_questions(problem, whitened, plausible)]
         assert (Code.RIVAL_TERMS in codes) == (share > 0.2)
 
 
@@ -265,10 +265,10 @@ def test_the_prior_settles_ties_and_nothing_else() -> None:
     chi2 = np.array([0.0, 2.0, 9.0, -6.0, -4.0, 2.0])
     nothing = np.zeros(supports.shape)
     alone = Plausible(supports, chi2, np.full(6, 1.0 / 6.0), nothing, nothing)
-    weight = with_prior(problem, alone).weight
+    weight = weigh_by_prior(problem, alone).weight
     # as dear, fewer terms of less degree, more terms that fit clearly better and hardly, less dear
     assert np.allclose(weight[1:] / weight[0], [1.0, 10.0, 1.0, 0.1, 10.0])
-    assert with_prior(posed(("x",), TERMS), alone) is alone
+    assert weigh_by_prior(make_problem(("x",), TERMS), alone) is alone
 
 
 def test_a_law_that_one_mean_wind_does_not_tell_is_said() -> None:
@@ -279,7 +279,7 @@ def test_a_law_that_one_mean_wind_does_not_tell_is_said() -> None:
     def said(limit: float) -> list[Finding]:
         limits = np.array([[np.nan] * 3, [np.nan, limit, np.nan]])
         identified = IdentifiedModel(model, "ok", detection_limits=limits)
-        return undetermined_laws(identified, [10.0], about)
+        return find_weakly_determined_input_terms(identified, [10.0], about)
 
     (short,) = said(0.05)
     assert (short.code, short.subject) == (Code.INPUT_RANGE_SHORT, "U")
@@ -292,7 +292,7 @@ def chosen(columns, observed, penalty, start=None, sigma=1.0):
     information, right = columns.T @ columns / sigma**2, columns.T @ observed / sigma**2
     terms = np.arange(columns.shape[1])
     starts = [np.isin(terms, terms if start is None else start)]
-    return terms[select(information, right, starts, penalty)].tolist()
+    return terms[select_support(information, right, starts, penalty)].tolist()
 
 
 def test_selection_does_not_depend_on_the_units_of_the_columns() -> None:

@@ -9,9 +9,9 @@ from galloping import polynomial_library as library
 from galloping.identification.observations import Code
 from galloping.identification.preparation.screening import prepared
 from galloping.identification.preparation.weak_form import weak_fit
-from galloping.identification.problem import posed
-from galloping.identification.selection import select
-from galloping.identification.work import MOST, allowance, limited
+from galloping.identification.problem import make_problem
+from galloping.identification.selection import select_support
+from galloping.identification.work import MOST, limit_work, work_limit
 from galloping.trials.published import SYSTEMS
 
 # its first swings are far quicker than most of the record: the first time scale gives no model
@@ -26,7 +26,7 @@ def recording():
 
 def searched(recording, most):
     """The model, and the work that was counted."""
-    with limited([recording], most) as work:
+    with limit_work([recording], most) as work:
         found = maximum_likelihood(recording, TRUE.terms)
     return found, work.spent
 
@@ -56,7 +56,7 @@ def test_a_search_at_its_limit_ends_and_is_not_ok(recording, whole, share):
 
 
 def test_a_search_may_count_36_s_and_in_proportion_more_of_a_longer_recording():
-    assert [allowance(rows) for rows in (1000, 30_001, 60_002)] == [36.0, 36.0, 72.0]
+    assert [work_limit(rows) for rows in (1000, 30_001, 60_002)] == [36.0, 36.0, 72.0]
 
 
 def test_nothing_is_begun_where_no_work_is_left(recording):
@@ -87,7 +87,7 @@ def driven(rng):
 def test_a_search_counts_little_more_than_its_limit(drawn):
     recording, degree = drawn(np.random.default_rng(990101))
     signals = len(recording.states) + len(recording.inputs)
-    with limited([recording], 1.5) as work:
+    with limit_work([recording], 1.5) as work:
         maximum_likelihood(recording, library(signals, degree))
     assert 1.5 < work.spent < 3.0
 
@@ -96,9 +96,9 @@ def test_many_candidates_of_the_weak_form_are_not_counted_by_their_square(monkey
     recording, _ = driven(np.random.default_rng(990101))
     _, curves, _ = prepared([recording])
     counted = []
-    monkeypatch.setattr("galloping.identification.preparation.weak_form.spend", counted.append)
+    monkeypatch.setattr("galloping.identification.preparation.weak_form.count_work", counted.append)
     for degree in (1, 3):
-        weak_fit(posed(recording.states, library(3, degree), inputs=("u",)), curves, 10.0)
+        weak_fit(make_problem(recording.states, library(3, degree), inputs=("u",)), curves, 10.0)
     assert max(counted) < 1.5 * min(counted) * len(library(3, 3)) / len(library(3, 1))
 
 
@@ -106,8 +106,8 @@ def test_the_choice_of_terms_ends_where_no_work_is_left(recording):
     rng = np.random.default_rng(990101)
     design = rng.standard_normal((300, 100))
     information, right = design.T @ design, design.T @ rng.standard_normal(300)
-    with limited([recording]) as work:
-        select(information, right, [np.ones(100, bool)], 1.0)
-    with limited([recording], 0.2 * work.spent) as less:
-        support = select(information, right, [np.ones(100, bool)], 1.0)
+    with limit_work([recording]) as work:
+        select_support(information, right, [np.ones(100, bool)], 1.0)
+    with limit_work([recording], 0.2 * work.spent) as less:
+        support = select_support(information, right, [np.ones(100, bool)], 1.0)
     assert less.ended and not work.ended and less.spent < 0.5 * work.spent and support.any()

@@ -8,7 +8,7 @@ from scipy.signal import lsim
 from scipy.stats import multivariate_normal
 
 from galloping import Input
-from galloping.identification.no_model import Unusable
+from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.kalman import kalman_filter
@@ -47,7 +47,7 @@ def test_undamped_motion_gathers_force_without_bound():
 
 
 def test_critical_damping_cannot_be_told_apart():
-    with pytest.raises(Unusable, match="critically damped"):
+    with pytest.raises(IdentificationError, match="critically damped"):
         discretised(np.array([[0.0, 1.0], [-1.0, -2.0]]), np.eye(2), np.array([1.0]))
 
 

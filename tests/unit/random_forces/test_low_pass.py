@@ -7,7 +7,7 @@ import pytest
 from ambient import swing
 
 from galloping import Recording, forecast, maximum_likelihood, polynomial_library, summarise
-from galloping.identification.no_model import NoModel, Unusable
+from galloping.identification.no_model import IdentificationError, NoModel
 from galloping.identification.observations import Code
 from galloping.identification.random_forces.low_pass import REACH, low_passed
 from galloping.identification.random_forces.several_modes import SeveralModes
@@ -61,7 +61,7 @@ def test_there_is_nothing_about_gaps_but_short_ones():
     about = silent + 2 * REACH * np.median(steps)
     assert about < steps.max() < about + 2 * np.median(steps)
     assert np.sum(steps > 1.1 * np.median(steps)) == 1
-    with pytest.raises(Unusable, match=r"Below 0\.05 Hz nothing is left of 29\.9 s"):
+    with pytest.raises(IdentificationError, match=r"Below 0\.05 Hz nothing is left of 29\.9 s"):
         low_passed(Recording(TIME, ("q",), values)[:600], 0.05)
 
 

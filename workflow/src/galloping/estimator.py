@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from galloping.arrays import increasing
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.prior_knowledge import PRIOR, Coefficient, Prior, coefficients_of
+from galloping.identification.prior_knowledge import PRIOR, Coefficient, Prior, as_coefficients
 from galloping.model.polynomial import Exponents
 from galloping.model.polynomial import library as polynomial_library
 from galloping.model.terms import known_model, parse
@@ -171,7 +171,7 @@ class MaximumLikelihood:
         texts = [each for each in told if isinstance(each, str)]
         known, known_states, single = known_model(texts, states, terms, inputs)
         coefficients = [each for each in told if not isinstance(each, str)]
-        coefficients += [own for each in single for own in coefficients_of(each)]
+        coefficients += [own for each in single for own in as_coefficients(each)]
         self.model_ = maximum_likelihood(
             recordings, terms, known, known_states, self.prior, forced=self.forced,
             coefficients=coefficients, allowed=allowed,

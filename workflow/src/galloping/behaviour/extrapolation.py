@@ -19,7 +19,7 @@ from galloping.behaviour.following import Following, without_outliers
 from galloping.cycles.settling import Pace
 from galloping.evaluation.bounds import Experiment, fisher_information, weighted_sensitivities
 from galloping.identification.identified_model import RANGE, IdentifiedModel
-from galloping.identification.inputs import while_driven
+from galloping.identification.inputs import segments_with_inputs
 from galloping.identification.no_model import NoModel, attempt
 from galloping.inspection.excerpts import excerpts
 from galloping.model.intervals import drawn_with_rivals
@@ -75,7 +75,7 @@ def with_extrapolation(
         return identified
     own = excerpts(list(recordings))
     if model.inputs:
-        own = attempt(partial(while_driven, own, model.inputs))
+        own = attempt(partial(segments_with_inputs, own, model.inputs))
     if isinstance(own, NoModel) or len(own) != len(identified.initial_states):
         return identified
     sizes = around.sizes(steady)

@@ -43,7 +43,7 @@ class Alias:
     simpler: dict[Exponents, float]
 
 
-def without_aliases(problem: Problem, recordings: Sequence[Recording]) -> Problem:
+def remove_aliases(problem: Problem, recordings: Sequence[Recording]) -> Problem:
     """Leave out candidates that equal combinations of simpler ones at the recorded inputs.
 
     Candidates with a prior or bounds of their own stay.
@@ -52,7 +52,7 @@ def without_aliases(problem: Problem, recordings: Sequence[Recording]) -> Proble
         return problem
     n, aliases = len(problem.states), []
     powers = exponents_of(problem.terms, len(problem.names))[:, n:].tolist()
-    values = _recorded_values(problem, recordings)
+    values = _distinct_input_values(problem, recordings)
     known = problem.precision > 0.0
     for equation, term, *_ in problem.bounds:
         known[equation, problem.terms.index(term)] = True
@@ -65,8 +65,8 @@ def without_aliases(problem: Problem, recordings: Sequence[Recording]) -> Proble
             groups.setdefault(of_states, []).append(int(place))
         for group in groups.values():
             factors = {j: tuple[int, ...](powers[j]) for j in group}
-            group.sort(key=lambda j: (not known[equation, j], *_complexity(factors[j])))
-            for j, combination in _combinations(group, [factors[j] for j in group], values):
+            group.sort(key=lambda j: (not known[equation, j], *_complexity_key(factors[j])))
+            for j, combination in _find_combinations(group, [factors[j] for j in group], values):
                 if not known[equation, j]:
                     may_be[equation, j] = False
                     simpler = {problem.terms[k]: c for k, c in combination.items()}
@@ -74,7 +74,7 @@ def without_aliases(problem: Problem, recordings: Sequence[Recording]) -> Proble
     return replace(problem, open=may_be, aliases=tuple(aliases))
 
 
-def _recorded_values(problem: Problem, recordings: Sequence[Recording]) -> np.ndarray:
+def _distinct_input_values(problem: Problem, recordings: Sequence[Recording]) -> np.ndarray:
     """Return the different combinations of values that inputs were recorded at, (n, n_inputs)."""
     found = []
     for one in recordings:
@@ -88,13 +88,13 @@ def _recorded_values(problem: Problem, recordings: Sequence[Recording]) -> np.nd
     return values[:: -(-len(values) // MOST_VALUES)]
 
 
-def _complexity(factor: tuple[int, ...]) -> tuple:
+def _complexity_key(factor: tuple[int, ...]) -> tuple:
     """Sort key: fewer powers come first, then fewer inputs, multiplication before division."""
     powers = [abs(e) for e in factor]
     return sum(powers), np.count_nonzero(powers), sum(e < 0 for e in factor), factor[::-1]
 
 
-def _combinations(
+def _find_combinations(
     places: Sequence[int], factors: Sequence[tuple[int, ...]], values: np.ndarray
 ) -> list[tuple[int, dict[int, float]]]:
     """Return the factors that are combinations of earlier ones at all values, each with these.
@@ -124,7 +124,7 @@ def _combinations(
     return found
 
 
-def with_alias_rivals(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
+def add_alias_rivals(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
     """Add the models that have other terms and are the same at all recorded values of the inputs.
 
     In each of them one alias stands for a term of the model that it contains. All are as probable
@@ -159,10 +159,10 @@ def with_alias_rivals(problem: Problem, identified: IdentifiedModel) -> Identifi
     copies = round(len(rivals) * identified.rival_share / others)
     rivals += [identified.rivals[k % len(identified.rivals)] for k in range(copies)]
     found = replace(identified, rivals=np.array(rivals), rival_share=share)
-    return found.with_findings(_exchangeable(problem, identified, exchanges))
+    return found.with_findings(_exchange_finding(problem, identified, exchanges))
 
 
-def _exchangeable(
+def _exchange_finding(
     problem: Problem, identified: IdentifiedModel, exchanges: Sequence[tuple[Alias, Exponents]]
 ) -> Finding:
     """Return which terms could be others."""

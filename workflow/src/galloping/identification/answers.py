@@ -16,19 +16,19 @@ from galloping.model.polynomial import exponents_of, has_functions
 from galloping.recording.samples import Recording
 
 
-def by(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:
+def prepend_path(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:
     """The model with further stages before those of its path, by which it was found."""
     own = identified.diagnostics.get("path")
     stages = [*path, *([str(own)] if own else [])]
     return replace(identified, diagnostics={**identified.diagnostics, "path": ", ".join(stages)})
 
 
-def refused(problem: Problem, findings: Iterable[Finding]) -> IdentifiedModel:
+def refused_model(problem: Problem, findings: Iterable[Finding]) -> IdentifiedModel:
     """The answer if there is no model, with what was noticed."""
     return IdentifiedModel.refused(problem.states, problem.terms, findings, problem.inputs)
 
 
-def on_terms_of(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
+def expand_terms(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
     """What was identified with some of the terms of the problem, on all of them."""
     places = [problem.terms.index(term) for term in identified.model.terms]
 
@@ -48,7 +48,7 @@ def on_terms_of(problem: Problem, identified: IdentifiedModel) -> IdentifiedMode
     )
 
 
-def beside_known(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
+def check_prior_conflict(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
     """The model, not `ok` where recordings alone would put a coefficient MOST_SURPRISE deviations
     from what was known of it, or further, or where it is out of bounds: then what was known is
     wrong, or the model is.
@@ -81,7 +81,7 @@ def beside_known(problem: Problem, identified: IdentifiedModel) -> IdentifiedMod
     return identified.with_findings(*denied)
 
 
-def with_inputs(
+def add_input_errors(
     identified: IdentifiedModel, given: Sequence[Recording], used: Sequence[Recording]
 ) -> IdentifiedModel:
     """The model with what its inputs add to its errors, the share of samples without them, and the
@@ -115,11 +115,11 @@ def with_inputs(
         errors = np.array(getattr(identified, name))
         errors[at] = np.hypot(errors[at], np.sqrt(np.diag(added)))
         wider[name] = errors
-    untold = undetermined_laws(identified, sizes, about)
+    untold = find_weakly_determined_input_terms(identified, sizes, about)
     return replace(identified, diagnostics=about, **wider).with_findings(*untold)
 
 
-def undetermined_laws(
+def find_weakly_determined_input_terms(
     identified: IdentifiedModel, sizes: Sequence[float], about: Mapping[str, float | str]
 ) -> list[Finding]:
     """Find the linear terms whose change with the inputs the recordings hardly determine, a finding

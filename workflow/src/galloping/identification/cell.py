@@ -8,7 +8,7 @@ from functools import cache, partial
 from pkgutil import resolve_name
 
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.no_model import NO_MODEL, finding_of
+from galloping.identification.no_model import NO_MODEL, as_finding
 from galloping.model.polynomial import Exponents
 from galloping.recording.samples import Recording
 from galloping.streams import generator
@@ -28,7 +28,7 @@ def identify(
     """
     models: dict[str, list[IdentifiedModel]] = {method: [] for method in methods}
     for replicate, recordings in enumerate(replicates):
-        evidence = cache(partial(_evidence, recordings, terms))
+        evidence = cache(partial(_make_evidence, recordings, terms))
         for method, settings in methods.items():
             options = dict(settings["options"])
             if settings["seed"] is not None:
@@ -42,12 +42,12 @@ def identify(
             except NO_MODEL as error:
                 states, inputs = recordings[0].states, tuple(recordings[0].inputs)
                 inputs = inputs[: len(terms[0]) - len(states)]
-                model = IdentifiedModel.refused(states, terms, [finding_of(error)], inputs)
+                model = IdentifiedModel.refused(states, terms, [as_finding(error)], inputs)
             models[method].append(model)
     return models
 
 
-def _evidence(
+def _make_evidence(
     recordings: Sequence[Recording], terms: tuple[Exponents, ...], maker: str | None
 ) -> object:
     """What methods work on: see `registry.Method`."""

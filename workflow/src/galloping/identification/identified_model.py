@@ -115,7 +115,7 @@ class IdentifiedModel(Immutable):
     def __post_init__(self) -> None:
         if self.status not in STATUSES:
             raise ValueError(f"status: {self.status!r} must be one of {', '.join(STATUSES)}")
-        for name, shape in _shapes(*self.model.coefficients.shape).items():
+        for name, shape in _array_shapes(*self.model.coefficients.shape).items():
             if getattr(self, name) is None:
                 unstated = 0.0 if name in ("forces", "slow_forces") else np.nan
                 object.__setattr__(self, name, np.full([max(n, 0) for n in shape], unstated))
@@ -332,9 +332,11 @@ class IdentifiedModel(Immutable):
         content: dict[str, Any] = {"states": of.states, "inputs": of.inputs, "terms": terms}
         own = {"coefficients": of.coefficients} | self._held()
         del own["model"], own["bounds"]
-        content |= {name: _plain(value) for name, value in own.items()}
+        content |= {name: _as_plain(value) for name, value in own.items()}
         content["reason"] = self.reason
-        content["bounds"] = [[i, plain(term), *map(_plain, ends)] for i, term, *ends in self.bounds]
+        content["bounds"] = [
+            [i, plain(term), *map(_as_plain, ends)] for i, term, *ends in self.bounds
+        ]
         return content | {"known": [int(i) for i in self.known]}
 
     @classmethod
@@ -343,15 +345,15 @@ class IdentifiedModel(Immutable):
 
         Raises KeyError, or ValueError and its kin, for anything else.
         """
-        states, inputs = _names(content["states"]), _names(content["inputs"])
+        states, inputs = _parse_names(content["states"]), _parse_names(content["inputs"])
         terms = tuple(map(from_plain, content["terms"]))
         powers = [term[: n_exponents(term)] for term in terms]
         if not terms or any(type(e) is not int or abs(e) > MOST_POWER for e in chain(*powers)):
             raise ValueError(f"terms: must be whole exponents up to {MOST_POWER}")
         if any(e < 0 for own in powers for e in own[: len(states)]):
             raise ValueError("terms: exponents of states must be 0 or more")
-        model = PolynomialModel(states, terms, _array(content["coefficients"]), inputs)
-        status, shapes = content["status"], _shapes(*model.coefficients.shape)
+        model = PolynomialModel(states, terms, _as_array(content["coefficients"]), inputs)
+        status, shapes = content["status"], _array_shapes(*model.coefficients.shape)
         shapes["covariance"] = (len(content["covariance"]),) * 2
         beyond = len(content["extrapolation_shift"])
         shapes |= {
@@ -369,15 +371,15 @@ class IdentifiedModel(Immutable):
                 name: value if name == "path" else float(value)
                 for name, value in content["diagnostics"].items()
             },
-            further_modes=_of_values(FurtherMode, content["further_modes"]),
+            further_modes=_parse_records(FurtherMode, content["further_modes"]),
             findings=tuple(Finding(**each) for each in content.get("findings", ())),
-            envelope=_of_values(EnvelopePart, content.get("envelope", ())),
+            envelope=_parse_records(EnvelopePart, content.get("envelope", ())),
             bounds=tuple(
                 (int(i), from_plain(term), float(least), float(most))
                 for i, term, least, most in content.get("bounds", ())
             ),
-            resonances=_of_values(Resonance, content["resonances"]),
-            **{name: _array(content[name]).reshape(shape) for name, shape in shapes.items()},
+            resonances=_parse_records(Resonance, content["resonances"]),
+            **{name: _as_array(content[name]).reshape(shape) for name, shape in shapes.items()},
         )
 
     def save(self, path: str | os.PathLike, **about: object) -> None:
@@ -402,7 +404,7 @@ class IdentifiedModel(Immutable):
             raise ValueError(f"{path}: not an identified model: {cause}") from None
 
 
-def _names(content: Iterable[Any]) -> tuple[str, ...]:
+def _parse_names(content: Iterable[Any]) -> tuple[str, ...]:
     """Names of states or inputs. Raises ValueError for anything else."""
     names = tuple(content)
     if not all(
@@ -415,8 +417,8 @@ def _names(content: Iterable[Any]) -> tuple[str, ...]:
     return names
 
 
-def _of_values(kind: type, contents: Sequence[Mapping[str, Any]]) -> tuple:
-    """Objects of numbers and names, as `_plain` has written them."""
+def _parse_records(kind: type, contents: Sequence[Mapping[str, Any]]) -> tuple:
+    """Objects of numbers and names, as `_as_plain` has written them."""
 
     def value(name: str, plain: Any) -> Any:
         if name in ("recording", "state"):
@@ -426,7 +428,7 @@ def _of_values(kind: type, contents: Sequence[Mapping[str, Any]]) -> tuple:
     return tuple(kind(**{name: value(name, own) for name, own in one.items()}) for one in contents)
 
 
-def _shapes(states: int, terms: int) -> dict[str, tuple[int, ...]]:
+def _array_shapes(states: int, terms: int) -> dict[str, tuple[int, ...]]:
     """Of each array of a model, by name; -1 where its length is free."""
     square = (states, states)
     return dict.fromkeys(BY_TERM, (states, terms)) | {
@@ -435,20 +437,20 @@ def _shapes(states: int, terms: int) -> dict[str, tuple[int, ...]]:
     }  # fmt: skip
 
 
-def _plain(value: Any) -> Any:
+def _as_plain(value: Any) -> Any:
     """As JSON has it; numbers that are not finite are text."""
     if isinstance(value, Finding):
         return value.as_dict()
     if isinstance(value, FurtherMode | Resonance | EnvelopePart):
-        return {name: _plain(each) for name, each in asdict(value).items()}
+        return {name: _as_plain(each) for name, each in asdict(value).items()}
     if isinstance(value, Mapping):
-        return {name: _plain(each) for name, each in value.items()}
+        return {name: _as_plain(each) for name, each in value.items()}
     if isinstance(value, str | int):
         return value
     if np.ndim(value):
-        return [_plain(each) for each in value]
+        return [_as_plain(each) for each in value]
     return float(value) if np.isfinite(value) else str(float(value))
 
 
-def _array(lists: object) -> NDArray[np.float64]:
+def _as_array(lists: object) -> NDArray[np.float64]:
     return np.array(lists, dtype=float)

@@ -6,11 +6,11 @@ from numbers import Integral
 import numpy as np
 from numpy.typing import ArrayLike
 
-from galloping.identification.aliases import without_aliases
-from galloping.identification.no_model import Unusable
+from galloping.identification.aliases import remove_aliases
+from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.identification.prior_knowledge import Coefficient, Prior
-from galloping.identification.problem import Problem, posed
+from galloping.identification.problem import Problem, make_problem
 from galloping.model.functions import Function, n_exponents
 from galloping.model.polynomial import Exponents, PolynomialModel
 from galloping.recording.samples import Recording
@@ -49,7 +49,7 @@ def checked_recordings(recordings: object) -> list[Recording]:
     return list(recordings)
 
 
-def asked(
+def validated_problem(
     recordings: list[Recording],
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
@@ -58,10 +58,10 @@ def asked(
     coefficients: Sequence[Coefficient] = (),
     allowed: ArrayLike | None = None,
 ) -> Problem:
-    """The problem, `posed` of recordings, without terms that their inputs cannot tell apart.
+    """The problem, `make_problem` of recordings, without terms that their inputs cannot tell apart.
 
     Raises ValueError where the library or what is known is not about their states and inputs, or
-    `prior` is no `Prior`, and what `posed` raises.
+    `prior` is no `Prior`, and what `make_problem` raises.
     """
     states, inputs = recordings[0].states, tuple(recordings[0].inputs)
     n = len(states)
@@ -98,21 +98,21 @@ def asked(
         raise ValueError(f"allowed: has shape {np.shape(allowed)}; must have ({n}, {len(terms)})")
     if known_states and known is None:
         raise ValueError(f"known_states: {', '.join(known_states)}; needs `known`, their equations")
-    problem = posed(states, terms, known, known_states, prior, inputs, coefficients, allowed)
+    problem = make_problem(states, terms, known, known_states, prior, inputs, coefficients, allowed)
     if (count := len(problem.candidates)) > MOST_CANDIDATES:
         raise ValueError(
             f"library: {len(terms)} terms in {len(problem.unknown)} equations are {count} "
             f"candidates; at most {MOST_CANDIDATES} can be told apart"
         )
-    return without_aliases(problem, recordings)
+    return remove_aliases(problem, recordings)
 
 
-def while_driven(recordings: list[Recording], inputs: tuple[str, ...]) -> list[Recording]:
+def segments_with_inputs(recordings: list[Recording], inputs: tuple[str, ...]) -> list[Recording]:
     """The recordings in stretches during which the inputs are there (`Recording.driven`).
 
-    Raises Unusable where they are there during fewer than FEWEST samples in a row.
+    Raises IdentificationError where they are there during fewer than FEWEST samples in a row.
     """
     found = [piece for one in recordings for piece in one.driven(inputs, FEWEST)]
     if not found:
-        raise Unusable(Code.INPUTS_MISSING, ", ".join(inputs), samples=FEWEST)
+        raise IdentificationError(Code.INPUTS_MISSING, ", ".join(inputs), samples=FEWEST)
     return found

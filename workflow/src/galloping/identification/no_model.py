@@ -12,7 +12,7 @@ from galloping.identification.observations import Code, Finding
 from galloping.identification.sentences import sentence_of
 
 
-class NotFound(Exception):
+class NoModelError(Exception):
     """A finding because of which a search gives no model."""
 
     def __init__(self, code: Code, subject: str = "", **data: float | str) -> None:
@@ -25,18 +25,18 @@ class NotFound(Exception):
         return cls(finding.code, finding.subject, **finding.data)
 
 
-class Unusable(NotFound, ValueError):
+class IdentificationError(NoModelError, ValueError):
     """Why recordings give no model: an answer, not a mistake in a call."""
 
 
-class Unsolved(NotFound, FloatingPointError):
+class NotConvergedError(NoModelError, FloatingPointError):
     """Why a numerical search ended without a solution."""
 
 
-# `Unusable`, and what numerics raise where there is no model: a solution diverges, or numpy cannot
-# factor or invert a matrix. Any other ValueError is a mistake in the code.
-NO_MODEL = (Unusable, FloatingPointError, np.linalg.LinAlgError)
-Found = TypeVar("Found")
+# `IdentificationError`, and what numerics raise where there is no model: a solution diverges, or
+# numpy cannot factor or invert a matrix. Any other ValueError is a mistake in the code.
+NO_MODEL = (IdentificationError, FloatingPointError, np.linalg.LinAlgError)
+Result = TypeVar("Found")
 
 
 @dataclass(frozen=True)
@@ -47,17 +47,17 @@ class NoModel:
     tells_little = True  # as of an `IdentifiedModel`
 
 
-def attempt(search: Callable[[], Found]) -> Found | NoModel:
+def attempt(search: Callable[[], Result]) -> Result | NoModel:
     """What a search returns, or `NoModel` where it raises one of NO_MODEL."""
     try:
         return search()
     except NO_MODEL as error:
-        return NoModel((finding_of(error),))
+        return NoModel((as_finding(error),))
 
 
-def finding_of(error: Exception) -> Finding:
+def as_finding(error: Exception) -> Finding:
     """Return what an error of NO_MODEL says."""
-    if isinstance(error, NotFound):
+    if isinstance(error, NoModelError):
         return error.finding
     lines = str(error).splitlines() or [type(error).__name__]
     return Finding.of(Code.COMPUTATION_FAILED, error=lines[0])

@@ -154,7 +154,7 @@ class Kind:
 
 
 @cache
-def kinds() -> dict[Code, Kind]:
+def finding_kinds() -> dict[Code, Kind]:
     """Read what is common to the findings of each code."""
     text = files(__package__).joinpath("findings.csv").read_text(encoding="utf-8")
     return {
@@ -196,7 +196,7 @@ class Finding(Immutable):
     def __post_init__(self) -> None:
         object.__setattr__(self, "code", Code(self.code))
         object.__setattr__(self, "severity", Severity(self.severity))
-        keys = kinds()[self.code].keys
+        keys = finding_kinds()[self.code].keys
         if keys != set(self.data):
             raise ValueError(f"data of {self.code}: {sorted(self.data)}; must be {sorted(keys)}")
         data = {name: _number_or_name(value) for name, value in self.data.items()}
@@ -206,7 +206,7 @@ class Finding(Immutable):
     @classmethod
     def of(cls, code: Code, subject: str = "", **data: float | str) -> Finding:
         """Make a finding with the severity that its code has by default."""
-        return cls(code, kinds()[code].severity, subject, data)
+        return cls(code, finding_kinds()[code].severity, subject, data)
 
     def as_dict(self) -> dict[str, object]:
         """Return the arguments of the finding as plain values; infinite numbers are text."""

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import gammaincinv, ndtri
 
 from galloping.identification.problem import Problem
-from galloping.identification.selection import Whitened, moves, tableau
+from galloping.identification.selection import Whitened, find_moves, make_tableau
 
 # Rate at which an absent term of the size of its stated limit would not have been selected, and
 # share of the plausible supports that may put a coefficient beyond four unconditional errors.
@@ -50,20 +50,20 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
         _, key = min(left)
         looked_at.add(key)
         around = known[key][1]
-        here = tableau(whitened, around)
-        rises, others = moves(here, around, prices, most)
+        here = make_tableau(whitened, around)
+        rises, others = find_moves(here, around, prices, most)
         values = here.chi2 + prices[here.kept].sum() + rises
         for value, other in zip(values, others, strict=True):
             known.setdefault(other.tobytes(), (value, other))
     ranked = sorted(known.values(), key=lambda entry: entry[0])
     supports = np.array([other for _, other in ranked[:most]])
-    chi2, coefficients, variances = _fits(whitened, supports)
+    chi2, coefficients, variances = _fit_supports(whitened, supports)
     criterion = chi2 + supports @ prices
     weight = np.exp(-(criterion - criterion.min()) / 2.0)
     return Plausible(supports, chi2, weight / weight.sum(), coefficients, variances)
 
 
-def with_prior(problem: Problem, plausible: Plausible) -> Plausible:
+def weigh_by_prior(problem: Problem, plausible: Plausible) -> Plausible:
     """The same supports, weighed by the prior of higher degrees as well.
 
     The prior settles ties, but speaks neither against a support of fewer terms than the selected
@@ -81,7 +81,9 @@ def with_prior(problem: Problem, plausible: Plausible) -> Plausible:
     return replace(plausible, weight=weight / weight.sum())
 
 
-def _fits(whitened: Whitened, supports: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _fit_supports(
+    whitened: Whitened, supports: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """chi^2 (m,), and coefficients and variances (m, n) in the original units; supports: (m, n)."""
     chi2 = np.full(len(supports), whitened.target @ whitened.target)
     coefficients, variances = np.zeros((2, *supports.shape))

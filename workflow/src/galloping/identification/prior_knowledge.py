@@ -126,7 +126,7 @@ class Coefficient:
         return self.lower > -np.inf or self.upper < np.inf
 
 
-def coefficients_of(known: Known | Bounds) -> Iterator[Coefficient]:
+def as_coefficients(known: Known | Bounds) -> Iterator[Coefficient]:
     """What is known of single coefficients, as an identification takes it."""
     if isinstance(known, Bounds):
         yield Coefficient(known.state, known.term, lower=known.lower, upper=known.upper)

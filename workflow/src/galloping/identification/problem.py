@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from galloping.identification.prior_knowledge import Coefficient, Prior
-from galloping.identification.selection import Price, select, solve_support
+from galloping.identification.selection import Price, select_support, solve_support
 from galloping.model.polynomial import (
     Bound,
     Exponents,
@@ -230,7 +230,8 @@ class Problem:
         about: np.ndarray | float = 0.0,
         among: np.ndarray | slice = slice(None),
     ) -> np.ndarray:
-        """The best support of a regression on candidates, (n,) boolean, as `selection.select`.
+        """The best support of a regression on candidates, (n,) boolean, as
+        `selection.select_support`.
 
         about: (n,) coefficients at which `right` is measured. among: indices of the candidates. A
         term that would have a coefficient beyond its bounds is left out, unless these leave out
@@ -238,7 +239,7 @@ class Problem:
         """
         apart = self.chosen_about()[among]
         if not self.bounds:
-            return select(information, right, starts, price, about + apart)
+            return select_support(information, right, starts, price, about + apart)
         lower, upper = (ends[among] for ends in self.box)
         must, out = (lower > 0.0) | (upper < 0.0), np.zeros(len(right), bool)
         root = np.sqrt(np.where(must & (apart == 0.0), np.diag(information), 0.0))
@@ -246,7 +247,9 @@ class Problem:
         about = np.broadcast_to(about, right.shape)
         while True:
             tried = [own & ~out for own in starts]
-            support = select(information, right, tried, price, about + np.where(out, 0.0, apart))
+            support = select_support(
+                information, right, tried, price, about + np.where(out, 0.0, apart)
+            )
             change, _ = solve_support(information, right, support)
             k, _ = _farthest_out(about + change, support & ~must, lower, upper)
             if k < 0:
@@ -307,7 +310,8 @@ class Problem:
     def price(self, penalty: float, largest: np.ndarray) -> Price:
         """The price of each term, by the prior of supports and of coefficients.
 
-        penalty: 2 ln N of N samples. largest: (n_candidates,) of the function `largest`.
+        penalty: 2 ln N of N samples. largest: (n_candidates,) of the function
+        `largest_coefficients`.
         """
         least = self.least_prices(penalty)
         if self.prior is None:
@@ -349,7 +353,7 @@ def _farthest_out(
     return (k, float(within[k])) if off[k] > 0.0 else (-1, 0.0)
 
 
-def posed(
+def make_problem(
     states: tuple[str, ...],
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
@@ -419,7 +423,7 @@ def posed(
     )  # fmt: skip
 
 
-def largest(problem: Problem, values: np.ndarray, rates: np.ndarray) -> np.ndarray:
+def largest_coefficients(problem: Problem, values: np.ndarray, rates: np.ndarray) -> np.ndarray:
     """(n_candidates,) coefficients at which each term alone would make up its equation.
 
     Then the root mean squares of term and rate are equal. values: (n, n_states + n_inputs), rates:

@@ -61,7 +61,7 @@ class Ensemble(Scanned):
 
 
 sparse = identification.sparse
-likelihood = identification.likelihood.maximum_likelihood
+likelihood = identification.likelihood.study_methods
 
 
 @dataclass(frozen=True)
@@ -132,12 +132,12 @@ METHODS = (
         evidence=sparse.evidence.reduce_weakly, takes=(ALL_STATES,), needs_uniform=True,
     ),
     Method(
-        "weak_gls", likelihood.by_weak_gls, NoOptions,
+        "weak_gls", likelihood.run_weak_gls, NoOptions,
         family="likelihood", evidence=likelihood.shared_evidence,
         takes=(ALL_STATES, DISPLACEMENTS_ALONE),
     ),
     Method(
-        "maximum_likelihood", likelihood.by_maximum_likelihood, NoOptions,
+        "maximum_likelihood", likelihood.run_maximum_likelihood, NoOptions,
         family="likelihood", evidence=likelihood.shared_evidence,
         takes=(DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE, RATES),
     ),

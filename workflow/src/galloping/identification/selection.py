@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from galloping.identification.work import is_spent, spend
+from galloping.identification.work import count_work, is_exhausted
 
 # Added to the diagonal of an information matrix with unit diagonal so that it can be factored:
 # a few roundings. It moves a chi^2 by 1e-15 |c|^2, by 0.1 for c of 1e7 in its unit.
@@ -29,7 +29,7 @@ def solve_support(
     """
     kept = np.flatnonzero(support)
     whitened = whiten(information[np.ix_(kept, kept)], right[kept])
-    here = tableau(whitened, whitened.usable)
+    here = make_tableau(whitened, whitened.usable)
     c, covariance = np.zeros(len(right)), np.zeros((len(kept), len(kept)))
     unit = whitened.unit[here.kept]
     c[kept[here.kept]] = here.coefficients * unit
@@ -64,7 +64,7 @@ class Price:
         return np.minimum(wider, self.most[terms])
 
 
-def select(
+def select_support(
     information: np.ndarray,
     right: np.ndarray,
     starts: list[np.ndarray],
@@ -85,16 +85,16 @@ def select(
     least = np.broadcast_to(price.least if isinstance(price, Price) else price, len(right))
     ends: dict[bytes, tuple[float, np.ndarray]] = {}
     for start in starts:
-        value, support = _descend(whitened, start & whitened.usable, least, ends)
+        value, support = _descend_by_moves(whitened, start & whitened.usable, least, ends)
         ends[support.tobytes()] = (value, support)
     support = min(ends.values(), key=lambda end: end[0])[1]
     if not isinstance(price, Price):
         return support
-    here = tableau(whitened, support)
+    here = make_tableau(whitened, support)
     errors = whitened.unit[here.kept] * np.sqrt(np.diag(here.covariance))
     prices = least.copy()
     prices[here.kept] = price.with_errors(errors, here.kept)
-    return _remove(whitened, support, prices)
+    return _remove_terms(whitened, support, prices)
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ class Tableau:
     def pairs(self) -> np.ndarray:
         """(n_pairs,) fall of chi^2 when two terms are added, zero where they are one."""
         between = self.information[tuple(self.two)]
-        return _pairs(self.gradient, np.diag(self.information), between, self.two)
+        return _pair_falls(self.gradient, np.diag(self.information), between, self.two)
 
     def exchanges(self) -> np.ndarray:
         """(n_kept, n_out) rise of chi^2 when one term is exchanged for another."""
@@ -192,7 +192,7 @@ class Tableau:
         per_variance = self.share / variance
         diagonal = np.diag(self.information) + self.share * per_variance
         between = self.information[i, j] + self.share[:, i] * per_variance[:, j]
-        return self.wald[:, None] - _pairs(gradient, diagonal, between, self.two)
+        return self.wald[:, None] - _pair_falls(gradient, diagonal, between, self.two)
 
     def exchanges_of_two(self) -> tuple[np.ndarray, np.ndarray]:
         """Rise of chi^2 (n_pairs, n_out) when two terms are exchanged for one; (n_pairs, 2)."""
@@ -210,10 +210,10 @@ class Tableau:
         return np.sum(c * pull, axis=1)[:, None] - gradient**2 / information, pairs
 
 
-def tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
+def make_tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
     """The problem seen from a support, (n,) boolean; terms that it imitates cannot be added."""
     kept, out = np.flatnonzero(support), np.flatnonzero(~support & whitened.usable)
-    spend(2e-4 + 1e-10 * len(support) ** 3)
+    count_work(2e-4 + 1e-10 * len(support) ** 3)
     q, r = np.linalg.qr(whitened.columns[:, kept])
     inverse = np.eye(len(kept))
     if len(kept):  # LAPACK prints a message where there are none
@@ -232,7 +232,7 @@ def tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
     )  # fmt: skip
 
 
-def _pairs(
+def _pair_falls(
     gradient: np.ndarray, diagonal: np.ndarray, between: np.ndarray, two: np.ndarray
 ) -> np.ndarray:
     """(..., n_pairs) fall of chi^2 when two terms are added, zero where they are one but for
@@ -246,7 +246,7 @@ def _pairs(
     return np.divide(gain, determinant, out=np.zeros_like(gain), where=good)
 
 
-def moves(
+def find_moves(
     here: Tableau, support: np.ndarray, prices: np.ndarray, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """The `most` best small moves from a support (n,): the rise of chi^2 plus `prices` (n,) with
@@ -256,7 +256,7 @@ def moves(
     """
     kept, out, none = here.kept[:, None], here.out[:, None], np.zeros((1, 0), int)
     two = here.out[here.two.T]
-    spend(1.2e-7 * len(kept) * (len(two) + len(out) * len(kept) / 2))  # moves of three terms
+    count_work(1.2e-7 * len(kept) * (len(two) + len(out) * len(kept) / 2))  # moves of three terms
     # rises (n_leave, n_enter), and the terms of each row that leave and of each column that enter
     options = [
         (here.wald[:, None], kept, none),
@@ -289,29 +289,29 @@ def moves(
     return rise[best], others
 
 
-def _descend(
+def _descend_by_moves(
     whitened: Whitened, support: np.ndarray, prices: np.ndarray, ends: dict[bytes, tuple]
 ) -> tuple[float, np.ndarray]:
     """Removal, then the best small move while one lowers the criterion; with the criterion. ends:
     supports from which no move does.
     """
-    support = _remove(whitened, support, prices)
+    support = _remove_terms(whitened, support, prices)
     while support.tobytes() not in ends:
-        here = tableau(whitened, support)
+        here = make_tableau(whitened, support)
         value = here.chi2 + prices[here.kept].sum()
-        if is_spent():
+        if is_exhausted():
             return value, support
-        rise, others = moves(here, support, prices, 1)
+        rise, others = find_moves(here, support, prices, 1)
         if not len(rise) or rise[0] > -1e-6:  # a smaller fall of chi^2 may be rounding
             return value, support
-        support = _remove(whitened, others[0], prices)
+        support = _remove_terms(whitened, others[0], prices)
     return ends[support.tobytes()]
 
 
-def _remove(whitened: Whitened, support: np.ndarray, prices: np.ndarray) -> np.ndarray:
+def _remove_terms(whitened: Whitened, support: np.ndarray, prices: np.ndarray) -> np.ndarray:
     """Backward elimination; the inverse is updated by one rank at each removal, then made anew."""
     while True:
-        here = tableau(whitened, support)
+        here = make_tableau(whitened, support)
         c, inverse, price = here.coefficients, here.covariance, prices[here.kept]
         left = np.ones(len(c), bool)
         while left.any():
@@ -335,13 +335,13 @@ def added_deviation(information: np.ndarray, support: np.ndarray) -> np.ndarray:
     NaN within the support; infinite where the supported terms imitate the excluded one.
     """
     whitened = whiten(information, np.zeros(len(support)))
-    here = tableau(whitened, support)
+    here = make_tableau(whitened, support)
     deviation = np.where(support, np.nan, np.inf)
     deviation[here.out] = whitened.unit[here.out] / np.sqrt(np.diag(here.information))
     return deviation
 
 
-def told_of_mixtures(information: np.ndarray, largest: np.ndarray) -> np.ndarray:
+def mixture_information(information: np.ndarray, largest: np.ndarray) -> np.ndarray:
     """(n,) information, least first, on mixtures of all terms, together as large as the motion:
     below one, noise hides a mixture of that size.
 
@@ -350,6 +350,6 @@ def told_of_mixtures(information: np.ndarray, largest: np.ndarray) -> np.ndarray
     return np.linalg.eigvalsh(information * largest * largest[:, None])
 
 
-def unseen_mixtures(information: np.ndarray, largest: np.ndarray) -> int:
+def n_unidentifiable_directions(information: np.ndarray, largest: np.ndarray) -> int:
     """How many mixtures of terms, together as large as the motion, change the fit by no noise."""
-    return int(np.sum(told_of_mixtures(information, largest) < 1.0))
+    return int(np.sum(mixture_information(information, largest) < 1.0))

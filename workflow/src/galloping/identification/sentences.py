@@ -3,19 +3,19 @@
 import re
 from collections.abc import Iterable, Mapping
 
-from galloping.identification.observations import Code, Finding, kinds
+from galloping.identification.observations import Code, Finding, finding_kinds
 
 PLACES = {code: place for place, code in enumerate(Code)}  # what weighs more comes first
 
 
 def sentence_of(finding: Finding) -> str:
     """Return what a finding is, in one technical sentence; '' if it bears on no verdict."""
-    return kinds()[finding.code].sentence.format_map(_values(finding))
+    return finding_kinds()[finding.code].sentence.format_map(_template_values(finding))
 
 
 def reason_of(findings: Iterable[Finding]) -> str:
     """Return the technical sentences of all findings, those that weigh more first."""
-    return " ".join(filter(None, dict.fromkeys(map(sentence_of, _by_weight(findings)))))
+    return " ".join(filter(None, dict.fromkeys(map(sentence_of, _sort_by_weight(findings)))))
 
 
 def explain(
@@ -46,30 +46,32 @@ def explain(
         is said if nothing else is.
     """
     side, told = 0 if is_span else 1, dict[tuple[str, str], None]()
-    for finding in _by_weight(findings) if is_verdict else findings:
-        kind = kinds()[finding.code]
+    for finding in _sort_by_weight(findings) if is_verdict else findings:
+        kind = finding_kinds()[finding.code]
         if bool(kind.sentence) != is_verdict:
             continue
         name, unit = (units or {}).get(finding.subject, (finding.subject, ""))
-        values = _values(finding) | {"name": name, "unit": finding.data.get("unit", unit)}
+        values = _template_values(finding) | {"name": name, "unit": finding.data.get("unit", unit)}
         values |= words or {}
-        told[_filled(kind.meaning, side, values), _filled(kind.advice, side, values)] = None
-    least = kinds()[Code.RESIDUAL_POWER].meaning
+        told[
+            _fill_template(kind.meaning, side, values), _fill_template(kind.advice, side, values)
+        ] = None
+    least = finding_kinds()[Code.RESIDUAL_POWER].meaning
     said = [pair for pair in told if any(pair)]
     return [pair for pair in said if pair[0] != least] or said
 
 
-def _filled(template: str, side: int, values: Mapping[str, object]) -> str:
+def _fill_template(template: str, side: int, values: Mapping[str, object]) -> str:
     """Fill in a template. side: which of the two phrases in <> is said."""
     text = re.sub("<(.*?)>", lambda of: f"{of[1]}|".split("|")[side], template)
     return text.format_map(values).replace(" .", ".").replace(" ,", ",")
 
 
-def _by_weight(findings: Iterable[Finding]) -> list[Finding]:
+def _sort_by_weight(findings: Iterable[Finding]) -> list[Finding]:
     return sorted(findings, key=lambda finding: PLACES[finding.code])
 
 
-def _values(finding: Finding) -> dict[str, object]:
+def _template_values(finding: Finding) -> dict[str, object]:
     """What templates may name: subject, data, and shares in percent and in words."""
     values: dict[str, object] = {"subject": finding.subject, **finding.data}
     if "share" in finding.data:

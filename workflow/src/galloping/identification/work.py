@@ -51,29 +51,29 @@ _UNLIMITED = Work(float("inf"))
 _work: ContextVar[Work] = ContextVar("work", default=_UNLIMITED)
 
 
-def allowance(rows: int, most: float = MOST) -> float:
+def work_limit(rows: int, most: float = MOST) -> float:
     """s, the work of a search in recordings of so many times of sampling."""
     return most * max(1.0, rows / TIMES)
 
 
 @contextmanager
-def limited(recordings: Sequence[Recording], most: float = MOST) -> Iterator[Work]:
+def limit_work(recordings: Sequence[Recording], most: float = MOST) -> Iterator[Work]:
     """The block has the work of a search in these recordings, or what is left of that around it.
 
     most: s, for recordings sampled at up to TIMES times in all.
     """
     rows = sum(len(recording.time) for recording in recordings)
-    with _within(min(allowance(rows, most), _work.get().left)) as work:
+    with _nested_work(min(work_limit(rows, most), _work.get().left)) as work:
         yield work
 
 
 @contextmanager
-def portion(share: float) -> Iterator[Work]:
+def sub_budget(share: float) -> Iterator[Work]:
     """The block has a share of the work that is left. What the block leaves undone for lack of work
     counts as left undone by the search around it.
     """
     around = _work.get()
-    with _within(share * around.left) as work:
+    with _nested_work(share * around.left) as work:
         try:
             yield work
         finally:
@@ -81,7 +81,7 @@ def portion(share: float) -> Iterator[Work]:
 
 
 @contextmanager
-def _within(most: float) -> Iterator[Work]:
+def _nested_work(most: float) -> Iterator[Work]:
     around = _work.get()
     work = Work(most, around=around)
     token = _work.set(work)
@@ -92,12 +92,12 @@ def _within(most: float) -> Iterator[Work]:
         around.spent += work.spent
 
 
-def spend(seconds: float) -> None:
+def count_work(seconds: float) -> None:
     """Count work that is done."""
     _work.get().spent += seconds
 
 
-def counted() -> tuple[float, float]:
+def work_counted() -> tuple[float, float]:
     """Work counted so far, s, and what is left at most until all is written, s, infinite without a
     limit.
     """
@@ -108,7 +108,7 @@ def counted() -> tuple[float, float]:
     return spent, max(most - spent, 0.0) + AFTER
 
 
-def is_spent() -> bool:
+def is_exhausted() -> bool:
     """Whether no work is left; what is not begun for that makes the search one that ended early."""
     work = _work.get()
     work.ended |= work.left <= 0.0

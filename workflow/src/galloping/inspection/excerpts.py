@@ -8,7 +8,7 @@ from galloping.arrays import first_from, round_down
 from galloping.identification.free_motion.answer import free_at_once, with_findings
 from galloping.identification.free_motion.rest import moving_recordings
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.inputs import FEWEST, asked
+from galloping.identification.inputs import FEWEST, validated_problem
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.preparation.smoothing import shortest_period, with_integrals
 from galloping.identification.prior_knowledge import PRIOR
@@ -65,7 +65,7 @@ def by_excerpts(
     if wavers(recordings, shortest_period([with_integrals(each) for each in recordings])):
         names = ("prior", "coefficients", "allowed")
         about = {"prior": PRIOR} | {name: options[name] for name in names if name in options}
-        problem = asked(recordings, *question, **about)
+        problem = validated_problem(recordings, *question, **about)
         if found := if_moved_at_random(problem, recordings):
             return found
     found = method(stretches, *question, **options)

@@ -16,7 +16,7 @@ from scipy.signal import savgol_filter
 from galloping.cycles.family import initial_state
 from galloping.evaluation.score import Truth, evaluate
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.no_model import NO_MODEL, finding_of
+from galloping.identification.no_model import NO_MODEL, as_finding
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import ReducedRegression
@@ -250,4 +250,4 @@ def identified(reduced: ReducedRegression, **options: object) -> IdentifiedModel
     try:
         return stlsq.raw(Regressions(reduced, reduced), path_length=PATH_LENGTH, **options)
     except NO_MODEL as error:
-        return IdentifiedModel.refused(reduced.states, reduced.terms, [finding_of(error)])
+        return IdentifiedModel.refused(reduced.states, reduced.terms, [as_finding(error)])

@@ -12,15 +12,15 @@ from galloping import __version__
 from galloping.behaviour.dynamics import Dynamics, Surroundings, expected
 from galloping.behaviour.following import Sensed
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.inputs import asked
+from galloping.identification.inputs import validated_problem
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.interpolation import (
     choose_interpolants,
     of_kind,
     with_interpolants,
 )
-from galloping.identification.prior_knowledge import PRIOR, coefficients_of
-from galloping.identification.work import limited
+from galloping.identification.prior_knowledge import PRIOR, as_coefficients
+from galloping.identification.work import limit_work
 from galloping.inspection.excerpts import by_excerpts, excerpts
 from galloping.inspection.quality import finding_of, quality
 from galloping.model.polynomial import Exponents, PolynomialModel, library
@@ -205,10 +205,12 @@ def identify_field(field: Field, question: FieldQuestion) -> tuple[Field, Summar
     inputs = mapping.input_names
     texts = (*mapping.known, *question.known)
     known, known_states, single = known_model(texts, mapping.states, terms, inputs)
-    coefficients = list(chain.from_iterable(map(coefficients_of, single)))
+    coefficients = list(chain.from_iterable(map(as_coefficients, single)))
     if any(one.alternatives for one in field.recordings[0].inputs.values()):
         stretches = excerpts(list(field.recordings))
-        problem = asked(stretches, terms, known, known_states, PRIOR, coefficients, allowed)
+        problem = validated_problem(
+            stretches, terms, known, known_states, PRIOR, coefficients, allowed
+        )
         field = field.with_interpolants(choose_interpolants(problem, stretches))
     method, given = METHODS[question.method], field.recordings
     options: dict[str, object] = {}
@@ -227,7 +229,7 @@ def identify_field(field: Field, question: FieldQuestion) -> tuple[Field, Summar
     def identify(recordings: Sequence[Recording]) -> IdentifiedModel:
         return by_excerpts(method, list(recordings), terms, known, known_states, **options)
 
-    with limited(given):
+    with limit_work(given):
         with part("identify", until=SEARCHED):
             identified = identify(given)
         with part("summarise", until=0.8):

@@ -37,7 +37,7 @@ from galloping.identification.likelihood.maximum_likelihood import maximum_likel
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.random_forces import forced_motion as in_random_forces
 from galloping.identification.random_forces.low_pass import as_modelled
-from galloping.identification.work import limited
+from galloping.identification.work import limit_work
 from galloping.inspection.excerpts import by_excerpts
 from galloping.inspection.quality import PERIODS as PERIODS_HELD
 from galloping.inspection.quality import peaks_of, sampled, spectrum
@@ -147,7 +147,7 @@ def summarise(
         return by_excerpts(METHODS[method], list(others), terms, found.model, known, **options)
 
     names = [f"recording {number}" for number in range(1, len(given) + 1)]
-    with limited(given):
+    with limit_work(given):
         return summarised(found, given, identify, seed, names=names)
 
 

@@ -60,9 +60,9 @@ class _Lines:
             return
         self._next = now + EVERY
         passed = now - self._begin
-        from galloping.identification.work import counted  # NumPy
+        from galloping.identification.work import work_counted  # NumPy
 
-        spent, more = counted()
+        spent, more = work_counted()
         took, computed = passed - self._last[0], spent - self._last[1]
         self._last = passed, spent
         if computed >= TELLING and took <= SLOWEST * computed:

@@ -12,7 +12,7 @@ from galloping.evaluation.bounds import bounds_of, on_library
 from galloping.identification.cell import identify
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code
-from galloping.identification.work import limited
+from galloping.identification.work import limit_work
 from galloping.model.intervals import NORMAL_95
 from galloping.model.polynomial import Exponents, PolynomialModel, velocity_pairs
 from galloping.recording.measurement import Motion, noises_of, recordings_of
@@ -139,7 +139,7 @@ def counted_cost(recordings: Sequence[Recording]) -> Iterator[dict[str, float]]:
     """
     cost: dict[str, float] = {}
     began = process_time()
-    with limited(recordings, np.inf) as work:
+    with limit_work(recordings, np.inf) as work:
         yield cost
     cost |= {"work": work.spent, "seconds": process_time() - began}
 

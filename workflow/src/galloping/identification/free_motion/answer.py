@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from galloping.identification.answers import by
+from galloping.identification.answers import prepend_path
 from galloping.identification.free_motion.envelope import LocalDecay, envelope, strongest_channel
 from galloping.identification.free_motion.kinds_of_motion import (
     Motion,
@@ -86,7 +86,7 @@ def free_model(
     elif motion.further:
         found = search(without_further_modes(motion))
     if isinstance(found, IdentifiedModel):
-        return by([PATH], with_beside(found, motion))
+        return prepend_path([PATH], with_beside(found, motion))
     if motion.linear:
         return linear_model(problem, motion.linear)
     return _mean_model(problem, motion, found.findings)

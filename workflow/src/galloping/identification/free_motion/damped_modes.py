@@ -13,9 +13,9 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from galloping.identification.no_model import Unusable
+from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
-from galloping.identification.work import spend
+from galloping.identification.work import count_work
 
 MAX_STEPS = 30  # of Gauss-Newton
 MIN_SAMPLES = 8  # of a channel of a stretch
@@ -175,7 +175,7 @@ def fit_poles(
 
     Raises
     ------
-    Unusable
+    IdentificationError
         If the fit does not lead to finite poles that the samples tell apart.
     """
     steady = np.zeros(len(poles), bool) if is_steady is None else is_steady
@@ -201,7 +201,7 @@ def fit_poles(
             damping = 10.0 * max(damping, 1e-6)
     scaled, scale = here.scaled(free)
     if not np.linalg.cond(scaled) < 1.0 / ROUNDING:
-        raise Unusable(Code.NO_OSCILLATION)
+        raise IdentificationError(Code.NO_OSCILLATION)
     covariance = np.zeros((len(free), len(free)))
     covariance[np.ix_(free, free)] = np.linalg.inv(scaled) / np.outer(scale, scale)
     return DampedModes(
@@ -229,10 +229,11 @@ class _Linearised:
 
     def scaled(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The information on the growths and frequencies that are free, with ones on the diagonal,
-        and the square roots of that diagonal, (n_free,). Raises Unusable where it has none.
+        and the square roots of that diagonal, (n_free,). Raises IdentificationError where it has
+        none.
         """
         if not np.all(self.shares[free] > ROUNDING):
-            raise Unusable(Code.NO_OSCILLATION)
+            raise IdentificationError(Code.NO_OSCILLATION)
         information = self.information[np.ix_(free, free)]
         scale = np.sqrt(np.diag(information))
         return information / np.outer(scale, scale), scale
@@ -260,7 +261,7 @@ def _linearised(stretches: Sequence[Stretch], poles: np.ndarray) -> _Linearised:
             of_channel = columns if known.all() else np.where(known[:, np.newaxis], columns, 0.0)
             if shared is None or not known.all():
                 products = of_channel.T @ of_channel
-                spend(1e-9 * columns.size * columns.shape[1])
+                count_work(1e-9 * columns.size * columns.shape[1])
                 shared = products if known.all() else None
             else:
                 products = shared
@@ -289,7 +290,7 @@ def _linearised(stretches: Sequence[Stretch], poles: np.ndarray) -> _Linearised:
         amplitudes.append(own)
         residuals.append(left)
     if np.isnan(noise).all() or not np.isfinite(misfit):
-        raise Unusable(Code.NO_OSCILLATION)
+        raise IdentificationError(Code.NO_OSCILLATION)
     return _Linearised(
         information, np.diag(information) / whole, right, amplitudes, offsets, errors, noise,
         residuals, misfit,

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch
-from galloping.identification.no_model import Unusable
+from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.identification.random_forces.channels import Channels
 
@@ -35,7 +35,7 @@ def linear_system(channels: Channels, poles: np.ndarray, shapes: np.ndarray) -> 
 
     Raises
     ------
-    Unusable
+    IdentificationError
         If a coordinate is in no channel, or the shapes are too much alike.
     """
     pairs = channels.pairs
@@ -45,7 +45,7 @@ def linear_system(channels: Channels, poles: np.ndarray, shapes: np.ndarray) -> 
     unit = np.abs(both).mean()
     scaled = np.vstack([moved, moved * both / unit])
     if not np.linalg.cond(scaled / np.linalg.norm(scaled, axis=0)) < MAX_CONDITION:
-        raise Unusable(Code.NO_OSCILLATION)
+        raise IdentificationError(Code.NO_OSCILLATION)
     system = np.zeros((2 * len(pairs),) * 2)
     order = [*pairs, *pairs.values()]
     system[np.ix_(order, order)] = (basis * both @ np.linalg.inv(basis)).real

@@ -17,8 +17,8 @@ from galloping.identification.free_motion.damped_modes import (
     Stretch,
     fit_poles,
 )
-from galloping.identification.no_model import Unusable
-from galloping.identification.work import spend
+from galloping.identification.no_model import IdentificationError
+from galloping.identification.work import count_work
 
 MAX_MODES = 8
 # Modes within a share of the frequency of the first: more are no modes, but parts of a motion that
@@ -117,7 +117,7 @@ def strongest_mode(
                     level = np.maximum(level, noise_level(power, *of_bins))
                 powers[k] += power
                 excess[k] += power / level
-            spend(2e-8 * len(windows) * size)
+            count_work(2e-8 * len(windows) * size)
     is_told = np.abs(windows)[:, np.newaxis] < MAX_DAMPING * omega
     slowest, fastest = 2.0 * np.pi * MIN_PERIODS / longest, MAX_FREQUENCY * omega[-1]
     is_told &= (omega > max(slowest, band[0])) & (omega < min(fastest, band[1]))
@@ -217,7 +217,7 @@ def fit_modes(
         start = np.append(found.poles if found else [], best.pole)
         try:
             found = fit_poles(stretches, start)
-        except (Unusable, np.linalg.LinAlgError):
+        except (IdentificationError, np.linalg.LinAlgError):
             break
         left = found.residuals
         is_spread = np.count_nonzero(is_close(found.poles, found.poles[0])) > MAX_CLOSE

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numba import njit
 
-from galloping.identification.work import spend
+from galloping.identification.work import count_work
 from galloping.trajectory.right_hand_side import System
 from galloping.trajectory.taylor import ORDER, Samples, integrate
 
@@ -69,13 +69,13 @@ class Condensed:
         windows, columns = first[-1] - first[0], found[1].shape[3]
         moved = len(set(map(tuple, compiled.jacobian[:, :2].tolist())))
         products = moved * ORDER**2 / 2 + self.functionals[0, ..., 0].size * ORDER
-        spend(2.3e-10 * windows * (columns * products + 3 * ORDER**2 * len(compiled.parent)))
+        count_work(2.3e-10 * windows * (columns * products + 3 * ORDER**2 * len(compiled.parent)))
         return found
 
     def of_rates(self) -> Self:
         """What projections of rates of what is measured depend on, in place of itself."""
         samples = self.samples and self.samples._replace(order=self.samples.order + 1)
-        shifted = of_rates(self.functionals, self.step)
+        shifted = rate_functionals(self.functionals, self.step)
         return replace(self, functionals=shifted, samples=samples)
 
     def squares(self, residual: np.ndarray) -> np.ndarray:
@@ -131,7 +131,7 @@ class Condensed:
         return own
 
 
-def of_rates(functionals: np.ndarray, step: float) -> np.ndarray:
+def rate_functionals(functionals: np.ndarray, step: float) -> np.ndarray:
     """Functionals of a state's Taylor coefficients that read its rate in place of itself."""
     shifted = np.zeros_like(functionals)
     powers = np.arange(1, functionals.shape[-1]) / step
@@ -140,7 +140,9 @@ def of_rates(functionals: np.ndarray, step: float) -> np.ndarray:
 
 
 @njit(cache=True)
-def _project(tau, values, offsets, longest, functionals, targets, counts, rows, remainder, kept):
+def _project_recording(
+    tau, values, offsets, longest, functionals, targets, counts, rows, remainder, kept
+):
     """Fill the statistics of one recording, in place, as in `Condensed`.
 
     tau: (n,) times in their windows, 0 to 1. values: (n, n_observed). offsets: (n_windows + 1,)
@@ -205,7 +207,7 @@ def _project(tau, values, offsets, longest, functionals, targets, counts, rows, 
             rows[o] += used
 
 
-def condense(
+def condense_recordings(
     times: list[np.ndarray],
     values: list[np.ndarray],
     observed: np.ndarray,
@@ -222,7 +224,7 @@ def condense(
     windows = [max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-6))) for time in times]
     first = np.concatenate([[0], np.cumsum(windows)])
     n_observed = len(observed)
-    spend(4e-7 * n_observed * (first[-1] + sum(map(len, times))))
+    count_work(4e-7 * n_observed * (first[-1] + sum(map(len, times))))
     functionals = np.zeros((first[-1], n_observed, PROJECTIONS, ORDER + 1))
     targets = np.zeros((first[-1], n_observed, PROJECTIONS))
     counts, rows = np.zeros((2, len(times), n_observed), np.int64)
@@ -234,14 +236,14 @@ def condense(
         offsets = np.searchsorted(window, np.arange(windows[r] + 1))
         span = slice(first[r], first[r + 1])
         basis = np.zeros((*value.shape, PROJECTIONS)) if keep_samples else None
-        _project(
+        _project_recording(
             scaled - window, np.ascontiguousarray(value, dtype=float), offsets,
             int(np.diff(offsets).max()), functionals[span], targets[span], counts[r], rows[r],
             remainder[r], basis,
         )  # fmt: skip
         kept.append((scaled - window, basis))
         begins.append(offsets[:-1] + sum(map(len, times[:r])))
-    functionals[:, is_rate] = of_rates(functionals[:, is_rate], step)
+    functionals[:, is_rate] = rate_functionals(functionals[:, is_rate], step)
     samples = None
     if keep_samples:
         tau, basis = map(np.concatenate, zip(*kept, strict=True))

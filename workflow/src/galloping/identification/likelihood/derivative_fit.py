@@ -3,20 +3,20 @@
 import numpy as np
 from scipy.special import ndtri
 
-from galloping.identification.answers import refused
+from galloping.identification.answers import refused_model
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.condense import TRUNCATION
-from galloping.identification.likelihood.free_run import pulled
+from galloping.identification.likelihood.free_run import sandwich_covariance
 from galloping.identification.likelihood.residual_tests import RESIDUAL_RATE
 from galloping.identification.likelihood.verdict import (
+    ApproximateFit,
     Fitted,
-    Near,
     Regression,
-    approximate,
-    judged,
+    assess_approximation,
+    assess_fit,
 )
 from galloping.identification.observations import Code, Finding
-from galloping.identification.problem import Problem, largest
+from galloping.identification.problem import Problem, largest_coefficients
 from galloping.identification.selection import added_deviation
 from galloping.model.polynomial import design_matrix
 from galloping.recording.samples import Recording, at_times
@@ -30,7 +30,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     equation than the library has terms. The model is `refused` where that leaves no row, and
     `approximate` where its residuals are correlated from sample to sample, as white noise is not;
     intervals then are as wide as stretches differ in which way they pull the coefficients, as in
-    `free_run.whole_approximation`. The samples that the price of a term counts are those of its
+    `free_run.approximate_free_runs`. The samples that the price of a term counts are those of its
     equation.
     """
     n = len(problem.candidates)
@@ -42,7 +42,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     ]
     thetas = [design_matrix(one, problem.terms) for one in values]
     measured = [one.rates for one in recordings if one.rates is not None]
-    size = largest(problem, np.concatenate(values), np.concatenate(measured))
+    size = largest_coefficients(problem, np.concatenate(values), np.concatenate(measured))
     squares, count, parts = 0.0, 0, []
     for i in problem.unknown:
         block = np.flatnonzero(problem.candidates[:, 0] == i)
@@ -64,7 +64,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             samples += len(rate)
             parts.append((block, rows / sigma[r, i], rate / sigma[r, i], sigma[r, i] > floor))
         if not samples:
-            return refused(problem, [Finding.of(Code.SAMPLES_INCOMPLETE, problem.states[i])])
+            return refused_model(problem, [Finding.of(Code.SAMPLES_INCOMPLETE, problem.states[i])])
         whole = np.ones(len(block), bool)
         own = information[np.ix_(block, block)]
         price = problem.price(2.0 * np.log(samples), size).of(block)
@@ -85,15 +85,15 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         if is_noisy
     ]
     if max(goes_on, default=0.0) < -ndtri(RESIDUAL_RATE / max(len(goes_on), 1)):
-        return judged(problem, Regression(information, right, support, penalty, size), **fitted)
+        return assess_fit(problem, Regression(information, right, support, penalty, size), **fitted)
     pulls = []
     for one, (block, rows, *_) in zip(left, parts, strict=True):
         pull = np.zeros((len(one), n))
         pull[:, block] = one[:, None] * rows
         pulls.append(pull[:, support])
-    covariance = pulled(pulls, covariance)
+    covariance = sandwich_covariance(pulls, covariance)
     errors = added_deviation(information, support)
     errors[support] = np.sqrt(np.diag(covariance))
     correlated = [Finding.of(Code.DERIVATIVES_CORRELATED)]
-    near = Near(free, support, errors, covariance, penalty)
-    return approximate(problem, near, correlated, **fitted)
+    near = ApproximateFit(free, support, errors, covariance, penalty)
+    return assess_approximation(problem, near, correlated, **fitted)

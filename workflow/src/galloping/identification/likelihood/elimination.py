@@ -16,14 +16,14 @@ from galloping.identification.likelihood.shooting import (
     Linearised,
     Record,
     Segments,
-    rotated,
+    qr_eliminate,
 )
 from galloping.identification.likelihood.weak_constraint import NormalEquations
-from galloping.identification.work import spend
+from galloping.identification.work import count_work
 
 # Of the end of a chain with its beginning. The elimination squares the growth: of 1e12, rounding
 # leaves 2e-4 of what a segment tells.
-MOST_GROWTH = 1e6
+MAX_SEGMENT_GROWTH = 1e6
 # Relative singular value below which a direction of a state is not solved for: three times
 # TRUNCATION, the integrator's relative error, which makes up singular values of its own size.
 UNDETERMINED = 3e-7
@@ -69,13 +69,13 @@ class Jumping(Eliminated):
     covariance: np.ndarray
 
 
-def chained(linearised: Linearised, segments: Segments, longest: float = np.inf) -> Segments:
+def chain_segments(linearised: Linearised, segments: Segments, longest: float = np.inf) -> Segments:
     """The segments in the longest chains whose ends depend not too much on their beginnings.
 
     longest: how many segments a chain may have; with one, every segment is free.
     A chain is broken where its end state, in units of what a segment tells about it, moves by more
-    than MOST_GROWTH such units of its first state and the coefficients, as on a chaotic or very
-    long recording. The last stretch of a chaotic recording tells most: of 288 recordings of
+    than MAX_SEGMENT_GROWTH such units of its first state and the coefficients, as on a chaotic or
+    very long recording. The last stretch of a chaotic recording tells most: of 288 recordings of
     Lorenz's system with 20 to 40 % of noise, chains that grow by 2,000 lead to 213 exact models, by
     1e6 to 246.
     """
@@ -83,28 +83,28 @@ def chained(linearised: Linearised, segments: Segments, longest: float = np.inf)
     of_states = np.sum(linearised.rows[:, :, n:-1] ** 2, axis=1).mean(axis=0)
     unit = np.sqrt(np.append(np.diag(linearised.information), of_states))
     inverse = np.divide(1.0, unit, out=np.zeros(len(unit)), where=unit > 0.0)
-    spend(SEGMENT * len(linearised.ends))
+    count_work(SEGMENT * len(linearised.ends))
     chains = np.zeros(len(linearised.ends), np.int64)
     identity = np.eye(n_states, n + n_states, n)
     relation, length = identity, 1
     for g in range(1, len(chains)):
-        relation = _followed(linearised.end_derivatives[g - 1], relation, n)
+        relation = _apply_chain_rule(linearised.end_derivatives[g - 1], relation, n)
         growth = np.linalg.norm(relation * inverse * unit[n:, None], 2)
         other = segments.recording[g] != segments.recording[g - 1]
-        broken = other or growth > MOST_GROWTH or length == longest
+        broken = other or growth > MAX_SEGMENT_GROWTH or length == longest
         chains[g] = chains[g - 1] + broken
         relation, length = (identity, 1) if broken else (relation, length + 1)
     return replace(segments, chains=chains)
 
 
-def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) -> Matched:
+def eliminate_states(linearised: Linearised, segments: Segments, starts: np.ndarray) -> Matched:
     """Match the segments of each chain and eliminate the chain's first state.
 
     starts: (n_segments, n_states), about which the segments are linearised.
     """
     n_segments, n_states = starts.shape
     n = len(linearised.right)
-    spend(n_segments * (2 * SEGMENT + 1e-9 * n_states * n**2))
+    count_work(n_segments * (2 * SEGMENT + 1e-9 * n_states * n**2))
     information, right = linearised.information.copy(), linearised.right.copy()
     response = np.zeros((n_segments, n_states, n + 1))
     gap, fall = np.zeros(n_states), 0.0
@@ -114,26 +114,26 @@ def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) ->
         for g in range(begin, end):
             relations.append((relation, constant))
             own, derivative = linearised.rows[g], linearised.end_derivatives[g]
-            rows.append(_followed(own[:, :-1], relation, n))
+            rows.append(_apply_chain_rule(own[:, :-1], relation, n))
             residual.append(own[:, -1] - own[:, n:-1] @ constant)
             if g + 1 < end:
                 mismatch = linearised.ends[g] - starts[g + 1]
                 gap = np.maximum(gap, np.abs(mismatch))
                 constant = derivative[:, n:] @ constant + mismatch
-                relation = _followed(derivative, relation, n)
-        kept, remaining, left = rotated(np.vstack(rows), np.concatenate(residual), n)
-        first, undetermined = _first_state(kept, n)
+                relation = _apply_chain_rule(derivative, relation, n)
+        kept, remaining, left = qr_eliminate(np.vstack(rows), np.concatenate(residual), n)
+        first, undetermined = _solve_first_state(kept, n)
         fall += float(np.sum(kept[:, -1] ** 2) - np.sum(undetermined[:, -1] ** 2))
         remaining = np.vstack([remaining, undetermined[:, :n]])
         information += remaining.T @ remaining
         right += np.append(left, undetermined[:, n]) @ remaining
         for g, (relation, constant) in zip(range(begin, end), relations, strict=True):
-            response[g] = _followed(relation, first, n)
+            response[g] = _apply_chain_rule(relation, first, n)
             response[g, :, n] += constant
     return Matched(information, right, response, gap, fall)
 
 
-def _followed(slopes: np.ndarray, state: np.ndarray, n: int) -> np.ndarray:
+def _apply_chain_rule(slopes: np.ndarray, state: np.ndarray, n: int) -> np.ndarray:
     """The chain rule: slopes of a result by n coefficients and by what a state depends on.
 
     slopes: (m, n + n_states) of the result by the coefficients and the state. state: (n_states, n
@@ -144,7 +144,7 @@ def _followed(slopes: np.ndarray, state: np.ndarray, n: int) -> np.ndarray:
     return found
 
 
-def _first_state(rows: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+def _solve_first_state(rows: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
     """The best first state, linear in the coefficients' change, and constant, (n_states, n + 1),
     where directions that the rows (n_states, n + n_states + 1) do not determine stay, and what
     these leave to say, a design and a residual, (n_undetermined, n + 1).
@@ -173,7 +173,7 @@ def eliminate_with_jumps(
     starts = linear.starts
     count, n_states = starts.shape
     n = linear.right.shape[1] - n_states
-    spend(count * (7e-5 + 5e-10 * n_states * n**2))
+    count_work(count * (7e-5 + 5e-10 * n_states * n**2))
     used = np.ones(count) if left_out is None else (~left_out).astype(float)
     information = np.einsum("g,gij->ij", used, linear.information[:, :n, :n])
     right = used @ linear.right[:, :n]

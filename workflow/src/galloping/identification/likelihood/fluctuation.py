@@ -17,11 +17,11 @@ from galloping.identification.likelihood.weak_constraint import (
     STRETCH_PERIODS,
     NormalEquations,
     StretchFit,
-    integrable,
+    make_integrable,
     white_misfit,
 )
 from galloping.identification.problem import Problem
-from galloping.identification.work import is_spent
+from galloping.identification.work import is_exhausted
 from galloping.model.polynomial import exponents_of
 from galloping.passes import passing
 
@@ -33,7 +33,7 @@ PARTS = 24
 MEMORY = np.exp(-STRETCH_PERIODS / (PARTS * 4.0))
 
 
-def chosen(
+def select_with_input_powers(
     problem: Problem,
     information: np.ndarray,
     right: np.ndarray,
@@ -50,7 +50,7 @@ def chosen(
     return problem.alike(problem.select(information, right, tried, price))
 
 
-def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray] | None:
+def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray] | None:
     """The fit with means of coefficients that fluctuate, the terms chosen with them, and the
     covariance of the means (n_support, n_support).
 
@@ -68,12 +68,12 @@ def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray
     linear = (np.abs(exponents).sum(axis=1) == 1) & (problem.degrees == 1)
     rates = np.flatnonzero(linear & of_rate)
     misfit = white_misfit(record, fit.linear.residual)
-    excess = _excess(record, misfit)
+    excess = _log_excess(record, misfit)
     windows = np.diff(record.segments.first)
     divisible = windows.min() >= PARTS and len(windows) <= 200  # a part needs 50 kB and more
     if not (len(rates) and excess > 0.0 and divisible):
         return None
-    parts, jumping = _parts(record)
+    parts, jumping = _divide_segments(record)
     size = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
     period = WINDOWS_PER_PERIOD * record.condensed.step
     # (n_rates,) coefficients that would move their state at the rate of the motion
@@ -85,23 +85,25 @@ def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray
     passes = 4
     fine = replace(fit, record=parts, starts=parts.starts, misfit=misfit)
     for passed in range(passes):
-        if is_spent():
+        if is_exhausted():
             return None
         passing("try coefficients that fluctuate")
         misfit = white_misfit(parts, fine.linear.residual)
         # fluctuations explain 0.56 or more of what is left where gusts are all that the library
         # lacks, 0.32 to 0.50 on a line with more modes in the same gusts, of which the terms that
         # are then chosen imitate the modes, and 0.06 or less without gusts
-        if passed and not excess - _excess(record, misfit) >= 0.53 * excess:
+        if passed and not excess - _log_excess(record, misfit) >= 0.53 * excess:
             return None
         support, jump = fine.support, fine.jump
         for settling in reversed(range(5)):
-            wider = _with_fluctuations(parts, fine.linear, rates, variance)
-            precision = _precision(parts, jumping, jump, size, variance)
+            wider = _add_fluctuations(parts, fine.linear, rates, variance)
+            precision = _change_precision(parts, jumping, jump, size, variance)
             solved = eliminate_with_jumps(parts, wider, precision)
             right = solved.right + solved.information @ fine.free
             if not settling and 0 < passed < passes - 1:
-                support = chosen(problem, solved.information, right, support, penalty)
+                support = select_with_input_powers(
+                    problem, solved.information, right, support, penalty
+                )
             free, covariance = problem.solve(solved.information, right, support)
             change = free - fine.free
             jump = jump_covariance(parts, wider, solved, change, jumping)
@@ -109,20 +111,20 @@ def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray
             own = np.diagonal(solved.variance, axis1=1, axis2=2) + step**2
             variance = np.maximum(own[:, len(size) :].mean(axis=0), least)
         free, starts = fine.free + change, fine.starts + step[:, : len(size)]
-        fine = integrable(fine, StretchFit(parts, free, support, starts, misfit, jump))
+        fine = make_integrable(fine, StretchFit(parts, free, support, starts, misfit, jump))
     if not fine.support.any():
         return None
     return replace(fit, free=fine.free, support=fine.support), covariance
 
 
-def _excess(record: Record, misfit: np.ndarray) -> float:
+def _log_excess(record: Record, misfit: np.ndarray) -> float:
     """Logarithm of a white misfit over the noise, summed over channels that tell their noise."""
     condensed = record.condensed
     noise = np.maximum(condensed.noise_variance, record.floor**2)
     return float(np.sum(np.log(misfit[:, 0, :, 0] / noise)[condensed.tells_noise]))
 
 
-def _parts(record: Record) -> tuple[Record, np.ndarray]:
+def _divide_segments(record: Record) -> tuple[Record, np.ndarray]:
     """The record with segments divided into PARTS, and the parts after which the state may jump:
     the last part of each segment that another one follows.
     """
@@ -134,7 +136,7 @@ def _parts(record: Record) -> tuple[Record, np.ndarray]:
     return replace(record, segments=replace(segments, first=first, recording=owner)), jumping
 
 
-def _with_fluctuations(
+def _add_fluctuations(
     record: Record, linear: NormalEquations, rates: np.ndarray, variance: np.ndarray
 ) -> NormalEquations:
     """The normal equations with each segment's fluctuations of the coefficients `rates` (n_rates,)
@@ -156,7 +158,7 @@ def _with_fluctuations(
     )  # fmt: skip
 
 
-def _precision(
+def _change_precision(
     record: Record, jumping: np.ndarray, jump: np.ndarray, size: np.ndarray, variance: np.ndarray
 ) -> np.ndarray:
     """(n_segments, n_states + n_rates, n_states + n_rates) inverse covariance of the change of

@@ -13,24 +13,28 @@ from galloping.identification.likelihood.elimination import UNDETERMINED
 from galloping.identification.likelihood.model_error import (
     SYSTEMATIC,
     Approximation,
-    of_few,
+    as_identified,
     prior_covariance,
-    stated,
+    small_sample_factor,
 )
 from galloping.identification.likelihood.shooting import (
     Record,
     Segments,
     ShootingFit,
     linearise,
-    residuals,
+    segment_residuals,
 )
-from galloping.identification.likelihood.trajectory_fit import CONVERGED, MOST_PASSES, guarded_step
+from galloping.identification.likelihood.trajectory_fit import (
+    CONVERGED,
+    MOST_PASSES,
+    take_guarded_step,
+)
 from galloping.identification.no_model import NoModel
 from galloping.identification.observations import Code, Finding
 from galloping.identification.selection import solve_support
 
 
-def whole_approximation(
+def approximate_free_runs(
     fit: ShootingFit,
     information: np.ndarray,
     residual: np.ndarray,
@@ -40,23 +44,23 @@ def whole_approximation(
     """The approximate model whose free runs are the chains of a fit that matches them.
 
     information: (n_candidates, n_candidates). residual: (n_windows, n_observed, n_rows) of the free
-    runs. The other arguments are as in `model_error.approximation`, and so are the diagnostics, of
-    free runs in place of forecasts. Intervals hold for residuals of any spectrum: they are as wide
-    as the pulls of up to 40 stretches on the coefficients differ (sandwich; P. J. Huber, 1967), and
-    a factor wider for an error alike in all stretches.
+    runs. The other arguments are as in `model_error.fit_approximation`, and so are the diagnostics,
+    of free runs in place of forecasts. Intervals hold for residuals of any spectrum: they are as
+    wide as the pulls of up to 40 stretches on the coefficients differ (sandwich; P. J. Huber,
+    1967), and a factor wider for an error alike in all stretches.
     """
     _, covariance = solve_support(information, np.zeros(len(fit.free)), fit.support)
-    covariance = pulled(_pulls(fit, residual), covariance)
+    covariance = sandwich_covariance(_window_gradients(fit, residual), covariance)
     record, condensed = fit.record, fit.record.condensed
     covariance += prior_covariance(record.problem, information, fit.support)
     made = Approximation(fit, information, covariance, residual, penalty, ("free runs",))
     squares = condensed.squares(residual)
     left = np.sqrt((squares + condensed.remainder) / np.maximum(condensed.counts, 1))
     missed = Finding.of(Code.FREE_RUN_MISSES, share=0.0)
-    return stated(made, residual, left, objections, missed)
+    return as_identified(made, residual, left, objections, missed)
 
 
-def pulled(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> np.ndarray:
+def sandwich_covariance(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> np.ndarray:
     """(n_support, n_support) covariance of coefficients, by how stretches differ in which way they
     pull the coefficients (sandwich).
 
@@ -64,7 +68,7 @@ def pulled(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> np.ndarray:
     summed over 40 stretches of it. covariance: what it were if the residuals were white noise.
 
     Stretches must be so long that they are independent of each other, and so many that their
-    covariance is known: of 40, `of_few` is 1.07. The number was not calibrated.
+    covariance is known: of 40, `small_sample_factor` is 1.07. The number was not calibrated.
     """
     stretches = np.concatenate(
         [
@@ -74,10 +78,10 @@ def pulled(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> np.ndarray:
         ]
     )
     moved = stretches @ covariance
-    return SYSTEMATIC * of_few(len(moved)) * moved.T @ moved
+    return SYSTEMATIC * small_sample_factor(len(moved)) * moved.T @ moved
 
 
-def free_runs(
+def fit_free_runs(
     record: Record, near: IdentifiedModel, penalty: float, objections: Sequence[Finding]
 ) -> IdentifiedModel | NoModel:
     """The model of the terms of `near`, an approximate model, whose free runs err least. Detection
@@ -89,48 +93,50 @@ def free_runs(
     condensed, each = record.condensed, np.arange(len(record.condensed.first) - 1)
     record = replace(record, segments=Segments(condensed.first, each, each))
     free, starts = record.problem.of_candidates(near.model.coefficients), near.initial_states
-    squares = condensed.squares(residuals(record, free, starts)[0])
+    squares = condensed.squares(segment_residuals(record, free, starts)[0])
     sigma = np.maximum(np.sqrt(squares / np.maximum(condensed.rows, 1)), record.floor)
     previous = fit = ShootingFit(record, free, free != 0.0, starts, sigma, sigma)
-    if not forgets_start(fit):
+    if not has_forgotten_start(fit):
         return NoModel()
     for _ in range(MOST_PASSES):
-        step = guarded_step(previous, fit, None, None)
+        step = take_guarded_step(previous, fit, None, None)
         previous, fit = step.before, step.fit
         if step.decrement < CONVERGED:
             break
-    remaining, _ = residuals(record, fit.free, fit.starts)
-    run = whole_approximation(fit, linearise(fit).information, remaining, penalty, objections)
+    remaining, _ = segment_residuals(record, fit.free, fit.starts)
+    run = approximate_free_runs(fit, linearise(fit).information, remaining, penalty, objections)
     return replace(run, detection_limits=near.detection_limits)
 
 
-def forgets_start(fit: ShootingFit) -> bool:
+def has_forgotten_start(fit: ShootingFit) -> bool:
     """Whether the last tenth of each chain depends at most a tenth as much on the first state as
     the first tenth does: so it is of a damped system that is driven, not of a limit cycle, whose
     phase stays. Of a limit cycle the ratio is near one, of a damped system it falls exponentially
     with the length of the recording: between, where a system is hardly damped, a tenth is a choice.
     """
-    for _, rows, _ in _slopes(fit, fit.record.problem.candidates[:0]):
+    for _, rows, _ in _chain_slopes(fit, fit.record.problem.candidates[:0]):
         tenth = max(len(rows) // 10, 1)
         if not np.linalg.norm(rows[-tenth:]) < 0.1 * np.linalg.norm(rows[:tenth]):
             return False
     return True
 
 
-def _pulls(fit: ShootingFit, residual: np.ndarray) -> Iterator[np.ndarray]:
+def _window_gradients(fit: ShootingFit, residual: np.ndarray) -> Iterator[np.ndarray]:
     """Of each chain, how each window pulls the coefficients of the fit, (n_windows, n_support): the
     gradient of chi^2 / 2 of a run from the chain's first state, this state at its best.
     """
     pairs = fit.record.problem.candidates[fit.support]
     n = len(pairs)
-    for own, rows, weight in _slopes(fit, pairs):
+    for own, rows, weight in _chain_slopes(fit, pairs):
         flat = rows.reshape(-1, rows.shape[3])
         by_start = np.linalg.lstsq(flat[:, n:], flat[:, :n], rcond=UNDETERMINED)[0]
         design = rows[..., :n] - rows[..., n:] @ by_start
         yield np.einsum("worp,wor->wp", design, residual[own] * weight)
 
 
-def _slopes(fit: ShootingFit, pairs: np.ndarray) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+def _chain_slopes(
+    fit: ShootingFit, pairs: np.ndarray
+) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
     """Of each chain its windows, the slopes (n_windows, n_observed, n_rows, n_pairs + n_states) of
     the solution from its first state, over the noise, and one over the noise (n_observed, 1).
     """

@@ -23,7 +23,7 @@ WORTH = 0.1  # share of what is left, that a mode takes to be worth a word
 FASTEST = 0.4  # periods in a window: of faster ones a mean tells little
 
 
-def further_modes(
+def find_further_modes(
     states: tuple[str, ...], condensed: Condensed, residual: np.ndarray
 ) -> tuple[FurtherMode, ...]:
     """The oscillations that stand out of what a model leaves, each recording and channel by itself.
@@ -47,12 +47,12 @@ def further_modes(
             main = 1 + np.argmax(np.abs(np.fft.rfft(data)[1:]))
             lowest = 1.5 * main / (b - a) / condensed.step  # Hz; below are the model's errors
             time = condensed.step * (sampled + 0.5)
-            modes = _oscillations(time, means, condensed.step, lowest)
+            modes = _find_oscillations(time, means, condensed.step, lowest)
             found += [FurtherMode(r, states[i], *mode) for mode in modes]
     return tuple(found)
 
 
-def modes_beside(modes: tuple[FurtherMode, ...]) -> list[Finding]:
+def further_mode_findings(modes: tuple[FurtherMode, ...]) -> list[Finding]:
     """Return a finding for each of some further modes."""
     return [
         Finding.of(Code.FURTHER_MODE, mode.state, frequency_hz=mode.frequency / (2.0 * np.pi))
@@ -60,7 +60,7 @@ def modes_beside(modes: tuple[FurtherMode, ...]) -> list[Finding]:
     ]
 
 
-def _oscillations(
+def _find_oscillations(
     time: np.ndarray, values: np.ndarray, window: float, lowest: float
 ) -> list[tuple[float, float, float, float]]:
     """Frequency, growth, cosine and sine of MOST at most, the strongest first, as in `FurtherMode`.

@@ -12,17 +12,23 @@ from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
 from galloping.identification.likelihood.condense import PROJECTIONS
-from galloping.identification.likelihood.elimination import Eliminated, eliminate
+from galloping.identification.likelihood.elimination import Eliminated, eliminate_states
 from galloping.identification.likelihood.shooting import (
     Linearised,
     Record,
     Segments,
     ShootingFit,
     linearise,
-    residuals,
+    segment_residuals,
 )
 from galloping.identification.observations import Code, Finding
-from galloping.identification.selection import DEPENDENT, select, solve_support, tableau, whiten
+from galloping.identification.selection import (
+    DEPENDENT,
+    make_tableau,
+    select_support,
+    solve_support,
+    whiten,
+)
 from galloping.model.polynomial import exponents_of, velocity_pairs
 
 FORCES = (Code.FORCES, Code.FORCES_BESIDE_INPUTS)  # without inputs, and beside them
@@ -54,45 +60,45 @@ class Fault:
         return self.cause.code in FORCES or explained >= excess / 2.0
 
 
-def faults(fit: ShootingFit, penalty: float) -> list[Fault]:
+def find_faults(fit: ShootingFit, penalty: float) -> list[Fault]:
     """The faults that the data show, the clearest first; none where the recording is sound.
 
     fit: converged, in its chains. penalty: 2 ln N of N samples. A sound recording is accused once
     in two hundred. Raises FloatingPointError where the model diverges.
     """
     problem, condensed, segments = fit.record.problem, fit.record.condensed, fit.record.segments
-    residual, _ = residuals(fit.record, fit.free, fit.starts)
+    residual, _ = segment_residuals(fit.record, fit.free, fit.starts)
     rates = replace(fit.record, condensed=condensed.of_rates()).predictions(fit.free, fit.starts)
-    wider, late = _delayed_inputs(fit)
-    entries, columns, tests = _parameters(fit.record, rates, late)
+    wider, late = _add_input_rates(fit)
+    entries, columns, tests = _fault_parameters(fit.record, rates, late)
 
     def linear(terms: np.ndarray) -> Linearised:
         return linearise(wider, np.vstack([problem.candidates[terms], entries]), columns)
 
     own = linear(fit.support)
-    quadratic = eliminate(own, segments, fit.starts)
-    scores = [score(quadratic.information, quadratic.right, test.mixture) for test in tests]
+    quadratic = eliminate_states(own, segments, fit.starts)
+    scores = [score_test(quadratic.information, quadratic.right, test.mixture) for test in tests]
     tested = [replace(test, z=z) for test, z in zip(tests, scores, strict=True)]
-    tested += _gaps(own, fit) + _variances(fit, residual, rates)
+    tested += _test_gaps(own, fit) + _test_variances(fit, residual, rates)
     limit = -ndtri(5e-3 / 2.0 / len(tested))
     # terms are looked for that only imitate a fault; a sound recording has a score so large a few
     # times in a hundred, which costs a pass of the fit and no more
     doubtful = [k for k, z in enumerate(scores) if z > 2.5]
     if doubtful and max(scores) < np.sqrt(penalty):
-        quadratic = eliminate(linear(np.ones(len(fit.support), bool)), segments, fit.starts)
+        quadratic = eliminate_states(linear(np.ones(len(fit.support), bool)), segments, fit.starts)
         for k in doubtful:
-            beside = _beside(quadratic, fit, tests[k])
-            instead = _instead(quadratic, fit, tests[k], penalty)
+            beside = _score_beside_term(quadratic, fit, tests[k])
+            instead = _score_instead_of_terms(quadratic, fit, tests[k], penalty)
             tested[k] = replace(tested[k], z=max(beside, instead))
     shown = [fault for fault in tested if fault.z > limit]
     return sorted(shown, key=lambda fault: -fault.z)
 
 
 # An input that may be delayed: name, coefficients (equation, term) and their values for 1 s.
-Late = tuple[str, list[tuple[int, int]], list[float]]
+DelayedInput = tuple[str, list[tuple[int, int]], list[float]]
 
 
-def _delayed_inputs(fit: ShootingFit) -> tuple[ShootingFit, list[Late]]:
+def _add_input_rates(fit: ShootingFit) -> tuple[ShootingFit, list[DelayedInput]]:
     """The fit, its problem with terms of the rates of inputs, which are inputs too, and of each
     input that may be delayed its name, the coefficients (equation, term) that then are not zero,
     and their values for a delay of 1 s.
@@ -136,8 +142,8 @@ def _delayed_inputs(fit: ShootingFit) -> tuple[ShootingFit, list[Late]]:
     return replace(fit, record=replace(fit.record, problem=wider, condensed=with_slopes)), late
 
 
-def _parameters(
-    record: Record, rates: np.ndarray, late: list[Late]
+def _fault_parameters(
+    record: Record, rates: np.ndarray, late: list[DelayedInput]
 ) -> tuple[np.ndarray, np.ndarray, list[Fault]]:
     """Parameters of faults: coefficients that are zero or known, (n_entries, 2), columns as in
     `linearise`, and the faults, each a mixture of these parameters.
@@ -185,9 +191,9 @@ def _parameters(
     return np.array(entries, int).reshape(-1, 2), columns, tests
 
 
-def score(information: np.ndarray, right: np.ndarray, mixture: np.ndarray) -> float:
+def score_test(information: np.ndarray, right: np.ndarray, mixture: np.ndarray) -> float:
     """z of a mixture of the last parameters, the others at their best; 0 where they imitate it."""
-    information, right = _mixed(information, right, mixture)
+    information, right = _combine_parameters(information, right, mixture)
     change, covariance = solve_support(information, right, np.arange(len(right)) < len(right) - 1)
     cross = information[-1, :-1]
     left = information[-1, -1] - cross @ covariance @ cross
@@ -196,7 +202,7 @@ def score(information: np.ndarray, right: np.ndarray, mixture: np.ndarray) -> fl
     return float(abs(right[-1] - information[-1] @ change) / np.sqrt(left))
 
 
-def _mixed(
+def _combine_parameters(
     information: np.ndarray, right: np.ndarray, mixture: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The regression with one mixture in place of the last parameters."""
@@ -205,29 +211,35 @@ def _mixed(
     return to.T @ information @ to, right @ to
 
 
-def _beside(quadratic: Eliminated, fit: ShootingFit, test: Fault) -> float:
+def _score_beside_term(quadratic: Eliminated, fit: ShootingFit, test: Fault) -> float:
     """z of a fault beside the one term, if any, that the model lacks most: what a weak term that
     was not selected leaves in the residuals may look like a fault.
     """
     n, more = len(fit.support), fit.support.copy()
     whitened = whiten(quadratic.information[:n, :n], quadratic.right[:n], fit.free)
-    here = tableau(whitened, fit.support & whitened.usable)
+    here = make_tableau(whitened, fit.support & whitened.usable)
     if len(here.out):
         more[here.out[np.argmax(here.additions())]] = True
     kept = np.append(more, np.ones(len(test.mixture), bool))
-    return score(quadratic.information[np.ix_(kept, kept)], quadratic.right[kept], test.mixture)
+    return score_test(
+        quadratic.information[np.ix_(kept, kept)], quadratic.right[kept], test.mixture
+    )
 
 
-def _instead(quadratic: Eliminated, fit: ShootingFit, test: Fault, penalty: float) -> float:
+def _score_instead_of_terms(
+    quadratic: Eliminated, fit: ShootingFit, test: Fault, penalty: float
+) -> float:
     """z of a fault that may replace terms which only imitate it: by how much the data prefer the
     fault with other terms, selected anew, to the terms without it; 0 where they do not.
     """
-    information, right = _mixed(quadratic.information, quadratic.right, test.mixture)
+    information, right = _combine_parameters(quadratic.information, quadratic.right, test.mixture)
     problem, about = fit.record.problem, np.append(fit.free, 0.0)
     prices = np.append(problem.least_prices(penalty), penalty)
     without = np.append(fit.support, False)
     apart = np.append(problem.chosen_about(fit.free), 0.0)
-    chosen = select(information, right, [without, np.append(fit.support, True)], prices, apart)
+    chosen = select_support(
+        information, right, [without, np.append(fit.support, True)], prices, apart
+    )
     if not chosen[-1]:
         return 0.0
 
@@ -242,7 +254,7 @@ def _instead(quadratic: Eliminated, fit: ShootingFit, test: Fault, penalty: floa
     return float(np.sqrt(max(worth(without) - worth(chosen), 0.0)))
 
 
-def _gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
+def _test_gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
     """How much better the recording is followed in stretches than as a whole.
 
     linear: by the terms of the fit, and then by parameters of faults.
@@ -251,7 +263,7 @@ def _gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
     among = np.arange(len(linear.right)) < fit.support.sum()
 
     def fall(joined: Segments) -> float:
-        quadratic = eliminate(linear, joined, starts)
+        quadratic = eliminate_states(linear, joined, starts)
         change, _ = solve_support(quadratic.information, quadratic.right, among)
         return quadratic.fall + float(change @ quadratic.right)
 
@@ -269,7 +281,7 @@ def _gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
     return tested
 
 
-def _variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -> list[Fault]:
+def _test_variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -> list[Fault]:
     """Whether the residuals are larger where the signal is steep, or where it is large."""
     condensed, segments, sigma = fit.record.condensed, fit.record.segments, fit.sigma
     owner = np.repeat(segments.recording, np.diff(segments.first))
@@ -294,12 +306,12 @@ def _variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -> lis
                 skews.append(float(8.0 * np.sum(size**3)) / spread**3)
         if scores:
             n = len(scores)
-            z = _gaussian(sum(scores) / np.sqrt(n), sum(skews) / n**1.5)
+            z = _as_gaussian(sum(scores) / np.sqrt(n), sum(skews) / n**1.5)
             tested.append(Fault(Finding.of(code), True, z, is_noise=True))
     return tested
 
 
-def _gaussian(z: float, skew: float) -> float:
+def _as_gaussian(z: float, skew: float) -> float:
     """The Gaussian variable that is exceeded as often as z, a variable of variance one and of a
     skewness, taken for a chi^2 variable as skew (E. B. Wilson and M. M. Hilferty, 1931).
     """

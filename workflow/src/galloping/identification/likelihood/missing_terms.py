@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
-from galloping.identification.likelihood.elimination import eliminate
-from galloping.identification.likelihood.instrument import score
+from galloping.identification.likelihood.elimination import eliminate_states
+from galloping.identification.likelihood.instrument import score_test
 from galloping.identification.likelihood.shooting import HUGE, ShootingFit, linearise
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
@@ -29,18 +29,21 @@ POINTS, DEGREE = 10, 5
 EXPLAINED = 0.5
 
 
-def missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
+def find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
     """Find the kind of term that explains most of what a fit leaves, if any.
 
     fit: in its chains. penalty: 2 ln N of N samples. Raises FloatingPointError where the fit
     diverges.
     """
     record, problem = fit.record, fit.record.problem
-    kinds = [kind for kind in _kinds(problem) if kind[2] not in problem.terms]
+    kinds = [kind for kind in _candidate_kinds(problem) if kind[2] not in problem.terms]
     if not kinds:
         return []
     n, extra = len(problem.candidates), len(kinds)
-    forces, given = _forces(fit, tuple(term for *_, term in kinds)), record.condensed.inputs
+    forces, given = (
+        _forces_along_motion(fit, tuple(term for *_, term in kinds)),
+        record.condensed.inputs,
+    )
     given = np.pad(given, ((0, 0), (0, DEGREE + 1 - given.shape[1]), (0, 0)))
     signals = np.concatenate([given, forces], axis=2)
     force_names = tuple(f"force {k}" for k in range(extra))
@@ -58,12 +61,12 @@ def missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
     )
     entries = [(i, len(problem.terms) + k) for k, (i, *_) in enumerate(kinds)]
     linear = linearise(wide, np.vstack([problem.candidates, entries]))
-    left = eliminate(linear, record.segments, fit.starts)
+    left = eliminate_states(linear, record.segments, fit.starts)
     among = np.arange(n + extra) < n
     change, _ = solve_support(left.information, left.right, among)
     chi2 = float(linear.squares.sum()) - left.fall - float(change @ left.right)
     falls = [
-        score(left.information[np.ix_(own, own)], left.right[own], np.ones(1)) ** 2
+        score_test(left.information[np.ix_(own, own)], left.right[own], np.ones(1)) ** 2
         for own in (np.append(among[:n], np.arange(extra) == k) for k in range(extra))
     ]
     best = int(np.argmax(falls))
@@ -75,7 +78,7 @@ def missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
     return [Finding.of(Code.TERM_MISSING, problem.states[kinds[best][0]], term=names)]
 
 
-def _kinds(problem: Problem) -> Iterator[tuple[int, int, Exponents]]:
+def _candidate_kinds(problem: Problem) -> Iterator[tuple[int, int, Exponents]]:
     """Terms that are looked for, each with its equation and state: drag and friction along a
     velocity, or what bends or breaks a stiffness along a displacement.
     """
@@ -89,7 +92,7 @@ def _kinds(problem: Problem) -> Iterator[tuple[int, int, Exponents]]:
             yield equation, state, (*none, Function("sin" if state in pairs else "sign", unit))
 
 
-def _forces(fit: ShootingFit, terms: tuple[Exponents, ...]) -> np.ndarray:
+def _forces_along_motion(fit: ShootingFit, terms: tuple[Exponents, ...]) -> np.ndarray:
     """(n_windows, DEGREE + 1, n_terms) terms along the motion of a fit, each as the polynomial over
     a window that is nearest in the mean square, by powers of the time.
     """

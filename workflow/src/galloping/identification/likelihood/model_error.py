@@ -13,25 +13,31 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import stdtrit
 
-from galloping.identification.answers import by, refused
+from galloping.identification.answers import prepend_path, refused_model
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.elimination import eliminate_with_jumps, jump_covariance
-from galloping.identification.likelihood.fluctuation import chosen, fluctuating
-from galloping.identification.likelihood.further_modes import further_modes, modes_beside
+from galloping.identification.likelihood.fluctuation import (
+    fit_fluctuations,
+    select_with_input_powers,
+)
+from galloping.identification.likelihood.further_modes import (
+    find_further_modes,
+    further_mode_findings,
+)
 from galloping.identification.likelihood.shooting import Record, ShootingFit
-from galloping.identification.likelihood.verdict import Near, approximate
+from galloping.identification.likelihood.verdict import ApproximateFit, assess_approximation
 from galloping.identification.likelihood.weak_constraint import (
     StretchFit,
     coloured_misfit,
-    integrable,
-    of_variance,
+    make_integrable,
+    white_autocovariance,
     white_misfit,
 )
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
 from galloping.identification.selection import added_deviation, solve_support
-from galloping.identification.work import is_spent
+from galloping.identification.work import is_exhausted
 from galloping.model.intervals import NORMAL_95, QUANTILES_95
 from galloping.passes import passing
 
@@ -96,7 +102,7 @@ class Approximation:
         return shares
 
 
-def approximation(
+def fit_approximation(
     start: ShootingFit, penalty: float, objections: Sequence[Finding]
 ) -> IdentifiedModel | NoModel:
     """The most compact model whose forecasts are hardly worse than those of the best.
@@ -106,23 +112,23 @@ def approximation(
     Refused where its forecasts are no better than the mean of the data; none where no model can be
     integrated over a stretch.
     """
-    made = _approximate(start, penalty)
+    made = _search_approximation(start, penalty)
     if isinstance(made, NoModel):
         return NoModel((*objections, *made.findings))
     record, condensed = made.fit.record, made.fit.record.condensed
     if not made.skill > 0.0:
         nothing = Finding.of(Code.PREDICTS_NOTHING)
-        return by(made.path, refused(record.problem, (*objections, nothing)))
+        return prepend_path(made.path, refused_model(record.problem, (*objections, nothing)))
     if made.fluctuates:
         objections = (*objections, Finding.of(Code.COEFFICIENTS_FLUCTUATE))
     residual = condensed.targets - record.predictions(made.fit.free, made.fit.starts)
     spare = condensed.is_known | (condensed.counts > condensed.rows)  # else windows tell no noise
     noise = np.where(spare, np.sqrt(condensed.noise_variance), start.reference)
     missed = Finding.of(Code.FORECASTS_MISS, span_s=record.stretch, share=0.0)
-    return stated(made, residual, noise, objections, missed)
+    return as_identified(made, residual, noise, objections, missed)
 
 
-def stated(
+def as_identified(
     made: Approximation,
     residual: np.ndarray,
     noise: np.ndarray,
@@ -144,7 +150,7 @@ def stated(
         for name, share in shares.items()
     ]
     sigma, of_rates = condensed.noise_told(problem.states, noise)
-    besides = further_modes(problem.states, condensed, residual)
+    besides = find_further_modes(problem.states, condensed, residual)
     known = condensed.noise_variance  # zero where windows tell none
     power = (
         np.where(known > 0.0, known, noise**2) * condensed.rows / np.diff(condensed.first)[:, None]
@@ -152,10 +158,10 @@ def stated(
     noise_power = np.sum(power[record.segments.recording])
     errors = added_deviation(made.information, support)
     errors[support] = np.sqrt(np.diag(made.covariance))
-    found = approximate(
+    found = assess_approximation(
         problem,
-        Near(fit.free, support, errors, made.covariance, made.price),
-        (*objections, *misses, *modes_beside(besides)),
+        ApproximateFit(fit.free, support, errors, made.covariance, made.price),
+        (*objections, *misses, *further_mode_findings(besides)),
         initial_states=fit.starts[record.begins],
         sigma=sigma,
         chi2=float(np.sum(made.forecast[1]) / noise_power) if noise_power else np.inf,
@@ -166,10 +172,10 @@ def stated(
             **{f"error_share_all_{name}": float(share) for name, share in shares.items()},
         },
     )
-    return by(made.path, found)
+    return prepend_path(made.path, found)
 
 
-def _approximate(start: ShootingFit, penalty: float) -> Approximation | NoModel:
+def _search_approximation(start: ShootingFit, penalty: float) -> Approximation | NoModel:
     """The smallest of several models that forecast, or, where coefficients fluctuate, their means.
 
     What is missed is taken for noise of its own spectrum and, where no model so found predicts
@@ -179,23 +185,23 @@ def _approximate(start: ShootingFit, penalty: float) -> Approximation | NoModel:
     record, every = start.record, np.ones(len(start.free), bool)
     scale = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
     # jumps begin at a twentieth of each state and are estimated anew at each pass
-    jump, misfit = np.diag((0.05 * scale) ** 2), of_variance(record, start.sigma**2)
+    jump, misfit = np.diag((0.05 * scale) ** 2), white_autocovariance(record, start.sigma**2)
     first = StretchFit(record, start.free, every, start.starts, misfit, jump)
     misfits = {"coloured": coloured_misfit, "white": white_misfit}
     for colour in misfits:
-        tried = attempt(partial(_of_misfit, first, misfits[colour], penalty))
+        tried = attempt(partial(_fit_with_misfit, first, misfits[colour], penalty))
         if isinstance(tried, NoModel):
             continue
-        if max(each.skill for each in tried[1]) > 0.0 or is_spent():
+        if max(each.skill for each in tried[1]) > 0.0 or is_exhausted():
             break
     if isinstance(tried, NoModel):
         return tried
     whole, made = tried
-    best = _varying(whole, penalty) or _smallest(made)
+    best = _fit_varying(whole, penalty) or _choose_smallest(made)
     return replace(best, path=(f"{colour} misfit", *best.path))
 
 
-def _of_misfit(
+def _fit_with_misfit(
     first: StretchFit, misfit_of: MisfitOf, penalty: float
 ) -> tuple[StretchFit, list[Approximation]] | NoModel:
     """The fit of the whole library, and the models of two penalties, many times that of exact
@@ -205,12 +211,12 @@ def _of_misfit(
     of a truth, 3 to 5 up to five terms more. No model may jump more than the whole library: what a
     term that was left out would do is no disturbance.
     """
-    fit = whole = _iterate(first, misfit_of)
+    fit = whole = _iterate_fit(first, misfit_of)
     made: list[Approximation] = []
     for times in (7.0, 25.0):
-        if made and is_spent():
+        if made and is_exhausted():
             break
-        tried = attempt(partial(_of_price, fit, misfit_of, times * penalty, whole.jump))
+        tried = attempt(partial(_fit_with_price, fit, misfit_of, times * penalty, whole.jump))
         if isinstance(tried, NoModel):
             if not made:
                 return tried
@@ -220,45 +226,49 @@ def _of_misfit(
     return whole, made
 
 
-def _of_price(
+def _fit_with_price(
     fit: StretchFit, misfit_of: MisfitOf, price: float, most_jump: np.ndarray
 ) -> tuple[StretchFit, Approximation] | NoModel:
-    """The model whose terms are worth a price, from another fit. most_jump: as of `_iterate`."""
-    fit = _iterate(fit, misfit_of, price, most_jump)
-    return (fit, _judged(fit, price)) if fit.support.any() else NoModel((Finding.of(Code.NO_TERM),))
+    """Fit the model whose terms are worth a price, from a fit. most_jump: as of `_iterate_fit`."""
+    fit = _iterate_fit(fit, misfit_of, price, most_jump)
+    return (
+        (fit, _cross_validate(fit, price))
+        if fit.support.any()
+        else NoModel((Finding.of(Code.NO_TERM),))
+    )
 
 
-def _smallest(made: list[Approximation]) -> Approximation:
+def _choose_smallest(made: list[Approximation]) -> Approximation:
     """The one of fewest terms whose squared forecast error exceeds the least by no more than a
     quarter of the standard error of the difference for every term saved, and by no more than one.
     More than a quarter saves terms that forecast, less keeps terms that do not; the number was not
     calibrated.
     """
     errors = [np.mean(each.forecast[1] / each.forecast[0].mean(axis=0), axis=1) for each in made]
-    best = chosen = int(np.argmin([np.mean(error) for error in errors]))
+    best = smallest = int(np.argmin([np.mean(error) for error in errors]))
     for k, error in enumerate(errors):
         with np.errstate(invalid="ignore"):  # infinite where forecasts diverge
             worse = error - errors[best]
             doubt = np.std(worse) / np.sqrt(len(worse))
         saved = max(made[best].fit.support.sum() - made[k].fit.support.sum(), 0)
         if np.mean(worse) <= min(0.25 * saved, 1.0) * doubt:
-            chosen = k
-    return made[chosen]
+            smallest = k
+    return made[smallest]
 
 
-def _varying(fit: StretchFit, penalty: float) -> Approximation | None:
+def _fit_varying(fit: StretchFit, penalty: float) -> Approximation | None:
     """Means of coefficients that fluctuate, judged as a fit is, where they predict anything."""
-    varying = attempt(partial(fluctuating, fit, penalty))
+    varying = attempt(partial(fit_fluctuations, fit, penalty))
     if varying is None or isinstance(varying, NoModel):
         return None
     means, covariance = varying
-    found = attempt(partial(_judged, means, penalty))
+    found = attempt(partial(_cross_validate, means, penalty))
     if isinstance(found, NoModel) or not found.skill > 0.0:
         return None
     return replace(found, covariance=covariance, path=("fluctuating",), fluctuates=True)
 
 
-def _iterate(
+def _iterate_fit(
     fit: StretchFit,
     misfit_of: MisfitOf,
     price: float | None = None,
@@ -273,13 +283,15 @@ def _iterate(
     """
     record, passes, choosing = fit.record, 5 if price is None else 20, 6
     for passed in range(passes):
-        if passed and is_spent():
+        if passed and is_exhausted():
             break
         passing("approximate in stretches")
         solved = eliminate_with_jumps(record, fit.linear, record.precision(fit.jump))
         right, support = solved.right + solved.information @ fit.free, fit.support
         if price is not None and passed < choosing:
-            support = chosen(record.problem, solved.information, right, support, price)
+            support = select_with_input_powers(
+                record.problem, solved.information, right, support, price
+            )
         free, _ = record.problem.solve(solved.information, right, support)
         change = free - fit.free
         starts = solved.moved(change, fit.starts)
@@ -291,20 +303,20 @@ def _iterate(
         if price is not None:
             # else a fit and the covariance of what it leaves may alternate with others
             misfit = (misfit + fit.misfit) / 2.0
-        fit = integrable(fit, StretchFit(record, free, support, starts, misfit, jump))
+        fit = make_integrable(fit, StretchFit(record, free, support, starts, misfit, jump))
         length = change @ solved.information @ change  # squared, in standard deviations
         if same and passed and length < 0.05:
             break
     return fit
 
 
-def _judged(fit: StretchFit, price: float) -> Approximation:
+def _cross_validate(fit: StretchFit, price: float) -> Approximation:
     """The fit with its covariance and its forecasts, both by leaving groups of segments out."""
     record, precision = fit.record, fit.record.precision(fit.jump)
     condensed, segments = record.condensed, record.segments
     count = len(fit.starts)
-    # of fewer groups the covariance is known worse, and `of_few`, 1.26 of twelve, is larger; more
-    # cost an elimination each, and neighbours err alike; the number was not calibrated
+    # of fewer groups the covariance is known worse, and `small_sample_factor`, 1.26 of twelve, is
+    # larger; more cost an elimination each, and neighbours err alike; the number was not calibrated
     groups = np.array_split(np.arange(count), min(count, 12))
     changes = np.zeros((len(groups), int(fit.support.sum())))
     residual = np.full(condensed.targets.shape, np.inf)
@@ -321,7 +333,9 @@ def _judged(fit: StretchFit, price: float) -> Approximation:
         residual[own] = condensed.targets[own] - predicted
     spread = changes - changes.mean(axis=0)
     freedom = max(len(groups) - 1, 1)
-    covariance = SYSTEMATIC * of_few(len(groups)) * freedom / len(groups) * spread.T @ spread
+    covariance = (
+        SYSTEMATIC * small_sample_factor(len(groups)) * freedom / len(groups) * spread.T @ spread
+    )
     solved = eliminate_with_jumps(record, fit.linear, precision)
     covariance += prior_covariance(record.problem, solved.information, fit.support)
     return Approximation(fit, solved.information, covariance, residual, price)
@@ -333,6 +347,6 @@ def prior_covariance(problem: Problem, information: np.ndarray, support: np.ndar
     return covariance * problem.of_candidates(problem.precision)[support] @ covariance
 
 
-def of_few(groups: int) -> float:
+def small_sample_factor(groups: int) -> float:
     """Factor on a variance estimated from so few groups, for normal intervals to hold 95 %."""
     return float((stdtrit(max(groups - 1, 1), QUANTILES_95[1]) / NORMAL_95) ** 2)

@@ -14,7 +14,7 @@ SAMPLES = 60  # of a period, which takes at most 64 steps of the integration
 FINE = 1e-4  # of the step between these samples, to which a delay is told
 
 
-class Followed(NamedTuple):
+class FollowedRecording(NamedTuple):
     """A recording that a model follows in segments.
 
     times: (n_segments,) s, when each begins, the first at zero. states: (n_segments, n_states) of
@@ -26,7 +26,9 @@ class Followed(NamedTuple):
     duration: float
 
 
-def only_repeats(model: PolynomialModel, followed: Sequence[Followed], period: float) -> bool:
+def is_periodic(
+    model: PolynomialModel, followed: Sequence[FollowedRecording], period: float
+) -> bool:
     """Whether in all recordings the model's motion is one orbit again and again.
 
     Two tones without a common period come near to themselves after some delay, but not after its
@@ -34,10 +36,10 @@ def only_repeats(model: PolynomialModel, followed: Sequence[Followed], period: f
     leaves the orbit by rounding. period: the shortest of the motion, s. What inputs drive is no
     orbit, nor is what diverges.
     """
-    return not model.inputs and all(_repeats(model, one, period) for one in followed)
+    return not model.inputs and all(_has_period(model, one, period) for one in followed)
 
 
-def _repeats(model: PolynomialModel, followed: Followed, period: float) -> bool:
+def _has_period(model: PolynomialModel, followed: FollowedRecording, period: float) -> bool:
     """Whether standardised states return to themselves over two thirds of the time.
 
     Sought is the delay, up to a third of the time, after which the states differ least from what
@@ -52,11 +54,11 @@ def _repeats(model: PolynomialModel, followed: Followed, period: float) -> bool:
     """
     time = np.arange(0.0, min(followed.duration, 500 * period), period / SAMPLES)
     try:
-        states = _motion(model, followed, time)
+        states = _segment_motion(model, followed, time)
     except FloatingPointError:
         return False
     states = (states - states.mean(axis=0)) / np.fmax(states.std(axis=0), np.finfo(float).tiny)
-    apart = _apart(states)
+    apart = _lag_distances(states)
     falling = np.flatnonzero(np.diff(apart) < 0.0)
     if not len(falling):
         return False
@@ -80,7 +82,9 @@ def _repeats(model: PolynomialModel, followed: Followed, period: float) -> bool:
     return differ(best) < 0.01
 
 
-def _motion(model: PolynomialModel, followed: Followed, time: np.ndarray) -> np.ndarray:
+def _segment_motion(
+    model: PolynomialModel, followed: FollowedRecording, time: np.ndarray
+) -> np.ndarray:
     """(n, n_states) at `time` (n,), s, each segment from its first state on.
 
     Raises FloatingPointError if a segment diverges or takes too many steps.
@@ -97,7 +101,7 @@ def _motion(model: PolynomialModel, followed: Followed, time: np.ndarray) -> np.
     return np.concatenate(parts)
 
 
-def _apart(states: np.ndarray) -> np.ndarray:
+def _lag_distances(states: np.ndarray) -> np.ndarray:
     """(n // 3,) root mean square by which states (n, n_states) differ from themselves 0, 1, ...
     samples later.
     """

@@ -27,7 +27,7 @@ ROUNDING = 1e-5
 
 
 @dataclass(frozen=True)
-class Residue:
+class ResidualDiagnostics:
     """What the residuals of a fit show.
 
     chi2: mean square of the projected residuals, per degree of freedom, against the noise inside
@@ -84,7 +84,9 @@ class Residue:
         return []
 
 
-def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period: float) -> Residue:
+def diagnose_residuals(
+    condensed: Condensed, residual: np.ndarray, parameters: int, period: float
+) -> ResidualDiagnostics:
     """Tests of the residuals (n_windows, n_observed, n_rows) of a fit.
 
     parameters: how many the fit has. period: the shortest of the motion, s. Channels whose
@@ -109,23 +111,25 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
             low.append(power[below].sum() / power.mean())
             high.append(power[~below].sum() / power.mean())
             bins += below.sum(), (~below).sum()
-            peak, place = _line(power)
+            peak, place = _highest_peak(power)
             lines.append((peak, place / ((b - a) * condensed.step), o, place))
     band, band_allowed = np.nan, np.nan
     if low:
         band = float(sum(low) / bins[0] / (sum(high) / bins[1]))
-        band_allowed = _allowed(np.sqrt(np.sum(1.0 / bins)))
+        band_allowed = _max_mean_square(np.sqrt(np.sum(1.0 / bins)))
     # a bin over the mean of m others is F-distributed with (2, 2 m) degrees; of the highest
     m = 2 * NEIGHBOURS - 4
     line_allowed = m * ((RESIDUAL_RATE / (2.0 * int(condensed.first[-1]))) ** (-1.0 / m) - 1.0)
     line, frequency, channel, cycles = max(lines, key=lambda own: own[0])
-    return Residue(
-        *_misfit(condensed, residual, parameters), bool(condensed.is_known.any()), band,
+    return ResidualDiagnostics(
+        *_chi2_inside(condensed, residual, parameters), bool(condensed.is_known.any()), band,
         band_allowed, band_power, excess, line, line_allowed, frequency, channel, cycles,
     )  # fmt: skip
 
 
-def _misfit(condensed: Condensed, residual: np.ndarray, parameters: int) -> tuple[float, float]:
+def _chi2_inside(
+    condensed: Condensed, residual: np.ndarray, parameters: int
+) -> tuple[float, float]:
     """chi^2 per degree of freedom against the noise inside the windows, and the largest allowed."""
     squares = condensed.squares(residual)
     spare = np.where(condensed.is_known, np.inf, condensed.counts - condensed.rows)
@@ -136,17 +140,17 @@ def _misfit(condensed: Condensed, residual: np.ndarray, parameters: int) -> tupl
     share = parameters / max(int(np.count_nonzero(condensed.counts)), 1)
     freedom = np.maximum(condensed.rows[measured] - share, 1.0)
     spread = np.sqrt(2.0 / np.sum(freedom) + 2.0 / np.sum(spare[measured]))
-    return float(np.sum(squares[measured] / inside) / np.sum(freedom)), _allowed(spread)
+    return float(np.sum(squares[measured] / inside) / np.sum(freedom)), _max_mean_square(spread)
 
 
-def _allowed(spread: float) -> float:
+def _max_mean_square(spread: float) -> float:
     """The largest allowed mean square of what has mean square one and this relative `spread`: as
     many deviations above one as a sum exceeds at RESIDUAL_RATE, rounded up.
     """
     return float(1.0 + np.ceil(-ndtri(RESIDUAL_RATE)) * spread)
 
 
-def _line(power: np.ndarray) -> tuple[float, int]:
+def _highest_peak(power: np.ndarray) -> tuple[float, int]:
     """Highest ratio of a periodogram bin to the mean of its neighbours, and the bin; a ratio of
     zero where a record is too short to have so many neighbours. The two bins beside a peak, into
     which it leaks, are left out.

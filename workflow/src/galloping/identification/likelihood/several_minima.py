@@ -11,25 +11,29 @@ from functools import partial
 
 import numpy as np
 
-from galloping.identification.likelihood.elimination import Matched, chained, eliminate
+from galloping.identification.likelihood.elimination import (
+    Matched,
+    chain_segments,
+    eliminate_states,
+)
 from galloping.identification.likelihood.shooting import (
     HUGE,
     Segments,
     ShootingFit,
     linearise,
-    residuals,
+    segment_residuals,
 )
 from galloping.identification.likelihood.trajectory_fit import (
     CLOSE,
     CONVERGED,
     JoinedFit,
     Step,
-    with_noise,
+    update_noise,
 )
-from galloping.identification.no_model import NoModel, Unsolved, attempt
+from galloping.identification.no_model import NoModel, NotConvergedError, attempt
 from galloping.identification.observations import Code
 from galloping.identification.selection import Price, solve_support
-from galloping.identification.work import is_spent
+from galloping.identification.work import is_exhausted
 from galloping.model.intervals import normal
 from galloping.trajectory.taylor import at_points, integrate
 
@@ -40,14 +44,14 @@ STILL = 1e-9  # of the greatest argument of a kink: what is less sticks
 LOWER = 1.0  # of chi^2, by which another minimum must be lower
 
 
-def refined(joined: JoinedFit, price: Price) -> JoinedFit:
+def refine_fit(joined: JoinedFit, price: Price) -> JoinedFit:
     """The fit at the least minimum that is found, with the terms that are best there.
 
     It is looked for from where segments were joined and, where that leads to none that follows the
     data, from where they were free. joined: returned as it is where neither does.
     """
     for step in (joined.step, joined.free):
-        found = attempt(partial(_settled, step, price))
+        found = attempt(partial(_settle_terms, step, price))
         if not isinstance(found, NoModel) and found.fit.misfit < CLOSE:
             return JoinedFit(
                 joined.free, found, (*joined.path, "least of several minima"), True, None
@@ -55,40 +59,40 @@ def refined(joined: JoinedFit, price: Price) -> JoinedFit:
     return joined
 
 
-def _settled(step: Step, price: Price) -> Step:
+def _settle_terms(step: Step, price: Price) -> Step:
     """The last step to the least minimum whose terms are the best there. Raises FloatingPointError
     where the motion diverges, or terms come and go.
     """
     record = step.fit.record
-    record = replace(record, segments=chained(linearise(step.fit), record.segments))
-    support = _chosen(step, price)
+    record = replace(record, segments=chain_segments(linearise(step.fit), record.segments))
+    support = _choose_terms(step, price)
     for _ in range(MOST_CHOICES):
-        if not support.any() or is_spent():
+        if not support.any() or is_exhausted():
             break
         free = np.where(support, step.fit.free, 0.0)
-        step = _least(replace(step.fit, record=record, support=support, free=free))
-        support = _chosen(step, price)
+        step = _find_least(replace(step.fit, record=record, support=support, free=free))
+        support = _choose_terms(step, price)
         if np.array_equal(support, step.fit.support):
             return step
-    raise Unsolved(Code.NO_TERM)
+    raise NotConvergedError(Code.NO_TERM)
 
 
-def _chosen(step: Step, price: Price) -> np.ndarray:
+def _choose_terms(step: Step, price: Price) -> np.ndarray:
     """(n,) the best terms by the quadratic model of a step."""
     about, problem = step.fit.free, step.fit.record.problem
     tried = [np.ones(len(about), bool), step.fit.support]
     return problem.select(step.information, step.right, tried, price, about)
 
 
-def _least(fit: ShootingFit) -> Step:
+def _find_least(fit: ShootingFit) -> Step:
     """The last step to the least minimum that is found with the terms of a fit."""
-    best = _descend(fit)
+    best = _descend_chi2(fit)
     for _ in range(3):
         found = best
-        for start in _beside(best.fit):
-            if is_spent():
+        for start in _draw_starts(best.fit):
+            if is_exhausted():
                 break
-            tried = _descend(start)
+            tried = _descend_chi2(start)
             found = tried if tried.fit.chi2 < found.fit.chi2 - LOWER else found
         if found is best:
             break
@@ -96,30 +100,30 @@ def _least(fit: ShootingFit) -> Step:
     return best
 
 
-def _descend(fit: ShootingFit) -> Step:
+def _descend_chi2(fit: ShootingFit) -> Step:
     """Steps with the terms of a fit, each so short that chi^2 falls.
 
     The quadratic model of the last step is about the fit that it leads to; where no step is short
     enough, as at a kink, its slope counts as zero.
     """
-    fit = _matched(fit)
+    fit = _match_segments(fit)
     for _ in range(MOST_STEPS):
-        quadratic = _quadratic(fit)
-        change = _change(fit, quadratic)
+        quadratic = _quadratic_model(fit)
+        change = _coefficient_step(fit, quadratic)
         starts, share, better = quadratic.moved(change), 1.0, None
         for _ in range(MOST_HALVINGS):
             moved = replace(fit, free=fit.free + share * change, starts=fit.starts + share * starts)
-            tried = attempt(partial(_matched, moved))
+            tried = attempt(partial(_match_segments, moved))
             if not isinstance(tried, NoModel) and tried.chi2 < fit.chi2:
                 better = tried
                 break
             share /= 2.0
         fall = 0.0 if better is None else fit.chi2 - better.chi2
         before, fit = fit, better or fit
-        if fall < CONVERGED or is_spent():
+        if fall < CONVERGED or is_exhausted():
             break
-    quadratic = _quadratic(fit)
-    change = _change(fit, quadratic)
+    quadratic = _quadratic_model(fit)
+    change = _coefficient_step(fit, quadratic)
     decrement = float(change @ quadratic.information @ change)
     right = quadratic.right
     if decrement > CONVERGED:  # at a kink
@@ -127,17 +131,17 @@ def _descend(fit: ShootingFit) -> Step:
     return Step(before, fit, quadratic.information, right, decrement, float(quadratic.gap.max()))
 
 
-def _quadratic(fit: ShootingFit) -> Matched:
-    return eliminate(linearise(fit), fit.record.segments, fit.starts)
+def _quadratic_model(fit: ShootingFit) -> Matched:
+    return eliminate_states(linearise(fit), fit.record.segments, fit.starts)
 
 
-def _change(fit: ShootingFit, quadratic: Matched) -> np.ndarray:
+def _coefficient_step(fit: ShootingFit, quadratic: Matched) -> np.ndarray:
     """(n,) the Gauss-Newton step of the coefficients."""
     problem, right = fit.record.problem, quadratic.right
     return problem.solve(quadratic.information, right, fit.support, fit.free)[0]
 
 
-def _matched(fit: ShootingFit) -> ShootingFit:
+def _match_segments(fit: ShootingFit) -> ShootingFit:
     """The fit with all segments of a chain where the motion from its first state leads, its noise,
     and chi^2 of that motion. Raises FloatingPointError where it diverges.
     """
@@ -145,12 +149,12 @@ def _matched(fit: ShootingFit) -> ShootingFit:
     bounds = segments.bounds
     begins = bounds[:-1]
     whole = Segments(segments.first[bounds], segments.recording[begins], np.arange(len(begins)))
-    left, _ = residuals(replace(record, segments=whole), fit.free, fit.starts[begins])
-    starts = _states(fit)[segments.first[:-1]]
-    return with_noise(replace(fit, starts=starts), record.condensed.squares(left))
+    left, _ = segment_residuals(replace(record, segments=whole), fit.free, fit.starts[begins])
+    starts = _motion_states(fit)[segments.first[:-1]]
+    return update_noise(replace(fit, starts=starts), record.condensed.squares(left))
 
 
-def _states(fit: ShootingFit) -> np.ndarray:
+def _motion_states(fit: ShootingFit) -> np.ndarray:
     """(n_windows, n_states) where windows begin, of the motion from the first state of each chain.
     Raises FloatingPointError where it diverges.
     """
@@ -168,17 +172,17 @@ def _states(fit: ShootingFit) -> np.ndarray:
     return states[:, :, 0]
 
 
-def _beside(fit: ShootingFit) -> list[ShootingFit]:
+def _draw_starts(fit: ShootingFit) -> list[ShootingFit]:
     """Fits from which other minima may be reached, the best first; none where nothing sticks.
 
     What is recorded before a motion sticks has one minimum, and leaves a range in which the least
     one is: models are drawn from it.
     """
-    moving = _while_moving(fit)
+    moving = _fit_while_moving(fit)
     if moving is None:
         return []
-    step = _descend(moving)
-    quadratic, free = _quadratic(step.fit), step.fit.free
+    step = _descend_chi2(moving)
+    quadratic, free = _quadratic_model(step.fit), step.fit.free
     _, covariance = solve_support(step.information, np.zeros(len(free)), fit.support)
     changes = np.zeros((1 + DRAWS, len(free)))
     changes[1:, fit.support] = normal(
@@ -188,16 +192,16 @@ def _beside(fit: ShootingFit) -> list[ShootingFit]:
     for change in changes:
         starts = quadratic.moved(change, step.fit.starts)
         moved = replace(fit, free=free + change, starts=starts)
-        tried = attempt(partial(_matched, moved))
+        tried = attempt(partial(_match_segments, moved))
         if not isinstance(tried, NoModel):
             found.append(tried)
     return sorted(found, key=lambda own: own.chi2)[:3]
 
 
-def _while_moving(fit: ShootingFit) -> ShootingFit | None:
+def _fit_while_moving(fit: ShootingFit) -> ShootingFit | None:
     """The fit to the windows in which nothing sticks; None where these are all, or too few."""
     record, condensed = fit.record, fit.record.condensed
-    states, segments = _states(fit), record.segments
+    states, segments = _motion_states(fit), record.segments
     stuck = np.zeros(len(states), bool)
     for weights, offset in record.problem.tables.arguments[: record.problem.tables.n_kinks]:
         argument = np.abs(states @ weights + offset)

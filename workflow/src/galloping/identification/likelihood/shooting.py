@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
-from galloping.identification.likelihood.repetition import Followed
+from galloping.identification.likelihood.repetition import FollowedRecording
 from galloping.identification.problem import Problem
-from galloping.identification.work import spend
+from galloping.identification.work import count_work
 from galloping.recording.samples import Recording
 
 # Times the recorded motion, or a derivative of its size, from which a solution counts as diverged:
@@ -183,13 +183,13 @@ class ShootingFit:
         chains = int(self.record.segments.chains[-1]) + 1
         return int(self.support.sum()) + chains * self.starts.shape[1]
 
-    def followed(self, recordings: Sequence[Recording]) -> list[Followed]:
+    def followed(self, recordings: Sequence[Recording]) -> list[FollowedRecording]:
         """How the model follows the recordings from which the samples were condensed."""
         segments, condensed = self.record.segments, self.record.condensed
         owner = segments.recording
         times = condensed.step * (segments.first[:-1] - condensed.first[owner])
         return [
-            Followed(times[owner == k], self.starts[owner == k], np.ptp(one.time))
+            FollowedRecording(times[owner == k], self.starts[owner == k], np.ptp(one.time))
             for k, one in enumerate(recordings)
         ]
 
@@ -216,7 +216,7 @@ class Linearised:
     end_derivatives: np.ndarray
 
 
-def cut(condensed: Condensed, windows: int, allowed: np.ndarray) -> Segments:
+def cut_segments(condensed: Condensed, windows: int, allowed: np.ndarray) -> Segments:
     """Segments of about `windows` windows, each a chain of its own.
 
     allowed: (n_windows,) whether a segment may start at a window; where not, it starts at the
@@ -275,10 +275,10 @@ def linearise(
             squares[segments.recording[g]] += np.einsum("wor,wor->o", scaled, scaled)
             rows = derivatives[own]
             rows *= weight[..., None]
-            kept[g], rest, gap = rotated(rows.reshape(-1, m), scaled.ravel(), n)
+            kept[g], rest, gap = qr_eliminate(rows.reshape(-1, m), scaled.ravel(), n)
             information += rest.T @ rest
             right += gap @ rest
-    spend((1.1e-8 + 3e-11 * n) * m * record.condensed.targets.size + SEGMENT * len(starts))
+    count_work((1.1e-8 + 3e-11 * n) * m * record.condensed.targets.size + SEGMENT * len(starts))
     precision = problem.of_candidates(problem.precision, pairs)
     values = problem.of_candidates(problem.coefficients(free), pairs)
     information[np.diag_indices(len(pairs))] += precision
@@ -286,7 +286,7 @@ def linearise(
     return Linearised(kept, information, right, squares, ends, end_derivatives)
 
 
-def rotated(
+def qr_eliminate(
     rows: np.ndarray, residual: np.ndarray, n: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows rotated so that only the first contain the columns from `n` on, the states.
@@ -302,7 +302,9 @@ def rotated(
     return first, rows[:, :n] - q @ design, residual - q @ own
 
 
-def residuals(record: Record, free: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, float]:
+def segment_residuals(
+    record: Record, free: np.ndarray, starts: np.ndarray
+) -> tuple[np.ndarray, float]:
     """Projections of the samples less those of the solution, and the integrator's relative error.
 
     The residuals are (n_windows, n_observed, n_rows). Raises FloatingPointError where the

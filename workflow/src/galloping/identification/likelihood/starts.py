@@ -23,7 +23,7 @@ from galloping.recording.samples import Recording
 TIME_SCALES = (1.0, 1 / 2, 1 / 4)  # of the period that the spectrum shows
 
 
-def rescaled(
+def rescale_start(
     begun: Start, recordings: list[Recording], share: float
 ) -> tuple[Start, dict[str, float]]:
     """The start in recordings whose values of unknown scale are divided by their scale, with the
@@ -37,10 +37,12 @@ def rescaled(
 
 def rests_at_zero(begun: Start) -> bool:
     """Whether each unknown equation is of the velocity of a displacement that is not measured."""
-    return set(begun.problem.unknown) <= {velocity for _, velocity in _undisplaced(begun)}
+    return set(begun.problem.unknown) <= {
+        velocity for _, velocity in _unmeasured_displacements(begun)
+    }
 
 
-def _undisplaced(begun: Start) -> set[tuple[int, int]]:
+def _unmeasured_displacements(begun: Start) -> set[tuple[int, int]]:
     """Indices of each state X that no recording measures, with that of its velocity dX."""
     return set.intersection(*(set(undisplaced(one).items()) for one in begun.recordings))
 
@@ -54,7 +56,12 @@ def positions_of_rest(begun: Start) -> Iterator[tuple[str, Start]]:
     deviations off always lead to the model. Raises what `weak_fit` raises.
     """
     problem = begun.problem.without(lambda term: not any(term))  # which nothing moves
-    units = 0.2 * np.eye(len(problem.states))[sorted(state for state, _ in _undisplaced(begun))]
+    units = (
+        0.2
+        * np.eye(len(problem.states))[
+            sorted(state for state, _ in _unmeasured_displacements(begun))
+        ]
+    )
     offsets = (0.0 * units[0], *units, *-units)
     for k, offset in enumerate(offsets, 1):
         curves = [

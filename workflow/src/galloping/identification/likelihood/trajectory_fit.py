@@ -9,25 +9,25 @@ from galloping.identification.likelihood.condense import (
     TRUNCATION,
     WINDOWS_PER_PERIOD,
     Condensed,
-    condense,
+    condense_recordings,
 )
-from galloping.identification.likelihood.elimination import chained, eliminate
+from galloping.identification.likelihood.elimination import chain_segments, eliminate_states
 from galloping.identification.likelihood.residual_tests import ROUNDING
 from galloping.identification.likelihood.shooting import (
     MOST_HALVINGS,
     Record,
     ShootingFit,
-    cut,
+    cut_segments,
     linearise,
-    residuals,
+    segment_residuals,
 )
-from galloping.identification.no_model import Unsolved, finding_of
+from galloping.identification.no_model import NotConvergedError, as_finding
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.rate_channels import channel_noise, channels
 from galloping.identification.preparation.smoothing import Smooth
 from galloping.identification.preparation.weak_form import Start, WeakFit
 from galloping.identification.selection import Price
-from galloping.identification.work import is_spent
+from galloping.identification.work import is_exhausted
 from galloping.model.polynomial import design_matrix, velocity_pairs
 from galloping.passes import passing
 from galloping.recording.samples import Recording
@@ -89,7 +89,7 @@ class JoinedFit:
         return self.step.fit.misfit
 
 
-def free_fit(begun: Start, start: WeakFit) -> Step | None:
+def fit_free_segments(begun: Start, start: WeakFit) -> Step | None:
     """The last step of a fit in which each segment has a first state of its own. Segments are
     halved up to three times, until the fit is close; where it never is, they are as short as
     halving them still halved the misfit. None where all diverge.
@@ -99,12 +99,12 @@ def free_fit(begun: Start, start: WeakFit) -> Step | None:
     """
     best, improving, periods = None, True, float(PERIODS_PER_SEGMENT)
     for _ in range(4):
-        if is_spent():
+        if is_exhausted():
             break
         try:
-            fit = prepare(begun, start, periods)
+            fit = prepare_fit(begun, start, periods)
             periods = fit.record.stretch / begun.period
-            step = _in_segments(fit)
+            step = _iterate_free_segments(fit)
         except FloatingPointError:
             continue
         finally:
@@ -121,27 +121,27 @@ def follows_in_segments(begun: Start) -> bool:
     many first states, as it does not where random forces move the system.
     """
     try:
-        fit = prepare(begun, begun.fit, PERIODS_PER_SEGMENT)
+        fit = prepare_fit(begun, begun.fit, PERIODS_PER_SEGMENT)
         long = fit.record.stretch / begun.period >= PERIODS_PER_SEGMENT / 2
-        return long and _in_segments(fit).fit.misfit < CLOSE
+        return long and _iterate_free_segments(fit).fit.misfit < CLOSE
     except FloatingPointError:
         return False
 
 
-def _in_segments(fit: ShootingFit) -> Step:
+def _iterate_free_segments(fit: ShootingFit) -> Step:
     """The last step in segments that stay apart. Raises FloatingPointError where one diverges."""
     before = fit
     # with three steps fewer are `ok` (docs/identification_parts.csv); then segments are joined,
     # however bad the fit
     for _ in range(5):
-        step = guarded_step(before, fit, 1, None)
+        step = take_guarded_step(before, fit, 1, None)
         before, fit = step.before, step.fit
         if fit.misfit < CLOSE:
             break
     return step
 
 
-def prepare(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
+def prepare_fit(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
     """The start, with condensed samples, in segments of so many periods, with their first states.
 
     Windows are halved until the Taylor series is accurate over one, segments until the start
@@ -164,10 +164,12 @@ def prepare(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
     windows = WINDOWS_PER_PERIOD
     length = max(round(windows * periods), 2)
     for _ in range(MOST_HALVINGS):
-        if is_spent():
-            raise Unsolved(Code.LIMIT_OF_WORK)
+        if is_exhausted():
+            raise NotConvergedError(Code.LIMIT_OF_WORK)
         kinked = problem.tables.n_kinks > 0
-        condensed = condense(times, sampled, observed, period / windows, is_rate, known, kinked)
+        condensed = condense_recordings(
+            times, sampled, observed, period / windows, is_rate, known, kinked
+        )
         if problem.inputs:
             inputs = problem.input_factors(recordings, condensed.first, condensed.step)
             condensed = replace(condensed, inputs=inputs)
@@ -177,10 +179,10 @@ def prepare(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
                 windows, length = 2 * windows, 2 * length
                 continue
         states, valid = _window_states(condensed, recordings, smoothed)
-        segments = cut(condensed, length, valid)
+        segments = cut_segments(condensed, length, valid)
         record = Record(problem, condensed, segments, states, floor)
         try:
-            truncation = residuals(record, start.free, record.starts)[1]
+            truncation = segment_residuals(record, start.free, record.starts)[1]
         except FloatingPointError:
             if length == 2:
                 break
@@ -240,7 +242,7 @@ def _window_states(
     return np.concatenate(states), np.concatenate(valid)
 
 
-def join(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
+def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
     """Gauss-Newton with segments joined in chains; terms chosen at every pass but the last ones.
 
     Chains grow fourfold until the terms stay the same: about a rough fit, that of too many terms
@@ -255,7 +257,7 @@ def join(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
     not settle while terms are chosen never will, and the last model stands for the others.
     """
     step, count = free, len(free.fit.starts)
-    best = _chosen(step.fit, step.information, step.right, price.times(dear))
+    best = _choose_terms(step.fit, step.information, step.right, price.times(dear))
     # not critical: from chains of two or of eight on, three recordings have the same model
     chain = count if np.array_equal(best, step.fit.support) else 4
     choosing = 14  # passes of MOST_PASSES: in all of them fewer settle (identification_parts.csv)
@@ -265,10 +267,10 @@ def join(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
             times = max(dear / 2 ** (passed // 2), 1.0)
             longest = None if whole else chain  # chains that come and go would never settle
             of_pass = price.times(times) if passed < choosing else None
-            step = guarded_step(step.before, step.fit, longest, of_pass)
+            step = take_guarded_step(step.before, step.fit, longest, of_pass)
             unchanged = np.array_equal(step.fit.support, step.before.support)
             if times == 1.0 and not step.fit.support.any():
-                raise Unsolved(Code.NO_TERM)
+                raise NotConvergedError(Code.NO_TERM)
             was_whole = whole or chain >= count
             # the gap is that before the step, which leaves about its square, 1e-6 of each state
             converged = step.decrement < CONVERGED and step.gap < 1e-3 and times == 1.0
@@ -279,7 +281,7 @@ def join(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
             if not whole:
                 chain = count if unchanged else 4 * chain
     except FloatingPointError as error:
-        return JoinedFit(free, step, ("left",), False, finding_of(error))
+        return JoinedFit(free, step, ("left",), False, as_finding(error))
     misfit = step.fit.misfit
     follows = settled or (unseen and was_whole and misfit < CLOSE)
     code = Code.NOT_FOLLOWED if misfit > CLOSE else Code.NOT_PREFERRED
@@ -287,7 +289,7 @@ def join(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
     return JoinedFit(free, step, ("settled" if settled else "unsettled",), settled, objection)
 
 
-def guarded_step(
+def take_guarded_step(
     previous: ShootingFit, fit: ShootingFit, longest: float | None, price: Price | None
 ) -> Step:
     """A step from `fit` or, where that diverges or raises a misfit that is not close by half, from
@@ -298,8 +300,8 @@ def guarded_step(
     """
     passing("follow the recording in segments")
     for _ in range(MOST_HALVINGS):
-        if is_spent():
-            raise Unsolved(Code.LIMIT_OF_WORK)
+        if is_exhausted():
+            raise NotConvergedError(Code.LIMIT_OF_WORK)
         try:
             step = _gauss_newton(fit, longest, price)
             if step.fit.misfit < CLOSE or step.fit.chi2 < 1.5 * fit.chi2:
@@ -309,23 +311,23 @@ def guarded_step(
         free, starts = (previous.free + fit.free) / 2.0, (previous.starts + fit.starts) / 2.0
         support = previous.support | fit.support
         fit = replace(previous, record=fit.record, free=free, support=support, starts=starts)
-    raise Unsolved(Code.ITERATION_DIVERGES)
+    raise NotConvergedError(Code.ITERATION_DIVERGES)
 
 
 def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) -> Step:
     """Linearise, choose the terms (unless their price is None), move, re-estimate noise.
 
     The noise is that of the projections: of coloured noise samples in a window scatter otherwise.
-    longest: as in `chained`, None to keep the chains that there are.
+    longest: as in `chain_segments`, None to keep the chains that there are.
     """
     record, linear = fit.record, linearise(fit)
     segments = record.segments
     if longest is not None:
-        segments = chained(linear, segments, longest)
-    quadratic = eliminate(linear, segments, fit.starts)
+        segments = chain_segments(linear, segments, longest)
+    quadratic = eliminate_states(linear, segments, fit.starts)
     information, right, support = quadratic.information, quadratic.right, fit.support
     if price is not None:
-        support = _chosen(fit, information, right, price)
+        support = _choose_terms(fit, information, right, price)
     # solved for the change: on a long chain, rounding of the coefficients outweighs their noise
     free = np.where(support, fit.free, 0.0)
     rest = right + information @ (fit.free - free)
@@ -334,7 +336,7 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
     starts = quadratic.moved(change, fit.starts)
     record = replace(record, segments=segments)
     moved = replace(fit, record=record, free=free, support=support, starts=starts)
-    moved = with_noise(moved, linear.squares * fit.sigma**2)
+    moved = update_noise(moved, linear.squares * fit.sigma**2)
     decrement = float(change @ information @ change)
     # a state may be zero wherever segments end, but for rounding
     size = np.maximum(abs(linear.ends).max(axis=0), ROUNDING * abs(record.states).max(axis=0))
@@ -342,7 +344,7 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
     return Step(fit, moved, information, right - information @ change, decrement, gap)
 
 
-def with_noise(fit: ShootingFit, squares: np.ndarray) -> ShootingFit:
+def update_noise(fit: ShootingFit, squares: np.ndarray) -> ShootingFit:
     """The fit with the noise and chi^2 of sums of squared residuals (n_recordings, n_observed)."""
     rows, floor = fit.record.condensed.rows, fit.record.floor
     share = fit.parameters / max(int(np.count_nonzero(squares)), 1)
@@ -352,7 +354,7 @@ def with_noise(fit: ShootingFit, squares: np.ndarray) -> ShootingFit:
     return replace(fit, sigma=sigma, chi2=float(np.sum(squares / fit.reference**2)))
 
 
-def _chosen(
+def _choose_terms(
     fit: ShootingFit, information: np.ndarray, right: np.ndarray, price: Price
 ) -> np.ndarray:
     """The best support found, from all candidates and from the terms of the fit."""

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.likelihood.repetition import Followed, only_repeats
+from galloping.identification.likelihood.repetition import FollowedRecording, is_periodic
 from galloping.identification.observations import Code, Finding, as_warnings
 from galloping.identification.oscillations import FurtherMode
 from galloping.identification.plausible import (
@@ -18,15 +18,15 @@ from galloping.identification.plausible import (
     detection_limits,
     plausible_supports,
     unconditional_errors,
-    with_prior,
+    weigh_by_prior,
 )
 from galloping.identification.problem import MOST_SURPRISE, Problem
 from galloping.identification.selection import (
     Whitened,
     added_deviation,
+    make_tableau,
+    mixture_information,
     solve_support,
-    tableau,
-    told_of_mixtures,
     whiten,
 )
 from galloping.identification.status import status_of
@@ -52,8 +52,8 @@ class Regression:
     """chi^2 as a quadratic of the candidates' coefficients, about a fit, and the terms chosen.
 
     information, right: as in `selection.solve_support`. support: (n,) boolean. penalty: 2 ln N of N
-    samples. largest: (n,) coefficients as in `problem.largest`. about: (n,) coefficients of the
-    fit, zero outside the support, from which `right` is measured.
+    samples. largest: (n,) coefficients as in `problem.largest_coefficients`. about: (n,)
+    coefficients of the fit, zero outside the support, from which `right` is measured.
     """
 
     information: np.ndarray
@@ -82,7 +82,7 @@ class Rivals(TypedDict, total=False):
 
 
 @dataclass(frozen=True)
-class Near:
+class ApproximateFit:
     """Coefficients of a model near the data, of which no model of the library is right.
 
     free: (n,), zero outside `support` (n,). errors: (n,) standard errors of the present ones, and
@@ -97,11 +97,11 @@ class Near:
     price: float
 
 
-def judged(
+def assess_fit(
     problem: Problem,
     regression: Regression,
     doubts: Sequence[Finding] = (),
-    followed: Sequence[Followed] = (),
+    followed: Sequence[FollowedRecording] = (),
     period: float = np.inf,
     **fitted: Unpack[Fitted],
 ) -> IdentifiedModel:
@@ -125,28 +125,28 @@ def judged(
     errors = added_deviation(information, support)
     others: Rivals = {}
     if support.any():
-        ruled_out, contradicted = beyond_bounds(problem, regression)
+        ruled_out, contradicted = find_beyond_bounds(problem, regression)
         allowed = np.where(np.logical_or.outer(ruled_out, ruled_out), 0.0, information)
         whitened = whiten(allowed, np.where(ruled_out, 0.0, right), problem.chosen_about(about))
         plausible = plausible_supports(whitened, support)
-        believed = with_prior(problem, plausible)
+        believed = weigh_by_prior(problem, plausible)
         limits = detection_limits(unconditional_errors(believed, errors), support, penalty)
-        simple, hidden = is_simple(problem, support), partial(hidden_term, problem, support)
-        # of another term than a simple one that is imitated altogether `unseen_mixture` speaks
+        simple, hidden = is_simple(problem, support), partial(find_hidden_term, problem, support)
+        # of another term than a simple one that is imitated altogether `find_unseen_mixture` speaks
         asked = np.where(simple | np.isfinite(limits), limits, 0.0)
         most = np.where(simple, MOST_HIDDEN, MOST_BALANCED)
         missing = hidden(asked, regression.largest, most, Code.TERM_MAY_BE_MISSING)
-        questions = open_questions(problem, whitened, believed)
-        mixed = unseen_mixture(regression.information, regression.largest)
+        questions = find_open_questions(problem, whitened, believed)
+        mixed = find_unseen_mixture(regression.information, regression.largest)
         findings = [*contradicted, *doubts, *questions, *missing, *mixed]
         notes = hidden(limits, regression.largest, MOST_HIDDEN, Code.TERM_MAY_HIDE)
-        share, rival = _rival(problem, plausible)
+        share, rival = _heaviest_rival(problem, plausible)
         if problem.prior and share > MOST_RIVAL_WEIGHT:
             notes = [Finding.of(Code.PRIOR_DECIDES, **rival), *notes]
         errors = unconditional_errors(plausible, errors)
-        others = _rivals(problem, regression, believed)
+        others = _draw_rivals(problem, regression, believed)
     model = problem.model(free)
-    if followed and only_repeats(model, followed, period):
+    if followed and is_periodic(model, followed, period):
         findings = [Finding.of(Code.MOTION_REPEATS), *findings]
     conditional = np.full(len(support), np.nan)
     conditional[support] = np.sqrt(np.diag(covariance))
@@ -164,11 +164,11 @@ def judged(
     )
 
 
-def approximate(
-    problem: Problem, near: Near, findings: Iterable[Finding], **fitted: Unpack[Fitted]
+def assess_approximation(
+    problem: Problem, near: ApproximateFit, findings: Iterable[Finding], **fitted: Unpack[Fitted]
 ) -> IdentifiedModel:
     """The identified model where no model of the library is right, `approximate`. It claims no more
-    than how far it is from the data, which is among the findings. fitted: as of `judged`.
+    than how far it is from the data, which is among the findings. fitted: as of `assess_fit`.
     """
     findings = as_warnings(findings)
     limits = detection_limits(near.errors, near.support, near.price)
@@ -184,7 +184,7 @@ def approximate(
     )
 
 
-def _rivals(problem: Problem, regression: Regression, believed: Plausible) -> Rivals:
+def _draw_rivals(problem: Problem, regression: Regression, believed: Plausible) -> Rivals:
     """`IdentifiedModel.rivals` and `rival_share`; nothing where rivals are less likely together
     than MISS_RATE.
     """
@@ -202,7 +202,9 @@ def _rivals(problem: Problem, regression: Regression, believed: Plausible) -> Ri
     return {"rivals": np.array(drawn), "rival_share": share}
 
 
-def beyond_bounds(problem: Problem, regression: Regression) -> tuple[np.ndarray, list[Finding]]:
+def find_beyond_bounds(
+    problem: Problem, regression: Regression
+) -> tuple[np.ndarray, list[Finding]]:
     """The absent terms that would come with a coefficient beyond its bounds, (n,) boolean, and the
     coefficients that the recording alone would put there for certain.
     """
@@ -226,7 +228,7 @@ def beyond_bounds(problem: Problem, regression: Regression) -> tuple[np.ndarray,
     return ruled_out, contradicted
 
 
-def agree(found: list[IdentifiedModel]) -> bool:
+def have_same_terms(found: list[IdentifiedModel]) -> bool:
     """Whether the last of models from several starts has the terms of an earlier model, and both
     follow the data.
     """
@@ -252,17 +254,19 @@ def best_of(found: list[IdentifiedModel]) -> IdentifiedModel:
     return best
 
 
-def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -> list[Finding]:
+def find_open_questions(
+    problem: Problem, whitened: Whitened, plausible: Plausible
+) -> list[Finding]:
     """Find why the terms found are not settled.
 
     The terms are not settled where the plausible supports that lack any of them weigh more than
     MOST_RIVAL_WEIGHT together, or where an absent term, or a pair, improves the fit more than noise
     does, yet less than selection asks.
     """
-    share, rival = _rival(problem, plausible)
+    share, rival = _heaviest_rival(problem, plausible)
     found = [Finding.of(Code.RIVAL_TERMS, share=share, **rival)]
     found = found if share > MOST_RIVAL_WEIGHT else []
-    here = tableau(whitened, plausible.supports[0])
+    here = make_tableau(whitened, plausible.supports[0])
     alone = np.arange(len(here.out))[None]
     for places, falls in ((alone, here.additions()), (here.two, here.pairs())):
         # noise alone raises a doubt once in a thousand over all terms that could be added, and over
@@ -282,18 +286,18 @@ def is_simple(problem: Problem, support: np.ndarray) -> np.ndarray:
     return degrees <= np.maximum(simplest, 1)
 
 
-def unseen_mixture(information: np.ndarray, largest: np.ndarray) -> list[Finding]:
+def find_unseen_mixture(information: np.ndarray, largest: np.ndarray) -> list[Finding]:
     """Find whether a mixture of terms may be there unseen, far larger than its equations; nothing
-    is found if rounding hides whether there is. Arguments as of `told_of_mixtures`, of all
+    is found if rounding hides whether there is. Arguments as of `mixture_information`, of all
     candidates.
     """
-    told = told_of_mixtures(information, largest)
+    told = mixture_information(information, largest)
     if max(told[0], len(told) * np.finfo(float).eps * told[-1]) * MOST_MIXED**2 > 1.0:
         return []
     return [Finding.of(Code.MIXTURE_MAY_HIDE, times=MOST_MIXED)]
 
 
-def hidden_term(
+def find_hidden_term(
     problem: Problem,
     support: np.ndarray,
     limits: np.ndarray,
@@ -303,8 +307,9 @@ def hidden_term(
 ) -> list[Finding]:
     """Find the absent term that may be there unseen though it matters, if any.
 
-    limits: (n,) of `detection_limits`, the prior counted. largest: (n,) as in `problem.largest`.
-    most: (n,) share of its equation from which each may not go unseen. code: of the finding.
+    limits: (n,) of `detection_limits`, the prior counted. largest: (n,) as in
+    `problem.largest_coefficients`. most: (n,) share of its equation from which each may not go
+    unseen. code: of the finding.
     """
     share = np.where(support, 0.0, limits / np.maximum(largest, np.finfo(float).tiny))
     k = int(np.argmax(share / most))
@@ -313,7 +318,7 @@ def hidden_term(
     return [Finding.of(code, term=problem.named([k]), share=share[k])]
 
 
-def _rival(problem: Problem, plausible: Plausible) -> tuple[float, dict[str, Any]]:
+def _heaviest_rival(problem: Problem, plausible: Plausible) -> tuple[float, dict[str, Any]]:
     """The weight of all supports that lack any of the terms found, and the difference of the
     heaviest of these supports, as data of a finding.
     """

@@ -15,22 +15,24 @@ from scipy.interpolate import BSpline
 from scipy.linalg import lapack
 
 from galloping.identification.likelihood.shooting import MOST_HALVINGS, Record
-from galloping.identification.work import spend
+from galloping.identification.work import count_work
 
 # Periods of a stretch. Measured: with 3 to 6 a model's error hides in the jumps, and amplitudes are
 # up to three times as far off; with 20 or more gusts do not, and dampings are.
 STRETCH_PERIODS = 10
 
 
-def of_variance(record: Record, variance: np.ndarray) -> np.ndarray:
+def white_autocovariance(record: Record, variance: np.ndarray) -> np.ndarray:
     """(n_recordings, 1, n_observed, n_rows) white misfit. variance: (n_recordings, n_observed)."""
     return np.repeat(variance[:, None, :, None], record.condensed.targets.shape[2], axis=3)
 
 
 def white_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
-    """White misfit, as `of_variance`, of a residual's mean squares, at least the floor's square."""
+    """White misfit, as `white_autocovariance`, of a residual's mean squares, at least the floor's
+    square.
+    """
     squares = record.condensed.squares(residual) / np.maximum(record.condensed.rows, 1)
-    return of_variance(record, np.maximum(squares, record.floor**2))
+    return white_autocovariance(record, np.maximum(squares, record.floor**2))
 
 
 def coloured_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
@@ -111,7 +113,7 @@ class StretchFit:
             whitened = whitened or self._whitening()
             residual[own], (ends[group], slopes[group]) = left, reached
             both = np.concatenate([rows, left[..., None]], axis=3)
-            spend((8e-9 + 1.5e-10 * self.misfit.shape[1]) * both.size)
+            count_work((8e-9 + 1.5e-10 * self.misfit.shape[1]) * both.size)
             both = whitened(both, own, record.segments.recording[group.start]).reshape(-1, m + 1)
             products = both.T @ both
             information[group], right[group] = products[:m, :m], products[:m, m]
@@ -152,7 +154,7 @@ class StretchFit:
         return whitened
 
 
-def integrable(fit: StretchFit, following: StretchFit) -> StretchFit:
+def make_integrable(fit: StretchFit, following: StretchFit) -> StretchFit:
     """`following`, or as much of the step to it as can be integrated over every segment."""
     for _ in range(MOST_HALVINGS):
         try:

@@ -7,13 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from galloping.arrays import one_thread
-from galloping.identification.aliases import with_alias_rivals
-from galloping.identification.answers import refused, with_inputs
+from galloping.identification.aliases import add_alias_rivals
+from galloping.identification.answers import add_input_errors, refused_model
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.inputs import asked, checked_recordings, while_driven
-from galloping.identification.likelihood.repetition import Followed
-from galloping.identification.likelihood.verdict import Regression, judged
-from galloping.identification.no_model import NoModel, Unusable, attempt
+from galloping.identification.inputs import (
+    checked_recordings,
+    segments_with_inputs,
+    validated_problem,
+)
+from galloping.identification.likelihood.repetition import FollowedRecording
+from galloping.identification.likelihood.verdict import Regression, assess_fit
+from galloping.identification.no_model import IdentificationError, NoModel, attempt
 from galloping.identification.observations import Code
 from galloping.identification.preparation.weak_form import MOST_MISFIT, Start, begin
 from galloping.model.polynomial import Exponents, PolynomialModel
@@ -37,20 +41,20 @@ def weak_gls(
     one. The status is as in `IdentifiedModel`. Raises ValueError for other input.
     """
     recordings = checked_recordings(recordings)
-    problem = asked(recordings, terms, known, known_states)
+    problem = validated_problem(recordings, terms, known, known_states)
 
     def search() -> IdentifiedModel:
-        used = while_driven(recordings, problem.inputs)
+        used = segments_with_inputs(recordings, problem.inputs)
         begun = start or begin(problem, used)
         fit, more = begun.fit, max(begun.fit.misfit, 1.0)
         if fit.misfit >= MOST_MISFIT:
-            raise Unusable(Code.WEAK_MISFIT, misfit=fit.misfit)
+            raise IdentificationError(Code.WEAK_MISFIT, misfit=fit.misfit)
         system = fit.information / more, fit.right / more
-        found = judged(
+        found = assess_fit(
             problem,
             Regression(*system, fit.support, begun.penalty, begun.largest),
             followed=[
-                Followed(np.zeros(1), one.states[:1], np.ptp(recording.time))
+                FollowedRecording(np.zeros(1), one.states[:1], np.ptp(recording.time))
                 for one, recording in zip(begun.smoothed, begun.recordings, strict=True)
             ],
             period=begun.period,
@@ -58,7 +62,7 @@ def weak_gls(
             sigma=np.array([one.noise for one in begun.smoothed]),
             chi2=fit.misfit,
         )
-        return with_alias_rivals(problem, with_inputs(found, recordings, used))
+        return add_alias_rivals(problem, add_input_errors(found, recordings, used))
 
     found = attempt(search)
-    return refused(problem, found.findings) if isinstance(found, NoModel) else found
+    return refused_model(problem, found.findings) if isinstance(found, NoModel) else found

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from galloping.identification.inputs import while_driven
+from galloping.identification.inputs import segments_with_inputs
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.preparation.screening import prepared
 from galloping.identification.preparation.smoothing import Smooth
@@ -46,7 +46,7 @@ def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> di
     chosen = {name: recordings[0].inputs[name].between for name in undecided}
     if not undecided:
         return {}
-    used = attempt(lambda: while_driven(list(recordings), problem.inputs))
+    used = attempt(lambda: segments_with_inputs(list(recordings), problem.inputs))
     start = used if isinstance(used, NoModel) else attempt(lambda: prepared(used))
     if isinstance(start, NoModel):
         return chosen

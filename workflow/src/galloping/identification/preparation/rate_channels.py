@@ -11,7 +11,7 @@ from numpy.polynomial import Polynomial
 from numpy.polynomial.legendre import legvander
 
 from galloping.arrays import TIME_ROUNDING, first_from
-from galloping.identification.no_model import Unusable
+from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import (
     DRIFT_DEGREE,
@@ -42,7 +42,8 @@ def scaled(recordings: list[Recording], period: float) -> list[Recording]:
     """The recordings with values of unknown scale divided by their scale, which the rates beside
     them tell.
 
-    period: s, the shortest of the motion. Raises Unusable where no channel tells a scale.
+    period: s, the shortest of the motion. Raises IdentificationError where no channel tells a
+    scale.
     """
     return [_scaled(recording, period) for recording in recordings]
 
@@ -78,7 +79,8 @@ def without_offsets(
 ) -> Recording:
     """The recording with the rates of the given one, without their offsets and outliers.
 
-    period: s, the shortest of the motion. Raises Unusable where an offset cannot be told.
+    period: s, the shortest of the motion. Raises IdentificationError where an offset cannot be
+    told.
     """
     if given.rates is None:
         return recording
@@ -96,7 +98,7 @@ def without_offsets(
         if unknown is not None and unknown[k]:
             good = inside & np.isfinite(difference[:, k])
             if good.sum() <= 10 * (DRIFT_DEGREE + 1):
-                raise Unusable(Code.OFFSET_UNDETERMINED, recording.states[k])
+                raise IdentificationError(Code.OFFSET_UNDETERMINED, recording.states[k])
             fitted = slow @ np.linalg.lstsq(slow[good], difference[good, k], rcond=None)[0]
             rates[:, k] -= fitted
             difference[:, k] -= fitted
@@ -119,7 +121,7 @@ def _scaled(recording: Recording, period: float) -> Recording:
         own, other = _weak(recording.time, values[:, k], rates[:, velocity], order, period)
         if len(own) < 20:  # as many tell a scale to a few percent
             rate = f"d{recording.states[velocity]}"
-            raise Unusable(Code.SCALE_UNDETERMINED, recording.states[k], rate=rate)
+            raise IdentificationError(Code.SCALE_UNDETERMINED, recording.states[k], rate=rate)
         scale = np.polyfit(other, own, 1)[0]  # the constant is the offset of the rate
         values[:, k] /= scale
         if noise is not None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from galloping.arrays import TIME_ROUNDING, round_down
-from galloping.identification.no_model import Unusable
+from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import (
     GRID_PER_PERIOD,
@@ -18,7 +18,7 @@ from galloping.identification.preparation.smoothing import (
     smooth,
     with_integrals,
 )
-from galloping.identification.work import spend
+from galloping.identification.work import count_work
 from galloping.passes import passing
 from galloping.recording.samples import Recording
 
@@ -30,10 +30,10 @@ def prepared(
 
     Displacements that no channel measures are integrated for the curves (`with_integrals`).
     share: of the shortest period that the spectra show, which is taken in place of that period.
-    Raises Unusable where no channel varies or a state cannot be had from the channels.
+    Raises IdentificationError where no channel varies or a state cannot be had from the channels.
     """
     passing("smooth the recording")
-    spend(1e-6 * sum(recording.samples for recording in recordings))
+    count_work(1e-6 * sum(recording.samples for recording in recordings))
     whole = [with_integrals(recording) for recording in recordings]
     period = share * shortest_period(whole)
     pairs = [smooth_without_outliers(without_faults(one, period), period) for one in whole]
@@ -84,8 +84,8 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
     Far is 5.5 robust standard deviations, which Gaussian noise exceeds once in 30 million samples,
     and well above the accuracy of the curve itself; the curve is fitted again until none is left.
     The deviation is that of the channel and also that of the samples within some four periods, as
-    noise may grow and shrink with the signal. Raises Unusable where more than a tenth of the
-    samples of a channel would go.
+    noise may grow and shrink with the signal. Raises IdentificationError where more than a tenth of
+    the samples of a channel would go.
     """
     before = np.isfinite(recording.values).sum(axis=0)
     smoothed = smooth(recording, period)
@@ -107,7 +107,7 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
         left = np.isfinite(recording.values).sum(axis=0)
         for name, was, now in zip(recording.states, before, left, strict=True):
             if now < 0.9 * was:
-                raise Unusable(Code.OUTLIERS, name)
+                raise IdentificationError(Code.OUTLIERS, name)
         smoothed = smooth(recording, period)
 
 

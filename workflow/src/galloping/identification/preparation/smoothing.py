@@ -17,7 +17,7 @@ from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
 from galloping.arrays import TIME_ROUNDING, round_up
-from galloping.identification.no_model import Unusable
+from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording, on_grid
@@ -76,8 +76,8 @@ class Smooth:
 def shortest_period(recordings: list[Recording]) -> float:
     """The shortest period, s, that matters: 95 % of each channel's power lies at longer ones.
 
-    Only power well above the noise floor (the median of the spectrum) counts. Raises Unusable
-    where no channel varies.
+    Only power well above the noise floor (the median of the spectrum) counts. Raises
+    IdentificationError where no channel varies.
     """
     highest = 0.0
     for recording, channel in product(recordings, range(len(recordings[0].states))):
@@ -97,14 +97,15 @@ def shortest_period(recordings: list[Recording]) -> float:
                 bin_ = 1 + int(np.searchsorted(total, 0.95 * total[-1]))
                 highest = max(highest, bin_ / (time[-1] - time[0]))
     if highest == 0.0:
-        raise Unusable(Code.NO_MOTION)
+        raise IdentificationError(Code.NO_MOTION)
     return 1.0 / highest
 
 
 def smooth(recording: Recording, period: float) -> Smooth:
     """Spline estimate of all states of a recording, `period` being its shortest period, s.
 
-    Raises Unusable where a state is neither measured nor the derivative of a measured one.
+    Raises IdentificationError where a state is neither measured nor the derivative of a measured
+    one.
     """
     n_states = len(recording.states)
     counts = np.isfinite(recording.values).sum(axis=0)
@@ -150,7 +151,7 @@ def _curves(
             derived[velocity] = i
     for i in np.setdiff1d(np.arange(len(counts)), np.concatenate([[], *curves])):
         if counts[i] < LEAST_SAMPLES:
-            raise Unusable(Code.NOT_MEASURED, recording.states[i])
+            raise IdentificationError(Code.NOT_MEASURED, recording.states[i])
         curves.append([i])
     return curves, derived
 
@@ -187,7 +188,7 @@ def _fit(
         try:
             coefficients = solveh_banded(bands, right, lower=True)
         except np.linalg.LinAlgError as error:
-            raise Unusable(Code.GAPS, recording.states[curve[0]]) from error
+            raise IdentificationError(Code.GAPS, recording.states[curve[0]]) from error
         for k in np.flatnonzero(count):
             there = good[:, k]
             gap = values[there, k] - _evaluated(place[there], coefficients, k, spacing, basis)

@@ -16,14 +16,14 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import lapack
 
 from galloping.arrays import round_down
-from galloping.identification.no_model import Unusable
+from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.identification.preparation.rate_channels import without_offsets
 from galloping.identification.preparation.screening import prepared
 from galloping.identification.preparation.smoothing import GRID_PER_PERIOD, Smooth
-from galloping.identification.problem import Problem, largest
+from galloping.identification.problem import Problem, largest_coefficients
 from galloping.identification.selection import Price, solve_support
-from galloping.identification.work import spend
+from galloping.identification.work import count_work
 from galloping.model.polynomial import alone, design_matrix, term_name
 from galloping.passes import passing
 from galloping.recording.samples import Recording, extrapolated, on_grid
@@ -40,8 +40,8 @@ def whitened_weak_form(
     The test functions have a radius of half the shortest period and are TEST_STRIDE steps
     of the grid apart; those that reach into a gap give zero rows. coefficients: (n_states,
     n_terms), about which the errors are linearised; without them the rows are only scaled. Returns
-    the design (n_rows, n_candidates) and the right-hand side (n_rows,). Raises Unusable where the
-    covariance of the errors is singular.
+    the design (n_rows, n_candidates) and the right-hand side (n_rows,). Raises IdentificationError
+    where the covariance of the errors is singular.
     """
     phi, slope = _bump(smooth)
     n_states = len(problem.states)
@@ -183,8 +183,8 @@ class WeakFit:
 def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFit:
     """Support and coefficients from the weak form, the errors linearised about the last fit.
 
-    penalty: worth of a term in units of chi^2. Raises Unusable where the covariance of the rows is
-    singular, or gaps leave no row.
+    penalty: worth of a term in units of chi^2. Raises IdentificationError where the covariance of
+    the rows is singular, or gaps leave no row.
     """
     n = len(problem.candidates)
     support = every = np.ones(n, bool)
@@ -196,7 +196,7 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
         if coefficients is not None:
             support = problem.select(information, right, [every], penalty)
         if not np.any(np.diag(information)):
-            raise Unusable(Code.GAPS_EVERYWHERE)
+            raise IdentificationError(Code.GAPS_EVERYWHERE)
         free, _ = problem.solve(information, right, support)
         coefficients = problem.coefficients(free)
     misfit = (total - float(free @ right)) / max(n_rows - int(support.sum()), 1)
@@ -212,7 +212,7 @@ def _regression(
     for one in smoothed:
         if len(one.time) < GRID_PER_PERIOD:
             continue  # shorter than a test function
-        spend((6e-8 + 5e-11 * n) * n * len(one.time))
+        count_work((6e-8 + 5e-11 * n) * n * len(one.time))
         a, b = whitened_weak_form(problem, one, coefficients)
         information, right = information + a.T @ a, right + a.T @ b
         total, rows = total + float(b @ b), rows + len(b)
@@ -247,13 +247,15 @@ class Start:
         """
         rates = design_matrix(self._values, self.problem.terms)
         rates = rates @ self.problem.coefficients(self.fit.free).T
-        return self.problem.price(self.penalty, largest(self.problem, self._values, rates))
+        return self.problem.price(
+            self.penalty, largest_coefficients(self.problem, self._values, rates)
+        )
 
     @property
     def largest(self) -> np.ndarray:
-        """(n_candidates,) as in `problem.largest`, of the smooth curves."""
+        """(n_candidates,) as in `problem.largest_coefficients`, of the smooth curves."""
         rates = [np.gradient(one.states, one.time, axis=0)[one.valid] for one in self.smoothed]
-        return largest(self.problem, self._values, np.concatenate(rates))
+        return largest_coefficients(self.problem, self._values, np.concatenate(rates))
 
     @property
     def _values(self) -> np.ndarray:
@@ -263,7 +265,7 @@ class Start:
 
 def begin(problem: Problem, recordings: list[Recording], share: float = 1.0) -> Start:
     """The start of an identification from recordings, at a share of their shortest period, as in
-    `prepared`. Raises Unusable where there is none, or a term is not finite on the way.
+    `prepared`. Raises IdentificationError where there is none, or a term is not finite on the way.
     """
     cleaned, smoothed, period = prepared(recordings, share)
     _check_functions(problem, smoothed)
@@ -273,18 +275,18 @@ def begin(problem: Problem, recordings: list[Recording], share: float = 1.0) -> 
 
 
 def _check_functions(problem: Problem, smoothed: list[Smooth]) -> None:
-    """Raise Unusable for a function of states that is not finite along the curves."""
+    """Raise IdentificationError for a function of states that is not finite along the curves."""
     for one, own in product(smoothed, problem.tables.functions):
         states = one.states[one.valid]
         argument = own.argument(states)
         name = term_name((*alone(-1, len(problem.states)), own), problem.states)
         if own.name == "inverse" and len(argument) and argument.min() <= 0.0 <= argument.max():
             about = own.argument_text(problem.states)
-            raise Unusable(Code.TERM_INFINITE, name, argument=about)
+            raise IdentificationError(Code.TERM_INFINITE, name, argument=about)
         with np.errstate(over="ignore"):
             finite = np.isfinite(own(states)).all()
         if not finite:
-            raise Unusable(Code.TERM_OVERFLOWS, name)
+            raise IdentificationError(Code.TERM_OVERFLOWS, name)
 
 
 def rough_fit(start: Start) -> WeakFit:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.identification.no_model import Unusable
+from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import without_drift
 from galloping.model.polynomial import velocity_pairs
@@ -93,7 +93,7 @@ class Channels:
         """(n_modes,) shapes of the coordinate `i`.
 
         rates: (n_modes,) eigenvalues, 1/s. seen: (n_channels, n_modes) shapes of the channels.
-        Raises Unusable where no channel is of this coordinate.
+        Raises IdentificationError where no channel is of this coordinate.
         """
         velocity = self.pairs[i]
         of = [
@@ -104,4 +104,4 @@ class Channels:
             if state in held:
                 place = held.index(state) + (len(self.values) if held is self.rates else 0)
                 return seen[place] / rates**times
-        raise Unusable(Code.NOT_SENSED, self.states[i])
+        raise IdentificationError(Code.NOT_SENSED, self.states[i])

@@ -10,9 +10,15 @@ from functools import partial
 from itertools import chain
 
 from galloping.arrays import one_thread
-from galloping.identification.answers import beside_known, by, on_terms_of, refused, with_inputs
+from galloping.identification.answers import (
+    add_input_errors,
+    check_prior_conflict,
+    expand_terms,
+    prepend_path,
+    refused_model,
+)
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.inputs import while_driven
+from galloping.identification.inputs import segments_with_inputs
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.screening import prepared
@@ -28,7 +34,7 @@ from galloping.identification.random_forces.several_modes import (
 )
 from galloping.identification.random_forces.start import wavers
 from galloping.identification.random_forces.verdict_in_forces import judged
-from galloping.identification.work import MOST, limited
+from galloping.identification.work import MOST, limit_work
 from galloping.model.polynomial import has_functions, velocity_pairs
 from galloping.recording.samples import Recording
 
@@ -53,17 +59,19 @@ def random_forces(
         return _identified(problem, recordings, period, places, besides)
 
     def search() -> IdentifiedModel | NoModel:
-        recordings = while_driven(given, problem.inputs)
-        with limited(recordings) as work:
+        recordings = segments_with_inputs(given, problem.inputs)
+        with limit_work(recordings) as work:
             cleaned, _, period = prepared(recordings)
             found = _of_some_modes(find, cleaned, period)
         if isinstance(found, NoModel):
             return found
-        return with_inputs(beside_known(problem, work.doubted_if_ended(found)), given, recordings)
+        return add_input_errors(
+            check_prior_conflict(problem, work.doubted_if_ended(found)), given, recordings
+        )
 
     found = attempt(search)
     if isinstance(found, NoModel):
-        return by(["random forces"], refused(problem, found.findings))
+        return prepend_path(["random forces"], refused_model(problem, found.findings))
     return found
 
 
@@ -76,7 +84,7 @@ def _identified(problem: Problem, *question: object) -> IdentifiedModel | NoMode
     if problem.known[:, places].any() or problem.precision[:, places].any():
         return NoModel((Finding.of(Code.FORCES_BESIDE_FUNCTIONS),))
     found = attempt(partial(fit_in_forces, polynomial, *question))
-    return found if isinstance(found, NoModel) else on_terms_of(problem, judged(found))
+    return found if isinstance(found, NoModel) else expand_terms(problem, judged(found))
 
 
 def _of_some_modes(
@@ -125,7 +133,7 @@ def if_moved_at_random(problem: Problem, recordings: list[Recording]) -> Identif
     """As `random_forces` in all equations; None where the motion may be another one."""
 
     def search() -> IdentifiedModel | None:
-        with limited(recordings) as work:
+        with limit_work(recordings) as work:
             cleaned, _, period = prepared(recordings)
             found, is_sure = moved_at_random(problem, cleaned, period)
             return work.doubted_if_ended(found) if is_sure else None
@@ -155,7 +163,7 @@ def moved_at_random(
         return _sharper(found, several, find), True
     at_random = wavers(recordings, period)
     if several.channels.rates or at_random:
-        with limited(recordings, TRIAL / 2.0):
+        with limit_work(recordings, TRIAL / 2.0):
             more = _best(several.more(roughly))
         known = [one for one in (some, more) if one]
         some = _best(chain(known, several.slowest(roughly, CLOSE)))
@@ -178,7 +186,7 @@ def _on_trial(
 
     for_lack_of_others: whether a model does that explains most of the motion.
     """
-    with limited(recordings, TRIAL_BESIDE_INPUTS if problem.inputs else TRIAL) as work:
+    with limit_work(recordings, TRIAL_BESIDE_INPUTS if problem.inputs else TRIAL) as work:
 
         def doubts(fit: ForcedFit) -> list[Finding]:
             channels, left = fit.posed.channels, fit.left

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from galloping.identification.no_model import Unsolved
+from galloping.identification.no_model import NotConvergedError
 from galloping.identification.random_forces.forced_problem import (
     ForcedModel,
     ForcedProblem,
@@ -19,7 +19,7 @@ from galloping.identification.random_forces.forced_problem import (
 )
 from galloping.identification.random_forces.start import on_grid, typical_step
 from galloping.identification.random_forces.whiteness import Whiteness, function_of, whiteness
-from galloping.identification.work import is_spent
+from galloping.identification.work import is_exhausted
 from galloping.model.modes import Modes
 from galloping.passes import passing
 from galloping.recording.samples import at_times
@@ -213,7 +213,7 @@ def fitted(
     here, damping = of(vector), FIRST_DAMPING
     if not np.isfinite(here.log_likelihood):
         if here.objection:
-            raise Unsolved.of(here.objection)
+            raise NotConvergedError.of(here.objection)
         raise FloatingPointError("the filter of its start loses all digits")
     slopes = _slopes(of, vector, here, step)
     first = slopes[parameters.places["coefficients"]]
@@ -239,7 +239,7 @@ def fitted(
             break
         vector, here, damping = vector + change, tried, max(damping / 16.0, 1e-9)
         slopes = _slopes(of, vector, here, step)
-        if 0.5 * rise @ change < CONVERGED or is_spent():
+        if 0.5 * rise @ change < CONVERGED or is_exhausted():
             break
     return ForcedFit(parameters, parameters.model(vector), here, slopes)
 
@@ -255,7 +255,7 @@ def _slopes(
         unit[j] = h
         moved = of(vector + unit)
         if moved.objection:
-            raise Unsolved.of(moved.objection)
+            raise NotConvergedError.of(moved.objection)
         with np.errstate(all="ignore"):  # of a variance that is none
             slopes[j, 0] = (moved.innovations - here.innovations)[known] / h / root
             slopes[j, 1] = np.log(moved.variances[known] / here.variances[known]) / h / np.sqrt(2.0)

@@ -7,7 +7,12 @@ from itertools import product
 
 import numpy as np
 
-from galloping.identification.no_model import NoModel, Unsolved, Unusable, attempt
+from galloping.identification.no_model import (
+    IdentificationError,
+    NoModel,
+    NotConvergedError,
+    attempt,
+)
 from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import Resonance
 from galloping.identification.problem import Problem
@@ -27,7 +32,7 @@ from galloping.identification.random_forces.tracking import (
     Tracker,
     sizes,
 )
-from galloping.identification.work import is_spent
+from galloping.identification.work import is_exhausted
 from galloping.model.modes import Modes
 from galloping.model.polynomial import design_matrix
 from galloping.passes import passing
@@ -185,8 +190,8 @@ class ForcedProblem:
         tracker, n = self.tracker(model), len(self.unit)
         known, right = np.zeros((n, n)), np.zeros(n)
         for one in self.data:
-            if is_spent():
-                raise Unsolved(Code.LIMIT_OF_WORK)
+            if is_exhausted():
+                raise NotConvergedError(Code.LIMIT_OF_WORK)
             filtered, slopes = tracker.extended(one, candidates, terms)
             told = np.isfinite(filtered.innovations) & (filtered.variances > 0.0)
             root = np.sqrt(filtered.variances[told])
@@ -223,15 +228,15 @@ def begun(
     """The problem in units of the motion, and starts, the likeliest first.
 
     Of rates that are measured at the sample or as means since the last one, what is likelier.
-    Raises Unusable where there is no start.
+    Raises IdentificationError where there is no start.
     """
     passing("modes from correlations")
     channels = Channels.of(recordings)
     pairs = channels.pairs
     if set(problem.unknown) - set(pairs.values()) or 2 * len(pairs) < len(problem.states):
-        raise Unusable(Code.FORCES_UNDETERMINED)
+        raise IdentificationError(Code.FORCES_UNDETERMINED)
     if besides and len(forced) < len(pairs):
-        raise Unusable(Code.FORCES_UNDETERMINED)
+        raise IdentificationError(Code.FORCES_UNDETERMINED)
     step, grids = on_grids(recordings)
     period, factors = shortest(recordings), _factors(problem, recordings)
     posed = _posed(problem, recordings, forced, period, factors)
@@ -253,7 +258,7 @@ def begun(
             found.append((kind.filtered(model).log_likelihood, kind, model))
     found = sorted(filter(lambda each: np.isfinite(each[0]), found), key=lambda each: -each[0])
     if not found:
-        raise Unusable(Code.NO_OSCILLATION)
+        raise IdentificationError(Code.NO_OSCILLATION)
     best = found[0][1]
     return best, [model for _, kind, model in found if kind is best]
 

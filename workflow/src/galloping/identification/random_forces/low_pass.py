@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.no_model import Unusable
+from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.recording.samples import INTERPOLATED, Recording
 
@@ -34,7 +34,7 @@ def what_is_left(recordings: list[Recording], below: float) -> list[Recording]:
     for each in recordings:
         try:
             left.append(low_passed(each, below))
-        except Unusable as error:
+        except IdentificationError as error:
             errors.append(error)
     if not left:
         raise errors[-1]
@@ -69,7 +69,7 @@ def low_passed(recording: Recording, below: float) -> Recording:
                 filtered[:, k, i] = _filtered(*samples, time, step, own)
     there = np.isfinite(filtered).any(axis=(1, 2))
     if there.sum() < 2:
-        raise Unusable(
+        raise IdentificationError(
             Code.NOTHING_LEFT, below_hz=below, duration_s=np.ptp(recording.time), step_s=own,
             least_duration_s=2 * REACH * step, most_step_s=step,
         )  # fmt: skip

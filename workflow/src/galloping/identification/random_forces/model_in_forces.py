@@ -30,8 +30,8 @@ from galloping.identification.random_forces.forced_problem import (
 )
 from galloping.identification.random_forces.start import shortest, typical_step
 from galloping.identification.random_forces.verdict_in_forces import FinalFit
-from galloping.identification.selection import added_deviation, select, solve_support
-from galloping.identification.work import is_spent
+from galloping.identification.selection import added_deviation, select_support, solve_support
+from galloping.identification.work import is_exhausted
 from galloping.recording.samples import Recording
 
 # Samples a shortest period, at which it is tried whether forces are random: with more a trial takes
@@ -181,7 +181,7 @@ def _with_further_terms(fit: ForcedFit, noise: np.ndarray) -> ForcedFit:
     """
     allowed = fit.support | ~fit.posed.always
     for _ in range(MOST_CHOICES):
-        if is_spent():
+        if is_exhausted():
             break
         again = attempt(partial(_with_chosen_terms, fit, allowed, noise))
         if again is fit or isinstance(again, NoModel):
@@ -209,7 +209,7 @@ def _with_chosen_terms(fit: ForcedFit, allowed: np.ndarray, noise: np.ndarray) -
     information, right = fit.regression
     about, support = fit.model.coefficients / unit, allowed.copy()
     apart = problem.chosen_about(fit.model.coefficients) / unit
-    support[allowed] = select(
+    support[allowed] = select_support(
         information[np.ix_(allowed, allowed)], right[allowed],
         [fit.support[allowed], np.ones(allowed.sum(), bool)], prices[allowed], apart[allowed],
     )  # fmt: skip

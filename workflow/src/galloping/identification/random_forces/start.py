@@ -16,7 +16,7 @@ from numpy.polynomial import Legendre
 from scipy.optimize import nnls
 
 from galloping.arrays import round_down
-from galloping.identification.no_model import NoModel, Unusable, attempt
+from galloping.identification.no_model import IdentificationError, NoModel, attempt
 from galloping.identification.observations import Code
 from galloping.identification.oscillations import MOST_DAMPING
 from galloping.identification.preparation.weak_form import MOST_MISFIT, Start
@@ -90,12 +90,12 @@ def modes(
 
     correlation: (n_lags, n_channels, n_channels), of lags that are multiples of `stride` steps, s.
     further: how many more states the correlations may have; the oscillations that make most of
-    them are taken. Raises Unusable where they hold fewer.
+    them are taken. Raises IdentificationError where they hold fewer.
     """
     channels, rows = correlation.shape[1], (len(correlation) + 1) // 2
     order = 2 * count + further
     if rows * channels < order + FEWEST:
-        raise Unusable(Code.MODES_UNDETERMINED)
+        raise IdentificationError(Code.MODES_UNDETERMINED)
     place = np.arange(rows)
     hankel = correlation[place[:, None] + place].transpose(0, 2, 1, 3)
     left, size, right = np.linalg.svd(hankel.reshape(rows * channels, rows * channels))
@@ -109,7 +109,7 @@ def modes(
     swings = (rates.imag > 0) & (-rates.real < MOST_DAMPING * np.abs(rates))
     own = np.flatnonzero(swings)
     if len(own) < count:
-        raise Unusable(Code.NO_OSCILLATION)
+        raise IdentificationError(Code.NO_OSCILLATION)
     own = own[np.argsort(-weight[own])][:count]
     own = own[np.argsort(rates.imag[own])]
     return rates[own], shapes[:, own]
@@ -230,12 +230,12 @@ def spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, np.ndarra
 def shortest(recordings: Sequence[Recording]) -> float:
     """s, the shortest period of the motion's velocities, where white noise is taken off.
 
-    Raises Unusable where the recordings tell none.
+    Raises IdentificationError where the recordings tell none.
     """
     step, grids = on_grids(recordings)
     omega, power = spectra(grids, step)
     if not len(omega):
-        raise Unusable(Code.MODES_UNDETERMINED)
+        raise IdentificationError(Code.MODES_UNDETERMINED)
     order = np.argsort(omega)
     omega, power = omega[order], power[order]
     noise = np.median(power[int(FLOOR * len(power)) :], axis=0)
@@ -243,7 +243,7 @@ def shortest(recordings: Sequence[Recording]) -> float:
     share = np.cumsum(above, axis=0) / np.maximum(above.sum(axis=0), np.finfo(float).tiny)
     fastest = [omega[np.searchsorted(each, MOST_OF)] for each in share.T if each[-1] > 0.5]
     if not fastest:
-        raise Unusable(Code.NO_MOTION)
+        raise IdentificationError(Code.NO_MOTION)
     return float(2.0 * np.pi / max(fastest))
 
 

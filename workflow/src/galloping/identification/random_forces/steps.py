@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from galloping.identification.no_model import Unusable
+from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.recording.samples import Factor, Input, extrapolated
 
@@ -77,13 +77,13 @@ def discretised(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Transitions and covariances (n_steps, n, n) over steps of `lengths`, s.
 
-    system: (n, n), A; forces: (n, n), G. Raises Unusable where A has too few eigenvectors, as
-    at critical damping.
+    system: (n, n), A; forces: (n, n), G. Raises IdentificationError where A has too few
+    eigenvectors, as at critical damping.
     """
     values, vectors = np.linalg.eig(system)
     alike = vectors / np.linalg.norm(vectors, axis=1)[:, np.newaxis]  # whatever the states' units
     if np.linalg.cond(alike / np.linalg.norm(alike, axis=0)) * np.finfo(float).eps > FEWEST:
-        raise Unusable(Code.MODES_ALIKE)
+        raise IdentificationError(Code.MODES_ALIKE)
     inverse = np.linalg.inv(vectors)
     moved = np.exp(values * lengths[:, np.newaxis])
     transitions = ((vectors * moved[:, np.newaxis, :]) @ inverse).real

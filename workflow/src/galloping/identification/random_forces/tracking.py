@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.no_model import Unusable
+from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.identification.oscillations import Resonance
 from galloping.identification.random_forces.channels import Channels
@@ -18,7 +18,7 @@ from galloping.identification.random_forces.kalman import (
     random_motion,
 )
 from galloping.identification.random_forces.steps import Steps, discretised, with_means
-from galloping.identification.work import allowance, spend
+from galloping.identification.work import count_work, work_limit
 from galloping.model.intervals import root_of
 from galloping.model.modes import Modes
 from galloping.model.polynomial import PolynomialModel
@@ -107,7 +107,7 @@ class Tracker:
 
     noise: (n_channels,) deviations of a sample. size: (n_states,) of the motion. held: means of the
     inputs, at which the linear part is. With slow forces, the filter is of the states and of those.
-    Raises Unusable where the model has no rest.
+    Raises IdentificationError where the model has no rest.
     """
 
     model: PolynomialModel
@@ -136,7 +136,7 @@ class Tracker:
     def rest(self) -> np.ndarray:
         """(n_states,) where the linear part is in equilibrium."""
         if np.linalg.det(self.system) == 0.0:
-            raise Unusable(Code.STIFFNESS_UNDETERMINED)
+            raise IdentificationError(Code.STIFFNESS_UNDETERMINED)
         return -np.linalg.solve(self.system, self.steady(np.zeros((1, len(self.size))))[0])
 
     @cached_property
@@ -213,8 +213,8 @@ class Tracker:
     ) -> tuple[FilterResult, np.ndarray]:
         """The filter of a nonlinear system, and slopes of its innovations with coefficients, as of
         `extended_filter`. candidates: (n_candidates, 2), of equations and of `terms`. Raises
-        Unusable where a pass takes more than all the work of a search, or what it follows is much
-        quicker than its samples.
+        IdentificationError where a pass takes more than all the work of a search, or what it
+        follows is much quicker than its samples.
         """
         m, kept = len(self.whole[0]), np.array(self.channels.kept, int)
         given = self.first_mean, self.first_covariance, self.whole[1]
@@ -240,9 +240,9 @@ class Tracker:
         each = OF_STEP + OF_TERM * exponents.size + OF_SLOPE * len(candidates) * len(x) ** 2
         seconds = counts[steps.of].sum() * each
         quick = np.median(counts[steps.of]) > MOST_SUBSTEPS
-        if quick or seconds > allowance(len(data.samples)):
-            raise Unusable(Code.MOTION_TOO_QUICK)
-        spend(seconds)
+        if quick or seconds > work_limit(len(data.samples)):
+            raise IdentificationError(Code.MOTION_TOO_QUICK)
+        count_work(seconds)
         return extended_filter(
             data.samples, steps.of, steps.lengths, counts,
             steps.input_factors(counts, self._tables.factors), exponents,
@@ -259,7 +259,7 @@ class Tracker:
         return random_motion(x, *own)[:, : len(self.size)]
 
     def over(self, data: Data) -> FilterResult:
-        """The filter of all samples. Raises Unusable where the model cannot be followed."""
+        """Filter all samples. Raises IdentificationError where the model cannot be followed."""
         if not self.is_linear:
             return self.extended(data, np.zeros((0, 2), np.int64))[0]
         transitions, disturbances = discretised(*self.whole, data.steps.lengths)
@@ -273,7 +273,7 @@ class Tracker:
             sensing = np.eye(len(transitions[0]))[[*values, *range(m, m + len(kept))]]
         p, n = np.pad(self.first_covariance, (0, len(kept))), len(self.rest)
         x = np.zeros(len(p))
-        spend(FILTER + OF_STATE * len(data.samples) * len(p))
+        count_work(FILTER + OF_STATE * len(data.samples) * len(p))
         innovations, variances, means = kalman_filter(
             data.samples - at_rest, data.steps.of, transitions, disturbances, sensing,
             self.noise**2, x, p,

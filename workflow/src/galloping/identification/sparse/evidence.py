@@ -11,7 +11,7 @@ from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_array
 
-from galloping.identification.no_model import Unusable
+from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.identification.sparse.regression import ReducedRegression, regression, stretches
 from galloping.identification.sparse.tuning import (
@@ -85,7 +85,7 @@ def _splines(time: np.ndarray, values: np.ndarray) -> tuple[list[BSpline], np.nd
         if np.all(gcv > ENOUGH * score):
             break
     if not np.all(effective):
-        raise Unusable(Code.RECORDING_SHORT, samples=n)
+        raise IdentificationError(Code.RECORDING_SHORT, samples=n)
     return [chosen[channel] for channel in range(channels)], effective
 
 
@@ -128,8 +128,8 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Reg
     """The regressions of recordings of one system on the candidate library `terms`.
 
     Where no derivatives were measured they come from smoothing, and so do the states: it is chosen
-    where the samples are equally spaced, or some of equally spaced ones. Raises Unusable where a
-    value is missing.
+    where the samples are equally spaced, or some of equally spaced ones. Raises IdentificationError
+    where a value is missing.
     """
     _check_complete(recordings)
     if recordings[0].exact:
@@ -153,7 +153,7 @@ def _check_complete(recordings: Sequence[Recording]) -> None:
             read["derivative"] = recording.rates
         for what, samples in read.items():
             if not np.all(np.isfinite(samples)):
-                raise Unusable(Code.INCOMPLETE_SAMPLES, what)
+                raise IdentificationError(Code.INCOMPLETE_SAMPLES, what)
 
 
 def reduce_weakly(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regressions:
@@ -163,10 +163,12 @@ def reduce_weakly(recordings: Sequence[Recording], terms: tuple[Exponents, ...])
     Raises ValueError for irregular, short or missing samples.
     """
     if not all(recording.is_uniform for recording in recordings):
-        raise Unusable(Code.IRREGULAR_SAMPLES)
+        raise IdentificationError(Code.IRREGULAR_SAMPLES)
     _check_complete(recordings)
     tried = tried_filters(recordings, terms, test_functions)
     if not tried:
-        raise Unusable(Code.RECORDING_SHORT, samples=sum(len(one.time) for one in recordings))
+        raise IdentificationError(
+            Code.RECORDING_SHORT, samples=sum(len(one.time) for one in recordings)
+        )
     chosen = best_filter(tried).reduced
     return Regressions(chosen, chosen, tuple(tried))

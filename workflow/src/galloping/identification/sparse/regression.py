@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.no_model import Unusable
+from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.model.polynomial import Exponents, PolynomialModel
 
@@ -63,7 +63,7 @@ class ReducedRegression:
     def triangle(self) -> tuple[np.ndarray, np.ndarray]:
         """Library and targets as the rows of one triangle, (p + m, p) and (p + m, m).
 
-        Raises Unusable where a column is zero.
+        Raises IdentificationError where a column is zero.
         """
         triangle = np.linalg.qr(np.hstack([self.library, self.targets]), mode="r")
         nonzero(np.linalg.norm(triangle, axis=0))
@@ -71,15 +71,15 @@ class ReducedRegression:
 
 
 def nonzero(lengths: np.ndarray) -> np.ndarray:
-    """The lengths of columns. Raises Unusable where one has none to be scaled by."""
+    """The lengths of columns. Raises IdentificationError where one has none to be scaled by."""
     if not np.all(lengths > 0):
-        raise Unusable(Code.STATE_ZERO)
+        raise IdentificationError(Code.STATE_ZERO)
     return lengths
 
 
 class Scaled:
     """Columns of unit length: library (rows, p) and targets (rows, m) over their `lengths` (p,)
-    and `scale` (m,). Raises Unusable where a column is zero.
+    and `scale` (m,). Raises IdentificationError where a column is zero.
     """
 
     def __init__(self, library: np.ndarray, targets: np.ndarray) -> None:

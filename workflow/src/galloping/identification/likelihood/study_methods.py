@@ -1,0 +1,47 @@
+"""The methods of this package as a study calls them, with the evidence that they share."""
+
+from collections.abc import Sequence
+
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.inputs import segments_with_inputs, validated_problem
+from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.likelihood.weak_gls import weak_gls
+from galloping.identification.no_model import NoModel, attempt
+from galloping.identification.preparation.weak_form import Start, begin
+from galloping.model.polynomial import Exponents
+from galloping.recording.samples import Recording
+
+
+def shared_evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> dict:
+    """Return what `weak_gls` and `maximum_likelihood` take of a study.
+
+    Returns
+    -------
+    dict
+        Recordings, library, and the start that both methods share. The start is None where none is
+        found, for a reason that each method finds again, and for exact states with derivatives,
+        which need no start.
+    """
+
+    def make_start() -> Start | None:
+        if all(recording.exact for recording in recordings):
+            return None
+        problem = validated_problem(list(recordings), terms)
+        return begin(problem, segments_with_inputs(list(recordings), problem.inputs))
+
+    start = attempt(make_start)
+    return {
+        "recordings": list(recordings),
+        "terms": terms,
+        "start": None if isinstance(start, NoModel) else start,
+    }
+
+
+def run_weak_gls(evidence: dict) -> IdentifiedModel:
+    """Identify by `weak_gls` as a method of a study."""
+    return weak_gls(**evidence)
+
+
+def run_maximum_likelihood(evidence: dict) -> IdentifiedModel:
+    """Identify by `maximum_likelihood` as a method of a study."""
+    return maximum_likelihood(**evidence)
