@@ -36,7 +36,7 @@ class NotConvergedError(NoModelError, FloatingPointError):
 # `IdentificationError`, and what numerics raise where there is no model: a solution diverges, or
 # numpy cannot factor or invert a matrix. Any other ValueError is a mistake in the code.
 NO_MODEL = (IdentificationError, FloatingPointError, np.linalg.LinAlgError)
-Result = TypeVar("Found")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
