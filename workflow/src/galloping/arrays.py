@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from functools import partial
 from numbers import Real
 from types import MappingProxyType
-from typing import Any, ParamSpec, Protocol, TypeAlias, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, ParamSpec, Protocol, TypeAlias, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -73,12 +73,12 @@ def checked_state(values: ArrayLike, states: tuple[str, ...]) -> NDArray[np.floa
     )
 
 
-def seconds(name: str, times: object) -> object:
+def seconds(name: str, times: Any) -> Any:
     """Dates and times, or lengths of time, as s since the first; others as they are.
 
     times: of numpy, pandas or `datetime`. Raises ValueError where one is missing.
     """
-    pandas = getattr(times, "dt", times)
+    pandas: Any = getattr(times, "dt", times)
     in_utc = pandas.tz_convert(None) if getattr(pandas, "tz", None) is not None else times
     array = np.asarray(in_utc)
     if array.dtype.kind == "O" and array.size and all(isinstance(t, datetime) for t in array.flat):
@@ -144,6 +144,9 @@ class Immutable:
     Two are equal where all they hold is, NaN equal to NaN; equal ones have the same hash. Copies
     and pickles are read-only too. An array that can still be written elsewhere is copied.
     """
+
+    if TYPE_CHECKING:
+        __dataclass_fields__: ClassVar[dict[str, Any]]
 
     def __post_init__(self) -> None:
         for name, value in self._held().items():

@@ -27,8 +27,8 @@ class Deferred:
         below = f"{self._name}.{name}"
         if file_of(below):
             return Deferred(below)
-        own = file_of(self._name).read_text(encoding="utf-8")
-        if re.search(rf"^def {name}\(", own, re.MULTILINE):
+        own = file_of(self._name)
+        if own and re.search(rf"^def {name}\(", own.read_text(encoding="utf-8"), re.MULTILINE):
             return f"{self._name}:{name}"
         raise AttributeError(f"{below}: no such module or function")
 

@@ -355,7 +355,7 @@ class MaximumLikelihood:
             raise ValueError(f"degree: {self.degree!r:.60}; must be None beside a library")
         if isinstance(self.library, str) or all(isinstance(each, str) for each in self.library):
             return parse(self.library, states, inputs)  # type: ignore[arg-type]
-        return tuple(map(tuple, self.library)), None
+        return tuple(tuple(term) for term in self.library), None
 
     def _check_inputs(self, u: object) -> None:
         """Raise ValueError unless `u` has the inputs of the model; a Recording may have others."""

@@ -29,6 +29,6 @@ def _lacking(extra: str) -> Iterator[str]:
     for requirement in requirements:
         needed, _, condition = requirement.partition(";")
         if re.fullmatch(rf"extra == ['\"]{extra}['\"]", condition.strip()):
-            name = re.match(r"[\w.-]+", needed)[0]
+            name = re.split(r"[^\w.-]", needed, maxsplit=1)[0]
             if not any(metadata.distributions(name=name)):
                 yield needed.strip()

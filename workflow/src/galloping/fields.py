@@ -73,12 +73,12 @@ def _distinct(values: tuple) -> tuple:
     return values
 
 
-def real(**bounds: float) -> Any:
+def real(**bounds: Any) -> Any:
     """The type of a finite number within bounds (gt, ge, lt, le)."""
     return Annotated[float, Field(allow_inf_nan=False, **bounds), BeforeValidator(_number)]
 
 
-def whole(**bounds: int) -> Any:
+def whole(**bounds: Any) -> Any:
     """The type of a whole number within bounds (gt, ge, lt, le)."""
     return Annotated[int, Field(**bounds), BeforeValidator(_whole)]
 
@@ -93,7 +93,8 @@ def listing(*items: Any) -> Any:
 
     YAML has no tuples, so here, and only here, a list is let in as one.
     """
-    return Annotated[tuple[items], Field(strict=False)]
+    types: Any = items
+    return Annotated[tuple[types], Field(strict=False)]
 
 
 def distinct(item: Any, **schema: int) -> Any:

@@ -1,7 +1,7 @@
 """Figures of a model beside its recordings, each in one call; they need matplotlib."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -128,7 +128,7 @@ def plot_phase(
     begun = slice(0, int(np.searchsorted(time, time[0] + PERIODS * longest_period(given))))
     start = follow.begin(begun)
     with styled(FONT_SIZE):
-        space = {"subplot_kw": {"projection": "3d"}} if len(shown) == 3 else {}
+        space: dict[str, Any] = {"subplot_kw": {"projection": "3d"}} if len(shown) == 3 else {}
         figure, ((axes,),) = parts.panels(3.4, width=4.2, **space)
         axes.plot(
             *recording.values[:, columns].T, ls="", marker=".", ms=2, color=TRUE, label="samples"

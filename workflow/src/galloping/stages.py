@@ -87,14 +87,17 @@ def measure(
             f"{amount / 100:g}, and an absolute level goes with relative=False"
         )
     given = check_inputs(model, inputs or {}, motion.time)
-    driving = at_times(list(given.values()), motion.time)
+    measured_inputs = {name: one for name, one in given.items() if isinstance(one, Input)}
+    for name in given.keys() - measured_inputs.keys():
+        raise ValueError(f"inputs: {name}: {given[name]!r:.60}; must be an Input")
+    driving = at_times(list(measured_inputs.values()), motion.time)
     rates = rates_of(model, motion.states, driving)
     measured = Motion(model.states, motion.time, motion.states, rates)
     replicates = recordings_of(
         [measured], protocol=protocol, level=amount, relative=relative, samples=len(motion.time),
         recordings=1, replicates=1, seed=seed, name=(),
     )  # fmt: skip
-    return replace(replicates[0][0], inputs=given)
+    return replace(replicates[0][0], inputs=measured_inputs)
 
 
 @one_thread
@@ -118,11 +121,13 @@ def cramer_rao_bound(
     """
     _check_model(model)
     start = checked_state(initial_state, model.states)
-    noise = {"sigma": sigma} if rate_sigma is None else {"sigma": sigma, "rate_sigma": rate_sigma}
-    for name, given in noise.items():
-        noise[name] = finite(name, given, (len(model.states),), infinite=True)
-        if not np.all(noise[name] > 0):
-            raise ValueError(f"{name}: {noise[name].tolist()}; each must be > 0")
+    shape = (len(model.states),)
+    noise = {"sigma": finite("sigma", sigma, shape, infinite=True)}
+    if rate_sigma is not None:
+        noise["rate_sigma"] = finite("rate_sigma", rate_sigma, shape, infinite=True)
+    for name, deviations in noise.items():
+        if not np.all(deviations > 0):
+            raise ValueError(f"{name}: {deviations.tolist()}; each must be > 0")
     pairs = np.argwhere(model.support)
     free = pairs[~np.isin(pairs[:, 0], list(velocity_pairs(model.states)))]
     experiment = Experiment(start, increasing("time", time), **noise, inputs=inputs or {})

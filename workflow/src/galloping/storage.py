@@ -95,7 +95,7 @@ def _claim(folder: Path) -> int | None:
 def write_arrays(path: str | os.PathLike, **arrays: np.ndarray) -> None:
     """Arrays as an uncompressed .npz."""
     with replacing(path) as partial, partial.open("wb") as file:
-        np.savez(file, **arrays)
+        np.savez(file, **arrays)  # type: ignore[arg-type]  # to its stub any name is a flag
 
 
 def write_text(path: str | os.PathLike, text: str) -> None:

@@ -56,23 +56,24 @@ def assess(
     """
     if found.status == "refused":
         raise ValueError(f"there is no model to assess: {found.reason}")
-    at = dict(at or {})
-    several = [name for name, value in at.items() if np.ndim(value)]
-    missing = [name for name in found.model.inputs if name not in at]
+    asked = dict(at or {})
+    several = [name for name, value in asked.items() if np.ndim(value)]
+    missing = [name for name in found.model.inputs if name not in asked]
     if missing:
         name = missing[0]
         raise ValueError(f"the model has the input {name}; say at which, --at {name}=VALUE")
     if len(several) > 1:
         raise ValueError(f"a range of {several[0]} and of {several[1]}; must be of one input")
     (along,) = several or [""]
-    values = np.unique(np.asarray(at.pop(along), float)) if along else np.empty(0)
-    notes = beyond(found, {**at, along: values} if along else at)
+    values = np.unique(np.asarray(asked[along], float)) if along else np.empty(0)
+    notes = beyond(found, {**asked, along: values.tolist()} if along else asked)
+    held = {name: float(np.ravel(value)[0]) for name, value in asked.items() if name != along}
     if len(values) == 1:
-        at[along] = float(values[0])
+        held[along] = float(values[0])
     of = _Drawn.of(found, seed)
     if len(values) < 2:
-        return Assessment((_condition(of, at),), notes=tuple(notes))
-    conditions, onsets, more = _along(of, at, along, values)
+        return Assessment((_condition(of, held),), notes=tuple(notes))
+    conditions, onsets, more = _along(of, held, along, values)
     return Assessment(conditions, along, (values[0], values[-1]), onsets, (*more, *notes))
 
 
@@ -194,11 +195,11 @@ def _along(
     middle, size = _extent(best, _settled(best, of.start), of.start)
     family = _family(of.model, along, size)
     rests = equilibria(best, middle, size)
-    found, onsets, notes = None, (), [] if rests else [f"no rest at {along} = {values[0]:g}"]
+    found, notes = None, [] if rests else [f"no rest at {along} = {values[0]:g}"]
     if rests:
         rest = min(rests, key=lambda each: np.linalg.norm((each - middle) / size))
         found, notes = _diagram(family, span, rest, of.start, along)
-        onsets = tuple(_onsets(found, of, family, span, rest)) if found else ()
+    onsets = tuple(_onsets(found, of, family, span, rest)) if found else ()
     conditions = []
     for value in values.tolist():
         passing(f"{along} = {value:g}")
@@ -218,7 +219,7 @@ def _diagram(
     middle = (span.low + span.high) / 2
     motion = _settled(family.model(middle), begin)
     cycle = motion.kind == "cycle"
-    size = np.linalg.norm(motion.half_range / family.sizes) if cycle else np.inf
+    size = float(np.linalg.norm(motion.half_range / family.sizes)) if cycle else np.inf
     start = (middle, motion.time, motion.states) if cycle else None
     try:
         bounded = replace(span, ceiling=CEILING * size)
@@ -238,8 +239,8 @@ def _onsets(
     for model in of.small:
         passing("draw onsets")
         try:
-            own = _family(model, family.parameter, family.sizes)
-            branches.append(equilibrium_branch(own, rest, span))
+            drawn = _family(model, family.parameter, family.sizes)
+            branches.append(equilibrium_branch(drawn, rest, span))
         except ValueError:
             continue
     for hopf in hopf_points(found.equilibria):
@@ -263,7 +264,7 @@ def _growing(point: Point) -> int:
     return int(np.count_nonzero(point.stability.values.real > 0.0))
 
 
-def _family(model: PolynomialModel, along: str, sizes: np.ndarray) -> Family:
+def _family(model: PolynomialModel, along: str, sizes: np.ndarray | float) -> Family:
     return Family(lambda value: model.at({along: float(value)}), along, sizes=sizes)
 
 

@@ -259,7 +259,7 @@ def _in_random_forces(
     model = identified.model
     best, deviation, of_decay = _by_slopes(identified, pairs, around)
     decay = 2.0 * np.pi * best[1] * best[2]
-    half, duration = NORMAL_95 * deviation, identified.diagnostics["duration"]
+    half, duration = NORMAL_95 * deviation, float(identified.diagnostics["duration"])
     rest, frequencies, damping = {}, {}, {}
     for n, i in enumerate(pairs):
         name, omega = model.states[i], 2.0 * np.pi * best[1, n]
@@ -270,9 +270,8 @@ def _in_random_forces(
         damping[name] = Value(best[2, n], low / omega, high / omega)
     for one in filter(lambda each: each.is_mode, identified.resonances):
         (error, of_ratio), omega = one.errors, one.frequency
-        half = NORMAL_95 * error / (2.0 * np.pi)
-        hz = omega / (2.0 * np.pi)
-        frequencies[one.name] = Value(hz, hz - half, hz + half)
+        hz, spread = omega / (2.0 * np.pi), NORMAL_95 * error / (2.0 * np.pi)
+        frequencies[one.name] = Value(hz, hz - spread, hz + spread)
         low, high = decay_interval(omega * one.damping, omega * of_ratio, duration)
         damping[one.name] = Value(one.damping, low / omega, high / omega)
     rest = {} if np.isnan(best[0]).any() else rest
@@ -303,7 +302,7 @@ def _orbit(model: PolynomialModel, orbit: Orbit, pace: Pace) -> Orbit | None:
         return close[0]
     motion = settle_in_periods(simulator_of(model), model, orbit.states[0], pace, orbit.sizes)
     point = cycle_of(constant(model, orbit.sizes), 0.0, motion)
-    return point and point.solution
+    return point.solution if point else None
 
 
 def _linear(model: PolynomialModel, pairs: dict[int, int], around: Surroundings) -> np.ndarray:

@@ -73,8 +73,8 @@ def with_extrapolation(
     around = Surroundings.of(recordings)
     if identified.is_forced or (rest := around.rest(steady)) is None:
         return identified
-    own = excerpts(list(recordings))
-    if model.inputs:
+    own: list[Recording] | NoModel = excerpts(list(recordings))
+    if model.inputs and not isinstance(own, NoModel):
         own = attempt(partial(segments_with_inputs, own, model.inputs))
     if isinstance(own, NoModel) or len(own) != len(identified.initial_states):
         return identified
@@ -88,13 +88,14 @@ def with_extrapolation(
         attempt(partial(regression.of_recording, one, start))
         for one, start in zip(own, identified.initial_states, strict=True)
     ]
-    if any(isinstance(part, NoModel) for part in parts):
+    normal = [part for part in parts if not isinstance(part, NoModel)]
+    if len(normal) < len(parts):
         return identified
     drawn = drawn_with_rivals(identified, np.random.default_rng(0))
     models = [steady, *(each.at(means) if means else each for each in drawn)]
-    states = np.concatenate([states for *_, states in parts])
+    states = np.concatenate([states for *_, states in normal])
     shares = np.max([_nonlinear_share(each, rest, states) for each in models], axis=0)
-    gram, squares, count = (sum(each) for each in list(zip(*parts, strict=True))[:3])
+    gram, squares, count = (sum(each) for each in list(zip(*normal, strict=True))[:3])
     scaled = gram / max(squares / count, 1.0)
     posterior = attempt(partial(regression.left_open, scaled, shares))
     if isinstance(posterior, NoModel):
@@ -226,7 +227,7 @@ class _Regression:
             gram = fisher_information(rows, rows.shape[2] - n)
         except ValueError as error:
             raise FloatingPointError(str(error)) from error
-        return gram, float(np.sum(residual**2)), np.count_nonzero(weight), motion[:, :n]
+        return gram, float(np.sum(residual**2)), int(np.count_nonzero(weight)), motion[:, :n]
 
     def _slopes(
         self, recording: Recording, start: np.ndarray, time: np.ndarray, follow: Following

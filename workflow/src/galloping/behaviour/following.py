@@ -42,8 +42,10 @@ class Sensed:
     def by(cls, recording: Recording) -> "Sensed":
         """What the sensors of a recording tell."""
         alone = {k for pair in undisplaced(recording).items() for k in pair}
-        measured = [] if recording.rates is None else np.isfinite(recording.rates).any(axis=0)
-        return cls(recording.states, tuple(k for k in np.flatnonzero(measured) if k in alone))
+        if recording.rates is None:
+            return cls(recording.states, ())
+        measured = np.flatnonzero(np.isfinite(recording.rates).any(axis=0))
+        return cls(recording.states, tuple(k for k in measured.tolist() if k in alone))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -53,6 +55,8 @@ class Sensed:
     def samples(self, recording: Recording) -> np.ndarray:
         """(n, n_sensed), NaN where missing; rates without their unknown offsets."""
         columns = [recording.values]
+        if recording.rates is None:
+            return recording.values
         for k in self.rates:
             rate = recording.rates[:, k]
             if recording.unknown_offsets is not None and recording.unknown_offsets[k]:
@@ -64,12 +68,10 @@ class Sensed:
 def without_outliers(recording: Recording) -> Recording:
     """The recording without samples far from those beside them, of which no model can tell."""
     values, rates = (
-        None
-        if columns is None
-        else np.column_stack([_cleaned(recording.time, y) for y in columns.T])
-        for columns in (recording.values, recording.rates)
+        None if each is None else np.column_stack([_cleaned(recording.time, y) for y in each.T])
+        for each in (recording.values, recording.rates)
     )
-    return replace(recording, values=values, rates=rates)
+    return replace(recording, values=np.asarray(values), rates=rates)
 
 
 def _cleaned(time: np.ndarray, values: np.ndarray) -> np.ndarray:

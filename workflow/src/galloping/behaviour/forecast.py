@@ -299,8 +299,10 @@ def _motions(
         )
     fitted = follow.begin(rows)
     motions = []
-    near = None if fitted is None else follow.motion(best, fitted, sampled)
-    if near is not None and follow.misfit(near, values) < worst:
+    if fitted is None:
+        return np.empty((0, len(time), len(sigma)))
+    near = follow.motion(best, fitted, sampled)
+    if follow.misfit(near, values) < worst:
         slopes = follow.slopes(best, fitted, near, sampled)
         for model in drawn(follow.identified, rng, DRAWS):
             passing("draw models and starts")

@@ -94,7 +94,7 @@ def _forced(
     linear = maximum_likelihood(own, library(len(identified.model.states), 1))
     if any(each.has_finding(Code.LIMIT_OF_WORK) for each in (identified, linear)):
         return []  # a search to its end may tell more
-    told = linear.diagnostics.get("forecast_r2", 0.0)  # none of a model in random forces
+    told = float(linear.diagnostics.get("forecast_r2", 0.0))  # none of a model in random forces
     return kept if told < LITTLE_TOLD or kept_up(linear, own) else []
 
 
@@ -150,6 +150,8 @@ def _changing_at_random(
         if found.status == "refused":
             return []
         of = dynamics(found, Surroundings.of([half]), np.random.default_rng(0))
+        if of is None:
+            return []
         told.append((of.frequencies, of.damping))
     for names, code, unit, factor in (
         (0, Code.FREQUENCY_CHANGES, "hz", 1.0), (1, Code.DAMPING_CHANGES, "percent", 100.0),
@@ -245,7 +247,7 @@ class Difference:
 
     def between(self, names: Sequence[str]) -> Finding:
         """Return the finding on recordings of some names, of which no model can be trusted."""
-        shares = {"names": ", ".join(names), "own": self.own}
+        shares: dict[str, float | str] = {"names": ", ".join(names), "own": self.own}
         if np.isinf(self.missed):
             return Finding.of(Code.NO_COMMON_MODEL, self.channel, **shares)
         return Finding.of(Code.RECORDINGS_DIFFER, self.channel, missed=self.missed, **shares)
@@ -271,7 +273,7 @@ def difference(
     told = {key for each in (together, *alone) for key in each.diagnostics if SHARE in key}
     found = []
     for key in sorted(told) or [SHARE + together.model.states[0]]:
-        name, missed = key.removeprefix(SHARE), together.diagnostics.get(key, np.nan)
+        name, missed = key.removeprefix(SHARE), float(together.diagnostics.get(key, np.nan))
         own = float(np.median([each.diagnostics.get(key, 0.0) for each in alone]))
         if together.status == "refused" and own < RELEVANT:
             found.append(Difference(name, np.inf, own))

@@ -1,6 +1,7 @@
 """Stretches of long recordings, so that what a model costs is bounded."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -44,8 +45,8 @@ def excerpts(recordings: list[Recording]) -> list[Recording]:
 def by_excerpts(
     method: Callable[..., IdentifiedModel],
     recordings: list[Recording],
-    *question: object,
-    **options: object,
+    *question: Any,
+    **options: Any,
 ) -> IdentifiedModel:
     """The model that a method finds in the excerpts of recordings, without their rests; of free
     motion, and of motion that random forces keep up, of which every swing tells as much as another,

@@ -1,7 +1,7 @@
 """What a recording is worth before anything is identified: sampling, gaps, noise, spectrum."""
 
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial.legendre import Legendre, legvander
@@ -53,7 +53,7 @@ def quality(series: "Series", mapping: "ColumnMapping") -> dict:
     steps = np.diff(time)
     step = float(np.median(steps))
     gaps = np.flatnonzero(steps > REPORTED_GAP * step)
-    report = {
+    report: dict[str, Any] = {
         "file": series.path.name,
         "start": series.start,
         "sampling": {
@@ -282,7 +282,7 @@ def _channel(
     at_end = np.isin(y, piled(y))
     flat = np.convolve(at_end, np.ones(CLIPPED), mode="valid") >= CLIPPED
     if flat.any():
-        at = np.argmax(flat)
+        at = int(np.argmax(flat))
         problems.append((row[at], Code.CLIPPED, {"at": y[at]}))
     elif (jumps := _jumps(t, y, turn / step)) is not None:
         at, by = jumps

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import NDArray
 
 from galloping.model.polynomial import Bound, PolynomialModel
 
@@ -17,27 +17,32 @@ DRAWS = 39  # of a model: their least and greatest are then the ends of a 95 % i
 IDENTIFIABLE = 7.6
 
 
-def interval(values: Sequence[float]) -> tuple[float, float, float]:
+def interval(values: Sequence[float] | NDArray[np.float64]) -> tuple[float, float, float]:
     """Median and the 5th and 95th percentile; a failure (inf) counts as the worst value."""
-    values = np.asarray(values, dtype=float)
     low = np.quantile(values, QUANTILES_90[0], method="lower")
     high = np.quantile(values, QUANTILES_90[1], method="higher")
     return float(np.median(values)), float(low), float(high)
 
 
 class Identified(Protocol):
-    """What is needed of an identified model."""
-
-    model: PolynomialModel
-    covariance: np.ndarray  # (n_support, n_support), in the order of np.argwhere(support)
-    rivals: np.ndarray  # (n_rivals, n_states, n_terms) coefficients
-    rival_share: float  # how probable it is that one of them, or one like them, is right
-    bounds: tuple[Bound, ...]
-    extrapolation_shift: np.ndarray  # (n_support,) what terms of the next degrees would change
-    extrapolation_covariance: np.ndarray  # (n_support, n_support) of that
+    """What draws need of an identified model; see `IdentifiedModel` for the shapes."""
 
     @property
+    def model(self) -> PolynomialModel: ...
+    @property
     def support(self) -> np.ndarray: ...
+    @property
+    def covariance(self) -> np.ndarray: ...
+    @property
+    def rivals(self) -> np.ndarray: ...
+    @property
+    def rival_share(self) -> float: ...
+    @property
+    def bounds(self) -> tuple[Bound, ...]: ...
+    @property
+    def extrapolation_shift(self) -> np.ndarray: ...
+    @property
+    def extrapolation_covariance(self) -> np.ndarray: ...
 
 
 def normal(
@@ -80,7 +85,8 @@ def root_of(covariance: np.ndarray) -> np.ndarray:
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     unit = np.where(deviation > 0.0, deviation, 1.0)[:, np.newaxis]
     values, vectors = np.linalg.eigh((covariance + covariance.T) / (2.0 * unit * unit.T))
-    upper = np.linalg.qr(np.sqrt(np.maximum(values, 0.0))[:, np.newaxis] * vectors.T, mode="r")
+    root = np.sqrt(np.maximum(values, 0.0))[:, np.newaxis] * vectors.T
+    upper: np.ndarray = np.linalg.qr(root, mode="r")  # type: ignore[assignment]  # of "r" alone
     return deviation[:, np.newaxis] * upper.T * np.where(np.diag(upper) < 0.0, -1.0, 1.0)
 
 
@@ -153,7 +159,9 @@ def extrapolate(
     return changed
 
 
-def of_draws(values: ArrayLike, fewest: float = 2) -> np.ndarray:
+def of_draws(
+    values: Sequence[float] | Sequence[np.ndarray] | np.ndarray, fewest: float = 2
+) -> np.ndarray:
     """(2, ...) ends of the 95 % interval of an estimate: the least and the greatest of its values
     (count, ...) by DRAWS models, of those that give a value.
 

@@ -14,7 +14,7 @@ from functools import cache
 from itertools import chain, combinations_with_replacement, compress
 from math import floor, isfinite, log10, prod
 from numbers import Integral
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,10 +23,11 @@ from galloping.arrays import Immutable, Matrix
 from galloping.model.functions import FUNCTIONS, Function, derivatives, n_exponents
 from galloping.model.modes import Modes
 
-# of the states and then of the inputs; behind them the functions that multiply these powers
-Exponents = tuple[int | Function, ...]
+# Exponents of the states and then of the inputs, int, and behind them the functions that multiply
+# these powers, Function: two lengths that no type of a tuple can have.
+Exponents: TypeAlias = tuple[Any, ...]
 # on a coefficient: its equation and term, and the least and greatest number that it may be
-Bound = tuple[int, Exponents, float, float]
+Bound: TypeAlias = tuple[int, Exponents, float, float]
 
 
 def library(n_states: int, degree: int) -> tuple[Exponents, ...]:
@@ -50,7 +51,7 @@ def alone(k: int, count: int) -> Exponents:
 
 def extended(terms: tuple[Exponents, ...], model: PolynomialModel) -> tuple[Exponents, ...]:
     """The library `terms`, followed by the terms present in `model` that it lacks."""
-    present = (t for t, used in zip(model.terms, model.support.any(axis=0), strict=True) if used)
+    present = (t for t, used in zip(model.terms, model.has_term, strict=True) if used)
     return tuple(dict.fromkeys([*terms, *present]))
 
 
@@ -70,7 +71,7 @@ def has_functions(term: Exponents) -> bool:
     return bool(term) and isinstance(term[-1], Function)
 
 
-def term_name(exponents: Exponents, names: tuple[str, ...]) -> str:
+def term_name(exponents: Exponents, names: Sequence[str]) -> str:
     """Name of a term as pysindy prints it: `1`, `q_v`, `q_v q_w^2`; or `dq_v^3/U`, `|dq| dq`.
 
     names: of the states and, where exponents are of inputs too, of those.
@@ -142,7 +143,8 @@ def products(terms: tuple[Exponents, ...]) -> tuple[tuple[int | None, int | None
     """How each monomial is made: the last of its states, and the place of the monomial of one
     degree less; -1 where that is a constant, None where it is not among those before.
     """
-    column, made = {term: j for j, term in enumerate(terms)}, []
+    column = {term: j for j, term in enumerate(terms)}
+    made: list[tuple[int | None, int | None]] = []
     for j, term in enumerate(terms):
         last = max((k for k, e in enumerate(term) if e), default=None)
         lower = tuple(e - (k == last) for k, e in enumerate(term))
@@ -186,7 +188,7 @@ class PolynomialModel(Immutable):
         def __init__(
             self,
             states: Sequence[str],
-            terms: Sequence[Sequence[int]],
+            terms: Sequence[Sequence[int | Function]],
             coefficients: Matrix,
             inputs: Sequence[str] = ...,
         ) -> None: ...
@@ -259,7 +261,12 @@ class PolynomialModel(Immutable):
     @property
     def support(self) -> NDArray[np.bool_]:
         """(n_states, n_terms) boolean: which terms are present."""
-        return self.coefficients != 0
+        return np.not_equal(self.coefficients, 0.0)
+
+    @property
+    def has_term(self) -> NDArray[np.bool_]:
+        """(n_terms,) boolean: which terms are present in any equation."""
+        return np.logical_or.reduce(self.support, axis=0)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -311,7 +318,7 @@ class PolynomialModel(Immutable):
         """This model on a library of the terms that any equation has, which costs less to move; on
         the first term alone where none has any.
         """
-        present = compress(self.terms, self.support.any(axis=0))
+        present = compress(self.terms, self.has_term)
         return self.on_library(tuple(present) or self.terms[:1])
 
     def without_dry_friction(self) -> PolynomialModel:

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import combinations_with_replacement
 from math import comb, isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,7 @@ from galloping.model.polynomial import (
 )
 
 if TYPE_CHECKING:
-    from lark import Lark, Token, Tree
+    from lark import Lark, Token
 
 GRAMMAR = r"""
 library: [scope] sum
@@ -87,7 +87,8 @@ MOST_CHARACTERS, DEEPEST = 10_000, 50  # of a text, and of brackets within brack
 MOST_TERMS = 600  # that a text multiplies out to
 STRUCTURE = 3  # degree of the elastic forces of `wind`
 
-Sum = dict[Exponents, float]  # coefficients by term
+Sum: TypeAlias = dict[Exponents, float]  # coefficients by term
+Node: TypeAlias = Any  # a Tree or Token of lark, which of them the grammar says
 
 
 def parse(
@@ -100,11 +101,11 @@ def parse(
     Raises ValueError, in one line that names the character, for text that is no library.
     """
     texts = [texts] if isinstance(texts, str) else list(texts)
-    allowed: list[dict[Exponents, None]] = [{} for _ in states]
+    allowed: list[Sum] = [{} for _ in states]
     for text in texts:
         sentence = _Sentence("library", text, tuple(states), tuple(inputs))
-        for equation, terms in sentence.of_equations():
-            allowed[equation] |= dict.fromkeys(terms)
+        for equation, own in sentence.of_equations():
+            allowed[equation] |= own
     terms = tuple(dict.fromkeys(term for own in allowed for term in own))
     mask = np.array([[term in own for term in terms] for own in allowed])
     return terms, None if mask.all() else mask
@@ -183,11 +184,12 @@ def parse_model(text: str, inputs: Sequence[str] = ()) -> PolynomialModel:
     heads = [re.sub(r"^d\s*\(|\)\s*/\s*dt$", "", own.partition("=")[0].strip()) for own in texts]
     states = tuple(head.strip() for head in heads)
     known = [parse_known(own, states, inputs) for own in texts]
+    terms: dict[Exponents, None] = {}
     for own, said in zip(known, texts, strict=True):
         if isinstance(own, Bounds) or own.deviation is not None:
             raise ValueError(f"{said.strip()!r}: must be an equation, such as 'q = dq'")
-    terms = tuple(dict.fromkeys(term for own in known for term in own.terms))
-    return known_model(texts, states, terms, inputs)[0]
+        terms |= dict.fromkeys(own.terms)
+    return known_model(texts, states, tuple(terms), inputs)[0]
 
 
 def place(term: Exponents, terms: Sequence[Exponents], names: Sequence[str]) -> int:
@@ -222,7 +224,7 @@ class _Sentence:
     states: tuple[str, ...]
     inputs: tuple[str, ...]
 
-    def tree(self) -> Tree:
+    def tree(self) -> Node:
         from lark.exceptions import UnexpectedInput
 
         if len(self.text) > MOST_CHARACTERS:
@@ -244,16 +246,16 @@ class _Sentence:
             if token is not None and token.type == "$END":
                 place, said = len(self.text.rstrip()), "more is needed here"
             else:
-                place = error.pos_in_stream
+                place = error.pos_in_stream or 0
                 what = self.text[place : place + len(token or " ")]
                 said = f"{what!r} is not understood here"
             hint = f"; must be {' or '.join(words)}" if 0 < len(words) < 4 else ""
             raise self.fault(place, f"{said}{hint}") from None
 
     def fault(self, place: int | Token, said: str) -> ValueError:
-        place = getattr(place, "start_pos", place)
+        at: Any = getattr(place, "start_pos", place)
         text = self.text if len(self.text) < 200 else f"{self.text:.60}..."
-        return ValueError(f"{self.kind} {text!r}, character {place + 1}: {said}")
+        return ValueError(f"{self.kind} {text!r}, character {at + 1}: {said}")
 
     def times(self, left: Sum, right: Sum, place: Token | None) -> Sum:
         """The product of two sums. Raises ValueError for too many terms or too high a power."""
@@ -275,10 +277,8 @@ class _Sentence:
     def of_equations(self) -> Iterator[tuple[int, Sum]]:
         """The terms that a library has in each equation that it is about."""
         scope, right = self.tree().children
-        scoped = range(len(self.states))
-        if scope is not None:
-            scoped = [self.state(name) for name in scope.children]
-        for equation in scoped:
+        scoped = None if scope is None else [self.state(name) for name in scope.children]
+        for equation in range(len(self.states)) if scoped is None else scoped:
             yield equation, self.sum(right, equation)
 
     def known(self) -> Known | Bounds:
@@ -292,7 +292,8 @@ class _Sentence:
             if not all(map(isfinite, terms.values())):
                 raise self.fault(name, "a coefficient is not finite")
             return Known(name.value, terms)
-        mean, deviation = (None if number is None else self.number(number) for number in numbers)
+        mean = self.number(numbers[0])
+        deviation = None if numbers[1] is None else self.number(numbers[1])
         if list(terms.values()) != [1.0]:
             raise self.fault(name, "must be one term, without a number, before the =")
         if not isfinite(mean):
@@ -301,7 +302,7 @@ class _Sentence:
             raise self.fault(numbers[1].children[1], "the deviation must be above 0")
         return Known(name.value, dict.fromkeys(terms, mean), deviation or 0.0)
 
-    def bounds(self, name: Token, parts: Sequence[Tree | Token | None], equation: int) -> Bounds:
+    def bounds(self, name: Token, parts: Sequence[Node], equation: int) -> Bounds:
         """Of sums with relations between them: one is the term, what is beside it are numbers."""
         sums = [self.sum(part, equation) for part in parts[::2] if part is not None]
         relations = [relation[0] for relation in parts[1::2] if relation is not None]
@@ -314,11 +315,12 @@ class _Sentence:
         for k, relation in enumerate(relations):
             other = k if k + 1 == own else k + 1
             side = relation if other > own else "<>"[relation == "<"]
-            if values[other] is None or not isfinite(values[other]):
+            value = values[other]
+            if value is None or not isfinite(value):
                 raise self.fault(name, "a bound must be a finite number")
             if not np.isinf(ends[side]):
                 raise self.fault(name, "two bounds are on one side")
-            ends[side] = values[other]
+            ends[side] = value
         lower, upper = ends[">"], ends["<"]
         if not lower < upper:
             raise self.fault(name, f"no number is between {lower:g} and {upper:g}")
@@ -330,11 +332,11 @@ class _Sentence:
             raise self.fault(name, said)
         return self.states.index(name)
 
-    def number(self, tree: Tree) -> float:
+    def number(self, tree: Node) -> float:
         sign, number = tree.children
         return float(f"{sign or ''}{number}")
 
-    def sum(self, tree: Tree, equation: int, within: bool = False) -> Sum:
+    def sum(self, tree: Node, equation: int, within: bool = False) -> Sum:
         """Coefficients by term; in a library all are one, but `within` a function or a divisor."""
         bare = self.kind == "library" and not within
         total: Sum = {}
@@ -346,7 +348,7 @@ class _Sentence:
             self.check_count(len(total), None)
         return dict.fromkeys(total, 1.0) if bare else total
 
-    def product(self, tree: Tree, equation: int, within: bool) -> Sum:
+    def product(self, tree: Node, equation: int, within: bool) -> Sum:
         first, *others = tree.children
         result = self.factor(first, equation, within)
         for sign, factor in zip(others[::2], others[1::2], strict=True):
@@ -357,20 +359,22 @@ class _Sentence:
             result = self.times(result, by(factor, equation, within, sign), sign)
         return result
 
-    def divided(self, tree: Tree, equation: int, within: bool, place: Token) -> Sum:
+    def divided(self, tree: Node, equation: int, within: bool, place: Token) -> Sum:
         """One over a factor."""
         if tree.data == "raised":
-            return self.raised(*tree.children, equation, within, place)
+            base, number = tree.children
+            return self.raised(base, number, equation, within, place)
         return self.inverse(self.factor(tree, equation, within or tree.data == "sum"), place)
 
-    def factor(self, tree: Tree, equation: int, within: bool, _: object = None) -> Sum:
+    def factor(self, tree: Node, equation: int, within: bool, _: object = None) -> Sum:
         if tree.data == "sum":
             return self.sum(tree, equation, within)
         if tree.data == "raised":
-            return self.raised(*tree.children, equation, within)
-        if tree.data == "function":
-            return self.function(*tree.children[:2], equation)
+            base, number = tree.children
+            return self.raised(base, number, equation, within)
         name = tree.children[0]
+        if tree.data == "function":
+            return self.function(name, tree.children[1], equation)
         if tree.data == "constant":
             if self.kind == "library" and not within and float(name) != 1.0:
                 raise self.fault(name, "a library has terms, not coefficients; must be 1")
@@ -384,7 +388,7 @@ class _Sentence:
             return self.wind(name, equation, tree.data == "wind")
         return {self.monomial([self.name(name)]): 1.0}
 
-    def function(self, name: Token, argument: Tree, equation: int) -> Sum:
+    def function(self, name: Token, argument: Node, equation: int) -> Sum:
         """A function of a sum of states. name: with its bracket, or an opening bar."""
         kind = "abs" if name.type == "OPEN" else name.rstrip("(").rstrip()
         own = self.combination(self.sum(argument, equation, within=True))
@@ -414,13 +418,13 @@ class _Sentence:
         return own if any(own[:-1]) else None
 
     def raised(
-        self, base: Tree, number: Tree, equation: int, within: bool, below: Token | None = None
+        self, base: Node, number: Node, equation: int, within: bool, below: Token | None = None
     ) -> Sum:
         """A power. below: the sign of a division by it."""
         sign, digits = number.children
         by = self.divided if (sign == "-") != (below is not None) else self.factor
         power, own = self.power(digits), by(base, equation, within, below or sign)
-        result = {self.monomial(()): 1.0}
+        result: Sum = {self.monomial(()): 1.0}
         for _ in range(power):
             result = self.times(result, own, digits)
         return result
@@ -441,7 +445,7 @@ class _Sentence:
         if not value:
             raise self.fault(place, "zero cannot be divided by")
         n = len(self.states)
-        result = {tuple([0] * n + [-e for e in term[n:]]): 1.0 / value}
+        result: Sum = {tuple([0] * n + [-e for e in term[n:]]): 1.0 / value}
         for k, power in enumerate(term[:n]):
             unit = [float(i == k) for i in range(n)] + [0.0]
             for _ in range(power):

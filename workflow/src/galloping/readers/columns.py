@@ -1,6 +1,7 @@
 """What the words in the name of a column say: a time, a motion in a direction, or another thing."""
 
 import re
+from collections.abc import Set
 
 from galloping.readers.units import ORDERS, measures, named
 
@@ -43,7 +44,7 @@ def words_of(header: str) -> set[str]:
     return {word.casefold() for word in re.findall(r"[^\W\d_]+", parted)}
 
 
-def _among(words: set[str], stems: set[str], whole: set[str] = frozenset()) -> bool:
+def _among(words: set[str], stems: set[str], whole: Set[str] = frozenset()) -> bool:
     return bool(words & whole) or any(stem in word for word in words for stem in stems)
 
 

@@ -7,8 +7,8 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import partial
-from numbers import Number
+from decimal import Decimal
+from numbers import Number, Real
 from pathlib import Path
 from typing import TypeVar
 from zipfile import ZipFile
@@ -126,9 +126,9 @@ class FileTable:
         else:
             numbers = pd.to_numeric(pd.Series(values), errors="coerce").to_numpy(float)
             for row in np.flatnonzero(np.isnan(numbers) & ~pd.isna(values)):
-                raise self.fault(row, name, "is not a number")
+                raise self.fault(int(row), name, "is not a number")
         for row in np.flatnonzero(np.abs(numbers) > 1e100):  # infinities, too
-            raise self.fault(row, name, "is no measurement")
+            raise self.fault(int(row), name, "is no measurement")
         return numbers
 
     def fault(self, row: int, name: str, what: str) -> FileError:
@@ -156,7 +156,7 @@ def read_table(
     try:
         _check_file(path, suffix)
         if suffix in TEXT:
-            table = _table(path, *read_text(partial(path.open, "rb"), decimal, time, rows))
+            table = _table(path, *read_text(lambda: path.open("rb"), decimal, time, rows))
         elif suffix == SHEET:
             text, notes = _sheet(path, decimal)
             content, first, more = read_text(lambda: io.BytesIO(text), ".", time, rows)
@@ -202,7 +202,9 @@ def _table(
     others: Mapping[str, str] = NONE,
 ) -> FileTable:
     """content: header, values and unit, or None, of each column."""
-    columns, units, unclear = {}, {}, set()
+    columns: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    unclear: set[str] = set()
     for header, values, unit in content:
         name, own = named(printable(header))
         if name in columns:
@@ -295,7 +297,9 @@ def _read_arrays(path: Path, suffix: str) -> FileTable:
     if max((len(values) for _, values, _ in vectors), default=0) > 1:
         single = {name: values[0] for name, values, _ in vectors if len(values) == 1}
         vectors = [each for each in vectors if len(each[1]) > 1]
-        scalars = {printable(n): float(x) for n, x in single.items() if isinstance(x, Number)}
+        scalars = {
+            printable(n): float(x) for n, x in single.items() if isinstance(x, Real | Decimal)
+        }
     if not vectors:
         held = enumerated([f"{name:.{LONGEST}} ({shape})" for name, shape in others.items()])
         raise FileError(

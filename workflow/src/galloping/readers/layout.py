@@ -110,14 +110,14 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
         notes.append(f"no row names the columns: they are named by their place, 1 to {columns}")
     else:
         names = fitted[header]
-    if first is None:
-        first = header + 1
+        first = header + 1 if first is None else first
     used = {header, units_row}
     passed = [starts[k] + 1 for k in plain if k < first and k not in used]
     notes += [f"rows before the data were left out: {len(passed)}, from row {k} on"
               for k in passed[:1]]  # fmt: skip
-    apart = units_row not in (None, header)
-    units = _read_units(fitted[units_row]) if apart else [None] * columns
+    units: list[str | None] = [None] * columns
+    if units_row is not None and units_row != header:
+        units = list(_read_units(fitted[units_row]))
     line = starts[first] + 1 if first < len(starts) else len(lines) + 1
     return Layout(separator, decimal, names, units, first, line, tuple(notes))
 

@@ -143,17 +143,19 @@ class ColumnMapping(_Section):
                 f"rate: column {self.time.column!r} has a unit, {self.time.unit}, and counts no "
                 "samples; must have one of both"
             )
-        columns = [one.column for one in (*self.clocks, *self.channels, *self.inputs)]
+        columns = [one.column for one in self.columns]
         for column in columns:
             if columns.count(column) > 1:
                 raise ValueError(f"column {column!r} is named twice")
         for channel in self.channels:
             self.target(channel)
-            if channel.position is not None and self.span is None:
+            if channel.position is None:
+                continue
+            if self.span is None:
                 raise ValueError(
                     f"channels: {channel.column!r} has a position, so the mapping needs the span"
                 )
-            if channel.position is not None and not 0 < channel.position < self.span:
+            if not 0 < channel.position < self.span:
                 raise ValueError(
                     f"channels: position {channel.position:g} m of {channel.column!r} is not "
                     f"inside the span of {self.span:g} m"
@@ -187,7 +189,13 @@ class ColumnMapping(_Section):
         return (self.time,) if self.time else ()
 
     @property
+    def columns(self) -> tuple[TimeColumn | Channel | InputColumn, ...]:
+        """All columns that are read: of times, of channels and of inputs."""
+        return (*self.clocks, *self.channels, *self.inputs)
+
+    @property
     def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs in a library, in the order of `inputs`."""
         return tuple(one.name for one in self.inputs)
 
     def target(self, channel: Channel) -> tuple[int, bool]:
@@ -214,7 +222,7 @@ def validated(content: object) -> ColumnMapping:
     raise MappingError("\n".join([*lines[:MOST_LINES], *more]))
 
 
-def _line(problem: dict) -> str:
+def _line(problem: Mapping[str, Any]) -> str:
     place = ".".join(str(key) for key in problem["loc"] if key not in ("str", "float"))
     message = problem["msg"].removeprefix("Value error, ")
     if problem["type"] == "value_error":
@@ -275,10 +283,10 @@ def input_of(text: str, between: str | None = None) -> dict:
 
 def _units(texts: Sequence[str]) -> tuple[dict[str, str], str | None]:
     """Units of columns from `COLUMN=UNIT`, and that of all others but the time, or None."""
-    for_all, *more = [text for text in texts if "=" not in text] or [None]
+    for_all, *more = [text for text in texts if "=" not in text] or [""]
     if more:
         raise MappingError(f"--unit: {for_all} and {more[0]}; must be one for all, or COLUMN=UNIT")
-    return _by_column(text for text in texts if "=" in text), for_all
+    return _by_column(text for text in texts if "=" in text), for_all or None
 
 
 def _by_column(texts: Iterable[str]) -> dict[str, str]:
@@ -318,8 +326,8 @@ def mapping_of(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, st
     _tell("unit", by_column, [*clocks, *channels, *driving])
     _tell("noise", _by_column(options["noises"]), channels)
     _tell("delay", _by_column(options["delays"]), [*channels, *driving])
-    content = {"states": states, "channels": channels, "inputs": driving}
-    content["time"] = next(iter(clocks), None)
+    content: dict[str, Any] = {"states": states, "channels": channels, "inputs": driving}
+    content["time"] = clocks[0] if clocks else None
     return validated(content | {key: options[key] for key in ("decimal", "span", "rate")}), said
 
 

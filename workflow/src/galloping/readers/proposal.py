@@ -87,7 +87,7 @@ class Proposal:
     @property
     def clock(self) -> str | None:
         """The column of times, if there is one."""
-        return self.time and self.time["column"]
+        return self.time["column"] if self.time else None
 
     @property
     def states(self) -> list[str]:
@@ -96,7 +96,7 @@ class Proposal:
 
     def check_time(self, file: str) -> None:
         """Raise ValueError if the column of times is no more than a guess."""
-        doubt = self.doubts.get(self.clock, Doubt())
+        doubt = self.doubts.get(self.clock or "", Doubt())
         if doubt.cause:
             raise ValueError(f"{file}: {doubt.cause}; {doubt.remedy}")
 

@@ -57,11 +57,12 @@ def parted(recording: Recording, period: float) -> list[Recording]:
     fewer than FEWEST samples or LEAST are left out, but where no part is longer and the inputs are
     known throughout. Raises ValueError where no part is left.
     """
-    measured = np.isfinite(recording.values).any(axis=1)
+    measured = np.any(np.isfinite(recording.values), axis=1)
     if recording.rates is not None:
-        measured |= np.isfinite(recording.rates).any(axis=1)
-    known = (one.covered(recording.time) for one in recording.inputs.values())
-    driven = np.all([np.ones(len(measured), bool), *known], axis=0)
+        measured = measured | np.any(np.isfinite(recording.rates), axis=1)
+    driven = np.full(len(recording.time), True)
+    for one in recording.inputs.values():
+        driven = driven & one.covered(recording.time)
     told = driven & ~_silent(recording, SILENT * period)
     rows = np.flatnonzero(measured & told)
     apart = np.diff(recording.time[rows]) > period

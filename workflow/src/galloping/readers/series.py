@@ -112,17 +112,20 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     Rows out of order are sorted, repeated ones dropped where they agree; both are noted.
     """
     passing(Path(path).name)
-    table = read_table(path, mapping.decimal, mapping.time and mapping.time.column)
-    for one in (*mapping.clocks, *mapping.channels, *mapping.inputs):
+    table = read_table(path, mapping.decimal, mapping.time.column if mapping.time else None)
+    for each in mapping.columns:
         try:
-            table.column(one.column)
+            table.column(each.column)
         except FileError as error:
-            raise FileError(f"{error}; {HINTS[type(one)]}") from None
-    instants = find_instants(table, mapping.time) if mapping.rate is None else None
+            raise FileError(f"{error}; {HINTS[type(each)]}") from None
+    instants = None
+    if mapping.time and mapping.rate is None:
+        instants = find_instants(table, mapping.time)
     _check_units(table, mapping, mapping.rate is None and instants is None)
     time, start, origin = seconds_of(table, mapping, instants)
     notes, columns, units = list(table.notes), [], {}
-    for one in (*mapping.channels, *mapping.inputs):
+    measured: tuple[Channel | InputColumn, ...] = (*mapping.channels, *mapping.inputs)
+    for one in measured:
         column, codes = _without_codes(table.numbers(one.column))
         notes += [
             f"column {one.column!r}: {count} samples of {code:g}, a code for missing ones, were "
@@ -161,10 +164,10 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
             )
     rows = np.arange(len(time)) + table.first_row
     time, values, rows, more = put_in_order(table, time, np.column_stack(columns), rows)
-    measured = len(mapping.channels)
-    inputs = inputs_of(table, mapping.inputs, time, values[:, measured:])
-    values = values[:, :measured]
-    if len(time) < FEWEST and measured:
+    n_channels = len(mapping.channels)
+    inputs = inputs_of(table, mapping.inputs, time, values[:, n_channels:])
+    values = values[:, :n_channels]
+    if len(time) < FEWEST and n_channels:
         raise FileError(f"{table.path}: {len(time)} rows are fewer than the {FEWEST} needed")
     for channel, column in zip(mapping.channels, values.T, strict=True):
         known = column[np.isfinite(column)]
@@ -179,7 +182,7 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
             )
     _check_distinct(table, mapping, values)
     noise = np.array([_known_noise(table, channel) for channel in mapping.channels])
-    used = {named(c.column)[0] for c in (*mapping.clocks, *mapping.channels, *mapping.inputs)}
+    used = {named(each.column)[0] for each in mapping.columns}
     unused = tuple(name for name in table.columns if name not in used)
     of_motion = tuple(
         name
@@ -290,7 +293,7 @@ def _check_units(table: FileTable, mapping: ColumnMapping, of_time: bool) -> Non
         return not (one.unit or table.unit(one.column))
 
     bare: list[tuple[str, str]] = []
-    if of_time and lacks(mapping.time):
+    if of_time and mapping.time and lacks(mapping.time):
         name = mapping.time.column
         bare.append((name, likely_time_unit(table.numbers(name))))
     for one in filter(lacks, mapping.channels):

@@ -49,7 +49,7 @@ def find_instants(
     strange = np.flatnonzero(text.notna() & found[0].isna())
     if len(strange):
         what = "is neither a number nor a time, such as 2026-01-31T12:00:00.04"
-        raise table.fault(strange[0], name, what)
+        raise table.fault(int(strange[0]), name, what)
     if any(not (stamps - stamps.min()).equals(found[0] - found[0].min()) for stamps in found):
         raise table.fault(0, name, "may be day or month first; write dates as 2026-01-31")
     stamps = pd.DatetimeIndex(found[0])
@@ -63,34 +63,29 @@ def seconds_of(
     table: FileTable, mapping: ColumnMapping, times: pd.Index | None
 ) -> tuple[np.ndarray, str, float]:
     """Times in s since the first, when that was, if the file says it, and on which second."""
+    name = mapping.time.column if mapping.time else ""  # a rate alone has no empty column
     if mapping.rate is not None:
-        values = _counted(table, mapping)
-        if not np.isfinite(values).any():
-            raise FileError(f"{table.at(mapping.time.column)} is empty")
-        return values - np.nanmin(values), "", float(np.nanmin(values))
-    name = mapping.time.column
-    if isinstance(times, pd.DatetimeIndex) and times.notna().any():
+        values = _counted(table, mapping, mapping.rate)
+    elif isinstance(times, pd.DatetimeIndex) and times.notna().any():
         first = times.min()
         seconds = np.asarray((times - first).total_seconds(), float)
         return seconds, first.isoformat(), first.timestamp()
-    if isinstance(times, pd.TimedeltaIndex):
+    elif isinstance(times, pd.TimedeltaIndex):
         values = times.total_seconds().to_numpy(float)
     elif times is not None:
         values = np.full(len(times), np.nan)
     else:
-        values = table.numbers(name) * table.convert(
-            name, mapping.time.unit, partial(factor, wanted="s")
-        )
+        unit = mapping.time.unit if mapping.time else None
+        values = table.numbers(name) * table.convert(name, unit, partial(factor, wanted="s"))
     if not np.isfinite(values).any():
         raise FileError(f"{table.at(name)} is empty")
     return values - np.nanmin(values), "", float(np.nanmin(values))
 
 
-def _counted(table: FileTable, mapping: ColumnMapping) -> np.ndarray:
-    """Return the times of samples at the rate of a mapping, s, by their count or by their rows."""
+def _counted(table: FileTable, mapping: ColumnMapping, rate: float) -> np.ndarray:
+    """Return the times of samples, s, at a rate, 1/s, by their count or by their rows."""
     if mapping.time is None:
-        first = (*mapping.channels, *mapping.inputs)[0]
-        return np.arange(len(table.column(first.column))) / mapping.rate
+        return np.arange(len(table.column(mapping.columns[0].column))) / rate
     name = mapping.time.column
     if unit := table.unit(name):
         raise FileError(
@@ -98,8 +93,8 @@ def _counted(table: FileTable, mapping: ColumnMapping) -> np.ndarray:
         )
     counts = table.numbers(name)
     for row in np.flatnonzero(np.isfinite(counts) & (counts != np.round(counts))):
-        raise table.fault(row, name, "is no count of samples; leave out the rate")
-    return counts / mapping.rate
+        raise table.fault(int(row), name, "is no count of samples; leave out the rate")
+    return counts / rate
 
 
 def put_in_order(

@@ -5,15 +5,17 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import cache
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
+from galloping.model.polynomial import Exponents
 from galloping.readers.unit_definitions import DEFINITIONS, PREFIXES
 
 AMOUNT = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)?\s*(.*)", re.DOTALL)
 WITH_UNIT = re.compile(r"(?P<bare>.*\S)\s*(\[(?P<unit>[^\[\]]*)\]|[(（](?P<round>[^()（）]*)[)）])")
 WITHIN = re.compile(r"[(\[]([^()\[\]]*)[)\]]")  # a unit anywhere, as in `Position (m) Run #1`
-NONE = MappingProxyType({})
+NONE: Mapping[str, Any] = MappingProxyType({})
 # `v, mm`, `v / mm` and `v in mm`
 BEHIND = re.compile(r"(?P<bare>.*[^\s,/])(?:\s*[,/]\s*|\s+in\s+)(?P<unit>[^\s,]+)")
 # Of those a file may say without brackets: other words behind a comma are part of a name.
@@ -211,7 +213,8 @@ def amount(text: str | float, unit: str, target: str) -> float:
 
     unit: of the number where the text has none. Raises UnitError.
     """
-    number, own = AMOUNT.fullmatch(str(text).strip()).groups()
+    match = AMOUNT.fullmatch(str(text).strip())
+    number, own = match.groups() if match else (None, "")
     if not number:
         raise UnitError(f"{text!r} is not a number with a unit, such as '3 mm'")
     if own and unit == "1":
@@ -282,7 +285,7 @@ def state_si(unit: str, target: str) -> tuple[float, str]:
 
 
 def coefficient_unit(
-    state: str, exponents: Sequence[int], names: Sequence[str], inputs: Mapping[str, str] = NONE
+    state: str, exponents: Exponents, names: Sequence[str], inputs: Mapping[str, str] = NONE
 ) -> str:
     """SI unit of a term's coefficient in the equation of a state, such as m^-1 s^-2, or `1`.
 

@@ -5,7 +5,7 @@ None of these packages is imported: a container is recognised by what it can do.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,7 @@ OfOne: TypeAlias = Samples | Mapping[str, Input | float]
 Driving: TypeAlias = OfOne | Callable[[float], ArrayLike] | Sequence[OfOne] | None
 
 
-def is_several(data: object) -> bool:
+def is_several(data: object) -> TypeGuard[Sequence[Any]]:
     """Whether data are a list of recordings: of arrays or frames, as for pysindy.
 
     Nested lists of numbers are one array.
@@ -105,8 +105,9 @@ def _names(u: object) -> list[str] | None:
     """Names of columns, where `u` is such."""
     if isinstance(u, str):
         return [u]
-    are_names = isinstance(u, list | tuple) and u and all(isinstance(name, str) for name in u)
-    return list(u) if are_names else None
+    if isinstance(u, list | tuple) and u and all(isinstance(name, str) for name in u):
+        return list(u)
+    return None
 
 
 def split_samples(
@@ -175,18 +176,16 @@ def make_recordings(
     if not is_several(x):
         return [_recording(x, t, u, x_dot, states, inputs, between)]
     found = []
-    parts = {"x_dot": x_dot} if _names(u) else {"u": u, "x_dot": x_dot}
+    parts: dict[str, Any] = {"x_dot": x_dot} if _names(u) else {"u": u, "x_dot": x_dot}
     for name, part in parts.items():
         if part is not None and (not isinstance(part, list | tuple) or len(part) != len(x)):
             raise ValueError(f"{name}: must be a list of {len(x)}, one for each recording of x")
-    each_t = isinstance(t, list | tuple) and len(t) == len(x)
+    times = t if isinstance(t, list | tuple) and len(t) == len(x) else [t] * len(x)
     for k, one in enumerate(x):
-        driving = u if "u" not in parts or u is None else u[k]
-        rates = None if x_dot is None else x_dot[k]
+        own = {name: None if part is None else part[k] for name, part in parts.items()}
+        driving = own.get("u", u)
         try:
-            found.append(
-                _recording(one, t[k] if each_t else t, driving, rates, states, inputs, between)
-            )
+            found.append(_recording(one, times[k], driving, own["x_dot"], states, inputs, between))
         except ValueError as error:
             raise ValueError(f"recording {k}: {error}") from None
     return found

@@ -129,7 +129,7 @@ def recordings_of(
     def record(replicate: int, release: int) -> Recording:
         rng = generator(seed, "measurement", *name, replicate, release)
         motion, noise = motions[release], noises[release]
-        rows = slice(None)
+        rows: slice | np.ndarray = slice(None)
         if samples < len(motion.time):
             rows = np.sort(rng.choice(len(motion.time), size=samples, replace=False))
         values = _channels(motion.states[rows], noise.states, rng)

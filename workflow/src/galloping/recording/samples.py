@@ -331,7 +331,7 @@ class Recording(Immutable):
             raise ValueError(f"recording: states: {states!r:.60}; must be distinct, one or more")
         time = increasing("recording: time", seconds("recording: time", self.time))
         shape = len(time), len(states)
-        checked = {"time": time, "states": states}
+        checked: dict[str, Any] = {"time": time, "states": states}
         for name in ("values", "rates"):
             if (given := getattr(self, name)) is not None:
                 array = checked[name] = floats(f"recording: {name}", given, shape)

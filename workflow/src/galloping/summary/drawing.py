@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from textwrap import fill
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -34,7 +34,7 @@ POINTS = 1500  # of an envelope: more than a figure has pixels
 SEGMENTS = 6  # of a recording, whose spectra are averaged
 DECADES = 6  # of a spectrum
 EDGE = "#a8741a"  # of the band, so that it is seen in grey
-MARK = {"color": PAPER, "lw": 0.8, "ls": ":"}
+MARK: Mapping[str, Any] = {"color": PAPER, "lw": 0.8, "ls": ":"}
 
 
 def draw_quality(

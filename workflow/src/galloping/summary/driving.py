@@ -37,13 +37,16 @@ def driving(
     Columns have the names of the inputs, and their units behind them. Raises ValueError where an
     input is not said, and for files that cannot be read.
     """
-    found: dict[str, Input | float] = _held(at, names)
+    found = _held(at, names)
     left = [name for name in names if name not in found]
     if path is not None:
         if not left:
             raise ValueError(f"--inputs {path}: the model needs no inputs from a file")
-        clock = time or find_clock(read_table(path, None, None, ROWS), None, {})
-        inputs = tuple(InputColumn(column=name, between=kinds.get(name)) for name in left)
+        clock = time or find_clock(read_table(path, None, None, ROWS), None, {}) or ""
+        inputs = tuple(
+            InputColumn.model_validate({"column": name, "between": kinds.get(name)})
+            for name in left
+        )
         mapping = ColumnMapping.model_construct(
             time=TimeColumn(column=clock), channels=(), inputs=inputs
         )
@@ -106,14 +109,16 @@ def usual_sampling(
         for name, one in inputs.items()
     }
     pace = Pace.of(model.at(means), start)
-    return tuple(float(f"{usual:.2g}") for usual in (PERIODS * pace.slow, PER_PERIOD / pace.fast))
+    duration, rate = PERIODS * pace.slow, PER_PERIOD / pace.fast
+    return float(f"{duration:.2g}"), float(f"{rate:.2g}")
 
 
-def _held(at: Sequence[str], names: Sequence[str]) -> dict[str, float]:
-    found = held_at(at, names)
-    for name, value in found.items():
-        if np.ndim(value):
+def _held(at: Sequence[str], names: Sequence[str]) -> dict[str, Input | float]:
+    found: dict[str, Input | float] = {}
+    for name, value in held_at(at, names).items():
+        if isinstance(value, np.ndarray):
             raise ValueError(f"--at {name}: a range is of `galloping assess`; must be one value")
+        found[name] = value
     return found
 
 

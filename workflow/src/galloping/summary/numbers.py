@@ -25,6 +25,7 @@ from galloping.summary.helps import shown_units, units_in
 
 if TYPE_CHECKING:
     from galloping.behaviour.forecast import HeldOut
+    from galloping.summary.advice import Advice
     from galloping.summary.summarise import Summary
 
 MOST_ABSENT = 3  # terms that are named because they may be there unseen
@@ -195,7 +196,7 @@ def findings(
         A name, and what is known of the system by that name.
     """
     found, known, units = of.found, of.dynamics, units_in(reports)
-    below = found.diagnostics.get("below", nan)
+    below = float(found.diagnostics.get("below", nan))
     placed = {
         column["measures"]
         for report in reports
@@ -225,7 +226,7 @@ def findings(
             for name, value in found.diagnostics.items()
             if name.startswith("scale_")
         },
-        further_recording=_advice(of) if of.advice else None,
+        further_recording=_advice(of.advice) if of.advice else None,
         compared=(beside[0], _system(beside[1], None, units)) if beside and beside[1] else None,
     )
 
@@ -258,7 +259,7 @@ def _system(
         tuple(_small_motion(known, name) for name in small),
         known.kind,
         {name: Estimate.of(value, plain_unit(name)) for name, value in lasts.items()},
-        period and Estimate.of(period, "s"),
+        Estimate.of(period, "s") if period else None,
     )
 
 
@@ -275,11 +276,11 @@ def _small_motion(known: Dynamics, name: str) -> SmallMotionEstimates:
 
 def _doubling(frequency: Value, damping: Value) -> Estimate:
     """The time in which a motion that grows doubles; without an end where it may not grow."""
-    time, *ends = (
+    time, low, high = (
         log(2.0) / (2.0 * pi * frequency.value * -ratio) if ratio < 0.0 else inf
         for ratio in (damping.value, damping.low, damping.high)
     )
-    return Estimate(time, *ends, unit="s")
+    return Estimate(time, low, high, unit="s")
 
 
 def _recorded(
@@ -311,7 +312,8 @@ def _columns(
     reports: Sequence[dict], recorded: Sequence[RecordedMotion]
 ) -> Iterator[RecordedMotion]:
     """The columns of files whose own extremes are not those of the state that they measure."""
-    states, columns = {one.name: one for one in recorded}, {}
+    states = {one.name: one for one in recorded}
+    columns: dict[tuple[str, str], list[tuple[str, float, float]]] = {}
     for report in reports:
         for name, column in report["channels"].items():
             own = report["file"], column["lowest"], column["highest"]
@@ -389,7 +391,7 @@ def _absent(
     shares = found.detection_limits * largest * time / sizes[:, np.newaxis]
     shares = np.where(np.isfinite(shares), shares, -1.0)
     flat = np.argsort(-shares, axis=None, kind="stable")[:MOST_ABSENT]
-    inputs = dict.fromkeys(model.inputs, "") | units
+    inputs = {**dict.fromkeys(model.inputs, ""), **units}
     for i, j in zip(*np.unravel_index(flat, shares.shape), strict=True):
         if shares[i, j] > 0.0:
             yield AbsentTerm(
@@ -405,8 +407,7 @@ def _root_mean_square(name: str, recordings: Sequence[Recording]) -> float:
     return float(np.sqrt(np.nanmean(values**2)))
 
 
-def _advice(of: "Summary") -> FurtherRecording:
-    own = of.advice
+def _advice(own: "Advice") -> FurtherRecording:
     return FurtherRecording(
         own.term, own.coefficient, own.error, own.unit, own.duration, dict(own.options)
     )

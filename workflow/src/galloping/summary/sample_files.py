@@ -31,9 +31,12 @@ from galloping.trials.attempts import FAR, against_truth, counted_cost, describe
 
 SPREAD = 0.1  # of a nominal frequency and damping, either way
 NUMBERS = "%.9g"  # in the files
-DISPLACEMENT = {"states": ("q", "dq"), "channels": [{"column": "x", "measures": "q"}]}
+DISPLACEMENT: dict[str, object] = {
+    "states": ("q", "dq"),
+    "channels": [{"column": "x", "measures": "q"}],
+}
 ACCELERATION = {"states": ("q", "dq"), "channels": [{"column": "acc", "measures": "ddq"}]}
-FORCE = {"inputs": [{"column": "F", "name": "F"}]}
+FORCE: dict[str, object] = {"inputs": [{"column": "F", "name": "F"}]}
 
 
 @dataclass(frozen=True)
@@ -281,8 +284,8 @@ def trial(
         for method in methods:
             with counted_cost(field.recordings) as cost:
                 _, summary = identify_field(field, FieldQuestion(method=method, library=library))
-            row = {"case": case, "seed": seed, "replicate": replicate, "method": method}
-            row |= describe_answer(summary.found) | cost
+            row: dict[str, object] = {"case": case, "seed": seed, "replicate": replicate}
+            row |= {"method": method, **describe_answer(summary.found), **cost}
             yield row | (judge(sample, summary) if sample else {})
 
 
@@ -293,7 +296,7 @@ def write_and_read(sample: SampleFile) -> Field:
     with TemporaryDirectory() as folder:
         path = Path(folder, "sample.csv")
         pd.DataFrame(sample.columns).to_csv(path, index=False, float_format=NUMBERS)
-        return read_field([path], validated(time | sample.mapping))
+        return read_field([path], validated({**time, **sample.mapping}))
 
 
 def judge(sample: SampleFile, summary: Summary) -> dict[str, object]:
@@ -316,7 +319,7 @@ def judge(sample: SampleFile, summary: Summary) -> dict[str, object]:
         if mode.damping:  # otherwise the damping is not that of small motions
             pairs.append((stated.damping.get(first), mode.damping))
         off = [_distance(value, truth) for value, truth in pairs if value is not None]
-    row = {
+    row: dict[str, object] = {
         "intervals_held": float(np.mean(np.array(off) <= 1.0)) if off else np.nan,
         "cause_named": float(found.has_finding(sample.cause)) if sample.cause else np.nan,
     }

@@ -1,6 +1,6 @@
 """What an identified model says of its system: what `summary.md` holds, with its intervals."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -35,6 +35,7 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import checked_recordings
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
+from galloping.identification.observations import Finding
 from galloping.identification.random_forces import forced_motion as in_random_forces
 from galloping.identification.random_forces.low_pass import as_modelled
 from galloping.identification.work import limit_work
@@ -50,7 +51,10 @@ from galloping.summary.wording import summary_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-METHODS = {"maximum_likelihood": maximum_likelihood, "weak_gls": weak_gls}
+METHODS: Mapping[str, Callable[..., IdentifiedModel]] = {
+    "maximum_likelihood": maximum_likelihood,
+    "weak_gls": weak_gls,
+}
 HELD_OUT = 0.1  # of a recording, to try the forecast on,
 MOST_HELD_OUT = 30  # periods of the motion, and so many samples of it
 MOST_SAMPLES = 5000
@@ -86,9 +90,8 @@ class Summary(Immutable):
     def forecasts(self) -> list[Forecast]:
         """Forecasts of the end that was held out, its band widened, and of what follows."""
         trial = self.held_out
-        useful = trial is not None and trial.useful
-        parts = trial.forecast.widened(trial.factors) if useful else None, self.forecast
-        return [one for one in parts if one is not None]
+        held_out = [trial.forecast.widened(trial.factors)] if trial and trial.useful else []
+        return [*held_out, *([self.forecast] if self.forecast else [])]
 
     def __str__(self) -> str:
         return summary_text(self)
@@ -116,7 +119,9 @@ class Summary(Immutable):
         from galloping.summary.drawing import draw_forecast
 
         ahead, after = self.forecasts, [self.recordings[-1]] * (self.forecast is not None)
-        tried = [self.recordings[self.held_out.index]] if len(ahead) > len(after) else []
+        tried = []
+        if self.held_out is not None and len(ahead) > len(after):
+            tried = [self.recordings[self.held_out.index]]
         length = np.ptp(self.motions[0][0]) if self.motions else 0.0
         return draw_forecast([*tried, *after], ahead, length)
 
@@ -159,7 +164,7 @@ def summarised(
     seed: int,
     *,
     names: Sequence[str],
-    faults: Sequence[str] = (),
+    faults: Sequence[Finding] = (),
     are_one: bool = False,
 ) -> Summary:
     """The same by any method: identify is what found the model. names, faults, are_one: as of

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from time import monotonic
+from typing import Any
 
 import click
 
@@ -30,7 +31,8 @@ class _Bar:
     """A bar that appears with the first pass, and names what runs."""
 
     def __init__(self, stack: ExitStack) -> None:
-        self._stack, self._bar = stack, None
+        self._stack = stack
+        self._bar: Any = None  # of click, once there is a pass
 
     def __call__(self, what: str, share: float) -> None:
         if self._bar is None:
@@ -49,12 +51,12 @@ class _Lines:
     """
 
     def __init__(self) -> None:
-        self._begin = self._next = None
+        self._begin = self._next = -math.inf  # s, on the clock
         self._last, self._slow = (0.0, 0.0), math.inf  # s, passed and counted; s for one counted
 
     def __call__(self, what: str, share: float) -> None:
         now = monotonic()
-        if self._begin is None:
+        if math.isinf(self._begin):
             self._begin, self._next = now, now + FIRST
         if now < self._next:
             return
@@ -74,10 +76,10 @@ class _Lines:
         click.echo(f"{passed:.0f} s: {what}; about {share:.0%} done, {told}", err=True)
 
 
-def json_text(content: object, **options: object) -> str:
+def json_text(content: object, **options: Any) -> str:
     """JSON, null for numbers that are not finite."""
 
-    def plain(value):
+    def plain(value: object) -> object:
         if isinstance(value, dict):
             return {key: plain(inner) for key, inner in value.items()}
         if isinstance(value, list | tuple):

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from math import floor, isfinite, isinf, isnan, log10
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jinja2 import Environment, StrictUndefined, Template
@@ -35,7 +35,7 @@ from galloping.summary.numbers import (
     FurtherRecording,
     HeldOutChannel,
     RecordedMotion,
-    SmallMotionEstimates,
+    SystemEstimates,
     findings,
     is_blind,
     keeps,
@@ -86,6 +86,7 @@ def rendered(of: "Summary", told: Findings, reports: Sequence[dict] = ()) -> str
     unused = [f"{name!r} of {report['file']}" for report in reports
               for name in report.get("unused_motion", ())]  # fmt: skip
     of_span, units = is_span(found), units_in(reports)
+    further = [one.name for one in found.further_modes]
     line = "the line" if of_span else "the system"
     values = {
         "of": of, "found": found, "known": known, "told": told, "trial": of.held_out, "ends": ENDS,
@@ -115,7 +116,7 @@ def rendered(of: "Summary", told: Findings, reports: Sequence[dict] = ()) -> str
         "helps": what_helps(of, reports),
         "described": [re.sub(r"\n\s*", "\n  - ", escape_markdown(text)) for text in described],
         "unused": escape_markdown(listed(unused)) if unused else "",
-        "small": _of_small(known, told, [one.name for one in found.further_modes]) if known else {},
+        "small": _of_small(known, told.system, further) if known and told.system else {},
         "beyond": _beyond_recorded(told),
         "degrees": _further_degrees(found),
         "noticed": list(
@@ -205,9 +206,9 @@ def _cells(of: Estimate) -> tuple[str, str]:
     if half > 0.0:
         first = floor(log10(half))
         place = max(first - (half / 10.0**first < TWO_DIGITS), least)
-    number, low, high = _at_place((value, low, high), place)
-    exact = half < 10.0**place
-    return f"{number} {unit}".strip(), "" if exact and low == high else f"{low} to {high}"
+    number, *ends = _at_place((value, low, high), place)
+    exact = half < 10.0**place and ends[0] == ends[1]
+    return f"{number} {unit}".strip(), "" if exact else " to ".join(ends)
 
 
 def _at_place(numbers: Sequence[float], place: int) -> list[str]:
@@ -255,14 +256,15 @@ def _name(state: str) -> str:
     return meaning(state).partition(" ")[0] or state
 
 
-def _of_small(known: "Dynamics", told: Findings, of_further: Collection[str]) -> dict:
+def _of_small(
+    known: "Dynamics", system: SystemEstimates, of_further: Collection[str]
+) -> dict[str, Any]:
     """What small motions about rest do, and the places and sizes that are told with them."""
     damped = {
         state: value
         for state, value in known.damping.items()
         if isfinite(value.value) and state not in of_further
     }
-    system = told.system
     least = min(damped, key=lambda state: damped[state].value, default="")
     return {
         "damped": damped,
@@ -272,7 +274,7 @@ def _of_small(known: "Dynamics", told: Findings, of_further: Collection[str]) ->
             if abs(value.value) < ROUNDING or value.low < -ROUNDING < ROUNDING < value.high
         ],
         "growing": [
-            f"{_name(one.name)} ones double in {_doubling(one)}"
+            f"{_name(one.name)} ones double in {_doubling(one.doubling_time)}"
             for one in system.small_motions
             if one.doubling_time is not None
         ],
@@ -288,8 +290,7 @@ def _of_small(known: "Dynamics", told: Findings, of_further: Collection[str]) ->
     }
 
 
-def _doubling(of: SmallMotionEstimates) -> str:
-    time = of.doubling_time
+def _doubling(time: Estimate) -> str:
     if not (
         isfinite(time.low) and isfinite(time.high)
     ):  # as far as is told, motions may not grow at all

@@ -59,7 +59,7 @@ class Tables:
         n_states, (monomial, state, lower) = len(coefficients), self.slopes.T
         found = np.zeros((n_states, n_states, len(self.monomials)))
         parts = self.on_monomials(coefficients)[:, monomial] * self.slope_factors
-        np.add.at(found, (slice(None), state, lower), parts)
+        np.add.at(found, (slice(None), state, lower), parts)  # type: ignore[arg-type]
         return found
 
 
@@ -77,7 +77,7 @@ def tables(terms: tuple[Exponents, ...], n_states: int) -> Tables:
         (*term[:n_states], *units.get(factor, none), *term[n_exponents:])
         for term, factor in zip(terms, of_inputs, strict=True)
     )
-    slopes = [
+    slopes: list[tuple[Exponents, int, Exponents, float]] = [
         (term, k, lower, number)
         for term in terms
         for k in range(n_states)
@@ -86,7 +86,7 @@ def tables(terms: tuple[Exponents, ...], n_states: int) -> Tables:
     signs = [(term, *part) for term in terms for part in _signs(term)]
     zero = (0,) * n_signals
     closed, queue = {zero}, {*terms, *map(tuple, np.eye(n_states, n_signals, dtype=int).tolist())}
-    queue |= {row[2] for row in (*slopes, *signs)}
+    queue |= {row[2] for row in slopes} | {row[2] for row in signs}
     while queue:
         closed |= queue
         queue = {need for term in queue for need in _needs(term, n_states)} - closed
@@ -96,7 +96,7 @@ def tables(terms: tuple[Exponents, ...], n_states: int) -> Tables:
     arguments = tuple(dict.fromkeys(own[1:] for own in kinked))
     n_kinks = len({own[1:] for own in functions if own.name in KINKED})
     index = {term: m for m, term in enumerate(monomials)}
-    place = {own: n_states + k for k, own in enumerate(functions)}
+    place: dict[int | Function, int] = {own: n_states + k for k, own in enumerate(functions)}
     place |= {k: k if k < n_states else k + len(functions) for k in range(n_signals)}
     made = [(0, zero), *(_last(term, n_states) for term in monomials[1:])]
     return Tables(

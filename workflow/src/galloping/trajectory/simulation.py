@@ -141,7 +141,7 @@ class Simulator:
                 self._at[key] = Simulator(self.states, model.terms, inputs=model.inputs)
             others = {name: inputs[name] for name in model.inputs}
             return self._at[key](model, x0, time, others, limit)
-        own = [inputs[name] for name in model.inputs]
+        own = [one for name in model.inputs if isinstance(one := inputs[name], Input)]  # all
         step = min(self._step, first_step(own))
         try:
             states, _, self._step = solve_driven(model, own, x0, time, step, steps)
@@ -321,7 +321,8 @@ def solve_driven(
     table = tables(model.terms, n_states)
     columns = np.asarray(free).reshape(-1, 2) if wanted else np.empty((0, 2), int)
     compiled = system(table, model.coefficients, columns)
-    diverged, longest, ends = None, step, []
+    diverged, longest = None, step
+    ends: list[tuple[float, float]] = []
     far = FAR * _size_at_first(model, inputs, start, time)
     while (windows := max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-9)))) <= most:
         place = (time - time[0]) / step

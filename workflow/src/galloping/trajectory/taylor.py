@@ -926,8 +926,8 @@ def solve(
             size, rate = np.linalg.norm(start), np.linalg.norm(model(own.x[:1, :n_states]))
         step = size / rate if size > 0.0 and rate > 0.0 else time[-1] - time[0]
         if not sensitive:
-            own = own._replace(s=None)
-        count, end, ending = _solve(
+            own = own._replace(s=None)  # type: ignore[arg-type]  # another signature to numba
+        count, end, ending = _solve(  # type: ignore[call-arg]  # numba has no types
             float(step), np.array(time, float), most, float(limit), states, derivatives,
             *np.empty((2, len(time))), np.zeros((1, 0)), flat, *own, *compiled,
         )  # fmt: skip
