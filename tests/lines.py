@@ -7,7 +7,7 @@ import numpy as np
 
 from galloping.configuration.load import load, plain
 from galloping.line.galerkin import STATES, coefficients, model
-from galloping.model.polynomial import library
+from galloping.model.polynomial import polynomial_library
 from galloping.recording.measurement import Motion, recordings_of
 from galloping.trajectory.simulation import Simulator, time_grid
 
@@ -40,7 +40,7 @@ def simulate(name):
 @cache
 def simulator():
     """Of any two-mode line on the whole library."""
-    return Simulator(STATES, library(4, 3))
+    return Simulator(STATES, polynomial_library(4, 3))
 
 
 def moved(line, trajectory, factor=1.0):

@@ -18,7 +18,7 @@ from galloping.evaluation.bounds import (
 from galloping.evaluation.bounds_of_cells import at_the_bound, deviations, ranked_releases
 from galloping.line.galerkin import Derived
 from galloping.model.intervals import IDENTIFIABLE
-from galloping.model.polynomial import library
+from galloping.model.polynomial import polynomial_library
 from galloping.recording.measurement import BY_NAME, Noise, channel_scale
 from galloping.tables.scores import efficiency, identifiability
 from galloping.trajectory.simulation import Simulator
@@ -30,7 +30,7 @@ EQUATIONS = (2, 3)
 def given_line(name):
     """(model, motion) of a default case."""
     line, trajectory = simulate(name)
-    line = line.on_library(library(4, 3))
+    line = line.on_library(polynomial_library(4, 3))
     return line, moved(line, trajectory)
 
 

@@ -14,7 +14,7 @@ from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code, Finding
 from galloping.identification.sparse.evidence import reduce
 from galloping.line.galerkin import coefficients, model
-from galloping.model.polynomial import PolynomialModel, extended, library
+from galloping.model.polynomial import PolynomialModel, extend_library, polynomial_library
 from galloping.recording.measurement import Motion
 from galloping.tables.table3 import identified_terms
 from galloping.trajectory.simulation import Simulator, Trajectory
@@ -60,7 +60,9 @@ def test_r_squared_is_the_coefficient_of_determination():
 
 
 TRUE = PolynomialModel(
-    ("a", "b"), library(2, 3), np.array([[0, 0, 1.0] + [0] * 7, [0, 2, 0, 0, 4, 0, 0, 0, 0, -5]])
+    ("a", "b"),
+    polynomial_library(2, 3),
+    np.array([[0, 0, 1.0] + [0] * 7, [0, 2, 0, 0, 4, 0, 0, 0, 0, -5]]),
 )
 
 
@@ -114,7 +116,7 @@ NO_BOUND = np.full((4, 35), np.nan)
 @pytest.fixture
 def truth(resonant):
     line, trajectory = resonant
-    line = line.on_library(library(4, 3))
+    line = line.on_library(polynomial_library(4, 3))
     return Truth(line, trajectory.time, trajectory.states, (200.0, 300.0))
 
 
@@ -171,8 +173,8 @@ def test_failures_are_rows_of_worst_values(truth, failure):
 
 def test_a_term_that_the_library_lacks_is_missing():
     line = model(coefficients(RESONANT))
-    terms = library(4, 2)
-    union = extended(terms, line)
+    terms = polynomial_library(4, 2)
+    union = extend_library(terms, line)
     assert union[: len(terms)] == terms
     truth = short_truth(line, union)
     lacking = 5  # gamma_6 to gamma_8, kappa_4, kappa_5
@@ -212,7 +214,7 @@ def test_a_line_that_diverges_is_a_row_with_its_reason():
     with pytest.raises(
         IdentificationError, match="every state at every sample"
     ):  # which makes a row of it
-        reduce(recorded(motion), library(4, 3))
+        reduce(recorded(motion), polynomial_library(4, 3))
     failed = IdentifiedModel.refused(line.states, line.terms, [Finding.of(Code.STATE_ZERO)])
     (motion,) = reconstruct(truth, [failed])
     row = score(truth, failed, motion, np.full(line.coefficients.shape, np.nan))

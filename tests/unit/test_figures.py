@@ -17,8 +17,8 @@ from galloping.figures.style import METHODS, method_style, write_figure
 from galloping.figures.verdicts import draw_trust
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import derive
-from galloping.model.intervals import interval
-from galloping.model.polynomial import library
+from galloping.model.intervals import median_and_interval
+from galloping.model.polynomial import polynomial_library
 from galloping.recording.measurement import BY_NAME as PROTOCOLS
 from galloping.recording.measurement import Motion
 from galloping.results import Reconstruction
@@ -103,7 +103,7 @@ def test_the_median_is_shown_with_its_range_and_what_the_paper_prints():
         medians = [y for line in axes.lines if len(y := line.get_ydata()) == 2]
         assert list(medians[0]) == [2.5, 5.0]  # of the linear terms, the first
         low, high = axes.collections[0].get_segments()[-1][:, 1]
-        assert (low, high) == pytest.approx(interval(values)[1:])
+        assert (low, high) == pytest.approx(median_and_interval(values)[1:])
         stars = [line.get_ydata()[0] for line in axes.lines if line.get_marker() == "*"]
         assert of_paper.printed in stars
         assert "2.5 % at noise 0.01, 5 % at noise 0.05" in figure.get_label()
@@ -162,7 +162,7 @@ def test_the_best_of_pysindy_has_the_lowest_median_over_the_levels():
 
 def line_models():
     """The line, and a model of it with a spurious and a missing term."""
-    line = LINE.model.on_library(library(4, 3))
+    line = LINE.model.on_library(polynomial_library(4, 3))
     off = line.coefficients.copy()
     off[2, 0], off[3, 4] = 9.0, 0.0
     return [IdentifiedModel(each, "unjudged") for each in (line, replace(line, coefficients=off))]

@@ -10,9 +10,9 @@ from lines import CASES, edited
 
 from galloping.line import galerkin
 from galloping.line.galerkin import Line, derive, irvine_root
-from galloping.model.polynomial import design_matrix, library
+from galloping.model.polynomial import design_matrix, polynomial_library
 
-LIBRARY = library(4, 4)
+LIBRARY = polynomial_library(4, 4)
 UNITS = [tuple(row) for row in np.eye(4, dtype=int).tolist()]
 
 

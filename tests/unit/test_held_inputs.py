@@ -13,9 +13,9 @@ from galloping import IdentifiedModel, Input, Recording
 from galloping.identification.inputs import validated_problem
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.interpolation import choose_interpolants
-from galloping.model.intervals import drawn_with_rivals
-from galloping.model.polynomial import library
-from galloping.model.terms import parse
+from galloping.model.intervals import draw_models_and_rivals
+from galloping.model.polynomial import polynomial_library
+from galloping.model.terms import parse_library
 from galloping.recording.samples import typical_inputs
 from galloping.storage import read_json
 
@@ -39,7 +39,9 @@ def recorded(samples, between, said="cubic", noise=1e-3, names=("F",)):
 def test_the_motion_tells_what_an_input_is_between_its_samples(name, noise, said):
     samples, between = inputs()[name]
     recording = recorded(samples, between, said, noise)
-    problem = validated_problem([recording], *parse("poly(q, dq; 3) + F", STATES, ("F",))[:1])
+    problem = validated_problem(
+        [recording], *parse_library("poly(q, dq; 3) + F", STATES, ("F",))[:1]
+    )
     found = choose_interpolants(problem, [recording])["F"]
     assert (found == "zero") == (between == "zero")
 
@@ -48,7 +50,7 @@ def test_what_is_said_of_an_input_is_not_asked():
     samples, _ = inputs()["a controller"]
     recording = recorded(samples, "zero")
     said = replace(recording, inputs={"F": Input(TIME, samples, "cubic")})
-    problem = validated_problem([said], *parse("q + dq + F", STATES, ("F",))[:1])
+    problem = validated_problem([said], *parse_library("q + dq + F", STATES, ("F",))[:1])
     assert choose_interpolants(problem, [said]) == {}
 
 
@@ -70,7 +72,7 @@ def aliases(values, terms, names=("F",)):
     given = {name: Input(time, own, "zero") for name, own in zip(names, drawn.T, strict=True)}
     motion = rng.standard_normal((400, 2))
     recording = Recording(time, STATES, motion, inputs=given)
-    problem = validated_problem([recording], *parse(f"dq + {terms}", STATES, names)[:1])
+    problem = validated_problem([recording], *parse_library(f"dq + {terms}", STATES, names)[:1])
     model = galloping.PolynomialModel(STATES, problem.terms, 0.0 * problem.known, names)
     names = dict(zip(problem.terms, model.term_names, strict=True))
     assert not any(problem.open[one.equation, problem.terms.index(one.term)]
@@ -138,12 +140,12 @@ def test_the_command_holds_what_is_held(tmp_path, name, library):
 def test_at_values_that_were_never_recorded_intervals_hold_what_other_terms_say():
     samples, between = inputs()["a square wave"]
     recording = recorded(samples, between, "zero")
-    found = galloping.maximum_likelihood(recording, library(3, 3))
+    found = galloping.maximum_likelihood(recording, polynomial_library(3, 3))
     assert found.status in ("ok", "not identifiable") and found.has_finding(Code.ALIASED_TERMS)
     assert np.array(found.model.terms)[found.support.any(axis=0), 2].max() == 1
     (at,) = typical_inputs(("F",), [recording]).values()
     assert at in (0.0, 2.0)
-    models = drawn_with_rivals(found, np.random.default_rng(0))
+    models = draw_models_and_rivals(found, np.random.default_rng(0))
 
     def rest(model, value):
         held = model.at({"F": value})
@@ -160,5 +162,5 @@ def test_an_input_that_was_said_to_be_smooth_and_is_held_is_named():
     samples, _ = inputs()["a controller"]
     recording = recorded(samples, "zero")
     said = replace(recording, inputs={"F": Input(TIME, samples, "cubic")})
-    found = galloping.maximum_likelihood(said, parse("q + dq + F", STATES, ("F",))[0])
+    found = galloping.maximum_likelihood(said, parse_library("q + dq + F", STATES, ("F",))[0])
     assert found.status == "approximate" and Finding.of(Code.INPUT_HELD, "F") in found.findings

@@ -20,11 +20,11 @@ from galloping.identification.registry import BY_NAME, METHODS
 from galloping.identification.sparse.evidence import differentiate, reduce
 from galloping.identification.sparse.stlsq import bagged_medians
 from galloping.identification.sparse.supports import best_threshold, ebic
-from galloping.model.polynomial import PolynomialModel, design_matrix, library
+from galloping.model.polynomial import PolynomialModel, design_matrix, polynomial_library
 from galloping.recording.samples import Recording
 from galloping.study.files import read_identified, write_identified
 
-TERMS = library(4, 3)
+TERMS = polynomial_library(4, 3)
 SETTINGS = plain(load({}))["identification"]
 COMBINATIONS = [  # accelerations alone: test_rate_channels; weak_gls, made for noise: with noise
     (m.name, protocol, None)
@@ -39,7 +39,7 @@ COMBINATIONS = [  # accelerations alone: test_rate_channels; weak_gls, made for 
 ]
 NAME = ("a_case", "state", "a_cell")
 OSCILLATOR = PolynomialModel(
-    ("x", "dx"), library(2, 1), np.array([[0.0, 0.0, 1.0], [0.3, -2.0, 0.0]])
+    ("x", "dx"), polynomial_library(2, 1), np.array([[0.0, 0.0, 1.0], [0.3, -2.0, 0.0]])
 )
 
 
@@ -284,7 +284,7 @@ def test_only_recordings_that_give_no_model_are_refused(monkeypatch):
 
     def raising(error):
         monkeypatch.setattr(cell, "resolve_name", lambda name: Mock(side_effect=error))
-        return identify(settings, [still], library(1, 1), NAME)["mine"][0]
+        return identify(settings, [still], polynomial_library(1, 1), NAME)["mine"][0]
 
     assert raising(IdentificationError(Code.NO_MOTION)).codes == "no_motion"
     assert raising(FloatingPointError("overflow")).findings[0].data == {"error": "overflow"}

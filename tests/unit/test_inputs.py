@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 
 import galloping
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.model.intervals import drawn_with_rivals
-from galloping.recording.samples import Input, windowed
+from galloping.model.intervals import draw_models_and_rivals
+from galloping.recording.samples import Input, fit_windows
 from galloping.trajectory.simulation import solve_driven
 
 TIME = np.arange(401) / 20.0
@@ -49,7 +49,7 @@ def test_times_without_samples_are_not_covered():
 def test_windows_keep_the_moments_of_an_input():
     """The polynomial over a window has the integrals of the factor times 1, t, .., t^degree."""
     factors, degree, step = ((1,), (2,), (-1,)), 3, 0.7
-    found = windowed([WIND], factors, 0.5, step, 20, degree)
+    found = fit_windows([WIND], factors, 0.5, step, 20, degree)
     place = (np.arange(4000) + 0.5) / 4000
     powers = place[:, None] ** np.arange(degree + 1)
     for window in (0, 7, 19):
@@ -95,7 +95,7 @@ def test_the_covariance_follows_to_constant_inputs(tmp_path):
     assert held.standard_errors[1] == pytest.approx(merged.std(axis=0), rel=0.02)
     assert held.covariance[0, 1] == pytest.approx(np.cov(merged.T)[0, 1], rel=0.05)
     assert held.rivals[0] == pytest.approx(1.1 * held.model.coefficients * [[1 / 1.1], [1.0]])
-    draws = drawn_with_rivals(held, rng, 4_000)
+    draws = draw_models_and_rivals(held, rng, 4_000)
     share = np.mean([not np.any(each.coefficients[1]) for each in draws])
     assert share == pytest.approx(0.125, abs=0.02)
     found.save(tmp_path / "model.json")

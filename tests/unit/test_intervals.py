@@ -7,7 +7,12 @@ import pytest
 
 from galloping import IdentifiedModel
 from galloping.arrays import first_from, round_down, round_up
-from galloping.model.intervals import drawn_with_rivals, extrapolate, normal, root_of
+from galloping.model.intervals import (
+    covariance_root,
+    draw_models_and_rivals,
+    draw_normal,
+    extrapolate,
+)
 from galloping.model.polynomial import PolynomialModel
 
 
@@ -19,7 +24,7 @@ def covariance(rank, n=4, seed=0):
 @pytest.mark.parametrize("rank", [4, 2, 0])
 def test_a_root_is_one_and_is_triangular(rank):
     own = covariance(rank)
-    root = root_of(own)
+    root = covariance_root(own)
     assert root @ root.T == pytest.approx(own, abs=1e-12)
     assert np.all(np.triu(root, 1) == 0.0) and np.all(np.diag(root) >= 0.0)
 
@@ -27,14 +32,14 @@ def test_a_root_is_one_and_is_triangular(rank):
 def test_draws_do_not_depend_on_units():
     own, units = covariance(4), np.array([1e-9, 3.0, 1e7, 1.0])
     mean = np.array([1.0, -2.0, 0.0, 4.0])
-    draws = normal(mean, own, 5, np.random.default_rng(3))
-    other = normal(units * mean, own * np.outer(units, units), 5, np.random.default_rng(3))
+    draws = draw_normal(mean, own, 5, np.random.default_rng(3))
+    other = draw_normal(units * mean, own * np.outer(units, units), 5, np.random.default_rng(3))
     np.testing.assert_allclose(other, units * draws, rtol=1e-9)
 
 
 def test_draws_have_their_covariance():
     own = covariance(4)
-    draws = normal(np.zeros(4), own, 40_000, np.random.default_rng(1))
+    draws = draw_normal(np.zeros(4), own, 40_000, np.random.default_rng(1))
     assert np.cov(draws.T) == pytest.approx(own, abs=0.1)
 
 
@@ -46,7 +51,7 @@ def test_rivals_are_extrapolated_as_the_model_is_in_the_terms_that_they_have():
         model, "ok", known=(0,), covariance=np.zeros((3, 3)),
         rivals=rival[np.newaxis], rival_share=0.5,
     )  # fmt: skip
-    models = drawn_with_rivals(found, np.random.default_rng(0))
+    models = draw_models_and_rivals(found, np.random.default_rng(0))
     assert extrapolate(models, found, np.random.default_rng(1)) == models
     stated = replace(
         found, extrapolation_shift=np.array([0.2, 0.3, 0.0]),

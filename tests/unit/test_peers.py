@@ -16,11 +16,11 @@ from galloping.identification.sparse.regression import FOLDS, Judged, ReducedReg
 from galloping.identification.sparse.supports import forward_models, threshold_path
 from galloping.identification.sparse.tuning import Convolution, savitzky_golay, weak_form
 from galloping.line.galerkin import EQUATIONS
-from galloping.model.polynomial import PolynomialModel, library
+from galloping.model.polynomial import PolynomialModel, polynomial_library
 from galloping.tables.scores import CHOSEN, ORACLE, peers
 
 STEP = 0.02
-TERMS = library(4, 3)
+TERMS = polynomial_library(4, 3)
 
 
 TIME = STEP * np.arange(400)

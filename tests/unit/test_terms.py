@@ -12,22 +12,31 @@ from hypothesis import strategies as some
 
 from galloping import derive
 from galloping.identification.prior_knowledge import Coefficient
-from galloping.model.functions import FUNCTIONS, from_plain, function, plain, times
-from galloping.model.polynomial import PolynomialModel, design_matrix, library, term_name
-from galloping.model.terms import Bounds, known_model, parse, parse_known
+from galloping.model.functions import (
+    FUNCTIONS,
+    from_plain,
+    make_function,
+    multiply_terms,
+    term_to_plain,
+)
+from galloping.model.polynomial import PolynomialModel, design_matrix, polynomial_library, term_name
+from galloping.model.terms import Bounds, known_model, parse_known, parse_library
 
 LINE = ("q_v", "q_w", "dq_v", "dq_w")
 
 
 def of(name, *argument):
     """A function of the states y and dy."""
-    return function(name, argument[:2], *argument[2:])[1]
+    return make_function(name, argument[:2], *argument[2:])[1]
 
 
 def test_poly_is_the_library_of_that_degree():
     for n, degree in product((1, 2, 4), (0, 1, 3)):
         states = LINE[:n]
-        assert parse(f"poly({', '.join(states)}; {degree})", states) == (library(n, degree), None)
+        assert parse_library(f"poly({', '.join(states)}; {degree})", states) == (
+            polynomial_library(n, degree),
+            None,
+        )
 
 
 @pytest.mark.parametrize(
@@ -51,7 +60,7 @@ def test_poly_is_the_library_of_that_degree():
     ],
 )
 def test_sums_multiply_out(text, terms):
-    assert set(parse(text, ("y", "dy"), ("u",))[0]) == terms
+    assert set(parse_library(text, ("y", "dy"), ("u",))[0]) == terms
 
 
 WEIGHTS = some.floats(-600, 600).map(lambda value: round(value, 3))
@@ -67,21 +76,21 @@ FACTORS = some.tuples(some.sampled_from(sorted(FUNCTIONS)), ARGUMENTS)
 def test_a_term_is_read_as_it_is_printed(powers, of_input, factors):
     term = (*powers, of_input)
     for name, argument in factors:
-        term = times(term, (0, 0, 0, of(name, *argument)))
-    assert parse(term_name(term, ("y", "dy", "u")), ("y", "dy"), ("u",))[0] == (term,)
-    assert from_plain(json.loads(json.dumps(plain(term)))) == term
+        term = multiply_terms(term, (0, 0, 0, of(name, *argument)))
+    assert parse_library(term_name(term, ("y", "dy", "u")), ("y", "dy"), ("u",))[0] == (term,)
+    assert from_plain(json.loads(json.dumps(term_to_plain(term)))) == term
 
 
 def test_libraries_add_up_and_may_differ_between_equations():
-    terms, mask = parse(["y, dy: dy", "dy: y + u/1", "dy: y"], ("y", "dy"), ("u",))
+    terms, mask = parse_library(["y, dy: dy", "dy: y + u/1", "dy: y"], ("y", "dy"), ("u",))
     assert terms == ((0, 1, 0), (1, 0, 0), (0, 0, 1))
     assert mask.tolist() == [[True, False, False], [True, True, True]]
 
 
 def test_wind_is_the_quasi_static_law():
     """At a wind speed U the model of a line in U is one of the terms, with powers 2 - p of U."""
-    terms, mask = parse("wind(U)", LINE, ("T", "U"))
-    assert parse("wind", LINE, ("U",))[0] == tuple((*term[:4], term[5]) for term in terms)
+    terms, mask = parse_library("wind(U)", LINE, ("T", "U"))
+    assert parse_library("wind", LINE, ("U",))[0] == tuple((*term[:4], term[5]) for term in terms)
     for term in np.array(terms)[mask[2] & mask[3]]:
         factors = term[2:4].sum()
         assert term[4] == 0 and (term[5] == 0 or term[5] == 2 - factors)
@@ -125,7 +134,7 @@ def test_wind_is_the_quasi_static_law():
 )
 def test_an_error_points_at_the_character(text, character, said):
     with pytest.raises(ValueError, match=r"^library ") as error:
-        parse(text, ("y", "dy"), ("u",))
+        parse_library(text, ("y", "dy"), ("u",))
     message = str(error.value)
     assert message.startswith(f"library {text!r}, character {character}: ")
     assert said in message and "\n" not in message
@@ -134,15 +143,15 @@ def test_an_error_points_at_the_character(text, character, said):
 def test_wind_needs_one_speed_and_velocities():
     for inputs in ((), ("u", "v")):
         with pytest.raises(ValueError, match="wind needs the input that is the wind speed"):
-            parse("wind", ("y", "dy"), inputs)
+            parse_library("wind", ("y", "dy"), inputs)
     with pytest.raises(ValueError, match="'z' has no dz"):
-        parse("wind", ("y", "dy", "z"), ("u",))
+        parse_library("wind", ("y", "dy", "z"), ("u",))
     # the input of that name
-    assert parse("wind*dy", ("y", "dy"), ("wind",)) == (((0, 1, 1),), None)
+    assert parse_library("wind*dy", ("y", "dy"), ("wind",)) == (((0, 1, 1),), None)
 
 
 def test_known_equations_are_read_as_they_are_printed():
-    states, terms = ("q", "dq"), library(2, 3)
+    states, terms = ("q", "dq"), polynomial_library(2, 3)
     for text in ("dq=-3.5 q - 2e-2*dq + q^2 dq", "d(dq)/dt = -3.5*q - 0.02*dq + q**2*dq"):
         model, named, _ = known_model([text], states, terms)
         assert named == ("dq",)
@@ -180,15 +189,15 @@ def test_a_coefficient_may_be_bounded():
         with pytest.raises(ValueError, match=r"known .* character 1: "):
             parse_known(f"dy: {wrong}", ("y", "dy"))
     both = ["dy: dy < 0", "dy: dy = -1 +- 0.5"]
-    assert len(known_model(both, ("y", "dy"), library(2, 1))[2]) == 2
+    assert len(known_model(both, ("y", "dy"), polynomial_library(2, 1))[2]) == 2
     with pytest.raises(ValueError, match="twice"):
-        known_model(["dy: dy < 0", "dy: dy > -1"], ("y", "dy"), library(2, 1))
+        known_model(["dy: dy < 0", "dy: dy > -1"], ("y", "dy"), polynomial_library(2, 1))
 
 
 @pytest.mark.parametrize("n_states", [1, 2, 4])
 @pytest.mark.parametrize("degree", [1, 2, 3, 5])
 def test_library_is_that_of_pysindy(n_states, degree):
-    terms = library(n_states, degree)
+    terms = polynomial_library(n_states, degree)
     x = np.random.default_rng(0).standard_normal((20, n_states))
     theirs = ps.PolynomialLibrary(degree=degree)
     assert design_matrix(x, terms) == pytest.approx(np.asarray(theirs.fit_transform(x)), rel=1e-12)
@@ -200,7 +209,7 @@ def test_model_on_another_library():
     model = PolynomialModel(("a", "b"), ((1, 0), (0, 3)), np.array([[1.0, 2.0], [0.0, 3.0]]))
     x = np.array([[0.5, 2.0]])
     assert model(x) == pytest.approx(np.array([[16.5, 24.0]]))
-    assert model.on_library(library(2, 3))(x) == pytest.approx(model(x))
+    assert model.on_library(polynomial_library(2, 3))(x) == pytest.approx(model(x))
     assert model.support.sum() == 3
 
 
@@ -219,7 +228,7 @@ def test_model_on_another_library():
 )
 def test_what_would_take_long_is_refused_before_any_work(text, said):
     with pytest.raises(ValueError, match=re.escape(said)) as fault:
-        parse(text, ("q", "dq"), ("U", "V"))
+        parse_library(text, ("q", "dq"), ("U", "V"))
     assert "\n" not in str(fault.value) and len(str(fault.value)) < 300
 
 
@@ -238,8 +247,8 @@ def test_a_term_with_functions_has_the_values_and_slopes_of_its_factors(factors,
     term, value = (p, r), x[:, 0] ** p * x[:, 1] ** r
     for name, argument in factors:
         argument = tuple(value / 1e3 for value in argument)
-        factor, own = function(name, argument[:2], argument[2])
-        term = times(term, (0, 0, own))
+        factor, own = make_function(name, argument[:2], argument[2])
+        term = multiply_terms(term, (0, 0, own))
         about = x @ argument[:2] + argument[2]
         apart = np.abs(about) > 1e-2 * np.abs(argument[:2]).max()
         value = value * FUNCTIONS[name].evaluate(about) / factor
@@ -254,6 +263,6 @@ def test_a_term_with_functions_has_the_values_and_slopes_of_its_factors(factors,
 def test_what_is_no_function_is_said():
     for name, weights, offset in (("tan", (1, 0), 0), ("sin", (0, 0), 1), ("exp", (1,), 1e3)):
         with pytest.raises(ValueError, match=r"^function: "):
-            function(name, weights, offset)
+            make_function(name, weights, offset)
     with pytest.raises(ValueError, match="2 weights"):
-        PolynomialModel(("y", "dy"), ((0, 0, function("sin", (1.0,))[1]),), np.zeros((2, 1)))
+        PolynomialModel(("y", "dy"), ((0, 0, make_function("sin", (1.0,))[1]),), np.zeros((2, 1)))

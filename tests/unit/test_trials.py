@@ -11,7 +11,7 @@ from galloping.figures.verdicts import draw_published_intervals, draw_published_
 from galloping.identification import registry
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import coefficients, model
-from galloping.model.polynomial import library
+from galloping.model.polynomial import polynomial_library
 from galloping.report.results_in_words import verdicts
 from galloping.streams import generator
 from galloping.summary.sample_files import FILES
@@ -23,7 +23,7 @@ from galloping.trials.free_decays import FreeDecay
 from galloping.trials.real_lines import TRUTHS
 from galloping.trials.recorded_lines import CHOSEN, FAULTS, LONG, draw
 
-TERMS = library(4, 3)
+TERMS = polynomial_library(4, 3)
 METHODS = {"maximum_likelihood": registry.BY_NAME["maximum_likelihood"].settings({}, seed=0)}
 
 

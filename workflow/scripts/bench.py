@@ -32,7 +32,7 @@ from galloping.identification.likelihood.maximum_likelihood import maximum_likel
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import normalised
-from galloping.model.polynomial import PolynomialModel, library
+from galloping.model.polynomial import PolynomialModel, polynomial_library
 from galloping.recording.measurement import recordings_of
 from galloping.recording.samples import Recording
 from galloping.storage import write_rows
@@ -60,7 +60,7 @@ def simulation(results: Path) -> list[dict]:
     """A re-simulation of an identified model against pysindy's: its time and its error."""
     line = read_model(results / f"models/{CASE}.json").model
     motion = read_trajectories(results / f"trajectories/{CASE}.npz")[0]
-    grid, exact, terms = motion.time, motion.states, library(len(line.states), 3)
+    grid, exact, terms = motion.time, motion.states, polynomial_library(len(line.states), 3)
     sindy = ps.SINDy(
         optimizer=ps.STLSQ(threshold=1e-3), feature_library=ps.PolynomialLibrary(degree=3)
     )
@@ -136,7 +136,7 @@ def heyoka_peers(
 def identification(results: Path) -> list[dict]:
     """Reduction and stlsq with threshold selection against one fit of pysindy's at a threshold."""
     recording = recordings(results, "derivative")[0][0]
-    terms = library(len(recording.states), 3)
+    terms = polynomial_library(len(recording.states), 3)
     sindy = ps.SINDy(
         optimizer=ps.STLSQ(threshold=0.01, normalize_columns=True),
         feature_library=ps.PolynomialLibrary(degree=3),
@@ -155,7 +155,7 @@ def identification(results: Path) -> list[dict]:
 def limit(results: Path) -> list[dict]:
     """Maximum likelihood on every replicate of a cell, all stages, compiled before."""
     replicates = recordings(results, "state")
-    terms = library(4, 3)
+    terms = polynomial_library(4, 3)
     maximum_likelihood(list(replicates[0]), terms)
 
     def cost(method: Callable, every: int = 1) -> float:

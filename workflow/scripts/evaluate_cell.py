@@ -3,7 +3,7 @@
 from galloping.evaluation.bounds_of_cells import cell_bounds, deviations, models_at
 from galloping.evaluation.score import Truth, evaluate
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.model.polynomial import extended, library
+from galloping.model.polynomial import extend_library, polynomial_library
 from galloping.reproducibility.job import run
 from galloping.results import BOUND
 from galloping.storage import write_rows
@@ -21,8 +21,8 @@ def evaluate_cell(
     columns, measurement, degree, steady_window, is_own_model,
 ):  # fmt: skip
     line, motions = read_model(model).model, read_trajectories(trajectory)
-    terms = library(len(line.states), degree)
-    line = line.on_library(extended(terms, line))
+    terms = polynomial_library(len(line.states), degree)
+    line = line.on_library(extend_library(terms, line))
     drawn = measurement, (case, protocol, cell)
     status = next(
         (m.status for m in motions[: measurement["recordings"]] if m.status != "ok"), "ok"

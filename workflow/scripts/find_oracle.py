@@ -2,7 +2,7 @@
 
 from galloping.evaluation.oracle import oracle_rows
 from galloping.evaluation.score import Truth
-from galloping.model.polynomial import extended, library
+from galloping.model.polynomial import extend_library, polynomial_library
 from galloping.recording.measurement import recordings_of
 from galloping.reproducibility.job import run
 from galloping.storage import write_rows
@@ -15,7 +15,7 @@ def find_oracle(
 ):  # fmt: skip
     line, motions = read_model(model).model, read_trajectories(trajectory)
     # the oracle also knows of terms that the library lacks
-    line = line.on_library(extended(library(len(line.states), degree), line))
+    line = line.on_library(extend_library(polynomial_library(len(line.states), degree), line))
     first = motions[0]
     truth = Truth(line, first.time, first.states, tuple(steady_window), first.status)
     replicates = recordings_of(motions, name=(case, protocol, cell), **measurement)

@@ -1,7 +1,7 @@
 """Models identified by a family of methods from every replicate of one cell."""
 
 from galloping.identification.cell import identify
-from galloping.model.polynomial import library
+from galloping.model.polynomial import polynomial_library
 from galloping.recording.measurement import recordings_of
 from galloping.reproducibility.job import run
 from galloping.study.files import read_trajectories, write_identified
@@ -10,7 +10,7 @@ from galloping.study.files import read_trajectories, write_identified
 def identify_models(case, protocol, cell, trajectory, models, measurement, degree, methods):
     motions, name = read_trajectories(trajectory), (case, protocol, cell)
     recordings = recordings_of(motions, name=name, **measurement)
-    terms = library(len(motions[0].names), degree)
+    terms = polynomial_library(len(motions[0].names), degree)
     write_identified(models, identify(methods, recordings, terms, name))
 
 

@@ -14,8 +14,8 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.line.galerkin import STATES, Derived, coefficients, model
 from galloping.line.measures import NOTHING, damper, pendulum, tension, usual
-from galloping.model.intervals import DRAWS, of_draws
-from galloping.model.polynomial import library
+from galloping.model.intervals import DRAWS, interval_of_draws
+from galloping.model.polynomial import polynomial_library
 from galloping.recording.samples import Recording
 from galloping.tables.limit_cycle_ahead import limit_cycles_ahead
 
@@ -41,7 +41,7 @@ def exact(speed):
 def test_an_interval_holds_all_draws_and_one_draw_or_a_draw_without_a_value_leaves_none(
     values, ends
 ):
-    np.testing.assert_array_equal(of_draws(values), ends)
+    np.testing.assert_array_equal(interval_of_draws(values), ends)
 
 
 @pytest.mark.parametrize("winds", [(12.0,), (9.0, 14.0)])
@@ -70,7 +70,9 @@ def test_prediction_from_one_noisy_recording(protocol):
     values = motion.states + 0.05 * motion.states.std(axis=0) * noise
     if protocol == "displacement":
         values[:, 2:] = np.nan
-    identified = maximum_likelihood([Recording(motion.time, STATES, values)], library(4, 3))
+    identified = maximum_likelihood(
+        [Recording(motion.time, STATES, values)], polynomial_library(4, 3)
+    )
     parts = split([identified], [12.0], RATIOS)
     draws = draw_splits(identified, 12.0, RATIOS, np.random.default_rng(1))
     prediction = predict(parts, 12.0, list(CHECKS), START, draws, simulator())
@@ -148,7 +150,7 @@ def test_ranking():
     assert lost["kind"].startswith("diverged") and np.isnan(lost["v_m"])
 
 
-REFUSED = IdentifiedModel.refused(STATES, library(4, 3), [])
+REFUSED = IdentifiedModel.refused(STATES, polynomial_library(4, 3), [])
 
 
 def test_limit_cycle_of_the_line_with_its_interval(resonant):

@@ -10,7 +10,7 @@ from field_files import run as command
 
 from galloping import IdentifiedModel, PolynomialModel, assess, derive
 from galloping.behaviour.assess import beyond
-from galloping.model.terms import parse
+from galloping.model.terms import parse_library
 from galloping.summary.driving import held_at
 
 A, B = 0.02, 0.05  # net damping 0.1 - A U, cubic damping B: onset at U = 5, A^2 = 4 (A U - 0.1)/3 B
@@ -20,7 +20,7 @@ ERROR = 0.001  # of A
 def oscillator(frequency=1.0, damping=0.1, error=ERROR):
     """q'' = -w^2 q + (A U - damping) w q' - B q'^3 / w, at w = 2 pi frequency."""
     w = 2 * np.pi * frequency
-    terms, _ = parse("q + dq + U*dq + dq^3", ("q", "dq"), ("U",))
+    terms, _ = parse_library("q + dq + U*dq + dq^3", ("q", "dq"), ("U",))
     coefficients = np.zeros((2, len(terms)))
     coefficients[0, 1] = 1.0
     coefficients[1] = -(w**2), -damping * w, A * w, -B / w
@@ -73,7 +73,7 @@ def test_the_onset_lies_where_the_damping_vanishes():
 
 def test_a_second_motion_that_begins_to_grow_is_no_end_of_growth():
     """x grows at any wind, and q above U = 5."""
-    terms, _ = parse("q + dq + U*dq + dq^3 + x + dx + dx^3", ("q", "dq", "x", "dx"), ("U",))
+    terms, _ = parse_library("q + dq + U*dq + dq^3 + x + dx + dx^3", ("q", "dq", "x", "dx"), ("U",))
     coefficients = np.zeros((4, len(terms)))
     coefficients[0, 1] = coefficients[2, 5] = 1.0
     coefficients[1, :4] = -9.0, -0.3, 0.06, -0.05

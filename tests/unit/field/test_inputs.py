@@ -17,11 +17,11 @@ import galloping
 from galloping import IdentifiedModel, Input, PolynomialModel, Recording
 from galloping.behaviour.objections import objected
 from galloping.identification.observations import Code, Finding
-from galloping.model.terms import parse
+from galloping.model.terms import parse_library
 from galloping.readers.mapping import input_of, validated
 from galloping.readers.series import read_series
 from galloping.readers.units import USUAL, coefficient_unit
-from galloping.recording.samples import extrapolated
+from galloping.recording.samples import evaluate_extended
 from galloping.summary.analysis import read_field
 from galloping.summary.helps import meanings_and_advice
 
@@ -169,7 +169,7 @@ def test_usual_units_are_what_pint_says():
 def driven(tmp_path_factory):
     """A recording of a damped oscillator in the input u, its mapping, and its model."""
     folder = tmp_path_factory.mktemp("driven")
-    terms, _ = parse("y + dy + u", ("y", "dy"), ("u",))
+    terms, _ = parse_library("y + dy + u", ("y", "dy"), ("u",))
     truth = PolynomialModel(("y", "dy"), terms, [[0, 1, 0], [-6.0, -0.2, 1.5]], ("u",))
     time = np.arange(3000) / 25.0
     rng = np.random.default_rng(3)
@@ -262,7 +262,7 @@ def test_what_jumps_anywhere_is_held_unless_the_mapping_says_otherwise(tmp_path)
 
 def test_beyond_its_end_an_input_is_what_it_was_last():
     one = Input(np.arange(11.0), np.arange(10.0, 21.0))
-    np.testing.assert_allclose(extrapolated(one, np.array([-0.3, 10.01, 40.0])), [10, 20, 20])
+    np.testing.assert_allclose(evaluate_extended(one, np.array([-0.3, 10.01, 40.0])), [10, 20, 20])
 
 
 def test_what_an_input_drives_is_not_said_to_be_moved_by_random_forces():

@@ -15,12 +15,12 @@ from galloping.behaviour.objections import difference, kept_up, objected, unmove
 from galloping.identification.likelihood.repetition import FollowedRecording, is_periodic
 from galloping.identification.observations import Code, Finding
 from galloping.identification.random_forces.start import wavers
-from galloping.model.polynomial import PolynomialModel, design_matrix, library
+from galloping.model.polynomial import PolynomialModel, design_matrix, polynomial_library
 from galloping.readers import FileError
 from galloping.readers.recordings import parted
 from galloping.summary.summarise import Summary, hold_out, longest_period
 
-TERMS = library(4, 3)
+TERMS = polynomial_library(4, 3)
 
 
 def sure(model, share=1e-3, status="ok", **more):
@@ -43,7 +43,7 @@ def recorded(wind=12.0, seed=1):
 def linear(stiffness, damping=(0.0, 0.0)):
     """Two oscillators, the stiffness and the damping of each."""
     rows = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.diag(stiffness), -np.diag(damping)]])
-    return PolynomialModel(files.STATES, library(4, 1)[1:], rows)
+    return PolynomialModel(files.STATES, polynomial_library(4, 1)[1:], rows)
 
 
 def ahead_of(recording, identified, time):
@@ -268,7 +268,7 @@ def test_a_motion_on_an_unstable_orbit_repeats():
 
     In polar coordinates dr/dt = (r^3 - r) / 2, and one turn takes 2 pi s.
     """
-    terms = library(2, 3)
+    terms = polynomial_library(2, 3)
     coefficients = np.zeros((2, len(terms)))
     for state, turned, sign in ((0, (0, 1), -1.0), (1, (1, 0), 1.0)):
         own = np.eye(2, dtype=int)[state]

@@ -17,7 +17,7 @@ from galloping.identification.plausible import (
 )
 from galloping.identification.problem import Problem, make_problem
 from galloping.identification.selection import select_support, whiten
-from galloping.model.intervals import drawn, drawn_with_rivals, of_draws
+from galloping.model.intervals import draw_models, draw_models_and_rivals, interval_of_draws
 
 TERMS = tuple((k,) for k in range(12))
 PROBLEM = make_problem(("x",), TERMS)
@@ -69,7 +69,7 @@ def test_what_ok_claims_holds_and_the_unconditional_interval_covers() -> None:
 
 
 def test_draws_with_rivals_hold_the_truth_where_those_that_trust_the_terms_do_not() -> None:
-    rng, held = np.random.default_rng(2025), {drawn: [], drawn_with_rivals: []}
+    rng, held = np.random.default_rng(2025), {draw_models: [], draw_models_and_rivals: []}
     for _ in range(200):
         columns = rng.normal(size=(400, 12))
         columns[:, 1] = columns[:, 0] + 0.3 * columns[:, 1]  # of a weak term, missed half the time
@@ -77,10 +77,10 @@ def test_draws_with_rivals_hold_the_truth_where_those_that_trust_the_terms_do_no
         found = verdict_on(true, columns, rng)
         for draws, inside in held.items():
             first = [each.coefficients[0, 0] for each in draws(found, rng)]
-            low, high = of_draws(np.array(first))
+            low, high = interval_of_draws(np.array(first))
             inside.append(low <= true[0] <= high)
-    assert np.mean(held[drawn]) < 0.65
-    assert np.mean(held[drawn_with_rivals]) > 0.8
+    assert np.mean(held[draw_models]) < 0.65
+    assert np.mean(held[draw_models_and_rivals]) > 0.8
 
 
 def test_a_term_that_another_can_replace_is_not_identifiable() -> None:

@@ -12,7 +12,7 @@ from galloping.evaluation.score import Truth, evaluate
 from galloping.identification import cell, registry
 from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import fit
-from galloping.model.polynomial import design_matrix, extended, library
+from galloping.model.polynomial import design_matrix, extend_library, polynomial_library
 from galloping.paper import draws
 from galloping.paper.quick import QuickStudy
 from galloping.paper.unknowns import MethodReading
@@ -22,7 +22,7 @@ CASE = {**RESONANT, "initial_state": {**RESONANT["initial_state"], "q_v": 0.7, "
 AMOUNTS = draws.Amounts(levels=(0.0, 0.05), points=(1000,), duration=60, sampling_rate=50,
                         steady_window=(40, 60))  # fmt: skip
 SETTING = {"threshold": 0.003}
-TERMS = library(4, 3)
+TERMS = polynomial_library(4, 3)
 PYSINDY_RIDGE = 0.05  # `alpha` of its STLSQ, where none is given
 
 
@@ -74,7 +74,7 @@ def test_a_drawn_regression_is_that_of_its_samples(line, points):
 
 def test_draws_are_distributed_as_scores_of_recordings(line):
     motion, model = line
-    true = model.on_library(extended(TERMS, model))
+    true = model.on_library(extend_library(TERMS, model))
     truth = Truth(true, motion.time, motion.states, AMOUNTS.steady_window)
     every = drawn(60, AMOUNTS, **SETTING)
     for kind, points in ((NOISE, 3001), (SUBSET, 1000)):

@@ -15,7 +15,7 @@ from galloping.configuration.yaml_file import read
 from galloping.figures.against_paper import draw_region
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.stlsq import normalised, raw
-from galloping.model.polynomial import library
+from galloping.model.polynomial import polynomial_library
 from galloping.paper import agreement, draws
 from galloping.paper.agreement import GROUPS, NUMBERS, PRINTED, cell_of, log_likelihoods
 from galloping.paper.draws import Amounts
@@ -45,7 +45,7 @@ def moved():
 @pytest.mark.parametrize(("method", "threshold"), [(raw, 0.003), (raw, None), (normalised, 0.003)])
 def test_quick_thresholds_are_those_of_the_method(moved, method, threshold):
     motion, line = moved
-    terms, rng = library(4, 3), np.random.default_rng(3)
+    terms, rng = polynomial_library(4, 3), np.random.default_rng(3)
     products = draws.DerivativeNoise(motion, terms, np.ones(4)).draw(0.05, 10000, rng, draws=3)
     quick = found_coefficients(products, MethodReading(threshold, columns=method.__name__))
     for reduced, found in zip(products.regressions(line.states, terms), quick, strict=True):

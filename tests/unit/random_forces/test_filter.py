@@ -15,7 +15,7 @@ from galloping.identification.random_forces.kalman import kalman_filter
 from galloping.identification.random_forces.steps import Steps, discretised
 from galloping.identification.random_forces.tracking import Data, Forces, Tracker
 from galloping.identification.random_forces.whiteness import whiteness
-from galloping.model.polynomial import PolynomialModel, library
+from galloping.model.polynomial import PolynomialModel, polynomial_library
 
 SYSTEM = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-9.0, 0.7, -0.1, 0.02], [0.3, -20.0, 0.01, -0.2]])
 FORCES = np.diag([0.0, 0.0, 0.3, 0.1])
@@ -102,7 +102,7 @@ def test_settled_gains_change_nothing():
 
 
 def linear(system):
-    return PolynomialModel(STATES, library(4, 1), np.hstack([np.zeros((4, 1)), system]))
+    return PolynomialModel(STATES, polynomial_library(4, 1), np.hstack([np.zeros((4, 1)), system]))
 
 
 def tracker(model, recording, slow=(0.0, 0.0), **means):

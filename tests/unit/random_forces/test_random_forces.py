@@ -10,19 +10,19 @@ from scipy.signal import lfilter
 from galloping import maximum_likelihood, summarise
 from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.model.intervals import decay_interval
-from galloping.model.polynomial import PolynomialModel, library
+from galloping.model.polynomial import PolynomialModel, polynomial_library
 from galloping.recording.samples import Recording
 from galloping.summary.summarise import dynamics, forecast
 
 pytestmark = pytest.mark.xdist_group("ambient")
 
-LINEAR = library(4, 1)
+LINEAR = polynomial_library(4, 1)
 
 
 @pytest.fixture(scope="module")
 def ambient():
     recording, _, system = two_modes()
-    return recording, maximum_likelihood(recording, library(4, 3)), system
+    return recording, maximum_likelihood(recording, polynomial_library(4, 3)), system
 
 
 def held(found, recording):
@@ -42,7 +42,9 @@ def test_answers_without_being_told_of_forces(ambient):
     assert found.status == "ok"
     assert found.is_forced
     assert all(held(found, recording))
-    exact = PolynomialModel(STATES, library(4, 1)[1:], system).on_library(found.model.terms)
+    exact = PolynomialModel(STATES, polynomial_library(4, 1)[1:], system).on_library(
+        found.model.terms
+    )
     error = (found.model.coefficients - exact.coefficients) / found.standard_errors
     assert np.all(np.abs(error[found.support]) < 3.5)
     np.testing.assert_allclose(np.sqrt(np.diag(found.forces)[2:]), 0.01, rtol=0.1)
@@ -82,7 +84,9 @@ def test_coupled_modes_keep_what_couples_them_and_forces_may_share_nearly_all(se
 
 def test_units_change_nothing_but_units(ambient):
     recording, found, _ = ambient
-    scaled = maximum_likelihood(replace(recording, values=1000 * recording.values), library(4, 3))
+    scaled = maximum_likelihood(
+        replace(recording, values=1000 * recording.values), polynomial_library(4, 3)
+    )
     linear = np.array(found.model.terms).sum(axis=1) == 1
     own, same = (model.model.coefficients[:, linear] for model in (found, scaled))
     np.testing.assert_allclose(same, own, rtol=1e-5, atol=1e-8)
@@ -119,7 +123,7 @@ def test_noise_as_large_as_the_motion_hides_no_forces(ambient):
     recording, _, _ = ambient
     values, rng = recording.values.copy(), np.random.default_rng(8)
     values[:, :2] += values[:, :2].std(axis=0) * rng.standard_normal((len(values), 2))
-    found = maximum_likelihood(replace(recording, values=values), library(4, 3))
+    found = maximum_likelihood(replace(recording, values=values), polynomial_library(4, 3))
     assert found.is_forced
     assert all(held(found, recording))
 
@@ -208,8 +212,8 @@ def test_a_swing_that_goes_on_by_itself_needs_no_random_force(of):
     recording = displacements(time, np.sin(4.4 * time), noise=0.05, seed=9)
     if of == "accelerations":
         recording = accelerated(recording, recording.values[:, 0])
-    assert not maximum_likelihood(recording, library(2, 3)).is_forced
-    told = maximum_likelihood(recording, library(2, 1), forced=())
+    assert not maximum_likelihood(recording, polynomial_library(2, 3)).is_forced
+    told = maximum_likelihood(recording, polynomial_library(2, 1), forced=())
     assert told.status == "refused"
     assert told.codes == "no_force_needed"
 
@@ -217,7 +221,7 @@ def test_a_swing_that_goes_on_by_itself_needs_no_random_force(of):
 def test_a_weak_mode_that_is_missing_is_told():
     recording, _, _ = two_modes(2, shapes=((1, 0.3), (0, 1)))
     alone = displacements(recording.time, recording.values[:, 0])
-    found = maximum_likelihood(alone, library(2, 1), forced=())
+    found = maximum_likelihood(alone, polynomial_library(2, 1), forced=())
     (other,) = found.resonances
     assert found.status == "ok"
     assert other.frequency == pytest.approx(2.0 * np.pi * 0.8, rel=0.01)

@@ -12,8 +12,8 @@ from lines import CASES, RESONANT, edited
 
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import Derived, coefficients, model
-from galloping.model.intervals import interval
-from galloping.model.polynomial import library
+from galloping.model.intervals import median_and_interval
+from galloping.model.polynomial import polynomial_library
 from galloping.tables.line_parameters import spacers
 from galloping.tables.scores import all_scores, data_amount, noise_coefficients, noise_r2
 from galloping.tables.table3 import equations, table3
@@ -26,14 +26,14 @@ def test_interval_is_median_and_percentiles_that_occurred_failures_as_the_worst(
         (range(21), (10.0, 1.0, 19.0)), ([3.0], (3.0, 3.0, 3.0)),
         ([1.0, INF, INF], (INF, 1.0, INF)), ([-INF, 0.5, 0.6], (0.5, -INF, 0.6)),
     ):  # fmt: skip
-        assert interval(values) == told
+        assert median_and_interval(values) == told
 
 
 @given(st.lists(st.floats(allow_nan=False), min_size=1, max_size=30))
 @pytest.mark.filterwarnings("ignore")  # the middle of two huge numbers
 def test_intervals_do_not_depend_on_order(values):
-    low, high = interval(values)[1:]
-    assert interval(sorted(values))[1:] == (low, high)
+    low, high = median_and_interval(values)[1:]
+    assert median_and_interval(sorted(values))[1:] == (low, high)
     assert low <= high and {low, high} <= set(values)
 
 
@@ -101,7 +101,7 @@ def test_scores_of_cells_stand_in_one_order():
 
 
 def test_table_3_shows_true_and_spurious_terms():
-    true, terms = coefficients(RESONANT), library(4, 3)
+    true, terms = coefficients(RESONANT), polynomial_library(4, 3)
     line = model(true).on_library(terms)
     off = line.coefficients.copy()
     off[2, terms.index((1, 0, 0, 0))] *= 1.1  # gamma_2
@@ -128,7 +128,7 @@ def test_table_3_shows_true_and_spurious_terms():
 
 
 def test_equations_are_those_of_single_recordings_with_their_errors():
-    true, terms = coefficients(RESONANT), library(4, 3)
+    true, terms = coefficients(RESONANT), polynomial_library(4, 3)
     line = Derived(model(true), true, {})
     on_library = line.model.on_library(terms)
     off = on_library.coefficients.copy()

@@ -10,9 +10,8 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.prior_knowledge import Coefficient, Prior
-from galloping.model.polynomial import PolynomialModel
-from galloping.model.polynomial import library as polynomial_library
-from galloping.model.terms import parse as library
+from galloping.model.polynomial import PolynomialModel, polynomial_library
+from galloping.model.terms import parse_library as library
 from galloping.model.terms import parse_model
 from galloping.passes import progress
 from galloping.plotting import plot_fit, plot_forecast, plot_phase

@@ -26,7 +26,7 @@ class SupportsArray(Protocol):
 Matrix: TypeAlias = SupportsArray | Sequence[Sequence[float] | SupportsArray]
 
 
-def floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
+def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
     """Values as an array of floats, NaN among them; None in `shape` is any length.
 
     An array of floats is returned as it is. Raises ValueError naming `name` where the values are
@@ -35,7 +35,9 @@ def floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> NDArr
     try:
         array = np.asarray(values)
     except ValueError:
-        raise ValueError(f"{name}: rows differ in length; must have {_words(shape)}") from None
+        raise ValueError(
+            f"{name}: rows differ in length; must have {_describe_shape(shape)}"
+        ) from None
     if array.dtype.kind == "O" and all(x is None or isinstance(x, Real) for x in array.flat):
         array = array.astype(float)  # None is missing
     if array.dtype.kind not in "iuf":
@@ -47,15 +49,15 @@ def floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> NDArr
         wanted in (None, length) for wanted, length in zip(shape, array.shape, strict=True)
     )
     if not fits:
-        raise ValueError(f"{name}: has shape {array.shape}; must have {_words(shape)}")
+        raise ValueError(f"{name}: has shape {array.shape}; must have {_describe_shape(shape)}")
     return array.astype(float, copy=False)
 
 
-def finite(
+def as_finite(
     name: str, values: ArrayLike, shape: tuple[int | None, ...], infinite: bool = False
 ) -> NDArray[np.float64]:
-    """As `floats`, refusing NaN and, unless `infinite`, infinity."""
-    array = floats(name, values, shape)
+    """As `as_floats`, refusing NaN and, unless `infinite`, infinity."""
+    array = as_floats(name, values, shape)
     if np.isnan(array).any() or (np.isinf(array).any() and not infinite):
         raise ValueError(f"{name}: {array.tolist()!r:.60}; must be finite")
     return array
@@ -63,7 +65,7 @@ def finite(
 
 def checked_state(values: ArrayLike, states: tuple[str, ...]) -> NDArray[np.float64]:
     """(n_states,) where a motion begins. Raises ValueError, naming a state without a number."""
-    start = finite("initial_state", values, (None,))
+    start = as_finite("initial_state", values, (None,))
     if len(start) == len(states):
         return start
     lacking = f"; none for {', '.join(states[len(start) :])}" if len(start) < len(states) else ""
@@ -73,7 +75,7 @@ def checked_state(values: ArrayLike, states: tuple[str, ...]) -> NDArray[np.floa
     )
 
 
-def seconds(name: str, times: Any) -> Any:
+def as_seconds(name: str, times: Any) -> Any:
     """Dates and times, or lengths of time, as s since the first; others as they are.
 
     times: of numpy, pandas or `datetime`. Raises ValueError where one is missing.
@@ -91,9 +93,9 @@ def seconds(name: str, times: Any) -> Any:
     return (array - array[0]) / np.timedelta64(1, "s")
 
 
-def increasing(name: str, values: ArrayLike) -> NDArray[np.float64]:
+def as_increasing(name: str, values: ArrayLike) -> NDArray[np.float64]:
     """(n,) times, strictly increasing, two or more."""
-    array = floats(name, values, (None,))
+    array = as_floats(name, values, (None,))
     if len(array) < 2 or not np.all(np.isfinite(array)) or not np.all(np.diff(array) > 0):
         raise ValueError(f"{name}: must be finite, strictly increasing, two samples or more")
     return array
@@ -133,7 +135,7 @@ def first_from(time: NDArray[np.float64], moments: ArrayLike) -> NDArray[np.int_
     return np.searchsorted(time, np.asarray(moments) - tie)
 
 
-def _words(shape: tuple[int | None, ...]) -> str:
+def _describe_shape(shape: tuple[int | None, ...]) -> str:
     lengths = ["n" if length is None else str(length) for length in shape]
     return f"shape ({', '.join(lengths)}{',' if len(shape) == 1 else ''})"
 
@@ -169,7 +171,7 @@ class Immutable:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def _key(self) -> tuple:
-        return tuple(map(_comparable, self._held().values()))
+        return tuple(map(_as_comparable, self._held().values()))
 
 
 def _read_only(value: object) -> object:
@@ -184,12 +186,12 @@ def _read_only(value: object) -> object:
     return value
 
 
-def _comparable(value: object) -> object:
+def _as_comparable(value: object) -> object:
     """Equal and hashed alike where the values are: of NaN there is one, of zero one sign."""
     if isinstance(value, MappingProxyType):
-        return frozenset((name, _comparable(each)) for name, each in value.items())
+        return frozenset((name, _as_comparable(each)) for name, each in value.items())
     if isinstance(value, tuple):
-        return tuple(map(_comparable, value))
+        return tuple(map(_as_comparable, value))
     if isinstance(value, float) and np.isnan(value):
         return "nan"
     if isinstance(value, np.ndarray):

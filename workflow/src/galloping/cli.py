@@ -379,10 +379,10 @@ def _simulated(path, model, state, rate: float, last: int, inputs) -> Iterator[d
     """Rows 0 to `last` of a motion. Raises ValueError, naming the path, where it ends early."""
     import numpy as np
 
-    from galloping.trajectory.simulation import Simulator, away_from
+    from galloping.trajectory.simulation import Simulator, escape_distance
 
     simulator = Simulator(model.states, model.terms, inputs=model.inputs)
-    limit = away_from(state)
+    limit = escape_distance(state)
     names, first = ("time_s", *model.states), 0
     while True:
         until = min(first + PIECE, last)

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import increasing
+from galloping.arrays import as_increasing
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.prior_knowledge import PRIOR, Coefficient, Prior, as_coefficients
-from galloping.model.polynomial import Exponents
-from galloping.model.polynomial import library as polynomial_library
-from galloping.model.terms import known_model, parse
+from galloping.model.polynomial import Exponents, polynomial_library
+from galloping.model.terms import known_model, parse_library
 from galloping.recording.containers import (
     Data,
     Driving,
@@ -231,7 +230,7 @@ class MaximumLikelihood:
             NaN from where the motion diverges, of which a RuntimeWarning tells. `model_.simulate`
             returns a `Trajectory`.
         """
-        found, time = self._fitted(), increasing("t", t)
+        found, time = self._fitted(), as_increasing("t", t)
         self._check_inputs(u)
         driving = make_inputs(u, time, found.model.inputs, self.between) if u is not None else None
         motion = found.simulate(x0, time, driving)
@@ -354,7 +353,7 @@ class MaximumLikelihood:
         if self.degree is not None:
             raise ValueError(f"degree: {self.degree!r:.60}; must be None beside a library")
         if isinstance(self.library, str) or all(isinstance(each, str) for each in self.library):
-            return parse(self.library, states, inputs)  # type: ignore[arg-type]
+            return parse_library(self.library, states, inputs)  # type: ignore[arg-type]
         return tuple(tuple(term) for term in self.library), None
 
     def _check_inputs(self, u: object) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import checked_state, finite, increasing, one_thread
+from galloping.arrays import as_finite, as_increasing, checked_state, one_thread
 from galloping.configuration.load import load, plain
 from galloping.configuration.yaml_file import ConfigurationError
 from galloping.evaluation.bounds import Experiment, on_library, state_bound
@@ -14,8 +14,14 @@ from galloping.line.galerkin import coefficients
 from galloping.line.galerkin import model as equations_of
 from galloping.model.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording.measurement import BY_NAME, Motion, recordings_of
-from galloping.recording.samples import Input, Recording, at_times
-from galloping.trajectory.simulation import Simulator, Trajectory, away_from, check_inputs, rates_of
+from galloping.recording.samples import Input, Recording, inputs_at_times
+from galloping.trajectory.simulation import (
+    Simulator,
+    Trajectory,
+    check_inputs,
+    escape_distance,
+    rates_along,
+)
 
 
 def derive(**sections: Mapping[str, object] | float) -> PolynomialModel:
@@ -45,7 +51,7 @@ def simulate(
     _check_model(model)
     start = checked_state(initial_state, model.states)
     simulator = Simulator(model.states, model.terms, inputs=model.inputs)
-    return simulator(model, start, increasing("time", time), inputs, away_from(start))
+    return simulator(model, start, as_increasing("time", time), inputs, escape_distance(start))
 
 
 def measure(
@@ -78,7 +84,7 @@ def measure(
         )
     if protocol not in BY_NAME:
         raise ValueError(f"protocol: {protocol!r}; must be one of {', '.join(BY_NAME)}")
-    amount = float(finite("level", level, ()))
+    amount = float(as_finite("level", level, ()))
     if amount < 0:
         raise ValueError(f"level: {level!r}; must be >= 0")
     if amount > 1 and relative and protocol != "derivative":
@@ -90,8 +96,8 @@ def measure(
     measured_inputs = {name: one for name, one in given.items() if isinstance(one, Input)}
     for name in given.keys() - measured_inputs.keys():
         raise ValueError(f"inputs: {name}: {given[name]!r:.60}; must be an Input")
-    driving = at_times(list(measured_inputs.values()), motion.time)
-    rates = rates_of(model, motion.states, driving)
+    driving = inputs_at_times(list(measured_inputs.values()), motion.time)
+    rates = rates_along(model, motion.states, driving)
     measured = Motion(model.states, motion.time, motion.states, rates)
     replicates = recordings_of(
         [measured], protocol=protocol, level=amount, relative=relative, samples=len(motion.time),
@@ -122,15 +128,15 @@ def cramer_rao_bound(
     _check_model(model)
     start = checked_state(initial_state, model.states)
     shape = (len(model.states),)
-    noise = {"sigma": finite("sigma", sigma, shape, infinite=True)}
+    noise = {"sigma": as_finite("sigma", sigma, shape, infinite=True)}
     if rate_sigma is not None:
-        noise["rate_sigma"] = finite("rate_sigma", rate_sigma, shape, infinite=True)
+        noise["rate_sigma"] = as_finite("rate_sigma", rate_sigma, shape, infinite=True)
     for name, deviations in noise.items():
         if not np.all(deviations > 0):
             raise ValueError(f"{name}: {deviations.tolist()}; each must be > 0")
     pairs = np.argwhere(model.support)
     free = pairs[~np.isin(pairs[:, 0], list(velocity_pairs(model.states)))]
-    experiment = Experiment(start, increasing("time", time), **noise, inputs=inputs or {})
+    experiment = Experiment(start, as_increasing("time", time), **noise, inputs=inputs or {})
     return on_library(model, state_bound(model, free, [experiment]))
 
 

@@ -29,7 +29,7 @@ from galloping.cycles.limit_cycles import at_value, settled
 from galloping.cycles.prediction import intervals, near
 from galloping.cycles.settling import Pace, Settled, filled, settle_in_periods
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.model.intervals import drawn_with_rivals, extrapolate, of_draws
+from galloping.model.intervals import draw_models_and_rivals, extrapolate, interval_of_draws
 from galloping.model.polynomial import PolynomialModel, velocity_pairs
 from galloping.passes import passing
 
@@ -130,7 +130,7 @@ class _Drawn:
         # where nothing tells how far it moves, as far as a span
         start = known[-1] if len(known) else np.full(len(found.model.states), 0.1)  # not the origin
         rng = np.random.default_rng(seed)
-        draws = drawn_with_rivals(found, rng)
+        draws = draw_models_and_rivals(found, rng)
         small = extrapolate(draws, found, rng)
         recorded = {name: ends for name in found.model.states if (ends := found.recorded(name))}
         return cls(found.model, tuple(draws), tuple(small), start, recorded)
@@ -256,7 +256,7 @@ def _onsets(
             late = more <= 0 if begins else more >= 0  # nothing has happened yet
             samples.append(min(own, key=lambda v: abs(v - value), default=np.inf * (2 * late - 1)))
         frequency = hopf.point.stability.critical()[0] / (2 * np.pi)
-        yield Onset(Value.of(value, of_draws(samples)), float(frequency), begins)
+        yield Onset(Value.of(value, interval_of_draws(samples)), float(frequency), begins)
 
 
 def _growing(point: Point) -> int:
@@ -327,12 +327,19 @@ def _equilibrium(of: _Drawn, rest: np.ndarray, size: np.ndarray) -> RestPosition
         state = best.states[shown[int(np.argmax(shares[:, k]))]]
         rate, own = values[k], np.array([each[k] for each in matched])
         if rate.imag > 0:
-            frequency = Value.of(abs(rate) / (2 * np.pi), of_draws(np.abs(own) / (2 * np.pi)))
-            damping = Value.of(-rate.real / abs(rate), of_draws(-own.real / np.abs(own)))
+            frequency = Value.of(
+                abs(rate) / (2 * np.pi), interval_of_draws(np.abs(own) / (2 * np.pi))
+            )
+            damping = Value.of(-rate.real / abs(rate), interval_of_draws(-own.real / np.abs(own)))
         else:
-            frequency, damping = Value(0.0, 0.0, 0.0), Value.of(-rate.real, of_draws(-own.real))
+            frequency, damping = (
+                Value(0.0, 0.0, 0.0),
+                Value.of(-rate.real, interval_of_draws(-own.real)),
+            )
         modes.append(SmallMotion(state, frequency, damping))
-    place = {best.states[i]: Value.of(rest[i], of_draws([x[i] for x in places])) for i in shown}
+    place = {
+        best.states[i]: Value.of(rest[i], interval_of_draws([x[i] for x in places])) for i in shown
+    }
     beyond = any(
         not low <= place[name].value <= high
         for name, (low, high) in of.recorded.items()

@@ -18,11 +18,11 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.model.intervals import (
     NORMAL_95,
     decay_interval,
-    drawn_with_rivals,
+    draw_models_and_rivals,
     extrapolate,
-    of_draws,
+    interval_of_draws,
 )
-from galloping.model.polynomial import PolynomialModel, alone, velocity_pairs
+from galloping.model.polynomial import PolynomialModel, linear_term, velocity_pairs
 from galloping.recording.samples import Recording
 
 ENOUGH = 0.9  # of the draws, that have a limit cycle: fewer are the tame ones
@@ -41,7 +41,7 @@ class Value(Immutable):
 
     @classmethod
     def of(cls, value: float, ends: Iterable[float]) -> "Value":
-        """With the ends of an interval, such as `of_draws` gives, widened to hold the value."""
+        """Widen the ends of an interval, as of `interval_of_draws`, to contain the value."""
         low, high = ends
         return cls(float(value), float(min(low, value)), float(max(high, value)))
 
@@ -142,11 +142,11 @@ def dynamics(
         return _in_random_forces(identified, pairs, around)
     if identified.diagnostics.get("path") == PATH:
         return _free_and_linear(identified, pairs, around)
-    models = drawn_with_rivals(identified, rng)
+    models = draw_models_and_rivals(identified, rng)
     small = extrapolate(models, identified, rng)
     enough = ENOUGH * len(models)
     best = _linear(model, pairs, around)
-    ends = of_draws([_linear(each, pairs, around) for each in small], enough)
+    ends = interval_of_draws([_linear(each, pairs, around) for each in small], enough)
     rest, frequencies, damping = (
         {model.states[i]: Value.of(best[k, n], ends[:, k, n]) for n, i in enumerate(pairs)}
         for k in range(3)
@@ -181,7 +181,7 @@ def _unseen(
     model, found = identified.model, {}
     for i, velocity in pairs.items():
         name = model.states[i]
-        own = alone(velocity, len(model.states))
+        own = linear_term(velocity, len(model.states))
         if abs(damping[name].value) < ROUNDING and own in model.terms:
             limit = identified.detection_limits[velocity, model.terms.index(own)]
             half = limit / (4.0 * np.pi * frequencies[name].value)

@@ -22,12 +22,12 @@ from galloping.identification.identified_model import RANGE, IdentifiedModel
 from galloping.identification.inputs import segments_with_inputs
 from galloping.identification.no_model import NoModel, attempt
 from galloping.inspection.excerpts import excerpts
-from galloping.model.intervals import drawn_with_rivals
+from galloping.model.intervals import draw_models_and_rivals
 from galloping.model.polynomial import (
     Exponents,
     PolynomialModel,
     has_functions,
-    library,
+    polynomial_library,
     velocity_pairs,
 )
 from galloping.passes import passing
@@ -91,7 +91,7 @@ def with_extrapolation(
     normal = [part for part in parts if not isinstance(part, NoModel)]
     if len(normal) < len(parts):
         return identified
-    drawn = drawn_with_rivals(identified, np.random.default_rng(0))
+    drawn = draw_models_and_rivals(identified, np.random.default_rng(0))
     models = [steady, *(each.at(means) if means else each for each in drawn)]
     states = np.concatenate([states for *_, states in normal])
     shares = np.max([_nonlinear_share(each, rest, states) for each in models], axis=0)
@@ -126,12 +126,14 @@ def _degree(model: PolynomialModel) -> int:
     n = len(model.states)
     own = {term[:n] for term in model.terms if not any(term[n:])}
     degree = max(map(sum, own), default=0)
-    return degree if own >= set(library(n, degree)) else 0
+    return degree if own >= set(polynomial_library(n, degree)) else 0
 
 
 def _further_terms(states: tuple[str, ...], degree: int, n_equations: int) -> tuple[Exponents, ...]:
     """Monomials of the next degrees; of one coordinate and its velocity each, if they are many."""
-    found = [term for term in library(len(states), degree + DEGREES) if sum(term) > degree]
+    found = [
+        term for term in polynomial_library(len(states), degree + DEGREES) if sum(term) > degree
+    ]
     if len(found) * n_equations > MOST_TERMS:
         pairs = [{i, velocity} for i, velocity in velocity_pairs(states).items()]
         found = [

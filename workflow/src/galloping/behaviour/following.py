@@ -16,8 +16,8 @@ from galloping.identification.preparation.smoothing import (
 )
 from galloping.inspection.quality import DIFFERENT, outlying, peaks_of, spectrum
 from galloping.model.polynomial import PolynomialModel, velocity_pairs
-from galloping.recording.samples import Input, Recording, at_times, mean_inputs
-from galloping.trajectory.simulation import Simulator, rates_of
+from galloping.recording.samples import Input, Recording, inputs_at_times, mean_inputs
+from galloping.trajectory.simulation import Simulator, rates_along
 
 ITERATIONS = 4  # of Gauss-Newton on the start, which is nearly linear over a few periods
 NEARBY = 2  # of them, from a start that is near
@@ -157,7 +157,7 @@ class Following:
         """(n, n_sensed) of a motion (n, n_states)."""
         if not self.sensed.rates:
             return states
-        rates = rates_of(model, states, at_times(list(self._inputs.values()), time))
+        rates = rates_along(model, states, inputs_at_times(list(self._inputs.values()), time))
         return np.hstack([states, rates[:, self.sensed.rates]])
 
     def begin(self, rows: slice) -> np.ndarray | None:

@@ -11,7 +11,7 @@ from galloping.arrays import TIME_ROUNDING, Immutable, first_from, round_down
 from galloping.behaviour.following import FEWEST, Following, Sensed, without_outliers
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.random_forces import forced_motion as in_random_forces
-from galloping.model.intervals import QUANTILES_90, drawn
+from galloping.model.intervals import QUANTILES_90, draw_models
 from galloping.model.polynomial import PolynomialModel
 from galloping.passes import passing
 from galloping.readers.units import NONE
@@ -111,7 +111,7 @@ def forecast(
     follow = Following(identified, recording)
     sigma = follow.sigma
     if identified.is_forced:
-        models = drawn(identified, rng, DRAWS)
+        models = draw_models(identified, rng, DRAWS)
         states = in_random_forces.motions(identified, models, recording, time, rng)
         shown = (follow.shown(*each, time) for each in zip(models, states, strict=True))
         motions = np.array(list(shown))
@@ -304,7 +304,7 @@ def _motions(
     near = follow.motion(best, fitted, sampled)
     if follow.misfit(near, values) < worst:
         slopes = follow.slopes(best, fitted, near, sampled)
-        for model in drawn(follow.identified, rng, DRAWS):
+        for model in draw_models(follow.identified, rng, DRAWS):
             passing("draw models and starts")
             noisy = values + sigma * rng.standard_normal(values.shape)
             start = follow.start(model, rows, fitted, noisy, slopes)

@@ -17,7 +17,7 @@ from galloping.identification.random_forces.start import wavers
 from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.inspection.excerpts import excerpts
 from galloping.model.intervals import NORMAL_95
-from galloping.model.polynomial import library, velocity_pairs
+from galloping.model.polynomial import polynomial_library, velocity_pairs
 from galloping.recording.samples import Recording
 
 # A motion without random forces follows from its start: where the line is stable it dies out. A
@@ -91,7 +91,7 @@ def _forced(
             return kept
     if not identified.tells_little or not wavers(recordings, period):
         return []
-    linear = maximum_likelihood(own, library(len(identified.model.states), 1))
+    linear = maximum_likelihood(own, polynomial_library(len(identified.model.states), 1))
     if any(each.has_finding(Code.LIMIT_OF_WORK) for each in (identified, linear)):
         return []  # a search to its end may tell more
     told = float(linear.diagnostics.get("forecast_r2", 0.0))  # none of a model in random forces

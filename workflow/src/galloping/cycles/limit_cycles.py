@@ -18,7 +18,7 @@ from galloping.cycles import continuation
 from galloping.cycles.continuation import Bifurcation, Branch, Equations, Point, Range
 from galloping.cycles.family import Family
 from galloping.cycles.settling import Settled
-from galloping.trajectory.right_hand_side import system, tables
+from galloping.trajectory.right_hand_side import compile_system, make_tables
 from galloping.trajectory.taylor import at_points, integrate
 
 FOLD, BRANCH_POINT = "fold of cycles", "branch point"
@@ -182,7 +182,7 @@ class CycleProblem(continuation.BranchProblem):
         model = self.family.model(value)
         free = np.argwhere(self.slope)
         slopes, steps = self.slope[tuple(free.T)], self.reference.steps
-        compiled = system(tables(model.terms, n), model.coefficients, free, slopes)
+        compiled = compile_system(make_tables(model.terms, n), model.coefficients, free, slopes)
         # from derivatives by the parameter, where anything depends on it, and by the start
         chosen = np.vstack([np.eye(n + 2)[-1:][: len(free)], np.eye(n, n + 2)])
         while True:

@@ -21,8 +21,14 @@ from galloping.cycles.family import Family, constant
 from galloping.cycles.limit_cycles import CycleProblem, Orbit
 from galloping.cycles.settling import SPAN, settle
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.model.intervals import DRAWS, Identified, drawn_with_rivals, normal, of_draws
-from galloping.model.polynomial import Exponents, PolynomialModel, alone, velocity_pairs
+from galloping.model.intervals import (
+    DRAWS,
+    Identified,
+    draw_models_and_rivals,
+    draw_normal,
+    interval_of_draws,
+)
+from galloping.model.polynomial import Exponents, PolynomialModel, linear_term, velocity_pairs
 from galloping.passes import passing
 from galloping.trajectory.simulation import Simulator
 
@@ -74,7 +80,7 @@ class Split:
         """(DRAWS, n) values drawn from their distribution; (0, n) where it is not known."""
         if not np.all(np.isfinite(self.covariance)):
             return np.zeros((0, len(self.values)))
-        return normal(self.values, self.covariance, DRAWS, rng)
+        return draw_normal(self.values, self.covariance, DRAWS, rng)
 
 
 def split(
@@ -93,7 +99,7 @@ def split(
     own = {  # term of each coordinate's velocity in its own equation of motion
         i: first.terms.index(linear)
         for i in velocities
-        if (linear := alone(i, len(first.states))) in first.terms
+        if (linear := linear_term(i, len(first.states))) in first.terms
     }
     unknown = sorted(set(damping or {}) - {first.states[i] for i in own})
     if unknown:
@@ -126,7 +132,7 @@ def _stiffness(identified: Sequence[Identified], equation: int) -> float:
     """Square of the natural frequency of an equation of motion, rad^2/s^2."""
     model = identified[0].model
     position = model.states.index(model.states[equation][1:])
-    linear = model.terms.index(alone(position, len(model.states)))
+    linear = model.terms.index(linear_term(position, len(model.states)))
     value = -np.mean([one.model.coefficients[equation, linear] for one in identified])
     if not value > 0:
         raise ValueError(
@@ -241,7 +247,7 @@ def draw_splits(
     found: list[Split] = []
     if not len(identified.covariance):
         return found
-    for model in drawn_with_rivals(identified, rng):
+    for model in draw_models_and_rivals(identified, rng):
         one = replace(identified, model=model, covariance=np.zeros((0, 0)))
         with suppress(ValueError, np.linalg.LinAlgError):
             found.append(split([one], [wind], damping))
@@ -250,10 +256,10 @@ def draw_splits(
 
 def intervals(orbits: Sequence[Orbit], n_states: int, fewest: float = MOST) -> np.ndarray:
     """(2, n_states + 1) ends of the 95 % intervals of half range and, last, period, s, of drawn
-    models' limit cycles; fewest: as of `of_draws`.
+    models' limit cycles; fewest: as of `interval_of_draws`.
     """
     values = [[*orbit.half_range(), orbit.period] for orbit in orbits]
-    return of_draws(np.reshape(values, (-1, n_states + 1)), fewest)
+    return interval_of_draws(np.reshape(values, (-1, n_states + 1)), fewest)
 
 
 def near(
@@ -310,6 +316,6 @@ def limit_cycle_ahead(
     point = limit_cycles.settled(constant(found), 0.0, motion.time, motion.states, resolution=1.0)
     models = []
     if len(identified.covariance) == identified.support.sum() > 0:
-        models = [model.without_absent_terms() for model in drawn_with_rivals(identified, rng)]
+        models = [model.without_absent_terms() for model in draw_models_and_rivals(identified, rng)]
     ends = intervals(near(models, point.solution), len(found.states))[:, :-1]
     return point.solution.half_range(), *ends

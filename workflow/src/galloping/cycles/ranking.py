@@ -11,8 +11,8 @@ from galloping.cycles.settling import Settled, settle
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import STATES, at_rest, coefficients, model
 from galloping.line.measures import NOTHING, Measure, added, clearance
-from galloping.model.intervals import of_draws
-from galloping.model.polynomial import alone
+from galloping.model.intervals import interval_of_draws
+from galloping.model.polynomial import linear_term
 from galloping.trajectory.simulation import Simulator
 
 OUTLINE = 2000  # places of a motion: with 256 one that never repeats had 0.1 to 0.2 m too much room
@@ -61,7 +61,7 @@ def changed(parts: Split, case: Mapping, measure: Measure) -> Split:
     fixed = parts.fixed.copy()
     for k, (state, _) in enumerate(DAMPING):
         row = STATES.index(state)
-        linear = alone(row, len(STATES))
+        linear = linear_term(row, len(STATES))
         term = parts.terms.index(linear)
         known, other = (of.fixed[row, of.terms.index(linear)] for of in (old, new))
         # the damping ratio stays, the frequency falls with the added mass
@@ -81,7 +81,7 @@ def critical_winds(parts: Split, values: np.ndarray) -> np.ndarray:
     That of the model where its linear damping is not coupled, as in the derivation.
     """
     row = STATES.index("dq_v")
-    term = parts.terms.index(alone(row, len(STATES)))
+    term = parts.terms.index(linear_term(row, len(STATES)))
     own = (parts.entries == (row, term)).all(axis=1)
     structure, wind = (values[:, own & (parts.powers == power)].sum(axis=1) for power in (0, 1))
     structure = parts.fixed[row, term] + structure
@@ -124,9 +124,9 @@ def with_measure(
             clearance(each, each, design.distance)
             for each in (centre, *(places(orbit.states) for orbit in orbits))
         )
-        room = least, *of_draws(others)
+        room = least, *interval_of_draws(others)
         v, w, *_ = zip(half, *intervals(orbits, len(STATES), 2)[:, :-1], strict=True)
-    wind = critical, *of_draws(critical_winds(line, scaled))
+    wind = critical, *interval_of_draws(critical_winds(line, scaled))
     numbers = {"critical_wind_m_s": wind, "v_m": v, "w_m": w, "clearance_m": room}
     measured = {
         f"{name}{end}": float(value)

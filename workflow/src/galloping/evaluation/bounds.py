@@ -5,16 +5,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from galloping.model.polynomial import PolynomialModel, beside, design_matrix
+from galloping.model.polynomial import PolynomialModel, design_matrix, join_inputs
 from galloping.recording.measurement import Motion, Noise
-from galloping.recording.samples import Input, at_times
+from galloping.recording.samples import Input, inputs_at_times
 from galloping.trajectory.simulation import (
     EQUAL_STEPS,
     check_inputs,
     first_step,
-    holding,
-    most_steps,
+    max_steps,
     solve_driven,
+    sticking_projections,
 )
 from galloping.trajectory.taylor import Ending, solve
 
@@ -40,7 +40,7 @@ def sensitivities(
     diverges = "the solution of the model diverges, or its time scale is too short"
     if model.inputs:
         own = list(check_inputs(model, inputs or {}, time).values())
-        most = EQUAL_STEPS * most_steps(time)
+        most = EQUAL_STEPS * max_steps(time)
         try:
             states, moved, _ = solve_driven(model, own, start, time, first_step(own), most, free)
         except FloatingPointError:
@@ -120,11 +120,11 @@ def weighted_sensitivities(
     weighted = moved / experiment.sigma[:, None]
     if experiment.rate_sigma is None:
         return weighted
-    driving = at_times([inputs[name] for name in model.inputs], time)
+    driving = inputs_at_times([inputs[name] for name in model.inputs], time)
     rates = model.jacobian(states, driving) @ moved
-    theta = design_matrix(beside(states, driving), model.terms)
+    theta = design_matrix(join_inputs(states, driving), model.terms)
     rates[:, free[:, 0], np.arange(len(free))] += theta[:, free[:, 1]]
-    held = holding(model, states, driving)
+    held = sticking_projections(model, states, driving)
     rates = rates if held is None else held @ rates
     return np.concatenate([weighted, rates / experiment.rate_sigma[:, None]], axis=1)
 

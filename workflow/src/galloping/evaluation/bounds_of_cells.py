@@ -11,7 +11,7 @@ from galloping.evaluation.bounds import Bound, Experiment
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code, Finding
 from galloping.line.galerkin import EQUATIONS
-from galloping.model.intervals import IDENTIFIABLE, normal
+from galloping.model.intervals import IDENTIFIABLE, draw_normal
 from galloping.model.polynomial import PolynomialModel, term_name
 from galloping.recording.measurement import Motion, noises_of, recordings_of
 from galloping.streams import generator
@@ -33,7 +33,7 @@ def at_the_bound(
             why = Finding.of(Code.TERM_UNDETERMINED)
         return IdentifiedModel.refused(model.states, model.terms, [why])
     coefficients, free = model.coefficients.copy(), tuple(found.free.T)
-    coefficients[free] = normal(coefficients[free], found.covariance, 1, rng)[0]
+    coefficients[free] = draw_normal(coefficients[free], found.covariance, 1, rng)[0]
     drawn = replace(model, coefficients=coefficients)
     return IdentifiedModel(drawn, "unjudged", standard_errors=cramer_rao.on_library(model, found))
 

@@ -33,7 +33,7 @@ def gallops(model: PolynomialModel) -> bool:
 class Truth:
     """What identified models are compared with.
 
-    model: on the candidate library and the terms that it lacks (`polynomial.extended`). time:
+    model: on the candidate library and the terms that it lacks (`polynomial.extend_library`). time:
     (n,) s. states: (n, n_states). steady: window in s. status: `ok`, or why the line itself has
     no motion to compare with, as in `Trajectory`. is_own_model: whether the motion is the model's;
     that of a continuous line is not, and no coefficients are true.

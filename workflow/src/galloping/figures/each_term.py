@@ -12,7 +12,7 @@ from galloping.figures.errors import replace_cells
 from galloping.figures.style import MODEL, QUIET, SERIES, SINGLE, TRUE
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import EQUATIONS, STATES, Derived
-from galloping.model.polynomial import library
+from galloping.model.polynomial import polynomial_library
 from galloping.tables.scores import spread
 from galloping.tables.table3 import identified_terms
 
@@ -50,7 +50,7 @@ def draw_coefficients(
     levels = list(settings["levels"].values())
     if not levels:
         return parts.nothing_at_all("no noise level above zero, or no true values")
-    terms = library(len(STATES), settings["degree"])
+    terms = polynomial_library(len(STATES), settings["degree"])
     found = [
         identified_terms(model.model, identified[cell][settings["method"]], terms)
         for cell in settings["levels"]

@@ -15,8 +15,8 @@ import numpy as np
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
-from galloping.model.intervals import DRAWS, drawn_with_rivals
-from galloping.model.polynomial import Exponents, exponents_of, term_name
+from galloping.model.intervals import DRAWS, draw_models_and_rivals
+from galloping.model.polynomial import Exponents, exponent_matrix, term_name
 from galloping.recording.samples import Recording
 
 EXACT = 1e-9  # of a factor's length, beside others: what is left of it is rounding
@@ -51,7 +51,7 @@ def remove_aliases(problem: Problem, recordings: Sequence[Recording]) -> Problem
     if not problem.inputs:
         return problem
     n, aliases = len(problem.states), []
-    powers = exponents_of(problem.terms, len(problem.names))[:, n:].tolist()
+    powers = exponent_matrix(problem.terms, len(problem.names))[:, n:].tolist()
     values = _distinct_input_values(problem, recordings)
     known = problem.precision > 0.0
     for equation, term, *_ in problem.bounds:
@@ -143,7 +143,7 @@ def add_alias_rivals(problem: Problem, identified: IdentifiedModel) -> Identifie
     if not exchanges:
         return identified
     rng = np.random.default_rng(0)
-    drawn, rivals = drawn_with_rivals(identified, rng), []
+    drawn, rivals = draw_models_and_rivals(identified, rng), []
     for k in range(max(DRAWS, len(exchanges))):
         alias, term = exchanges[k % len(exchanges)]
         coefficients = drawn[k % len(drawn)].coefficients.copy()

@@ -12,7 +12,7 @@ from galloping.identification.identified_model import BY_TERM, RANGE, Identified
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import MOST_SURPRISE, Problem
 from galloping.model.intervals import QUANTILES_90
-from galloping.model.polynomial import exponents_of, has_functions
+from galloping.model.polynomial import exponent_matrix, has_functions
 from galloping.recording.samples import Recording
 
 
@@ -130,7 +130,7 @@ def find_weakly_determined_input_terms(
     about: diagnostics, with the ranges.
     """
     model, n = identified.model, len(identified.model.states)
-    of_states, of_inputs = np.hsplit(exponents_of(model.terms, len(model.names)), [n])
+    of_states, of_inputs = np.hsplit(exponent_matrix(model.terms, len(model.names)), [n])
     plain = ~np.array([has_functions(term) for term in model.terms])
     powers = np.prod(np.array(sizes) ** of_inputs, axis=1)
     found = np.where(identified.support, model.coefficients * powers, 0.0)

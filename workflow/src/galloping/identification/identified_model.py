@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import Immutable, checked_state, increasing
+from galloping.arrays import Immutable, as_increasing, checked_state
 from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import EnvelopePart, FurtherMode, Resonance
 from galloping.identification.sentences import reason_of
 from galloping.identification.status import STATUSES, status_of
-from galloping.model.functions import from_plain, n_exponents, plain
+from galloping.model.functions import from_plain, n_exponents, term_to_plain
 from galloping.model.intervals import NORMAL_95
 from galloping.model.polynomial import (
     Bound,
     Exponents,
     PolynomialModel,
-    merged,
+    merge_inputs,
 )
 from galloping.recording.samples import Input
 from galloping.storage import read_json, write_json
@@ -194,7 +194,7 @@ class IdentifiedModel(Immutable):
         `PolynomialModel.at` does.
         """
         model = self.model.at(values)
-        _, merge = merged(self.model, values)
+        _, merge = merge_inputs(self.model, values)
         old, kept = np.argwhere(self.support), dict[str, Any](model=model)
         new = replace(self, model=model).support
         places = np.argwhere(new)
@@ -249,14 +249,16 @@ class IdentifiedModel(Immutable):
         """
         from galloping.trajectory.simulation import (  # compiles; few callers need it
             Simulator,
-            away_from,
+            escape_distance,
         )
 
         if self.status == "refused":
             raise ValueError(f"there is no model to simulate: {self.reason}")
         start = checked_state(initial_state, self.model.states)
         simulator = Simulator(self.model.states, self.model.terms, inputs=self.model.inputs)
-        return simulator(self.model, start, increasing("time", time), inputs, away_from(start))
+        return simulator(
+            self.model, start, as_increasing("time", time), inputs, escape_distance(start)
+        )
 
     def further_motion(self, time: NDArray[np.float64], recording: int = 0) -> NDArray[np.float64]:
         """(n, n_states) of a recording's further modes at `time` (n,), s from its first sample."""
@@ -328,14 +330,14 @@ class IdentifiedModel(Immutable):
     def to_plain(self) -> dict[str, object]:
         """Return everything as plain values for JSON; numbers that are not finite are text."""
         of = self.model
-        terms = [plain(term) for term in of.terms]
+        terms = [term_to_plain(term) for term in of.terms]
         content: dict[str, Any] = {"states": of.states, "inputs": of.inputs, "terms": terms}
         own = {"coefficients": of.coefficients} | self._held()
         del own["model"], own["bounds"]
         content |= {name: _as_plain(value) for name, value in own.items()}
         content["reason"] = self.reason
         content["bounds"] = [
-            [i, plain(term), *map(_as_plain, ends)] for i, term, *ends in self.bounds
+            [i, term_to_plain(term), *map(_as_plain, ends)] for i, term, *ends in self.bounds
         ]
         return content | {"known": [int(i) for i in self.known]}
 

@@ -15,15 +15,15 @@ from galloping.model.polynomial import (
     Bound,
     Exponents,
     PolynomialModel,
-    alone,
     design_matrix,
-    exponents_of,
+    exponent_matrix,
+    linear_term,
     n_exponents,
     term_name,
     velocity_pairs,
 )
-from galloping.recording.samples import Recording, left_out, windowed
-from galloping.trajectory.right_hand_side import System, Tables, system, tables
+from galloping.recording.samples import Recording, fit_errors, fit_windows
+from galloping.trajectory.right_hand_side import System, Tables, compile_system, make_tables
 
 if TYPE_CHECKING:
     from galloping.identification.aliases import Alias
@@ -69,7 +69,7 @@ class Problem:
     @cached_property
     def of_states(self) -> np.ndarray:
         """(n_terms, n_states) exponents of the states in each term."""
-        return exponents_of(self.terms, len(self.states))
+        return exponent_matrix(self.terms, len(self.states))
 
     @cached_property
     def degrees(self) -> np.ndarray:
@@ -99,14 +99,14 @@ class Problem:
         """(n_candidates,) of `Prior.prices`, zero without a prior."""
         if self.prior is None:
             return np.zeros(len(self.candidates))
-        powers = exponents_of(self.terms, len(self.names))[:, len(self.states) :]
+        powers = exponent_matrix(self.terms, len(self.names))[:, len(self.states) :]
         of_inputs = np.abs(powers).sum(axis=1)
         return self.prior.prices(self.complexity, of_inputs[self.candidates[:, 1]])
 
     @cached_property
     def tables(self) -> Tables:
         """Index tables of the library."""
-        return tables(self.terms, len(self.states))
+        return make_tables(self.terms, len(self.states))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -147,7 +147,7 @@ class Problem:
 
     def linear(self, state: int) -> int:
         """Index of the term that is this state alone."""
-        return self.terms.index(alone(state, len(self.names)))
+        return self.terms.index(linear_term(state, len(self.names)))
 
     def alike(self, support: np.ndarray) -> np.ndarray:
         """(n_candidates,) boolean: the candidates of a support, and those that differ from one of
@@ -173,7 +173,9 @@ class Problem:
         degree, powers = 3, []  # in time; from 4 on jagged inputs need windows of a quarter
         for one, count in zip(recordings, np.diff(first), strict=True):
             inputs = [one.inputs[name] for name in self.inputs]
-            powers.append(windowed(inputs, self.tables.factors, one.time[0], step, count, degree))
+            powers.append(
+                fit_windows(inputs, self.tables.factors, one.time[0], step, count, degree)
+            )
         return np.concatenate(powers)
 
     def inputs_left_out(
@@ -183,7 +185,7 @@ class Problem:
         `input_factors`.
         """
         found = [
-            left_out([one.inputs[name] for name in self.inputs], self.tables.factors, one.time[0],
+            fit_errors([one.inputs[name] for name in self.inputs], self.tables.factors, one.time[0],
                      step, powers[a:b])
             for one, a, b in zip(recordings, first[:-1], first[1:], strict=True)
         ]  # fmt: skip
@@ -334,7 +336,7 @@ class Problem:
         """The equations to integrate, with the candidates' coefficients `free` (n_candidates,), and
         with derivatives by the coefficients `pairs` (n, 2), equation and term.
         """
-        return system(self.tables, self.coefficients(free), pairs)
+        return compile_system(self.tables, self.coefficients(free), pairs)
 
     def model(self, free: np.ndarray) -> PolynomialModel:
         """The model with the candidates' coefficients `free` (n_candidates,)."""
@@ -377,7 +379,7 @@ def make_problem(
     index = {term: j for j, term in enumerate(terms)}
     pairs = velocity_pairs(states)
     for i, velocity in pairs.items():
-        unit = alone(velocity, len(states) + len(inputs))
+        unit = linear_term(velocity, len(states) + len(inputs))
         if unit not in index:
             raise ValueError(f"the library lacks {states[velocity]}, the derivative of {states[i]}")
         rows[i, index[unit]] = 1.0

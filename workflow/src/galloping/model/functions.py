@@ -48,7 +48,7 @@ class Function(NamedTuple):
     """An elementary function of an affine combination of the states.
 
     name: one of FUNCTIONS. weights: (n_states,) of the states, not all zero. offset: added to them.
-    `function` makes one with the argument in its one spelling.
+    `make_function` makes one with the argument in its one spelling.
     """
 
     name: str
@@ -100,7 +100,9 @@ class Function(NamedTuple):
         return f"{'-' if first < 0.0 else ''}{said}{''.join(signed)}"
 
 
-def function(name: str, weights: Sequence[float], offset: float = 0.0) -> tuple[float, Function]:
+def make_function(
+    name: str, weights: Sequence[float], offset: float = 0.0
+) -> tuple[float, Function]:
     """A function in its one spelling, and the number by which it is multiplied then.
 
     Parameters
@@ -140,20 +142,23 @@ def function(name: str, weights: Sequence[float], offset: float = 0.0) -> tuple[
     return float(factor), Function(name, weights, offset / unit + 0.0)
 
 
-def plain(term: Sequence) -> list:
+def term_to_plain(term: Sequence) -> list:
     """A term as JSON has it, its functions as mappings."""
     return [own._asdict() if isinstance(own, Function) else own for own in term]
 
 
 def from_plain(factors: Sequence) -> tuple:
-    """The term that `plain` made. Raises ValueError, KeyError or TypeError for anything else."""
+    """Return the term that `term_to_plain` wrote.
+
+    Raises ValueError, KeyError or TypeError for anything else.
+    """
     n = sum(not isinstance(own, Mapping) for own in factors)
     if not all(isinstance(own, int) for own in factors[:n]):
         raise ValueError(f"terms: {factors!r:.60}; must be whole numbers and then functions")
-    made = [function(own["name"], own["weights"], own["offset"]) for own in factors[n:]]
+    made = [make_function(own["name"], own["weights"], own["offset"]) for own in factors[n:]]
     if any(factor != 1.0 for factor, _ in made):
         raise ValueError(f"terms: {factors[n:]!r:.60}; not in the one spelling of an argument")
-    return in_one_spelling(factors[:n], [own for _, own in made])
+    return canonical_term(factors[:n], [own for _, own in made])
 
 
 def n_exponents(term: Sequence[object]) -> int:
@@ -161,7 +166,7 @@ def n_exponents(term: Sequence[object]) -> int:
     return sum(not isinstance(factor, Function) for factor in term)
 
 
-def in_one_spelling(exponents: Sequence[int], functions: Sequence[Function]) -> tuple:
+def canonical_term(exponents: Sequence[int], functions: Sequence[Function]) -> tuple:
     """The term that is a product of powers and functions.
 
     sign(u)^2 is 1, |u|/u is sign(u); of a state u alone, u sign(u) is |u|, |u|^2 is u^2, u/u is 1.
@@ -183,26 +188,26 @@ def in_one_spelling(exponents: Sequence[int], functions: Sequence[Function]) -> 
     return (*exponents, *sorted(counts.elements()))
 
 
-def times(left: Sequence, right: Sequence) -> tuple:
+def multiply_terms(left: Sequence, right: Sequence) -> tuple:
     """The product of two terms with the same number of exponents."""
     n = n_exponents(left)
     exponents = tuple(a + b for a, b in zip(left[:n], right[:n], strict=True))
     functions = (*left[n:], *right[n:])
-    return in_one_spelling(exponents, functions) if functions else exponents
+    return canonical_term(exponents, functions) if functions else exponents
 
 
-def derivatives(term: Sequence, state: int) -> list[tuple[float, tuple]]:
+def differentiate_term(term: Sequence, state: int) -> list[tuple[float, tuple]]:
     """The derivative of a term by a state: a sum of numbers times terms."""
     n = n_exponents(term)
     exponents, functions = term[:n], term[n:]
     found = []
     if exponents[state]:
         lower = [e - (k == state) for k, e in enumerate(exponents)]
-        found.append((exponents[state], in_one_spelling(lower, functions)))
+        found.append((exponents[state], canonical_term(lower, functions)))
     for own, count in Counter(functions).items():
         factor, instead = own.derivative(state)
         if factor:
             others = list(functions)
             others.remove(own)
-            found.append((count * factor, in_one_spelling(exponents, (*others, *instead))))
+            found.append((count * factor, canonical_term(exponents, (*others, *instead))))
     return found

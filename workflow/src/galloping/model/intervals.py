@@ -17,7 +17,9 @@ DRAWS = 39  # of a model: their least and greatest are then the ends of a 95 % i
 IDENTIFIABLE = 7.6
 
 
-def interval(values: Sequence[float] | NDArray[np.float64]) -> tuple[float, float, float]:
+def median_and_interval(
+    values: Sequence[float] | NDArray[np.float64],
+) -> tuple[float, float, float]:
     """Median and the 5th and 95th percentile; a failure (inf) counts as the worst value."""
     low = np.quantile(values, QUANTILES_90[0], method="lower")
     high = np.quantile(values, QUANTILES_90[1], method="higher")
@@ -45,7 +47,7 @@ class Identified(Protocol):
     def extrapolation_covariance(self) -> np.ndarray: ...
 
 
-def normal(
+def draw_normal(
     mean: np.ndarray, covariance: np.ndarray, count: int, rng: np.random.Generator
 ) -> np.ndarray:
     """Draw values from a normal distribution, the same in whatever units they are.
@@ -63,10 +65,10 @@ def normal(
     -------
     (count, n) array
     """
-    return mean + rng.standard_normal((count, len(mean))) @ root_of(covariance).T
+    return mean + rng.standard_normal((count, len(mean))) @ covariance_root(covariance).T
 
 
-def root_of(covariance: np.ndarray) -> np.ndarray:
+def covariance_root(covariance: np.ndarray) -> np.ndarray:
     """Root of a covariance, by which independent draws are turned into correlated ones.
 
     It is that of the correlations, which have no unit, and the lower triangle with a diagonal that
@@ -90,7 +92,7 @@ def root_of(covariance: np.ndarray) -> np.ndarray:
     return deviation[:, np.newaxis] * upper.T * np.where(np.diag(upper) < 0.0, -1.0, 1.0)
 
 
-def drawn(
+def draw_models(
     identified: Identified, rng: np.random.Generator, count: int = DRAWS
 ) -> list[PolynomialModel]:
     """Models with coefficients drawn with their covariance, terms trusted; all the same where there
@@ -100,11 +102,11 @@ def drawn(
     coefficients = np.repeat(model.coefficients[np.newaxis], count, axis=0)
     if len(identified.covariance):
         mean = model.coefficients[support]
-        coefficients[:, support] = normal(mean, identified.covariance, count, rng)
-    return [replace(model, coefficients=within_bounds(identified, each)) for each in coefficients]
+        coefficients[:, support] = draw_normal(mean, identified.covariance, count, rng)
+    return [replace(model, coefficients=clip_to_bounds(identified, each)) for each in coefficients]
 
 
-def within_bounds(identified: Identified, coefficients: np.ndarray) -> np.ndarray:
+def clip_to_bounds(identified: Identified, coefficients: np.ndarray) -> np.ndarray:
     """Coefficients (n_states, n_terms), those beyond their bounds at the nearest one."""
     for equation, term, least, most in identified.bounds:
         if term in identified.model.terms:
@@ -113,7 +115,7 @@ def within_bounds(identified: Identified, coefficients: np.ndarray) -> np.ndarra
     return coefficients
 
 
-def drawn_with_rivals(
+def draw_models_and_rivals(
     identified: Identified, rng: np.random.Generator, count: int = DRAWS
 ) -> list[PolynomialModel]:
     """The same without that trust: rivals of the model among them, as often as they are probable.
@@ -123,9 +125,9 @@ def drawn_with_rivals(
     """
     if not len(identified.covariance):
         return [identified.model]
-    models = drawn(identified, rng, count)
+    models = draw_models(identified, rng, count)
     for k in np.flatnonzero(rng.random(count) < identified.rival_share):
-        rival = within_bounds(identified, np.array(rng.choice(identified.rivals)))
+        rival = clip_to_bounds(identified, np.array(rng.choice(identified.rivals)))
         models[k] = replace(identified.model, coefficients=rival)
     return models
 
@@ -138,7 +140,7 @@ def extrapolate(
     Parameters
     ----------
     models : sequence of PolynomialModel
-        Drawn with `drawn_with_rivals`.
+        Drawn with `draw_models_and_rivals`.
     identified : IdentifiedModel
     rng : numpy.random.Generator
 
@@ -152,14 +154,14 @@ def extrapolate(
         return list(models)
     mean, covariance = identified.extrapolation_shift, identified.extrapolation_covariance
     changed = []
-    for model, change in zip(models, normal(mean, covariance, len(models), rng), strict=True):
+    for model, change in zip(models, draw_normal(mean, covariance, len(models), rng), strict=True):
         coefficients = model.coefficients.copy()
         coefficients[identified.support] += change * (coefficients[identified.support] != 0.0)
-        changed.append(replace(model, coefficients=within_bounds(identified, coefficients)))
+        changed.append(replace(model, coefficients=clip_to_bounds(identified, coefficients)))
     return changed
 
 
-def of_draws(
+def interval_of_draws(
     values: Sequence[float] | Sequence[np.ndarray] | np.ndarray, fewest: float = 2
 ) -> np.ndarray:
     """(2, ...) ends of the 95 % interval of an estimate: the least and the greatest of its values

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import Immutable, Matrix
-from galloping.model.functions import FUNCTIONS, Function, derivatives, n_exponents
+from galloping.model.functions import FUNCTIONS, Function, differentiate_term, n_exponents
 from galloping.model.modes import Modes
 
 # Exponents of the states and then of the inputs, int, and behind them the functions that multiply
@@ -30,7 +30,7 @@ Exponents: TypeAlias = tuple[Any, ...]
 Bound: TypeAlias = tuple[int, Exponents, float, float]
 
 
-def library(n_states: int, degree: int) -> tuple[Exponents, ...]:
+def polynomial_library(n_states: int, degree: int) -> tuple[Exponents, ...]:
     """Exponents of all monomials up to `degree`, in the order of pysindy's PolynomialLibrary.
 
     Raises ValueError where `n_states` is no whole number >= 1 or `degree` none >= 0.
@@ -44,12 +44,12 @@ def library(n_states: int, degree: int) -> tuple[Exponents, ...]:
     return tuple(tuple(index.count(k) for k in range(n_states)) for index in indices)
 
 
-def alone(k: int, count: int) -> Exponents:
+def linear_term(k: int, count: int) -> Exponents:
     """Exponents of the term that is the k-th of `count` names alone."""
     return tuple(int(i == k) for i in range(count))
 
 
-def extended(terms: tuple[Exponents, ...], model: PolynomialModel) -> tuple[Exponents, ...]:
+def extend_library(terms: tuple[Exponents, ...], model: PolynomialModel) -> tuple[Exponents, ...]:
     """The library `terms`, followed by the terms present in `model` that it lacks."""
     present = (t for t, used in zip(model.terms, model.has_term, strict=True) if used)
     return tuple(dict.fromkeys([*terms, *present]))
@@ -61,7 +61,7 @@ def velocity_pairs(states: tuple[str, ...]) -> dict[int, int]:
     return {i: index[f"d{name}"] for i, name in enumerate(states) if f"d{name}" in index}
 
 
-def exponents_of(terms: Sequence[Exponents], count: int) -> NDArray[np.int64]:
+def exponent_matrix(terms: Sequence[Exponents], count: int) -> NDArray[np.int64]:
     """(n_terms, count) exponents with which terms begin, without their functions."""
     return np.array([term[:count] for term in terms], np.int64).reshape(-1, count)
 
@@ -108,11 +108,11 @@ def design_matrix(x: np.ndarray, terms: tuple[Exponents, ...]) -> np.ndarray:
     n_terms). Each monomial costs one product, of a state with a monomial of one degree less where
     that one is in the library.
     """
-    functions, terms = separated(terms)
+    functions, terms = split_functions(terms)
     if functions:
         x = np.column_stack([x, *(own(x) for own in functions)])
     theta = np.empty((len(x), len(terms)), order="F")
-    for j, (last, lower) in enumerate(products(terms)):
+    for j, (last, lower) in enumerate(factor_monomials(terms)):
         if last is None:
             theta[:, j] = 1.0
         elif lower is None:
@@ -125,7 +125,7 @@ def design_matrix(x: np.ndarray, terms: tuple[Exponents, ...]) -> np.ndarray:
 
 
 @cache
-def separated(
+def split_functions(
     terms: tuple[Exponents, ...],
 ) -> tuple[tuple[Function, ...], tuple[tuple[int, ...], ...]]:
     """The functions of terms, and the terms as exponents, those of the functions last."""
@@ -139,7 +139,7 @@ def separated(
 
 
 @cache
-def products(terms: tuple[Exponents, ...]) -> tuple[tuple[int | None, int | None], ...]:
+def factor_monomials(terms: tuple[Exponents, ...]) -> tuple[tuple[int | None, int | None], ...]:
     """How each monomial is made: the last of its states, and the place of the monomial of one
     degree less; -1 where that is a constant, None where it is not among those before.
     """
@@ -154,7 +154,7 @@ def products(terms: tuple[Exponents, ...]) -> tuple[tuple[int | None, int | None
 
 
 @cache
-def slopes(terms: tuple[Exponents, ...], n_states: int) -> tuple[tuple, ...]:
+def differentiate_terms(terms: tuple[Exponents, ...], n_states: int) -> tuple[tuple, ...]:
     """The derivative of each term by each state, a sum of numbers times terms.
 
     By state: places of the terms that have a derivative, the numbers, and the terms of the
@@ -163,7 +163,7 @@ def slopes(terms: tuple[Exponents, ...], n_states: int) -> tuple[tuple, ...]:
     """
     found = []
     for k in range(n_states):
-        rows = [(j, *part) for j, term in enumerate(terms) for part in derivatives(term, k)]
+        rows = [(j, *part) for j, term in enumerate(terms) for part in differentiate_term(term, k)]
         places, factors, lower = zip(*rows, strict=True) if rows else ((), (), ())
         found.append((np.array(places, int), np.array(factors), lower))
     return tuple(found)
@@ -206,7 +206,7 @@ class PolynomialModel(Immutable):
             )
         if any(n_exponents(term) != len(self.names) for term in self.terms):
             raise ValueError(f"terms: must have {len(self.names)} exponents, of states and inputs")
-        functions, _ = separated(self.terms)
+        functions, _ = split_functions(self.terms)
         if any(len(own.weights) != len(self.states) for own in functions):
             raise ValueError(f"terms: functions must have {len(self.states)} weights, of states")
 
@@ -241,8 +241,8 @@ class PolynomialModel(Immutable):
         """
         errors = np.nan if standard_errors is None else standard_errors
         errors = np.broadcast_to(errors, self.coefficients.shape)
-        lines, states = [], [_latex(state, self.states) for state in self.states]
-        names = [*states, *(_latex(name, ()) for name in self.inputs)]
+        lines, states = [], [_name_to_latex(state, self.states) for state in self.states]
+        names = [*states, *(_name_to_latex(name, ()) for name in self.inputs)]
         for name, row, own in zip(states, self.coefficients, errors, strict=True):
             parts = []
             for j in np.flatnonzero(row):
@@ -285,16 +285,16 @@ class PolynomialModel(Immutable):
 
         u: (n, n_inputs) of a model with inputs.
         """
-        return design_matrix(beside(x, u), self.terms) @ self.coefficients.T
+        return design_matrix(join_inputs(x, u), self.terms) @ self.coefficients.T
 
     def jacobian(
         self, x: NDArray[np.float64], u: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
         """Derivatives of the rates by the states: (n, n_states) -> (n, n_states, n_states)."""
-        both = beside(x, u)
+        both = join_inputs(x, u)
         by_state = [
             design_matrix(both, lower) @ (self.coefficients[:, places] * factors).T
-            for places, factors, lower in slopes(self.terms, len(self.states))
+            for places, factors, lower in differentiate_terms(self.terms, len(self.states))
         ]
         return np.stack(by_state, axis=2)
 
@@ -310,7 +310,7 @@ class PolynomialModel(Immutable):
         Raises ValueError for an input that it does not have, and for a value at which a term is
         not finite.
         """
-        terms, merge = merged(self, values)
+        terms, merge = merge_inputs(self, values)
         inputs = tuple(name for name in self.inputs if name not in values)
         return PolynomialModel(self.states, terms, self.coefficients @ merge, inputs)
 
@@ -357,7 +357,7 @@ class PolynomialModel(Immutable):
         return PolynomialModel(self.states, terms, coefficients, self.inputs)
 
 
-def merged(
+def merge_inputs(
     model: PolynomialModel, values: Mapping[str, float]
 ) -> tuple[tuple[Exponents, ...], NDArray[np.float64]]:
     """Terms of a model at constant values of inputs, and what each old one brings to each new one.
@@ -373,7 +373,7 @@ def merged(
             raise ValueError(f"{name}: {value!r:.60}; must be a finite number")
     held = tuple(len(model.states) + k for k, name in enumerate(model.inputs) if name in values)
     own = [values[name] for name in model.inputs if name in values]
-    terms, places = _without(model.terms, held)
+    terms, places = _drop_exponents(model.terms, held)
     merge = np.zeros((len(places), len(terms)))
     for j, (term, place) in enumerate(zip(model.terms, places, strict=True)):
         for value, k in zip(own, held, strict=True):
@@ -385,7 +385,7 @@ def merged(
 
 
 @cache
-def _without(
+def _drop_exponents(
     terms: tuple[Exponents, ...], held: tuple[int, ...]
 ) -> tuple[tuple[Exponents, ...], tuple[int, ...]]:
     """Terms without the exponents at `held`, each once, and the place of each old one in them."""
@@ -394,12 +394,12 @@ def _without(
     return tuple(place), tuple(place[term] for term in kept)
 
 
-def beside(x: np.ndarray, u: np.ndarray | None) -> np.ndarray:
+def join_inputs(x: np.ndarray, u: np.ndarray | None) -> np.ndarray:
     """States (n, n_states) with inputs (n, n_inputs), where there are any, beside them."""
     return x if u is None else np.concatenate([x, u], axis=1)
 
 
-def _latex(state: str, states: tuple[str, ...]) -> str:
+def _name_to_latex(state: str, states: tuple[str, ...]) -> str:
     """A state's name as LaTeX, with a dot where it is the velocity of one of `states`."""
     dotted = state[:1] == "d" and state[1:] in states
     stem, _, index = (state[1:] if dotted else state).partition("_")

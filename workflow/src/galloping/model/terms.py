@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from galloping.model.functions import function, n_exponents, times
+from galloping.model.functions import make_function, multiply_terms, n_exponents
 from galloping.model.polynomial import (
     Exponents,
     PolynomialModel,
@@ -91,7 +91,7 @@ Sum: TypeAlias = dict[Exponents, float]  # coefficients by term
 Node: TypeAlias = Any  # a Tree or Token of lark, which of them the grammar says
 
 
-def parse(
+def parse_library(
     texts: str | Sequence[str], states: Sequence[str], inputs: Sequence[str] = ()
 ) -> tuple[tuple[Exponents, ...], NDArray[np.bool_] | None]:
     """Terms of a library that is written as text, and the equations in which each may be.
@@ -155,7 +155,7 @@ def known_model(
     for text in texts:
         known = parse_known(text, states, inputs)
         own = (known.term,) if isinstance(known, Bounds) else tuple(known.terms)
-        places = [place(term, terms, states + inputs) for term in own]
+        places = [find_term(term, terms, states + inputs) for term in own]
         if known.state in equations or (type(known), known.state, own) in said:
             raise ValueError(f"known {text!r}: is said twice")
         if isinstance(known, Bounds) or known.deviation is not None:
@@ -192,7 +192,7 @@ def parse_model(text: str, inputs: Sequence[str] = ()) -> PolynomialModel:
     return known_model(texts, states, tuple(terms), inputs)[0]
 
 
-def place(term: Exponents, terms: Sequence[Exponents], names: Sequence[str]) -> int:
+def find_term(term: Exponents, terms: Sequence[Exponents], names: Sequence[str]) -> int:
     """Index of a term in a library. Raises ValueError where it is not there."""
     if term not in terms:
         raise ValueError(f"known term {term_name(term, names)} is not in the library")
@@ -203,13 +203,13 @@ def parse_known(text: str, states: Sequence[str], inputs: Sequence[str] = ()) ->
     """A known equation, `STATE = SUM`, coefficient, `STATE: TERM = VALUE +- DEVIATION`, or its
     bounds, `STATE: TERM < VALUE`.
 
-    Raises ValueError as `parse` does.
+    Raises ValueError as `parse_library` does.
     """
     return _Sentence("known", text, tuple(states), tuple(inputs)).known()
 
 
 @cache
-def _grammar() -> Lark:
+def _make_grammar() -> Lark:
     from lark import Lark  # few models have a grammar to read
 
     return Lark(GRAMMAR, parser="lalr", start=["library", "known"], maybe_placeholders=True)
@@ -238,7 +238,7 @@ class _Sentence:
         # bars in pairs, each of the length it had: else the grammar has two readings
         text = re.sub(r"\|([^|]*)\|", r"⟦\1⟧", self.text)
         try:
-            return _grammar().parse(text, start=self.kind)
+            return _make_grammar().parse(text, start=self.kind)
         except UnexpectedInput as error:
             expected = getattr(error, "accepts", None) or getattr(error, "allowed", None) or ()
             words = [word for name, word in EXPECTED.items() if name in expected]
@@ -262,7 +262,7 @@ class _Sentence:
         result: Sum = {}
         for one, a in left.items():
             for other, b in right.items():
-                term = times(one, other)
+                term = multiply_terms(one, other)
                 result[term] = result.get(term, 0.0) + a * b
             self.check_count(len(result), place)
         highest = max(max(map(abs, term[: n_exponents(term)])) for term in result)
@@ -362,16 +362,14 @@ class _Sentence:
     def divided(self, tree: Node, equation: int, within: bool, place: Token) -> Sum:
         """One over a factor."""
         if tree.data == "raised":
-            base, number = tree.children
-            return self.raised(base, number, equation, within, place)
+            return self.raised(tree, equation, within, place)
         return self.inverse(self.factor(tree, equation, within or tree.data == "sum"), place)
 
     def factor(self, tree: Node, equation: int, within: bool, _: object = None) -> Sum:
         if tree.data == "sum":
             return self.sum(tree, equation, within)
         if tree.data == "raised":
-            base, number = tree.children
-            return self.raised(base, number, equation, within)
+            return self.raised(tree, equation, within)
         name = tree.children[0]
         if tree.data == "function":
             return self.function(name, tree.children[1], equation)
@@ -383,7 +381,7 @@ class _Sentence:
             *names, degree = tree.children
             places, most = [self.name(each) for each in names], self.power(degree)
             self.check_count(comb(len(places) + most, most), degree)
-            return {self.monomial(own): 1.0 for own in _chosen(places, most)}
+            return {self.monomial(own): 1.0 for own in _list_factors(places, most)}
         if tree.data == "wind" or (name == "wind" and "wind" not in self.states + self.inputs):
             return self.wind(name, equation, tree.data == "wind")
         return {self.monomial([self.name(name)]): 1.0}
@@ -400,7 +398,7 @@ class _Sentence:
     def applied(self, kind: str, own: Sequence[float], place: Token) -> Sum:
         """A function of a combination of states, as of `combination`."""
         try:
-            factor, made = function(kind, own[:-1], own[-1])
+            factor, made = make_function(kind, own[:-1], own[-1])
         except ValueError as error:
             raise self.fault(place, str(error)) from None
         return {(*self.monomial(()), made): factor}
@@ -417,10 +415,9 @@ class _Sentence:
             own[of_states.index(1) if any(of_states) else -1] = value
         return own if any(own[:-1]) else None
 
-    def raised(
-        self, base: Node, number: Node, equation: int, within: bool, below: Token | None = None
-    ) -> Sum:
+    def raised(self, tree: Node, equation: int, within: bool, below: Token | None = None) -> Sum:
         """A power. below: the sign of a division by it."""
+        base, number = tree.children
         sign, digits = number.children
         by = self.divided if (sign == "-") != (below is not None) else self.factor
         power, own = self.power(digits), by(base, equation, within, below or sign)
@@ -488,16 +485,16 @@ class _Sentence:
             raise self.fault(name, said)
         speed = self.name(name) if named else len(self.states)
         displacements, velocities = list(pairs), list(pairs.values())
-        terms = [self.monomial(own) for own in _chosen(displacements, STRUCTURE)]
+        terms = [self.monomial(own) for own in _list_factors(displacements, STRUCTURE)]
         terms += [self.monomial([velocity]) for velocity in velocities]
-        for own in _chosen(velocities, 3):
+        for own in _list_factors(velocities, 3):
             term = list(self.monomial(own))
             term[speed] = 2 - len(own)
             terms.append(tuple(term))
         return dict.fromkeys(terms, 1.0)
 
 
-def _chosen(places: Sequence[int], degree: int) -> Iterator[tuple[int, ...]]:
-    """The factors of every monomial up to a degree, in the order of `polynomial.library`."""
+def _list_factors(places: Sequence[int], degree: int) -> Iterator[tuple[int, ...]]:
+    """List the factors of every monomial up to a degree, in the order of `polynomial_library`."""
     for power in range(degree + 1):
         yield from combinations_with_replacement(places, power)

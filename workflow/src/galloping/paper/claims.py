@@ -25,7 +25,7 @@ import numpy as np
 from pydantic import TypeAdapter
 from scipy.stats import binomtest
 
-from galloping.model.intervals import interval
+from galloping.model.intervals import median_and_interval
 from galloping.results import NOISE, SUBSET
 
 if TYPE_CHECKING:
@@ -178,7 +178,7 @@ def judge(claim: Claim, scores: pd.DataFrame) -> dict:
             )
         )
         return {**nothing, "draws": 0, "verdict": "not run", "reason": "the study lacks the draws"}
-    median, low, high = interval(values)
+    median, low, high = median_and_interval(values)
     number = claim.is_number
     with np.errstate(divide="ignore", invalid="ignore"):
         found = {

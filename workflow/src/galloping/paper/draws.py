@@ -21,7 +21,7 @@ from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import ReducedRegression
 from galloping.line.galerkin import coefficients, model
-from galloping.model.polynomial import Exponents, design_matrix, extended, library
+from galloping.model.polynomial import Exponents, design_matrix, extend_library, polynomial_library
 from galloping.recording.measurement import Motion, channel_scale
 from galloping.results import IDENTIFIED, NOISE, SUBSET
 from galloping.streams import generator
@@ -223,8 +223,8 @@ def paper_draws(
     draws are equal, and there is one.
     """
     motion, line = line_motion(case, amounts.duration, amounts.sampling_rate)
-    terms = library(len(line.states), degree)
-    true = line.on_library(extended(terms, line))
+    terms = polynomial_library(len(line.states), degree)
+    true = line.on_library(extend_library(terms, line))
     truth = Truth(true, motion.time, motion.states, amounts.steady_window, motion.status)
     noise, scale = PROTOCOLS["derivative"]
     noisy = noise(motion, terms, channel_scale(motion, relative=False)[scale])

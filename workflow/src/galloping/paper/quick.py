@@ -15,7 +15,12 @@ import pandas as pd
 
 from galloping.evaluation import score
 from galloping.identification.sparse import supports
-from galloping.model.polynomial import Exponents, PolynomialModel, library, products
+from galloping.model.polynomial import (
+    Exponents,
+    PolynomialModel,
+    factor_monomials,
+    polynomial_library,
+)
 from galloping.paper.draws import PATH_LENGTH, PROTOCOLS, Amounts, Products
 from galloping.paper.unknowns import MethodReading
 from galloping.recording.measurement import Motion, channel_scale
@@ -75,7 +80,7 @@ class QuickStudy:
 
     @cached_property
     def terms(self) -> tuple[Exponents, ...]:
-        return library(len(self.line.states), 3)
+        return polynomial_library(len(self.line.states), 3)
 
     @cached_property
     def true(self) -> PolynomialModel:
@@ -108,7 +113,7 @@ class QuickStudy:
     def _motions(self, models: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """R2 (draws, 2), -inf for a model that diverges, and amplitude (draws, 2), inf for it."""
         # the first monomial is the constant: nothing makes it, and -1 stands for it
-        made = [(0, 0), *products(self.terms)[1:]]
+        made = [(0, 0), *factor_monomials(self.terms)[1:]]
         last, lower = np.ascontiguousarray(np.maximum(made, 0).T)
         displacements = list(score.DISPLACEMENT_COLUMNS.values())
         true = np.ascontiguousarray(self.motion.states[::STEP, displacements])

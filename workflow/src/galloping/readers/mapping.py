@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from galloping.configuration.yaml_file import read
-from galloping.model.terms import parse, parse_known
+from galloping.model.terms import parse_known, parse_library
 from galloping.readers.file_table import read_table
 from galloping.readers.proposal import ROWS, Proposal, propose, states_of
 from galloping.readers.units import named
@@ -161,7 +161,7 @@ class ColumnMapping(_Section):
                     f"inside the span of {self.span:g} m"
                 )
         if self.library:
-            parse(self.library, self.states, inputs)
+            parse_library(self.library, self.states, inputs)
         for text in self.known:
             parse_known(text, self.states, inputs)
         self.check_forced(self.random_force, "random_force")

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import finite, floats, seconds
+from galloping.arrays import as_finite, as_floats, as_seconds
 from galloping.recording.samples import Frame, Input, Recording
 
 Samples: TypeAlias = ArrayLike | Frame
@@ -59,7 +59,7 @@ class Table:
         if not hasattr(data, "columns") and not isinstance(data, Mapping):
             if np.ndim(data) == 1:
                 data = np.asarray(data)[:, np.newaxis]
-            values = floats(what, data, (None, None))
+            values = as_floats(what, data, (None, None))
             return cls(what, {f"{what}{k}": y for k, y in enumerate(values.T)}, is_named=False)
         names = list(data if isinstance(data, Mapping) else data.columns)
         if len(set(names)) < len(names):
@@ -95,13 +95,13 @@ class Table:
             raise ValueError(f"{self.what}: has {have}; must be {', '.join(meant):.60}")
         if not chosen:
             raise ValueError(f"{self.what}: has no columns")
-        values = [floats(f"{self.what}: {n}", self.columns[n], (None,)) for n in chosen]
+        values = [as_floats(f"{self.what}: {n}", self.columns[n], (None,)) for n in chosen]
         if len({*map(len, values)}) > 1:
             raise ValueError(f"{self.what}: columns differ in length")
         return meant, np.column_stack(values)
 
 
-def _names(u: object) -> list[str] | None:
+def _as_names(u: object) -> list[str] | None:
     """Names of columns, where `u` is such."""
     if isinstance(u, str):
         return [u]
@@ -126,16 +126,16 @@ def split_samples(
     if isinstance(t, str) or t is None:
         t = times
     driving: Any = u
-    if columns := _names(u):
+    if columns := _as_names(u):
         driving = {name: table.pop("u", name) for name in columns}
     names, values = table.matrix(states)
     if t is not None and np.ndim(t) == 0:
-        step = float(finite("t", t, ()))
+        step = float(as_finite("t", t, ()))
         if step <= 0.0:
             raise ValueError(f"t: {t!r:.60}; must be a step > 0, or times that increase")
         t = step * np.arange(len(values))
     if t is not None:
-        t = floats("t", seconds("t", t), (len(values),))
+        t = as_floats("t", as_seconds("t", t), (len(values),))
     return t, names, values, driving
 
 
@@ -174,9 +174,9 @@ def make_recordings(
         If something is missing or does not fit, in one line that names it.
     """
     if not is_several(x):
-        return [_recording(x, t, u, x_dot, states, inputs, between)]
+        return [_make_recording(x, t, u, x_dot, states, inputs, between)]
     found = []
-    parts: dict[str, Any] = {"x_dot": x_dot} if _names(u) else {"u": u, "x_dot": x_dot}
+    parts: dict[str, Any] = {"x_dot": x_dot} if _as_names(u) else {"u": u, "x_dot": x_dot}
     for name, part in parts.items():
         if part is not None and (not isinstance(part, list | tuple) or len(part) != len(x)):
             raise ValueError(f"{name}: must be a list of {len(x)}, one for each recording of x")
@@ -185,13 +185,15 @@ def make_recordings(
         own = {name: None if part is None else part[k] for name, part in parts.items()}
         driving = own.get("u", u)
         try:
-            found.append(_recording(one, times[k], driving, own["x_dot"], states, inputs, between))
+            found.append(
+                _make_recording(one, times[k], driving, own["x_dot"], states, inputs, between)
+            )
         except ValueError as error:
             raise ValueError(f"recording {k}: {error}") from None
     return found
 
 
-def _recording(
+def _make_recording(
     x: Any,
     t: Any,
     u: Any,

@@ -71,23 +71,23 @@ class Protocol:
         return labels.get(self.measures, "sensor noise, m/s²")
 
 
-def _derivatives(level: float, scale: np.ndarray) -> Noise:
+def _noise_of_derivatives(level: float, scale: np.ndarray) -> Noise:
     """Absolute noise on every rate (Brunton et al. 2016)."""
     return Noise(np.zeros(scale.shape[1]), np.full(scale.shape[1], level))
 
 
-def _states(level: float, scale: np.ndarray) -> Noise:
+def _noise_of_states(level: float, scale: np.ndarray) -> Noise:
     return Noise(level * scale[0], np.full(scale.shape[1], np.inf))
 
 
-def _displacements(level: float, scale: np.ndarray) -> Noise:
-    """As `_states`, without the velocities, which are the second half of the states."""
-    noise = _states(level, scale)
+def _noise_of_displacements(level: float, scale: np.ndarray) -> Noise:
+    """As `_noise_of_states`, without the velocities, which are the second half of the states."""
+    noise = _noise_of_states(level, scale)
     noise.states[scale.shape[1] // 2 :] = np.inf
     return noise
 
 
-def _accelerations(level: float, scale: np.ndarray) -> Noise:
+def _noise_of_accelerations(level: float, scale: np.ndarray) -> Noise:
     """On the rates of the velocities, which are all that is measured."""
     noise = Noise(np.full(scale.shape[1], np.inf), level * scale[1])
     noise.rates[: scale.shape[1] // 2] = np.inf
@@ -95,11 +95,13 @@ def _accelerations(level: float, scale: np.ndarray) -> Noise:
 
 
 PROTOCOLS = (
-    Protocol("derivative", _derivatives, "exact states with noisy derivatives"),
-    Protocol("state", _states, "noisy states"),
-    Protocol("displacement", _displacements, "noisy displacements without velocities"),
+    Protocol("derivative", _noise_of_derivatives, "exact states with noisy derivatives"),
+    Protocol("state", _noise_of_states, "noisy states"),
+    Protocol("displacement", _noise_of_displacements, "noisy displacements without velocities"),
     # of the methods only `maximum_likelihood` can use it
-    Protocol("acceleration", _accelerations, "noisy accelerations alone", by_default=False),
+    Protocol(
+        "acceleration", _noise_of_accelerations, "noisy accelerations alone", by_default=False
+    ),
 )
 BY_NAME = {protocol.name: protocol for protocol in PROTOCOLS}
 
@@ -132,10 +134,10 @@ def recordings_of(
         rows: slice | np.ndarray = slice(None)
         if samples < len(motion.time):
             rows = np.sort(rng.choice(len(motion.time), size=samples, replace=False))
-        values = _channels(motion.states[rows], noise.states, rng)
+        values = _add_noise(motion.states[rows], noise.states, rng)
         rates = None
         if np.any(np.isfinite(noise.rates)):
-            rates = _channels(motion.rates[rows], noise.rates, rng)
+            rates = _add_noise(motion.rates[rows], noise.rates, rng)
         return Recording(motion.time[rows], motion.names, values, rates, exact=exact)
 
     return [tuple(record(r, i) for i in range(recordings)) for r in range(replicates)]
@@ -149,7 +151,7 @@ def noises_of(
     return [described.noise(level, channel_scale(each, relative)) for each in motions]
 
 
-def _channels(exact: np.ndarray, sigma: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _add_noise(exact: np.ndarray, sigma: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Exact channels (n, n_channels) with noise, NaN where one is not measured."""
     if not np.any(sigma):
         return exact

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial.legendre import Legendre, legvander
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import Immutable, Matrix, floats, increasing, seconds
+from galloping.arrays import Immutable, Matrix, as_floats, as_increasing, as_seconds
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -71,8 +71,8 @@ class Input(Immutable):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        time = increasing("input: time", seconds("input: time", self.time))
-        values = floats("input: values", self.values, time.shape)
+        time = as_increasing("input: time", as_seconds("input: time", self.time))
+        values = as_floats("input: values", self.values, time.shape)
         if np.isinf(values).any():
             raise ValueError(f"input: values: {values[np.isinf(values)][0]:g}; must be finite")
         if np.isfinite(values).sum() < 2:
@@ -173,12 +173,12 @@ class Input(Immutable):
 Factor = tuple[int, ...]
 
 
-def at_times(inputs: Sequence[Input], time: NDArray[np.float64]) -> NDArray[np.float64]:
+def inputs_at_times(inputs: Sequence[Input], time: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n, n_inputs) values of inputs at `time` (n,), NaN where not covered."""
     return np.stack([one(time) for one in inputs], axis=1) if inputs else np.empty((len(time), 0))
 
 
-def on_grid(inputs: Sequence[Input], time: NDArray[np.float64]) -> NDArray[np.float64]:
+def inputs_on_grid(inputs: Sequence[Input], time: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n, n_inputs) inputs at the points of a uniform grid, NaN where not covered.
 
     Of what is held between its samples the mean over a step about the point, which has the integral
@@ -192,7 +192,7 @@ def on_grid(inputs: Sequence[Input], time: NDArray[np.float64]) -> NDArray[np.fl
     return np.stack(columns, axis=1)
 
 
-def windowed(
+def fit_windows(
     inputs: Sequence[Input],
     factors: Sequence[Factor],
     start: float,
@@ -218,7 +218,7 @@ def windowed(
     points, weights = np.polynomial.legendre.leggauss(QUADRATURE)
     half = np.diff(breaks)[:, None] / 2.0
     time = breaks[:-1, None] + half * (1.0 + points)
-    held = np.stack([extrapolated(one, time) for one in inputs])
+    held = np.stack([evaluate_extended(one, time) for one in inputs])
     place = np.clip((time - edges[window][:, None]) / step, 0.0, 1.0)
     basis = legvander(2.0 * place - 1.0, degree) * (2 * np.arange(degree + 1) + 1.0)
     weighted = basis * (half * weights / step)[..., None]
@@ -230,20 +230,22 @@ def windowed(
     return found
 
 
-def left_out(
+def fit_errors(
     inputs: Sequence[Input],
     factors: Sequence[Factor],
     start: float,
     step: float,
     powers: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """(3, n_factors) root mean squares of what the polynomials of `windowed`, `powers`, leave out
-    of the factors, and of its first and second integral within the windows.
+    """Root mean squares of the errors of `fit_windows`.
+
+    powers: the polynomials of `fit_windows`. Returns (3, n_factors): of the factors less their
+    polynomials, and of the first and second integral of this difference within the windows.
     """
     windows, n_powers, _ = powers.shape
     place = (np.arange(POINTS) + 0.5) / POINTS
     time = start + step * (np.arange(windows)[:, None] + place)
-    held = np.stack([extrapolated(one, time) for one in inputs])
+    held = np.stack([evaluate_extended(one, time) for one in inputs])
     found = []
     for k, factor in enumerate(factors):
         values = np.prod(held ** np.array(factor, float)[:, None, None], axis=0)
@@ -254,7 +256,7 @@ def left_out(
     return np.array(found).T.reshape(3, len(factors))
 
 
-def extrapolated(one: Input, time: np.ndarray) -> np.ndarray:
+def evaluate_extended(one: Input, time: np.ndarray) -> np.ndarray:
     """Values at `time` (...), s, where it is not covered those at the nearest time that is."""
     ends = np.array(one.stretches)
     after = np.clip(np.searchsorted(ends[:, 0], time, side="right") - 1, 0, len(ends) - 1)
@@ -329,12 +331,12 @@ class Recording(Immutable):
         states = tuple(states)
         if not states or len(set(states)) < len(states):
             raise ValueError(f"recording: states: {states!r:.60}; must be distinct, one or more")
-        time = increasing("recording: time", seconds("recording: time", self.time))
+        time = as_increasing("recording: time", as_seconds("recording: time", self.time))
         shape = len(time), len(states)
         checked: dict[str, Any] = {"time": time, "states": states}
         for name in ("values", "rates"):
             if (given := getattr(self, name)) is not None:
-                array = checked[name] = floats(f"recording: {name}", given, shape)
+                array = checked[name] = as_floats(f"recording: {name}", given, shape)
                 if np.isinf(array).any():
                     row, column = np.argwhere(np.isinf(array))[0]
                     raise ValueError(
@@ -351,7 +353,7 @@ class Recording(Immutable):
                         f"recording: {name}: {given!r:.60}; must be a truth value a state"
                     )
         if self.known_noise is not None:
-            noise = floats("recording: known_noise", self.known_noise, (2, len(states)))
+            noise = as_floats("recording: known_noise", self.known_noise, (2, len(states)))
             checked["known_noise"] = noise
         for name, one in self.inputs.items():
             if not isinstance(name, str) or name in states:
@@ -410,7 +412,7 @@ class Recording(Immutable):
         index = getattr(frame, "index", None)
         if column in names:
             times = frame[column]
-        elif time is None and seconds("recording: index", index) is not index:
+        elif time is None and as_seconds("recording: index", index) is not index:
             times = index
         else:
             raise ValueError(f"recording: no column {column!r}; must be one of {names!r:.60}")
@@ -421,7 +423,7 @@ class Recording(Immutable):
                 raise ValueError(f"recording: inputs: no column {name!r}; there is {names!r:.60}")
         states = [name for name in names if name != column and name not in inputs]
         columns = {
-            name: floats(f"recording: column {name!r}", frame[name], (None,))
+            name: as_floats(f"recording: column {name!r}", frame[name], (None,))
             for name in (*states, *inputs)
         }
         if len({len(times), *map(len, columns.values())}) > 1:

@@ -23,8 +23,8 @@ from galloping.identification.prior_knowledge import PRIOR, as_coefficients
 from galloping.identification.work import limit_work
 from galloping.inspection.excerpts import by_excerpts, excerpts
 from galloping.inspection.quality import finding_of, quality
-from galloping.model.polynomial import Exponents, PolynomialModel, library
-from galloping.model.terms import known_model, parse
+from galloping.model.polynomial import Exponents, PolynomialModel, polynomial_library
+from galloping.model.terms import known_model, parse_library
 from galloping.passes import part, passing
 from galloping.readers.mapping import ColumnMapping
 from galloping.readers.recordings import LEAST, SILENT, input_notes, parted, recording
@@ -143,19 +143,19 @@ class FieldQuestion:
     method: str = "maximum_likelihood"
     known: tuple[str, ...] = ()
     seed: int = 0
-    library: tuple[str, ...] = ()
+    polynomial_library: tuple[str, ...] = ()
     random_force: tuple[str, ...] = ()
 
     def terms(self, mapping: ColumnMapping) -> tuple[tuple[Exponents, ...], np.ndarray | None]:
-        """The library, and in which equations its terms may be, as of `terms.parse`.
+        """The library, and in which equations its terms may be, as of `terms.parse_library`.
 
         Raises ValueError for what is no library, and where it leaves an input out.
         """
         inputs = mapping.input_names
         texts = self.library or mapping.library
         if not texts:
-            return library(len(mapping.states) + len(inputs), self.degree), None
-        terms, allowed = parse(texts, mapping.states, inputs)
+            return polynomial_library(len(mapping.states) + len(inputs), self.degree), None
+        terms, allowed = parse_library(texts, mapping.states, inputs)
         for k, name in enumerate(inputs, start=len(mapping.states)):
             if not any(term[k] for term in terms):
                 raise ValueError(f"input {name} is in no term of the library {' + '.join(texts)}")

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from galloping.arrays import (
     TIME_ROUNDING,
     Immutable,
+    as_increasing,
     first_from,
-    increasing,
     one_thread,
     round_down,
     round_up,
@@ -248,7 +248,7 @@ def forecast(
     if window is None:
         window = PERIODS * _finite(longest_period([recording]))
     end = recording.time[-1]
-    times = _after(recording, window) if time is None else increasing("time", time)
+    times = _after(recording, window) if time is None else as_increasing("time", time)
     if times[0] <= end:
         raise ValueError(f"time: begins at {times[0]:g} s; the recording ends at {end:g} s")
     if found.status != "refused":

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from galloping.line.galerkin import EQUATIONS, Derived
-from galloping.model.intervals import IDENTIFIABLE, interval
-from galloping.model.polynomial import extended, library
+from galloping.model.intervals import IDENTIFIABLE, median_and_interval
+from galloping.model.polynomial import extend_library, polynomial_library
 from galloping.results import NOISE, SUBSET
 
 CELL = ["case", "protocol", "level"]
@@ -62,7 +62,10 @@ def spread(column: str, stem: str = "") -> dict[str, tuple[str, Callable]]:
     They are named `stem`, `{stem}_low` and `{stem}_high`; without a stem median, low and high.
     """
     names = (stem, f"{stem}_low", f"{stem}_high") if stem else ("median", "low", "high")
-    return {name: (column, lambda values, k=k: interval(values)[k]) for k, name in enumerate(names)}
+    return {
+        name: (column, lambda values, k=k: median_and_interval(values)[k])
+        for k, name in enumerate(names)
+    }
 
 
 def medians(
@@ -155,8 +158,8 @@ def identifiability(
     parts = [pd.DataFrame(columns=IDENTIFIABILITY)]
     for cell, columns in settings["cells"].items():
         model = models[columns["case"]].model
-        terms = library(len(model.states), settings["degree"])
-        model = model.on_library(extended(terms, model))
+        terms = polynomial_library(len(model.states), settings["degree"])
+        model = model.on_library(extend_library(terms, model))
         typical = np.sqrt(np.mean(bounds[cell] ** 2, axis=0))
         dynamic = np.isin(np.arange(len(model.states)), list(EQUATIONS))
         i, j = np.nonzero(model.support & dynamic[:, np.newaxis])

@@ -7,8 +7,14 @@ import pandas as pd
 
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import EQUATIONS, STATES, Derived, symbol_of
-from galloping.model.intervals import interval
-from galloping.model.polynomial import Exponents, PolynomialModel, extended, library, term_name
+from galloping.model.intervals import median_and_interval
+from galloping.model.polynomial import (
+    Exponents,
+    PolynomialModel,
+    extend_library,
+    polynomial_library,
+    term_name,
+)
 
 TERMS = ["equation", "symbol", "term", "true", "identified", "low", "high", "found"]
 
@@ -23,7 +29,7 @@ def identified_terms(
     Values are those of the left-hand side, as the paper prints them. Columns TERMS: identified is
     the median over the replicates, found the share of those with the term.
     """
-    lacking = extended(terms, model)[len(terms) :]
+    lacking = extend_library(terms, model)[len(terms) :]
     terms = terms + lacking
     true = model.on_library(terms)
     found = np.stack([np.nan_to_num(result.model.coefficients) for result in results])
@@ -32,7 +38,7 @@ def identified_terms(
     for row, equation in EQUATIONS.items():
         present = np.flatnonzero(true.support[row] | np.any(found[:, row] != 0, axis=0))
         values = -found[:, row, present]
-        intervals = np.reshape([interval(each) for each in values.T], (-1, 3))
+        intervals = np.reshape([median_and_interval(each) for each in values.T], (-1, 3))
         part = pd.DataFrame(intervals, columns=["identified", "low", "high"]).assign(
             equation=equation,
             symbol=[symbol_of(row, terms[j]) for j in present],
@@ -59,7 +65,7 @@ def table3(
     models, identified: by case. settings: cases, those that are continuous, whose models have no
     true values; protocol, method, level; degree of the library.
     """
-    terms = library(len(STATES), settings["degree"])
+    terms = polynomial_library(len(STATES), settings["degree"])
     named = {key: settings[key] for key in ("protocol", "method", "level")}
     tables = [
         identified_terms(models[case].model, identified[case][settings["method"]], terms).assign(
@@ -96,7 +102,7 @@ def equations(
         case; is_continuous, of a line whose model has no true values; degree of the library; fits,
         by cell: protocol, method and level.
     """
-    terms, parts = library(len(STATES), settings["degree"]), []
+    terms, parts = polynomial_library(len(STATES), settings["degree"]), []
     for cell, fit in settings["fits"].items():
         first = identified[cell][fit["method"]][0]
         part = identified_terms(model.model, [first], terms).drop(columns=["low", "high", "found"])

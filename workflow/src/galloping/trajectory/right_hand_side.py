@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from galloping.model.functions import FUNCTIONS, KINKED, Function, derivatives
-from galloping.model.polynomial import Exponents, exponents_of, has_functions, separated
+from galloping.model.functions import FUNCTIONS, KINKED, Function, differentiate_term
+from galloping.model.polynomial import Exponents, exponent_matrix, has_functions, split_functions
 from galloping.recording.samples import Factor
 
 
@@ -64,9 +64,9 @@ class Tables:
 
 
 @lru_cache(maxsize=64)
-def tables(terms: tuple[Exponents, ...], n_states: int) -> Tables:
+def make_tables(terms: tuple[Exponents, ...], n_states: int) -> Tables:
     """Index tables of the library `terms` (n_terms) in so many states, and in inputs if any."""
-    functions, plain = separated(terms)
+    functions, plain = split_functions(terms)
     n_exponents = len(plain[0]) - len(functions)
     of_inputs = [term[n_states:n_exponents] for term in terms]
     factors = tuple(dict.fromkeys(factor for factor in of_inputs if any(factor)))
@@ -81,33 +81,33 @@ def tables(terms: tuple[Exponents, ...], n_states: int) -> Tables:
         (term, k, lower, number)
         for term in terms
         for k in range(n_states)
-        for number, lower in derivatives(term, k)
+        for number, lower in differentiate_term(term, k)
     ]
-    signs = [(term, *part) for term in terms for part in _signs(term)]
+    signs = [(term, *part) for term in terms for part in _list_sign_factors(term)]
     zero = (0,) * n_signals
     closed, queue = {zero}, {*terms, *map(tuple, np.eye(n_states, n_signals, dtype=int).tolist())}
     queue |= {row[2] for row in slopes} | {row[2] for row in signs}
     while queue:
         closed |= queue
-        queue = {need for term in queue for need in _needs(term, n_states)} - closed
-    monomials = tuple(sorted(closed, key=lambda term: _order(term, n_signals)))
-    functions, _ = separated(monomials)
+        queue = {need for term in queue for need in _list_needed(term, n_states)} - closed
+    monomials = tuple(sorted(closed, key=lambda term: _monomial_order(term, n_signals)))
+    functions, _ = split_functions(monomials)
     kinked = sorted(functions, key=lambda own: own.name not in KINKED)
     arguments = tuple(dict.fromkeys(own[1:] for own in kinked))
     n_kinks = len({own[1:] for own in functions if own.name in KINKED})
     index = {term: m for m, term in enumerate(monomials)}
     place: dict[int | Function, int] = {own: n_states + k for k, own in enumerate(functions)}
     place |= {k: k if k < n_states else k + len(functions) for k in range(n_signals)}
-    made = [(0, zero), *(_last(term, n_states) for term in monomials[1:])]
+    made = [(0, zero), *(_split_last_factor(term, n_states) for term in monomials[1:])]
     return Tables(
         monomials,
         np.array([index[term] for term in terms]),
         np.array([index[lower] for _, lower in made], np.int64),
         np.array([place[factor] for factor, _ in made], np.int64),
-        exponents_of(monomials, n_signals),
-        _rows((index[term], k, index[lower]) for term, k, lower, _ in slopes),
+        exponent_matrix(monomials, n_signals),
+        _as_rows((index[term], k, index[lower]) for term, k, lower, _ in slopes),
         np.array([number for *_, number in slopes], float),
-        _rows((index[term], arguments.index(own[1:]), index[left]) for term, own, left in signs),
+        _as_rows((index[term], arguments.index(own[1:]), index[left]) for term, own, left in signs),
         factors,
         functions,
         arguments,
@@ -115,17 +115,17 @@ def tables(terms: tuple[Exponents, ...], n_states: int) -> Tables:
     )
 
 
-def _rows(rows: Iterator[tuple[int, int, int]]) -> np.ndarray:
+def _as_rows(rows: Iterator[tuple[int, int, int]]) -> np.ndarray:
     return np.array(list(rows), np.int64).reshape(-1, 3)
 
 
-def _order(term: Exponents, n_signals: int) -> tuple:
+def _monomial_order(term: Exponents, n_signals: int) -> tuple:
     """By which monomials are sorted: the degree, then the first signals first."""
     exponents, functions = term[:n_signals], term[n_signals:]
     return sum(exponents) + len(functions), [-e for e in exponents], functions
 
 
-def _last(term: Exponents, n_states: int) -> tuple[int | Function, Exponents]:
+def _split_last_factor(term: Exponents, n_states: int) -> tuple[int | Function, Exponents]:
     """The last factor of a monomial and what is left without it: a function if it has any, else a
     state, and what comes from inputs if it has neither.
     """
@@ -136,10 +136,10 @@ def _last(term: Exponents, n_states: int) -> tuple[int | Function, Exponents]:
     return last, tuple(e - (k == last) for k, e in enumerate(term))
 
 
-def _needs(term: Exponents, n_states: int) -> Iterator[Exponents]:
+def _list_needed(term: Exponents, n_states: int) -> Iterator[Exponents]:
     """The monomials that one is made of, and functions by which its own have their series."""
     if any(term):
-        yield _last(term, n_states)[1]
+        yield _split_last_factor(term, n_states)[1]
     exponents = [factor for factor in term if not isinstance(factor, Function)]
     for own in term[len(exponents) :]:
         if own.name not in KINKED:
@@ -147,7 +147,7 @@ def _needs(term: Exponents, n_states: int) -> Iterator[Exponents]:
             yield from ((*[0] * len(exponents), each) for each in (own, *others))
 
 
-def _signs(term: Exponents) -> Iterator[tuple[Function, Exponents]]:
+def _list_sign_factors(term: Exponents) -> Iterator[tuple[Function, Exponents]]:
     """Each factor sign(u) of a term, and the term without it."""
     for k, own in enumerate(term):
         if isinstance(own, Function) and own.name == "sign":
@@ -182,7 +182,7 @@ class Signals(NamedTuple):
 
 
 class System(NamedTuple):
-    """One model in the form the compiled integrator reads, built by `system`.
+    """One model in the form the compiled integrator reads, built by `compile_system`.
 
     rates: (n, 2) int, (equation, monomial) of each coefficient present; rate_values: (n,).
     jacobian: (n, 3) int, (equation, state, monomial); jacobian_values: (n,).
@@ -207,7 +207,7 @@ class System(NamedTuple):
         return int(self.columns[-1, 2]) + 1 if len(self.columns) else 0
 
 
-def system(
+def compile_system(
     table: Tables, coefficients: np.ndarray, free: np.ndarray, together: np.ndarray | None = None
 ) -> System:
     """The model with `coefficients` (n_states, n_terms) and `free` (n_free, 2) index pairs.
@@ -230,11 +230,11 @@ def system(
         by_states[tuple(jacobian.T)],
         np.column_stack([free[:, 0], table.position[free[:, 1]], column]).astype(np.int64),
         np.ones(len(free)) if together is None else np.asarray(together, float),
-        _signals(table, coefficients) if table.functions else None,
+        _compile_signals(table, coefficients) if table.functions else None,
     )
 
 
-def _signals(table: Tables, coefficients: np.ndarray) -> Signals:
+def _compile_signals(table: Tables, coefficients: np.ndarray) -> Signals:
     functions, index = table.functions, {own: k for k, own in enumerate(table.functions)}
     other = {"sin": "cos", "cos": "sin"}
     signs = [Function("sign", *table.arguments[k]) for k in range(table.n_kinks)]
@@ -286,7 +286,7 @@ def without_idle_monomials(compiled: System, sensitive: bool) -> System:
 
 
 class Workspace(NamedTuple):
-    """Series of one step that the compiled integrators fill, built by `workspace`.
+    """Series of one step that the compiled integrators fill, built by `make_workspace`.
 
     x: (order + 1, n_states + n_functions) of the states and of functions of them, theta: (order +
     1, n_monomials), jac: (order + 1, n_states, n_states) of the Jacobian, s: (order + 1, n_states,
@@ -306,7 +306,7 @@ class Workspace(NamedTuple):
     fresh: np.ndarray
 
 
-def workspace(compiled: System, order: int, n_states: int, sensitive: bool) -> Workspace:
+def make_workspace(compiled: System, order: int, n_states: int, sensitive: bool) -> Workspace:
     """Arrays for series of a system; compiled code that makes them would compile for longer."""
     columns = compiled.n_free + n_states if sensitive else 0
     kind = np.zeros((n_states, n_states), np.int64)

@@ -13,12 +13,12 @@ from galloping.arrays import Immutable
 from galloping.model.polynomial import (
     Exponents,
     PolynomialModel,
-    beside,
     design_matrix,
-    separated,
+    join_inputs,
+    split_functions,
 )
-from galloping.recording.samples import Factor, Input, windowed
-from galloping.trajectory.right_hand_side import system, tables
+from galloping.recording.samples import Factor, Input, fit_windows
+from galloping.trajectory.right_hand_side import compile_system, make_tables
 from galloping.trajectory.taylor import Ending, at_points, integrate, solve
 
 if TYPE_CHECKING:
@@ -109,11 +109,11 @@ class Simulator:
         not cover `time`.
         """
         model = model.on_library(self.terms)
-        start, steps = np.asarray(x0, float), most_steps(time)
+        start, steps = np.asarray(x0, float), max_steps(time)
         if self.inputs:
             own = check_inputs(model, inputs or {}, time)
             return self._driven(model, start, time, own, EQUAL_STEPS * steps, limit)
-        limit = _farthest(start) if limit is None else limit
+        limit = _divergence_limit(start) if limit is None else limit
         states, _, end, ending = solve(model, start, time, steps, limit=limit)
         if ending is Ending.COMPLETE:
             return Trajectory(time, states, "ok", self.states)
@@ -122,7 +122,7 @@ class Simulator:
             Ending.NOT_FINITE: "diverged: not finite",
             Ending.BEYOND_LIMIT: f"diverged: |x| exceeded {limit:g}",
         }[ending]
-        return ended(time, states, f"{why} at t = {end:.4g} s", self.states)
+        return pad_ended_motion(time, states, f"{why} at t = {end:.4g} s", self.states)
 
     def _driven(
         self,
@@ -147,18 +147,18 @@ class Simulator:
             states, _, self._step = solve_driven(model, own, x0, time, step, steps)
         except FloatingPointError as error:
             nowhere = np.empty((0, len(self.states)))
-            return ended(time, nowhere, f"stopped: {error}", self.states)
-        limit = _farthest(x0) if limit is None else limit
+            return pad_ended_motion(time, nowhere, f"stopped: {error}", self.states)
+        limit = _divergence_limit(x0) if limit is None else limit
         with np.errstate(over="ignore", invalid="ignore"):
             far = ~(np.sum(states**2, axis=1) < limit**2)
         if not far.any():
             return Trajectory(time, states, "ok", self.states)
         at = int(np.argmax(far))
         why = f"diverged: |x| exceeded {limit:g} at t = {time[at]:.4g} s"
-        return ended(time, states[:at], why, self.states)
+        return pad_ended_motion(time, states[:at], why, self.states)
 
 
-def ended(
+def pad_ended_motion(
     time: NDArray[np.float64],
     states: NDArray[np.float64],
     status: str,
@@ -169,12 +169,12 @@ def ended(
     return Trajectory(time, np.concatenate([states, missing]), status, names)
 
 
-def _farthest(x0: NDArray[np.float64]) -> float:
+def _divergence_limit(x0: NDArray[np.float64]) -> float:
     """How far from zero a motion from x0 (n_states,) may get before it counts as diverged."""
     return max(DIVERGENCE_LIMIT, TIMES_THE_START * float(np.linalg.norm(x0)))
 
 
-def away_from(x0: NDArray[np.float64]) -> float:
+def escape_distance(x0: NDArray[np.float64]) -> float:
     """Distance at which a motion of any system runs away, of which nothing is known but its begin.
 
     Parameters
@@ -190,7 +190,7 @@ def away_from(x0: NDArray[np.float64]) -> float:
     return AWAY * (float(np.linalg.norm(x0)) or 1.0)
 
 
-def most_steps(time: NDArray[np.float64]) -> int:
+def max_steps(time: NDArray[np.float64]) -> int:
     """How many integration steps a motion on the grid `time` may take."""
     return MOST_STEPS_BETWEEN + MAX_STEPS_PER_SAMPLE * len(time)
 
@@ -226,25 +226,25 @@ def time_grid(duration: float, sampling_rate: float) -> np.ndarray:
 STILL = 1e-9  # of the greatest argument of a sign in a motion: what is less sticks, if it can
 
 
-def rates_of(
+def rates_along(
     model: PolynomialModel, states: NDArray[np.float64], driving: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
     """(n, n_states) rates along a motion (n, n_states); what sticks does not accelerate.
 
     driving: (n, n_inputs) of a model with inputs.
     """
-    rates, held = model(states, driving), holding(model, states, driving)
+    rates, held = model(states, driving), sticking_projections(model, states, driving)
     return rates if held is None else np.einsum("nij,nj->ni", held, rates)
 
 
-def holding(
+def sticking_projections(
     model: PolynomialModel, states: NDArray[np.float64], driving: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64] | None:
     """(n, n_states, n_states) by which the rates along a motion, and their derivatives, are
     multiplied so that what sticks to the zero of a sign stays there; None for a model without one.
     """
-    both, n, places = beside(states, driving), len(model.states), len(model.names)
-    signs = [own for own in separated(model.terms)[0] if own.name == "sign"]
+    both, n, places = join_inputs(states, driving), len(model.states), len(model.names)
+    signs = [own for own in split_functions(model.terms)[0] if own.name == "sign"]
     if not signs:
         return None
     weights = np.array([own.weights for own in signs])
@@ -294,7 +294,7 @@ def first_step(inputs: Sequence[Input]) -> float:
 def _over_windows(
     inputs: tuple[Input, ...], factors: tuple[Factor, ...], start: float, step: float, windows: int
 ) -> NDArray[np.float64]:
-    return windowed(inputs, factors, start, step, windows, DEGREE)
+    return fit_windows(inputs, factors, start, step, windows, DEGREE)
 
 
 def solve_driven(
@@ -318,9 +318,9 @@ def solve_driven(
     n_states, wanted = len(start), free is not None
     if not wanted:  # nor are terms that are not there
         model = model.without_absent_terms()
-    table = tables(model.terms, n_states)
+    table = make_tables(model.terms, n_states)
     columns = np.asarray(free).reshape(-1, 2) if wanted else np.empty((0, 2), int)
-    compiled = system(table, model.coefficients, columns)
+    compiled = compile_system(table, model.coefficients, columns)
     diverged, longest = None, step
     ends: list[tuple[float, float]] = []
     far = FAR * _size_at_first(model, inputs, start, time)

@@ -31,10 +31,10 @@ from numpy.typing import NDArray
 from galloping.model.polynomial import PolynomialModel
 from galloping.trajectory.right_hand_side import (
     System,
-    system,
-    tables,
+    compile_system,
+    make_tables,
+    make_workspace,
     without_idle_monomials,
-    workspace,
 )
 
 # As `right_hand_side.CODES`: compiled functions read no constants of other modules.
@@ -53,7 +53,7 @@ BINOMIALS = np.array(
 
 
 @njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
-def _monomials(k, x, inputs, theta, parent, factor):
+def _fill_monomials(k, x, inputs, theta, parent, factor):
     """Taylor coefficients of order k of the monomials, from those of the signals, into `theta`."""
     n_signals = x.shape[1]
     theta[k, 0] = 1.0 if k == 0 else 0.0
@@ -71,7 +71,7 @@ def _monomials(k, x, inputs, theta, parent, factor):
 
 
 @njit(cache=True, error_model="numpy")
-def _functions(k, x, u, modes, signals):
+def _fill_functions(k, x, u, modes, signals):
     """Taylor coefficients of order k of arguments, into `u` (order+1, n_arguments), and of their
     functions, into the last columns of `x`; signs of what sticks, of mode 0, are zero at first.
     """
@@ -109,7 +109,7 @@ def _functions(k, x, u, modes, signals):
 
 
 @njit(cache=True, error_model="numpy")
-def _solved(matrix, right):
+def _solve_linear(matrix, right):
     """`right` (n, m) divided by a small matrix (n, n), both changed in place: Gauss elimination."""
     n = len(matrix)
     for k in range(n):
@@ -134,7 +134,7 @@ def _solved(matrix, right):
 
 
 @njit(cache=True, error_model="numpy")
-def _rate(k, theta, rates, rate_values, out):
+def _fill_rates(k, theta, rates, rate_values, out):
     """Taylor coefficient of order k of each equation's right-hand side, into `out`."""
     out[:] = 0.0
     for r in range(len(rate_values)):
@@ -142,7 +142,7 @@ def _rate(k, theta, rates, rate_values, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _slides(k, theta, signals, out):
+def _fill_slides(k, theta, signals, out):
     """What each equation gains of order k by a unit of each sign(u), into `out` (n_states, n)."""
     out[:] = 0.0
     for r in range(len(signals.slide_values)):
@@ -151,9 +151,10 @@ def _slides(k, theta, signals, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _balance(signals, stuck, slides, rate):
+def _balance_signs(signals, stuck, slides, rate):
     """The matrix (n, n) and right-hand side (n, 1) of the signs that keep the arguments `stuck`,
-    (n,) indices, where they are. slides: of `_slides`. rate: of `_rate` without these signs.
+    (n,) indices, where they are. slides: of `_fill_slides`. rate: of `_fill_rates`
+    without these signs.
     """
     n = len(stuck)
     matrix, right = np.zeros((n, n)), np.zeros((n, 1))
@@ -167,7 +168,7 @@ def _balance(signals, stuck, slides, rate):
 
 
 @njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
-def _jets(
+def _fill_jets(
     x, inputs, theta, order, h, n_states, parent, factor, rates, rate_values, u, modes, signals
 ):
     """Taylor coefficients (scaled by h^k) of the signals `x` and the monomials `theta`.
@@ -182,17 +183,17 @@ def _jets(
         slides, rate = np.zeros((n_states, len(modes))), np.zeros(n_states)
     for k in range(order + 1):
         if signals is not None:
-            _functions(k, x, u, modes, signals)
-        _monomials(k, x, inputs, theta, parent, factor)
+            _fill_functions(k, x, u, modes, signals)
+        _fill_monomials(k, x, inputs, theta, parent, factor)
         if signals is not None and len(stuck) and k < order:
             if k == 0:
-                _slides(0, theta, signals, slides)
-            _rate(k, theta, rates, rate_values, rate)
-            matrix, right = _balance(signals, stuck, slides, rate)
-            _solved(matrix, right)
+                _fill_slides(0, theta, signals, slides)
+            _fill_rates(k, theta, rates, rate_values, rate)
+            matrix, right = _balance_signs(signals, stuck, slides, rate)
+            _solve_linear(matrix, right)
             for a in range(len(stuck)):
                 x[k, n_states + signals.sign[stuck[a]]] = right[a, 0]
-            _monomials(k, x, inputs, theta, parent, factor)
+            _fill_monomials(k, x, inputs, theta, parent, factor)
         if k < order:
             scale = h / (k + 1)
             for i in range(n_states):
@@ -221,7 +222,7 @@ def _sensitivity_jets(
             slides = np.zeros((order, n_states, len(modes)))
             signs = np.zeros((order, len(stuck), n_columns))
             for k in range(order):
-                _slides(k, theta, signals, slides[k])
+                _fill_slides(k, theta, signals, slides[k])
     for k in range(order):
         scale = h / (k + 1)
         for i in range(n_states):
@@ -248,11 +249,11 @@ def _sensitivity_jets(
             weight = scale * weights[c]
             s[k + 1, columns[c, 0], columns[c, 2]] += weight * theta[k, columns[c, 1]]
         if signals is not None and len(stuck):
-            _hold(k, s, slides, signs, stuck, scale, signals)
+            _hold_sensitivities(k, s, slides, signs, stuck, scale, signals)
 
 
 @njit(cache=True, error_model="numpy")
-def _hold(k, s, slides, signs, stuck, scale, signals):
+def _hold_sensitivities(k, s, slides, signs, stuck, scale, signals):
     """Add to the sensitivities of order k + 1 what the signs that keep arguments at zero change,
     and put the sensitivities of these signs, of order k, into `signs`.
     """
@@ -264,14 +265,14 @@ def _hold(k, s, slides, signs, stuck, scale, signals):
                 if weight != 0.0:
                     for c in range(n_columns):
                         s[k + 1, i, c] += weight * signs[k - j, b, c]
-    matrix, _ = _balance(signals, stuck, slides[0], np.zeros(n_states))
+    matrix, _ = _balance_signs(signals, stuck, slides[0], np.zeros(n_states))
     right = np.zeros((n, n_columns))
     for a in range(n):
         for i in range(n_states):
             weight = signals.weights[stuck[a], i] / scale
             for c in range(n_columns):
                 right[a, c] -= weight * s[k + 1, i, c]
-    _solved(matrix, right)
+    _solve_linear(matrix, right)
     signs[k] = right
     for b in range(n):
         for i in range(n_states):
@@ -348,7 +349,7 @@ def _next_kink(x, u, n_states, modes, fresh, signals):
 
 
 @njit(cache=True, error_model="numpy")
-def _settle(x, inputs, theta, parent, factor, rates, rate_values, u, modes, fresh, signals):
+def _settle_modes(x, inputs, theta, parent, factor, rates, rate_values, u, modes, fresh, signals):
     """Where the motion goes from the zeros of the arguments whose mode is 0: their modes, in place,
     and the rates (n_states,) of the states then.
 
@@ -358,17 +359,17 @@ def _settle(x, inputs, theta, parent, factor, rates, rate_values, u, modes, fres
     slides, rate = np.zeros((n_states, len(modes))), np.zeros(n_states)
     while True:
         stuck = np.flatnonzero(modes == 0.0)
-        _functions(0, x, u, modes, signals)
-        _monomials(0, x, inputs, theta, parent, factor)
-        _rate(0, theta, rates, rate_values, rate)
-        _slides(0, theta, signals, slides)
-        matrix, right = _balance(signals, stuck, slides, rate)
+        _fill_functions(0, x, u, modes, signals)
+        _fill_monomials(0, x, inputs, theta, parent, factor)
+        _fill_rates(0, theta, rates, rate_values, rate)
+        _fill_slides(0, theta, signals, slides)
+        matrix, right = _balance_signs(signals, stuck, slides, rate)
         leaving, side, most = -1, 0.0, 1.0
         for a in range(len(stuck)):
             if not matrix[a, a] < 0.0:  # no sign leads back
                 leaving, side = a, -right[a, 0]
         if leaving < 0:
-            _solved(matrix, right)
+            _solve_linear(matrix, right)
             for a in range(len(stuck)):
                 if not abs(right[a, 0]) <= most:
                     leaving, side, most = a, right[a, 0], abs(right[a, 0])
@@ -378,13 +379,13 @@ def _settle(x, inputs, theta, parent, factor, rates, rate_values, u, modes, fres
         fresh[stuck[leaving]] = 1
     for a in range(len(stuck)):
         x[0, n_states + signals.sign[stuck[a]]] = right[a, 0]
-    _monomials(0, x, inputs, theta, parent, factor)
-    _rate(0, theta, rates, rate_values, rate)
+    _fill_monomials(0, x, inputs, theta, parent, factor)
+    _fill_rates(0, theta, rates, rate_values, rate)
     return rate
 
 
 @njit(cache=True, error_model="numpy")
-def _cross(s, n_columns, before, after, weights):
+def _cross_kink(s, n_columns, before, after, weights):
     """Take sensitivities across a kink. before, after: (n_states,) rates of the states."""
     pace = 0.0
     for i in range(len(before)):
@@ -398,7 +399,7 @@ def _cross(s, n_columns, before, after, weights):
 
 
 @njit(cache=True, error_model="numpy")
-def _begin(
+def _begin_modes(
     x, s, n_columns, inputs, theta, parent, factor, rates, rate_values, u, modes, fresh, signals
 ):
     """The modes of arguments with a kink where a motion begins, in place; sensitivities by a start
@@ -410,21 +411,21 @@ def _begin(
             argument += signals.weights[kink, i] * x[0, i]
         modes[kink], fresh[kink] = np.sign(argument), 0
     if len(modes):
-        after = _settle(
+        after = _settle_modes(
             x, inputs, theta, parent, factor, rates, rate_values, u, modes, fresh, signals
         )
         if s is not None and n_columns:
             for kink in np.flatnonzero(modes == 0.0):
                 modes[kink], before = 1.0, np.zeros(len(after))
-                _functions(0, x, u, modes, signals)
-                _monomials(0, x, inputs, theta, parent, factor)
-                _rate(0, theta, rates, rate_values, before)
-                _cross(s, n_columns, before, after, signals.weights[kink])
+                _fill_functions(0, x, u, modes, signals)
+                _fill_monomials(0, x, inputs, theta, parent, factor)
+                _fill_rates(0, theta, rates, rate_values, before)
+                _cross_kink(s, n_columns, before, after, signals.weights[kink])
                 modes[kink] = 0.0
 
 
 @njit(cache=True, error_model="numpy")
-def _shifted(powers, by):
+def _shift_polynomial(powers, by):
     """A polynomial on [0, 1], (n_powers, n), as one of the time since `by` over 1 - by."""
     found = np.zeros(powers.shape)
     for m in range(len(powers)):
@@ -434,7 +435,7 @@ def _shifted(powers, by):
 
 
 @njit(cache=True, error_model="numpy")
-def _pass(
+def _pass_step(
     x, s, n_columns, share, kink, length, theta, parent, factor, rates, rate_values, u, modes,
     fresh, signals, driven,
 ):  # fmt: skip
@@ -466,13 +467,17 @@ def _pass(
         modes[kink], fresh[kink] = np.sign(side), 2
         return
     modes[kink] = 0.0
-    after = _settle(x, driven, theta, parent, factor, rates, rate_values, u, modes, fresh, signals)
+    after = _settle_modes(
+        x, driven, theta, parent, factor, rates, rate_values, u, modes, fresh, signals
+    )
     if s is not None:
-        _cross(s, n_columns, before, after, signals.weights[kink])
+        _cross_kink(s, n_columns, before, after, signals.weights[kink])
 
 
 @njit(cache=True, error_model="numpy")
-def _read(samples, w, begin, end, length, x, s, observed, n_columns, predictions, derivatives):
+def _read_samples(
+    samples, w, begin, end, length, x, s, observed, n_columns, predictions, derivatives
+):
     """Add the samples of a window between two of its times to functionals of the window.
 
     length: s, of the series, which begin at `begin` and would last to the end of the window.
@@ -556,7 +561,7 @@ def propagate(
                 s[0, i, :] = 0.0
                 s[0, i, n_columns - n_states + i] = 1.0
         if signals is not None and first[g] < first[g + 1]:
-            _begin(
+            _begin_modes(
                 x, s, n_columns, inputs[first[g]], theta, parent, factor, rates, rate_values, u,
                 modes, fresh, signals,
             )  # fmt: skip
@@ -564,7 +569,7 @@ def propagate(
             begin, driven = 0.0, inputs[w]
             for piece in range(MOST_PIECES):
                 length, share, kink = h * (1.0 - begin), 2.0, -1
-                _jets(
+                _fill_jets(
                     x, driven, theta, order, length, n_states, parent, factor, rates, rate_values,
                     u, modes, signals,
                 )  # fmt: skip
@@ -586,7 +591,7 @@ def propagate(
                 in_pieces = begin > 0.0 or share <= 1.0
                 if samples is not None and in_pieces:
                     end = np.inf if share > 1.0 else begin + (1.0 - begin) * share
-                    _read(
+                    _read_samples(
                         samples, w, begin, end, length, x, s, observed, n_columns, predictions[w],
                         derivatives[w],
                     )  # fmt: skip
@@ -613,12 +618,12 @@ def propagate(
                     fresh[:] = 0
                     break
                 if signals is not None:
-                    _pass(
+                    _pass_step(
                         x, s, n_columns, share, kink, length, theta, parent, factor, rates,
-                        rate_values, u, modes, fresh, signals, _shifted(driven, share),
+                        rate_values, u, modes, fresh, signals, _shift_polynomial(driven, share),
                     )  # fmt: skip
                     begin += (1.0 - begin) * share
-                    driven = _shifted(inputs[w], begin)
+                    driven = _shift_polynomial(inputs[w], begin)
         for i in range(n_states):
             ends[g, i] = x[0, i]
             for c in range(n_columns):
@@ -647,7 +652,7 @@ def integrate(
     truncation error of a step relative to the size of each state.
     """
     n_segments, n_states = starts.shape
-    own = workspace(compiled, ORDER, n_states, sensitive)
+    own = make_workspace(compiled, ORDER, n_states, sensitive)
     n_columns = compiled.n_free + n_states if sensitive else 0
     predictions, ends = np.zeros(functionals.shape[:3]), np.zeros((n_segments, n_states))
     derivatives = np.zeros((*predictions.shape, n_columns))
@@ -734,7 +739,7 @@ def _step_growth(series):
 
 
 @njit(cache=True, error_model="numpy")
-def _rescale(series, growth):
+def _rescale_series(series, growth):
     """Scale series (order + 1, n) to a step that has grown."""
     power = 1.0
     for k in range(1, len(series)):
@@ -744,7 +749,7 @@ def _rescale(series, growth):
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def _evaluate(series, places, totals, values):
+def _evaluate_series(series, places, totals, values):
     """Sum few series (order + 1, n) at parts (m,) of the step into values (m, n).
 
     totals: (m,) memory.
@@ -773,7 +778,7 @@ def _evaluate_once(series, place, values):
 
 
 @njit(cache=True, error_model="numpy")
-def _advance(series):
+def _advance_series(series):
     """Put the sum of series (order + 1, n) at the end of the step in their first row."""
     order = len(series) - 1
     for k in range(order - 1, -1, -1):  # the smallest first
@@ -784,7 +789,7 @@ def _advance(series):
 
 
 @njit(cache=True, error_model="numpy")
-def _crossing(x, limit, values):
+def _find_crossing(x, limit, values):
     """Part of the step after which the states are further than `limit` from zero; inf if never.
 
     A step is a fraction of the radius of convergence, over which a motion hardly bends: eight
@@ -815,7 +820,7 @@ def _crossing(x, limit, values):
 
 
 @njit(cache=True, error_model="numpy")
-def _solve(
+def _solve_compiled(
     h, time, most, limit, states, derivatives, places, totals, inputs, flat,
     x, theta, jac, s, kind, u, modes, fresh,
     parent, factor, rates, rate_values, jacobian, jacobian_values, columns, weights, signals,
@@ -829,12 +834,12 @@ def _solve(
     """
     row, start, n_states = 0, time[0], states.shape[1]
     if signals is not None:
-        _begin(
+        _begin_modes(
             x, s, flat.shape[1] // n_states, inputs, theta, parent, factor, rates, rate_values, u,
             modes, fresh, signals,
         )  # fmt: skip
     for _ in range(most):
-        _jets(
+        _fill_jets(
             x, inputs, theta, len(x) - 1, h, n_states, parent, factor, rates, rate_values, u, modes,
             signals,
         )  # fmt: skip
@@ -852,10 +857,10 @@ def _solve(
             h = end - start
             if not h > 0.0:
                 return row, start, Ending.NOT_FINITE
-            _rescale(x, growth)
-            _rescale(flat, growth)
+            _rescale_series(x, growth)
+            _rescale_series(flat, growth)
             if signals is not None:
-                _rescale(u, growth)
+                _rescale_series(u, growth)
             if 0.9 < growth < 1.1:
                 break
         share, kink = 2.0, -1
@@ -863,7 +868,7 @@ def _solve(
             share, kink = _next_kink(x, u, n_states, modes, fresh, signals)
             if share <= 1.0:
                 end = start + share * h
-        crossing = _crossing(x, limit, states[row])
+        crossing = _find_crossing(x, limit, states[row])
         crossing = np.inf if crossing > share else crossing
         if crossing <= 1.0:
             end = start + crossing * h
@@ -872,19 +877,19 @@ def _solve(
             places[row - first] = (time[row] - start) / h
             _evaluate_once(flat, places[row - first], derivatives[row])
             row += 1
-        _evaluate(x, places[: row - first], totals, states[first:row])
+        _evaluate_series(x, places[: row - first], totals, states[first:row])
         if crossing <= 1.0:
             return row, end, Ending.BEYOND_LIMIT
         if row == len(time):
             return row, end, Ending.COMPLETE
         if signals is not None and share <= 1.0:
-            _pass(
+            _pass_step(
                 x, s, flat.shape[1] // n_states, share, kink, h, theta, parent, factor, rates,
                 rate_values, u, modes, fresh, signals, inputs,
             )  # fmt: skip
         else:
-            _advance(x)
-            _advance(flat)
+            _advance_series(x)
+            _advance_series(flat)
             fresh[:] = 0
         start = end
     return row, start, Ending.TOO_MANY_STEPS
@@ -913,9 +918,9 @@ def solve(
     """
     n_states, sensitive = len(model.states), free is not None
     pairs = np.asarray(free).reshape(-1, 2) if sensitive else np.empty((0, 2), int)
-    compiled = system(tables(model.terms, n_states), model.coefficients, pairs)
+    compiled = compile_system(make_tables(model.terms, n_states), model.coefficients, pairs)
     compiled = without_idle_monomials(compiled, sensitive)
-    own = workspace(compiled, PRECISE_ORDER, n_states, sensitive)
+    own = make_workspace(compiled, PRECISE_ORDER, n_states, sensitive)
     own.x[0, :n_states] = start
     if sensitive:
         own.s[0, :, len(pairs) : len(pairs) + n_states] = np.eye(n_states)
@@ -927,7 +932,7 @@ def solve(
         step = size / rate if size > 0.0 and rate > 0.0 else time[-1] - time[0]
         if not sensitive:
             own = own._replace(s=None)  # type: ignore[arg-type]  # another signature to numba
-        count, end, ending = _solve(  # type: ignore[call-arg]  # numba has no types
+        count, end, ending = _solve_compiled(  # type: ignore[call-arg]  # numba has no types
             float(step), np.array(time, float), most, float(limit), states, derivatives,
             *np.empty((2, len(time))), np.zeros((1, 0)), flat, *own, *compiled,
         )  # fmt: skip

@@ -13,7 +13,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from galloping.line.galerkin import STATES
 from galloping.model.intervals import decay_interval
 from galloping.model.modes import Modes
-from galloping.model.polynomial import library
+from galloping.model.polynomial import polynomial_library
 from galloping.recording.samples import Recording
 from galloping.streams import generator
 from galloping.trials.attempts import identified_by
@@ -113,7 +113,7 @@ def trial(
         motion = RandomMotion.drawn(generator(seed, "ambient", case, replicate))
         (true, _), bound = decays(motion.system, ()), motion.least_errors()
         for method, settings in methods.items():
-            terms, name = library(len(STATES), DEGREE), ("ambient", case, str(replicate))
+            terms, name = polynomial_library(len(STATES), DEGREE), ("ambient", case, str(replicate))
             found, answer = identified_by({method: settings}, [motion.recording], terms, name)
             row = {
                 "truth": case, "sensors": "displacements", "replicate": replicate, "seed": seed,

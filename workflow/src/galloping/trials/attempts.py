@@ -17,7 +17,7 @@ from galloping.model.intervals import NORMAL_95
 from galloping.model.polynomial import Exponents, PolynomialModel, velocity_pairs
 from galloping.recording.measurement import Motion, noises_of, recordings_of
 from galloping.recording.samples import Recording
-from galloping.trajectory.simulation import rates_of
+from galloping.trajectory.simulation import rates_along
 
 FAR = 4.0  # standard errors beyond which a coefficient is wrong
 
@@ -72,7 +72,7 @@ def deviations_at_the_bound(attempt: Attempt, states: np.ndarray) -> np.ndarray:
 
 
 def _motion(true: PolynomialModel, time: np.ndarray, states: np.ndarray) -> Motion:
-    return Motion(true.states, time, states, rates_of(true, states))
+    return Motion(true.states, time, states, rates_along(true, states))
 
 
 def fits(

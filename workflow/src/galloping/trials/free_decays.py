@@ -11,7 +11,7 @@ import numpy as np
 
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.model.intervals import NORMAL_95
-from galloping.model.polynomial import library
+from galloping.model.polynomial import polynomial_library
 from galloping.recording.samples import Recording
 from galloping.streams import generator
 from galloping.trials.attempts import identified_by
@@ -107,7 +107,10 @@ def trial(
     for replicate in replicates:
         decay = FreeDecay.drawn(generator(seed, "free_decays", case, replicate))
         for method, settings in methods.items():
-            terms, name = library(len(STATES), DEGREE), ("free_decays", case, str(replicate))
+            terms, name = (
+                polynomial_library(len(STATES), DEGREE),
+                ("free_decays", case, str(replicate)),
+            )
             found, answer = identified_by({method: settings}, [decay.recording], terms, name)
             row = {
                 "truth": case, "sensors": decay.sensor, "replicate": replicate, "seed": seed,

@@ -20,7 +20,7 @@ import numpy as np
 from galloping.configuration.kinds import GAMMAS, LONGEST, PUBLISHED
 from galloping.evaluation.bounds import Experiment, on_library, state_bound
 from galloping.model.intervals import NORMAL_95
-from galloping.model.polynomial import PolynomialModel, library
+from galloping.model.polynomial import PolynomialModel, polynomial_library
 from galloping.model.terms import known_model
 from galloping.recording.samples import Recording
 from galloping.streams import generator
@@ -58,7 +58,7 @@ def model_of(equations: str, degree: int) -> PolynomialModel:
     """
     texts = equations.split(";")
     states = tuple(text.partition("=")[0].strip() for text in texts)
-    return known_model(texts, states, library(len(states), degree))[0]
+    return known_model(texts, states, polynomial_library(len(states), degree))[0]
 
 
 SYSTEMS = {

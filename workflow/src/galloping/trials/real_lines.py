@@ -16,9 +16,9 @@ from galloping.evaluation.motion import steady_amplitude
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line import continuous
 from galloping.line.galerkin import STATES
-from galloping.model.intervals import NORMAL_95, drawn
-from galloping.model.polynomial import PolynomialModel, library
-from galloping.model.terms import parse
+from galloping.model.intervals import NORMAL_95, draw_models
+from galloping.model.polynomial import PolynomialModel, polynomial_library
+from galloping.model.terms import parse_library
 from galloping.recording.samples import Input, Recording
 from galloping.streams import generator
 from galloping.trajectory.simulation import Simulator
@@ -150,7 +150,7 @@ def answer(
     values = quantities(identified.model)
     widths = np.full(len(QUANTITIES), np.nan)
     if len(identified.covariance) == identified.support.sum() > 0:
-        sampled = np.array([quantities(each) for each in drawn(identified, rng)])
+        sampled = np.array([quantities(each) for each in draw_models(identified, rng)])
         # half of the middle 68 %: a few draws that diverge do not count
         low, high = np.nanquantile(sampled, [0.16, 0.84], axis=0)
         widths = NORMAL_95 * (high - low) / 2.0
@@ -187,7 +187,9 @@ def trial(
     line = line_of(parameters, truth)
     inputs = (SPEED,) if truth.wind else ()
     terms = (
-        parse(f"wind({SPEED})", STATES, inputs)[0] if truth.wind else library(len(STATES), DEGREE)
+        parse_library(f"wind({SPEED})", STATES, inputs)[0]
+        if truth.wind
+        else polynomial_library(len(STATES), DEGREE)
     )
     whole = PolynomialModel(STATES, terms, np.ones((len(STATES), len(terms))), inputs)
     steady_terms = whole.at(dict.fromkeys(inputs, line.speed)).terms

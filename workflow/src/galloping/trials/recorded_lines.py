@@ -28,14 +28,14 @@ from galloping.identification.likelihood.instrument import FORCES
 from galloping.identification.observations import Code
 from galloping.line.galerkin import STATES, coefficients, model
 from galloping.line.gusts import wind_speed
-from galloping.model.polynomial import PolynomialModel, design_matrix, library
+from galloping.model.polynomial import PolynomialModel, design_matrix, polynomial_library
 from galloping.recording.samples import Recording
 from galloping.streams import generator
 from galloping.trajectory.simulation import Simulator, time_grid
 from galloping.trials.attempts import Attempt, deviations_at_the_bound, measured, trial_of
 
 DEFAULT, RANDOM, LONG_AND_STEADY = "default line", "random lines", "long and steady"  # groups
-TERMS = library(len(STATES), 3)
+TERMS = polynomial_library(len(STATES), 3)
 CASE = "internal_resonance"
 DURATION, RATE = 300.0, 100.0  # s, Hz
 MARGIN = 1.0  # s of motion after the recording, for sensors that are late or early

@@ -19,7 +19,7 @@ from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem, largest_coefficients
 from galloping.identification.selection import added_deviation
 from galloping.model.polynomial import design_matrix
-from galloping.recording.samples import Recording, at_times
+from galloping.recording.samples import Recording, inputs_at_times
 
 
 def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedModel:
@@ -38,7 +38,8 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     support = np.zeros(n, bool)
     sigma = np.full((len(recordings), len(problem.states)), np.nan)
     values = [
-        np.hstack([one.values, at_times(list(one.inputs.values()), one.time)]) for one in recordings
+        np.hstack([one.values, inputs_at_times(list(one.inputs.values()), one.time)])
+        for one in recordings
     ]
     thetas = [design_matrix(one, problem.terms) for one in values]
     measured = [one.rates for one in recordings if one.rates is not None]

@@ -22,7 +22,7 @@ from galloping.identification.likelihood.weak_constraint import (
 )
 from galloping.identification.problem import Problem
 from galloping.identification.work import is_exhausted
-from galloping.model.polynomial import exponents_of
+from galloping.model.polynomial import exponent_matrix
 from galloping.passes import passing
 
 # Parts of a stretch in which coefficients are constant: a tenth of the correlation. Measured: with
@@ -63,7 +63,7 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
     """
     record, problem = fit.record, fit.record.problem
     equation, term = problem.candidates.T
-    exponents = exponents_of(problem.terms, len(problem.names))[term]
+    exponents = exponent_matrix(problem.terms, len(problem.names))[term]
     of_rate = exponents[:, np.unique(equation)].sum(axis=1) == 1
     linear = (np.abs(exponents).sum(axis=1) == 1) & (problem.degrees == 1)
     rates = np.flatnonzero(linear & of_rate)

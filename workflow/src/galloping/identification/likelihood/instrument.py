@@ -29,7 +29,7 @@ from galloping.identification.selection import (
     solve_support,
     whiten,
 )
-from galloping.model.polynomial import exponents_of, velocity_pairs
+from galloping.model.polynomial import exponent_matrix, velocity_pairs
 
 FORCES = (Code.FORCES, Code.FORCES_BESIDE_INPUTS)  # without inputs, and beside them
 
@@ -111,7 +111,7 @@ def _add_input_rates(fit: ShootingFit) -> tuple[ShootingFit, list[DelayedInput]]
     n, extra = len(problem.states), len(problem.inputs)
     many = n + extra
     terms, late = [(*term[:many], *[0] * extra, *term[many:]) for term in problem.terms], []
-    powers_of_inputs = exponents_of(problem.terms, many)[:, n:]
+    powers_of_inputs = exponent_matrix(problem.terms, many)[:, n:]
     slopes = np.zeros_like(powers)
     slopes[:, :-1] = powers[:, 1:] * np.arange(1, powers.shape[1])[:, None] / condensed.step
     columns = [powers]

@@ -18,7 +18,13 @@ from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
 from galloping.identification.selection import solve_support
 from galloping.model.functions import Function
-from galloping.model.polynomial import Exponents, alone, design_matrix, term_name, velocity_pairs
+from galloping.model.polynomial import (
+    Exponents,
+    design_matrix,
+    linear_term,
+    term_name,
+    velocity_pairs,
+)
 from galloping.recording.samples import powers_of_legendre
 from galloping.trajectory.taylor import at_points, integrate
 
@@ -49,7 +55,7 @@ def find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
     force_names = tuple(f"force {k}" for k in range(extra))
     places = len(problem.names)
     terms = [(*term[:places], *[0] * extra, *term[places:]) for term in problem.terms]
-    terms += [alone(places + k, places + extra) for k in range(extra)]
+    terms += [linear_term(places + k, places + extra) for k in range(extra)]
     padding = ((0, 0), (0, extra))
     wider = replace(
         problem.by_term(lambda values: np.pad(values, padding), terms),
@@ -87,7 +93,7 @@ def _candidate_kinds(problem: Problem) -> Iterator[tuple[int, int, Exponents]]:
     for equation in problem.unknown:
         for state in range(n):
             unit = tuple(float(k == state) for k in range(n))
-            own = alone(state, len(problem.names))
+            own = linear_term(state, len(problem.names))
             yield equation, state, (*own, Function("abs", unit))
             yield equation, state, (*none, Function("sin" if state in pairs else "sign", unit))
 

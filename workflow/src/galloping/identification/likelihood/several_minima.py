@@ -34,7 +34,7 @@ from galloping.identification.no_model import NoModel, NotConvergedError, attemp
 from galloping.identification.observations import Code
 from galloping.identification.selection import Price, solve_support
 from galloping.identification.work import is_exhausted
-from galloping.model.intervals import normal
+from galloping.model.intervals import draw_normal
 from galloping.trajectory.taylor import at_points, integrate
 
 MOST_STEPS, MOST_HALVINGS = 12, 7
@@ -185,7 +185,7 @@ def _draw_starts(fit: ShootingFit) -> list[ShootingFit]:
     quadratic, free = _quadratic_model(step.fit), step.fit.free
     _, covariance = solve_support(step.information, np.zeros(len(free)), fit.support)
     changes = np.zeros((1 + DRAWS, len(free)))
-    changes[1:, fit.support] = normal(
+    changes[1:, fit.support] = draw_normal(
         np.zeros(len(covariance)), covariance, DRAWS, np.random.default_rng(0)
     )
     found = []

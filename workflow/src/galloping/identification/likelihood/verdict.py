@@ -30,7 +30,7 @@ from galloping.identification.selection import (
     whiten,
 )
 from galloping.identification.status import status_of
-from galloping.model.intervals import normal
+from galloping.model.intervals import draw_normal
 
 # Weight that the plausible supports without one of the terms found may have together: at most one
 # in fifty of all models that are `ok` holds a false term (docs/identification_parts.csv).
@@ -197,7 +197,7 @@ def _draw_rivals(problem: Problem, regression: Regression, believed: Plausible) 
         kept = np.where(own, regression.about, 0.0)
         right = regression.right + regression.information @ (regression.about - kept)
         change, covariance = solve_support(regression.information, right, own)
-        kept[own] += normal(change[own], covariance, 1, rng)[0]
+        kept[own] += draw_normal(change[own], covariance, 1, rng)[0]
         drawn.append(problem.coefficients(kept))
     return {"rivals": np.array(drawn), "rival_share": share}
 

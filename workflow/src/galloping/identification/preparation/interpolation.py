@@ -17,7 +17,7 @@ from galloping.identification.preparation.screening import prepared
 from galloping.identification.preparation.smoothing import Smooth
 from galloping.identification.preparation.weak_form import weak_fit
 from galloping.identification.problem import Problem
-from galloping.recording.samples import Input, Recording, extrapolated
+from galloping.recording.samples import Input, Recording, evaluate_extended
 
 # Of the misfit beyond the noise, that another interpolant takes away at least. An input that is
 # late by less than 0.3 of its step is not taken for held then: its misfit, which is quadratic in
@@ -128,7 +128,7 @@ def _with_inputs(
         one = recording.inputs[name]
         one = of_kind(one, kinds.get(name, one.between))
         means = one.mean_around(fine, step)
-        means = np.where(np.isfinite(means), means, extrapolated(one, fine))
+        means = np.where(np.isfinite(means), means, evaluate_extended(one, fine))
         values = sliding_window_view(means, 2 * reach)[::FINER] @ kernel
         divides = any(term[k] < 0 for term in problem.terms)
         columns.append(np.clip(values, means.min(), means.max()) if divides else values)

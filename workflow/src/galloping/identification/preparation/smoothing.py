@@ -20,7 +20,7 @@ from galloping.arrays import TIME_ROUNDING, round_up
 from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.model.polynomial import velocity_pairs
-from galloping.recording.samples import Recording, on_grid
+from galloping.recording.samples import Recording, inputs_on_grid
 
 # Of the smooth curves: the accelerations of a displacement's quintic spline are still cubic ones.
 SPLINE_DEGREE = 5
@@ -55,7 +55,7 @@ class Smooth:
     noise: (n_states,) standard deviation of a sample about the curve, NaN where not measured.
     residual: (n, n_states) samples less the curve, NaN where missing.
     valid: (n_grid,) whether samples of every curve are near, rather than in a gap.
-    inputs: (n_grid, n_inputs) those of the recording, as of `on_grid`.
+    inputs: (n_grid, n_inputs) those of the recording, as of `inputs_on_grid`.
     """
 
     time: np.ndarray
@@ -128,7 +128,7 @@ def smooth(recording: Recording, period: float) -> Smooth:
         valid &= _near(recording, curve[:1], time, period)
         valid &= _away(recording, curve, time, period)
         sigma[curve[0]] = density / np.sqrt(time[1] - time[0])
-    inputs = on_grid(list(recording.inputs.values()), time)
+    inputs = inputs_on_grid(list(recording.inputs.values()), time)
     return Smooth(time, states, sigma, derived, noise, residual, valid, inputs)
 
 

@@ -24,9 +24,9 @@ from galloping.identification.preparation.smoothing import GRID_PER_PERIOD, Smoo
 from galloping.identification.problem import Problem, largest_coefficients
 from galloping.identification.selection import Price, solve_support
 from galloping.identification.work import count_work
-from galloping.model.polynomial import alone, design_matrix, term_name
+from galloping.model.polynomial import design_matrix, linear_term, term_name
 from galloping.passes import passing
-from galloping.recording.samples import Recording, extrapolated, on_grid
+from galloping.recording.samples import Recording, evaluate_extended, inputs_on_grid
 
 TEST_STRIDE = GRID_PER_PERIOD // 6  # steps of the grid between tests, a third of their radius
 MOST_MISFIT = 3.0  # chi^2 per row of the weak form: linearised errors explain no more
@@ -279,7 +279,7 @@ def _check_functions(problem: Problem, smoothed: list[Smooth]) -> None:
     for one, own in product(smoothed, problem.tables.functions):
         states = one.states[one.valid]
         argument = own.argument(states)
-        name = term_name((*alone(-1, len(problem.states)), own), problem.states)
+        name = term_name((*linear_term(-1, len(problem.states)), own), problem.states)
         if own.name == "inverse" and len(argument) and argument.min() <= 0.0 <= argument.max():
             about = own.argument_text(problem.states)
             raise IdentificationError(Code.TERM_INFINITE, name, argument=about)
@@ -341,8 +341,8 @@ def delayed_inputs(start: Start) -> dict[str, float]:
         moved = []
         for recording, one in zip(start.recordings, start.smoothed, strict=True):
             inputs, own = one.inputs.copy(), recording.inputs[problem.inputs[k]]
-            known = on_grid([own], one.time + late)[:, 0]
-            inputs[:, k] = np.where(np.isnan(known), extrapolated(own, one.time + late), known)
+            known = inputs_on_grid([own], one.time + late)[:, 0]
+            inputs[:, k] = np.where(np.isnan(known), evaluate_extended(own, one.time + late), known)
             moved.append(replace(one, inputs=inputs))
         information, right, total, rows = _regression(problem, moved, weighed)
         return total - float(solve_support(information, right, np.ones(n, bool))[0] @ right), rows

@@ -22,7 +22,7 @@ from galloping.identification.random_forces.whiteness import Whiteness, function
 from galloping.identification.work import is_exhausted
 from galloping.model.modes import Modes
 from galloping.passes import passing
-from galloping.recording.samples import at_times
+from galloping.recording.samples import inputs_at_times
 
 # Of differences: in units of a parameter, then of its error, within which the likelihood is nearly
 # quadratic, and a thousandth of which is far above rounding.
@@ -188,7 +188,7 @@ class ForcedFit:
             return left
         errors, before = [], []
         for part, each in parts:
-            inputs = at_times([each.inputs[name] for name in names], each.time)
+            inputs = inputs_at_times([each.inputs[name] for name in names], each.time)
             errors.append(part.standardised[begin + 1 :])
             before.append(np.hstack([part.means, inputs])[begin:-1])
         k = function_of(np.concatenate(errors), np.concatenate(before))

@@ -11,7 +11,7 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.steps import Steps
 from galloping.identification.random_forces.tracking import Data, Forces, Tracker, sizes
-from galloping.model.intervals import root_of
+from galloping.model.intervals import covariance_root
 from galloping.model.polynomial import PolynomialModel
 from galloping.recording.samples import Recording, mean_inputs
 
@@ -65,7 +65,7 @@ def motions(
     for model in models:
         follow, data = tracker(replace(found, model=model), recording)
         end = follow.over(data)
-        x = end.mean + root_of(end.covariance) @ rng.standard_normal(len(end.mean))
+        x = end.mean + covariance_root(end.covariance) @ rng.standard_normal(len(end.mean))
         drawn.append(follow.motion(x, ahead, rng))
     return np.array(drawn)
 

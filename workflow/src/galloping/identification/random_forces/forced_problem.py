@@ -36,7 +36,7 @@ from galloping.identification.work import is_exhausted
 from galloping.model.modes import Modes
 from galloping.model.polynomial import design_matrix
 from galloping.passes import passing
-from galloping.recording.samples import Recording, at_times, mean_inputs
+from galloping.recording.samples import Recording, inputs_at_times, mean_inputs
 
 SLOW = 0.3  # rate of slow forces to begin with, in the slowest frequency of the modes, rad/s
 LEAST_NOISE = 1e-4  # deviation of a sample, in that of its channel: exact samples have rounding
@@ -303,7 +303,7 @@ def _coefficients(
 
 def _factors(problem: Problem, recordings: list[Recording]) -> tuple[np.ndarray, np.ndarray]:
     """(n_terms,) mean and root mean square of what inputs bring to each term, 1 if nothing."""
-    own = [at_times(tuple(each.inputs.values()), each.time) for each in recordings]
+    own = [inputs_at_times(tuple(each.inputs.values()), each.time) for each in recordings]
     of_inputs = tuple(term[len(problem.states) :] for term in problem.terms)
     factors = design_matrix(np.concatenate(own), of_inputs)
     return factors.mean(axis=0), np.sqrt(np.mean(factors**2, axis=0))

@@ -17,7 +17,7 @@ All compiled functions are in one module, for a cached one notices edits of its 
 import numpy as np
 from numba import njit
 
-from galloping.model.polynomial import slopes
+from galloping.model.polynomial import differentiate_terms
 
 SETTLED = 1e-12  # relative change of the covariance of the states from sample to sample
 
@@ -146,10 +146,11 @@ def _rates(x, exponents, coefficients, terms, out):
 
 
 def lowered_terms(exponents: np.ndarray, n_states: int) -> np.ndarray:
-    """(n_slopes, 3 + n_signals) the derivatives of terms by states, `polynomial.slopes`, one a row:
-    term, state, exponent, and the exponents of what is left. exponents: (n_terms, n_signals).
+    """(n_slopes, 3 + n_signals) the derivatives of terms by states, one a row, as of
+    `polynomial.differentiate_terms`: term, state, exponent, and the exponents of what is left.
+    exponents: (n_terms, n_signals).
     """
-    by_state = slopes(tuple(map(tuple, exponents.tolist())), n_states)
+    by_state = differentiate_terms(tuple(map(tuple, exponents.tolist())), n_states)
     rows = [
         (term, state, power, *left)
         for state, own in enumerate(by_state)

@@ -12,7 +12,7 @@ import numpy as np
 
 from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
-from galloping.recording.samples import Factor, Input, extrapolated
+from galloping.recording.samples import Factor, Input, evaluate_extended
 
 TICKS = 1000  # of the median step, to which times are rounded: so that equal steps are one
 FEWEST = 1e-10  # relative determinant of the eigenvectors: fewer than n of them, but for rounding
@@ -64,9 +64,9 @@ class Steps:
         time = np.append(time, self.time[-1])
         values = []
         for one in self.inputs:
-            at, ends = extrapolated(one, time), time[2::2]
+            at, ends = evaluate_extended(one, time), time[2::2]
             held = one.between == "zero"  # and may jump at the end
-            before = extrapolated(one, np.nextafter(ends, -np.inf)) if held else at[2::2]
+            before = evaluate_extended(one, np.nextafter(ends, -np.inf)) if held else at[2::2]
             values.append(np.append(np.stack([at[:-1:2], at[1::2], before], axis=1), at[-1]))
         powers = np.array(factors, float)[:, :, np.newaxis]
         return np.ascontiguousarray(np.prod(np.array(values) ** powers, axis=1).T)

@@ -19,11 +19,11 @@ from galloping.identification.random_forces.kalman import (
 )
 from galloping.identification.random_forces.steps import Steps, discretised, with_means
 from galloping.identification.work import count_work, work_limit
-from galloping.model.intervals import root_of
+from galloping.model.intervals import covariance_root
 from galloping.model.modes import Modes
 from galloping.model.polynomial import PolynomialModel
 from galloping.recording.samples import Recording
-from galloping.trajectory.right_hand_side import Tables, tables
+from galloping.trajectory.right_hand_side import Tables, make_tables
 
 # Standard deviation of the first state, in that of the motion: of a linear system, and of another,
 # whose slopes are told where it is expected to be. With 1e3 the samples outweigh it a million times
@@ -184,7 +184,7 @@ class Tracker:
 
     @property
     def _tables(self) -> Tables:
-        return tables(self.model.terms, len(self.size))
+        return make_tables(self.model.terms, len(self.size))
 
     def equations(self, terms: Sequence[int] = ()) -> tuple[np.ndarray, np.ndarray]:
         """Exponents (n_terms, m + n_factors) and coefficients (m, n_terms) of what moves the states
@@ -254,7 +254,10 @@ class Tracker:
         """(n, n_states) from states and slow forces `x` (m,) on, in forces drawn for it."""
         counts = self.substeps(steps.lengths)
         noise = rng.standard_normal((counts[steps.of[1:]].sum(), len(x)))
-        driven, root = steps.input_factors(counts, self._tables.factors), root_of(self.whole[1])
+        driven, root = (
+            steps.input_factors(counts, self._tables.factors),
+            covariance_root(self.whole[1]),
+        )
         own = steps.of[1:], steps.lengths, counts, driven, *self.equations(), root, noise
         return random_motion(x, *own)[:, : len(self.size)]
 

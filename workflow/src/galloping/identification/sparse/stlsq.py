@@ -21,7 +21,7 @@ from galloping.identification.sparse.supports import (
     threshold_path,
     thresholded_supports,
 )
-from galloping.model.polynomial import alone, velocity_pairs
+from galloping.model.polynomial import linear_term, velocity_pairs
 from galloping.results import IDENTIFIED, KNOWN
 
 # Of unit columns: a ridge keeps nearly collinear ones from large coefficients of opposite sign
@@ -71,7 +71,9 @@ def raw(
     if kinematics == KNOWN:
         for rate, velocity in velocity_pairs(evidence.plain.states).items():
             coefficients[rate] = 0.0
-            coefficients[rate, evidence.plain.terms.index(alone(velocity, len(coefficients)))] = 1.0
+            coefficients[
+                rate, evidence.plain.terms.index(linear_term(velocity, len(coefficients)))
+            ] = 1.0
     return evidence.plain.model(coefficients, chosen)
 
 
