@@ -1,5 +1,6 @@
-"""What answers carry beside a verdict: their path, a refusal, and what inputs and coefficients that
-are known make of them.
+"""Parts of an answer beside its verdict.
+
+The path of a model, a refusal, and what known inputs and coefficients make of the errors.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,19 +18,19 @@ from galloping.recording.samples import Recording
 
 
 def prepend_path(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:
-    """The model with further stages before those of its path, by which it was found."""
+    """Put stages before those of the path by which a model was found."""
     own = identified.diagnostics.get("path")
     stages = [*path, *([str(own)] if own else [])]
     return replace(identified, diagnostics={**identified.diagnostics, "path": ", ".join(stages)})
 
 
 def refused_model(problem: Problem, findings: Iterable[Finding]) -> IdentifiedModel:
-    """The answer if there is no model, with what was noticed."""
+    """Return the answer if there is no model, with what was noticed."""
     return IdentifiedModel.refused(problem.states, problem.terms, findings, problem.inputs)
 
 
 def expand_terms(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
-    """What was identified with some of the terms of the problem, on all of them."""
+    """Expand a model of some terms of a problem to all of its terms."""
     places = [problem.terms.index(term) for term in identified.model.terms]
 
     def spread(values: np.ndarray, elsewhere: float) -> np.ndarray:
@@ -49,9 +50,10 @@ def expand_terms(problem: Problem, identified: IdentifiedModel) -> IdentifiedMod
 
 
 def check_prior_conflict(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
-    """The model, not `ok` where recordings alone would put a coefficient MOST_SURPRISE deviations
-    from what was known of it, or further, or where it is out of bounds: then what was known is
-    wrong, or the model is.
+    """Add a finding for each coefficient that contradicts what was known of it.
+
+    A coefficient does so if recordings alone would put it MOST_SURPRISE deviations from its prior,
+    or further, or out of its bounds: then the prior is wrong, or the model is.
 
     The estimate is the mean of both, weighted by their precisions. Its distance from what was known
     has the variance of what was known, less the variance of the estimate.
@@ -84,8 +86,10 @@ def check_prior_conflict(problem: Problem, identified: IdentifiedModel) -> Ident
 def add_input_errors(
     identified: IdentifiedModel, given: Sequence[Recording], used: Sequence[Recording]
 ) -> IdentifiedModel:
-    """The model with what its inputs add to its errors, the share of samples without them, and the
-    range in which nine tenths of their samples are (`IdentifiedModel.recorded`).
+    """Add the errors of inputs to those of a model, and describe its inputs.
+
+    The diagnostics have the share of samples without inputs, and the range that contains nine
+    tenths of the samples of each input (`IdentifiedModel.recorded`).
 
     A factor on an input, unknown by its `error`, is one on every coefficient of a term with it, to
     the power of the input. given: recordings as they came; used: the stretches with inputs.
@@ -122,8 +126,9 @@ def add_input_errors(
 def find_weakly_determined_input_terms(
     identified: IdentifiedModel, sizes: Sequence[float], about: Mapping[str, float | str]
 ) -> list[Finding]:
-    """Find the linear terms whose change with the inputs the recordings hardly determine, a finding
-    for each input, with the range recorded.
+    """Find the linear terms whose change with the inputs is hardly determined.
+
+    There is a finding for each input, with its recorded range.
 
     Of such a term the same with another power of the inputs is absent, though it may be a quarter
     as large as those found: at other inputs they part. sizes: root mean square of each input.

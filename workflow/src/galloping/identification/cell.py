@@ -50,5 +50,5 @@ def identify(
 def _make_evidence(
     recordings: Sequence[Recording], terms: tuple[Exponents, ...], maker: str | None
 ) -> object:
-    """What methods work on: see `registry.Method`."""
+    """Make what methods work on (see `registry.Method`)."""
     return resolve_name(maker)(recordings, terms) if maker else recordings

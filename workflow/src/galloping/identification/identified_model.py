@@ -181,14 +181,16 @@ class IdentifiedModel(Immutable):
         return ": ".join(filter(None, (self.status, self.reason)))
 
     def recorded(self, name: str) -> tuple[float, ...]:
-        """Ends of the range of an input in which nine tenths of its samples are, and of a state, in
-        the model of a `Summary`, its least and greatest; none unknown.
+        """Return the ends of the recorded range of an input or a state.
+
+        Nine tenths of the samples of an input are in its range. That of a state, in the model of a
+        `Summary`, is from its least to its greatest. Empty if unknown.
         """
         ends = tuple(f"{name}{end}" for end in RANGE)
         return tuple(float(self.diagnostics[end]) for end in ends if end in self.diagnostics)
 
     def at(self, values: Mapping[str, float]) -> IdentifiedModel:
-        """The model at constant values of inputs, its terms merged; the other inputs stay.
+        """Return the model at constant values of inputs, its terms merged; the other inputs stay.
 
         Covariance and errors follow the merged coefficients. Raises ValueError as
         `PolynomialModel.at` does.
@@ -225,7 +227,7 @@ class IdentifiedModel(Immutable):
         return replace(self, **kept)
 
     def equations(self) -> tuple[str, ...]:
-        """The equation of each state, coefficients with their standard errors where stated."""
+        """Return the equation of each state, coefficients with their standard errors if stated."""
         return self.model.equations(self.standard_errors)
 
     def __repr__(self) -> str:
@@ -269,11 +271,11 @@ class IdentifiedModel(Immutable):
         return motion
 
     def latex(self) -> str:
-        """The equations as LaTeX, for amsmath; a velocity dX is written as X with a dot."""
+        """Return the equations as LaTeX, for amsmath; a velocity dX is written as X with a dot."""
         return self.model.latex(self.standard_errors)
 
     def _repr_latex_(self) -> str | None:
-        """What notebooks show: the equations, and the status; None without a model."""
+        """Return what notebooks show: the equations, and the status; None without a model."""
         if self.status == "refused":
             return None
         body = self.latex().removesuffix("\n\\end{aligned}")
@@ -393,7 +395,7 @@ class IdentifiedModel(Immutable):
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> IdentifiedModel:
-        """What `save` wrote. Raises ValueError where the file holds something else."""
+        """Load what `save` wrote. Raises ValueError if the file contains something else."""
         try:
             content = read_json(path)
             if not isinstance(content, dict):

@@ -58,7 +58,7 @@ def validated_problem(
     coefficients: Sequence[Coefficient] = (),
     allowed: ArrayLike | None = None,
 ) -> Problem:
-    """The problem, `make_problem` of recordings, without terms that their inputs cannot tell apart.
+    """Make the problem of recordings, without terms that are aliases at their inputs.
 
     Raises ValueError where the library or what is known is not about their states and inputs, or
     `prior` is no `Prior`, and what `make_problem` raises.
@@ -108,7 +108,7 @@ def validated_problem(
 
 
 def segments_with_inputs(recordings: list[Recording], inputs: tuple[str, ...]) -> list[Recording]:
-    """The recordings in stretches during which the inputs are there (`Recording.driven`).
+    """Cut recordings to the stretches in which the inputs are present (`Recording.driven`).
 
     Raises IdentificationError where they are there during fewer than FEWEST samples in a row.
     """

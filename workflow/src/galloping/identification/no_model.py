@@ -48,7 +48,7 @@ class NoModel:
 
 
 def attempt(search: Callable[[], Result]) -> Result | NoModel:
-    """What a search returns, or `NoModel` where it raises one of NO_MODEL."""
+    """Run a search; `NoModel` if it raises one of NO_MODEL."""
     try:
         return search()
     except NO_MODEL as error:

@@ -49,8 +49,10 @@ class FurtherMode:
 
 @dataclass(frozen=True)
 class Resonance:
-    """A mode that a model in random forces has beside those of its coordinates: a force r in their
-    equations that swings by itself, r'' + 2 damping frequency r' + frequency^2 r = a white force.
+    """A mode that a model in random forces has beside those of its coordinates.
+
+    It is a force r in their equations that swings by itself, r'' + 2 damping frequency r' +
+    frequency^2 r = a white force.
 
     frequency: rad/s. damping: ratio. errors: standard errors of both. onto: (n_states,) what r adds
     to each equation. drive: (n_states + n_resonances,) covariance in a second of its white force
@@ -65,8 +67,9 @@ class Resonance:
 
     @property
     def is_mode(self) -> bool:
-        """Whether a mode of the line: what dies out faster, to half in a period, is how forces
-        differ from white ones.
+        """Whether the resonance is a mode of the line.
+
+        What dies out faster, to half in a period, is how forces differ from white ones.
         """
         return self.damping < MOST_DAMPING / 3.0
 

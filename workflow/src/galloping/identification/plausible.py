@@ -29,7 +29,7 @@ class Plausible:
 
 
 def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
-    """The neighbours of a support (n,), and those of its best four neighbours.
+    """Search the neighbours of a support (n,), and those of its best four neighbours.
 
     A support's weight is exp(-(chi^2 + price |support|)/2), as in the averaging of models by an
     information criterion (Burnham and Anderson 2002). The price of a term is not the penalty of the
@@ -64,7 +64,7 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
 
 
 def weigh_by_prior(problem: Problem, plausible: Plausible) -> Plausible:
-    """The same supports, weighed by the prior of higher degrees as well.
+    """Weigh supports by the prior of higher degrees as well.
 
     The prior settles ties, but speaks neither against a support of fewer terms than the selected
     one nor against one of more terms whose chi^2 is lower by 5: what low degrees imitate with

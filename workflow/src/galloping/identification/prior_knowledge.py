@@ -58,8 +58,9 @@ class Prior:
                 raise ValueError(f"prior: {name}: {value!r:.60}; must be a number in (0, 1]")
 
     def prices(self, complexity: NDArray[np.int_], powers: NDArray[np.int_]) -> NDArray[np.float64]:
-        """(n,) price of terms of a `Problem.complexity` (n,) with so many powers of inputs (n,),
-        less that of a linear term.
+        """Compute the price of terms, (n,), less that of a linear term.
+
+        complexity: (n,) of `Problem.complexity`. powers: (n,) number of powers of inputs.
         """
         dearer = -2.0 * np.log(self.nonlinear) * complexity
         simple = np.where(complexity < 0, 2.0 * np.log(self.term / self.constant), dearer)
@@ -127,7 +128,7 @@ class Coefficient:
 
 
 def as_coefficients(known: Known | Bounds) -> Iterator[Coefficient]:
-    """What is known of single coefficients, as an identification takes it."""
+    """Yield what is known of single coefficients, as an identification takes it."""
     if isinstance(known, Bounds):
         yield Coefficient(known.state, known.term, lower=known.lower, upper=known.upper)
     else:

@@ -73,8 +73,9 @@ class Problem:
 
     @cached_property
     def degrees(self) -> np.ndarray:
-        """(n_candidates,) degree of each term in the states; each function counts as a state, and a
-        term with any is of the second degree at least.
+        """Degree of each term in the states, (n_candidates,).
+
+        Each function counts as a state, and a term with any is of the second degree at least.
         """
         functions = np.array([len(term) - len(self.names) for term in self.terms])
         degree = self.of_states.sum(axis=1) + functions
@@ -87,8 +88,10 @@ class Problem:
 
     @cached_property
     def complexity(self) -> np.ndarray:
-        """(n_candidates,) of each term for the `Prior`: -1 of a constant, 0 of a linear term, 1 of
-        a nonlinear one, 2 of a constant beside a displacement, which counts from rest.
+        """Complexity of each term for the `Prior`, (n_candidates,).
+
+        -1 of a constant, 0 of a linear term, 1 of a nonlinear one, 2 of a constant beside a
+        displacement, which counts from rest.
 
         What inputs alone make counts as a constant.
         """
@@ -121,22 +124,23 @@ class Problem:
     def by_term(
         self, change: Callable[[np.ndarray], np.ndarray], terms: Sequence[Exponents]
     ) -> Self:
-        """The problem with other terms. change: from an array by the terms, (n_states, n_terms), to
-        that by the other terms.
+        """Return the problem with other terms.
+
+        change: from an array by the terms, (n_states, n_terms), to that by the other terms.
         """
         by_term = ("known", "open", "expected", "precision")
         values: dict[str, Any] = {name: change(getattr(self, name)) for name in by_term}
         return replace(self, terms=tuple(terms), **values)
 
     def without(self, left_out: Callable[[Exponents], bool]) -> Self:
-        """The problem without some terms."""
+        """Return the problem without some terms."""
         kept = np.array([not left_out(term) for term in self.terms])
         if kept.all():
             return self
         return self.by_term(lambda values: values[:, kept], list(compress(self.terms, kept)))
 
     def named(self, candidates: Sequence[int] | np.ndarray) -> str:
-        """Some candidates in words, '' of none."""
+        """Return the names of some candidates, '' of none."""
         return " with ".join(
             self.coefficient_name(i, j) for i, j in self.candidates[list(candidates)]
         )
@@ -150,9 +154,7 @@ class Problem:
         return self.terms.index(linear_term(state, len(self.names)))
 
     def alike(self, support: np.ndarray) -> np.ndarray:
-        """(n_candidates,) boolean: the candidates of a support, and those that differ from one of
-        them in powers of inputs alone.
-        """
+        """Find the candidates of a support, and those that differ only in powers of inputs."""
         n, m = len(self.states), len(self.names)
         names = [(i, *self.terms[j][:n], *self.terms[j][m:]) for i, j in self.candidates]
         found = set(compress(names, support))
@@ -167,8 +169,10 @@ class Problem:
     def input_factors(
         self, recordings: Sequence[Recording], first: np.ndarray, step: float
     ) -> np.ndarray:
-        """Factors of the recordings' inputs over windows of `step` s, of which each has as many as
-        `first` (n_recordings + 1,) says; as `recording.windowed`, one recording after the other.
+        """Expand the factors of the recordings' inputs over windows of `step` s.
+
+        first: (n_recordings + 1,) first window of each recording. As `recording.windowed`, one
+        recording after the other.
         """
         degree, powers = 3, []  # in time; from 4 on jagged inputs need windows of a quarter
         for one, count in zip(recordings, np.diff(first), strict=True):
@@ -181,8 +185,9 @@ class Problem:
     def inputs_left_out(
         self, recordings: Sequence[Recording], first: np.ndarray, step: float, powers: np.ndarray
     ) -> np.ndarray:
-        """(3, n_factors) of `recording.left_out`, the largest of all recordings. powers: of
-        `input_factors`.
+        """Compute `recording.left_out`, the largest of all recordings, (3, n_factors).
+
+        powers: of `input_factors`.
         """
         found = [
             fit_errors([one.inputs[name] for name in self.inputs], self.tables.factors, one.time[0],
@@ -194,7 +199,7 @@ class Problem:
     def with_prior(
         self, information: np.ndarray, right: np.ndarray, about: np.ndarray | float = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """A regression on the candidates, (n, n) and (n,), with the priors of coefficients.
+        """Add the priors of coefficients to a regression on the candidates, (n, n) and (n,).
 
         about: (n,) coefficients at which `right` is measured, zero by default.
         """
@@ -217,8 +222,9 @@ class Problem:
         return lower, upper
 
     def chosen_about(self, about: np.ndarray | float = 0.0) -> np.ndarray:
-        """`about` for `selection.whiten`, by which coefficients with a prior are always chosen:
-        terms are chosen that are far from zero, and these are moved 1e4 deviations of their prior.
+        """Return `about` for `selection.whiten` that always selects coefficients with a prior.
+
+        Terms are chosen that are far from zero, and these are moved 1e4 deviations of their prior.
         """
         root = np.sqrt(self.of_candidates(self.precision))
         return about + np.divide(1e4, root, out=np.zeros(len(root)), where=root > 0.0)
@@ -232,8 +238,9 @@ class Problem:
         about: np.ndarray | float = 0.0,
         among: np.ndarray | slice = slice(None),
     ) -> np.ndarray:
-        """The best support of a regression on candidates, (n,) boolean, as
-        `selection.select_support`.
+        """Select the best support of a regression on candidates, (n,) boolean.
+
+        As `selection.select_support`.
 
         about: (n,) coefficients at which `right` is measured. among: indices of the candidates. A
         term that would have a coefficient beyond its bounds is left out, unless these leave out
@@ -268,7 +275,7 @@ class Problem:
         support: np.ndarray,
         about: np.ndarray | float = 0.0,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The least chi^2 of a support within the bounds, as `selection.solve_support`.
+        """Minimise chi^2 of a support within the bounds, as `selection.solve_support`.
 
         about: (n,) coefficients at which `right` is measured. Returns how far the best coefficients
         are from these (n,), and their covariance (n_support, n_support) without bounds.
@@ -284,8 +291,10 @@ class Problem:
         return np.where(free, change, put), covariance
 
     def of_model(self, covariance: np.ndarray, support: np.ndarray) -> np.ndarray:
-        """The covariance of all terms that a model has in the unknown equations, fixed ones without
-        variance, from that of the supported candidates (n_support, n_support).
+        """Expand the covariance of candidates to all terms of a model's unknown equations.
+
+        covariance: (n_support, n_support) of the supported candidates. Fixed terms have no
+        variance.
         """
         places = np.full(self.known.shape, -1)
         places[tuple(self.candidates[support].T)] = np.arange(len(covariance))
@@ -310,7 +319,7 @@ class Problem:
         return full
 
     def price(self, penalty: float, largest: np.ndarray) -> Price:
-        """The price of each term, by the prior of supports and of coefficients.
+        """Compute the price of each term, by the prior of supports and of coefficients.
 
         penalty: 2 ln N of N samples. largest: (n_candidates,) of the function
         `largest_coefficients`.
@@ -333,21 +342,24 @@ class Problem:
         return penalty / 2.0 - 2.0 * np.log(self.prior.term) + self.prior_prices
 
     def compiled(self, free: np.ndarray, pairs: np.ndarray) -> System:
-        """The equations to integrate, with the candidates' coefficients `free` (n_candidates,), and
-        with derivatives by the coefficients `pairs` (n, 2), equation and term.
+        """Compile the equations to integrate.
+
+        free: (n_candidates,) the candidates' coefficients. pairs: (n, 2) coefficients, equation and
+        term, by which there are derivatives.
         """
         return compile_system(self.tables, self.coefficients(free), pairs)
 
     def model(self, free: np.ndarray) -> PolynomialModel:
-        """The model with the candidates' coefficients `free` (n_candidates,)."""
+        """Return the model with the candidates' coefficients `free` (n_candidates,)."""
         return PolynomialModel(self.states, self.terms, self.coefficients(free), self.inputs)
 
 
 def _farthest_out(
     values: np.ndarray, among: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[int, float]:
-    """Which of some values is farthest beyond its bounds, as a share of it, and the nearest number
-    within; -1 where all are within. among: (n,) boolean.
+    """Find which value is farthest beyond its bounds, as a share of it.
+
+    among: (n,) boolean. Returns its index and the nearest number within; -1 if all are within.
     """
     within = np.clip(values, lower, upper)
     off = np.where(among, np.abs(values - within), 0.0)
@@ -365,7 +377,7 @@ def make_problem(
     coefficients: Sequence[Coefficient] = (),
     allowed: ArrayLike | None = None,
 ) -> Problem:
-    """The identification problem of a library.
+    """Make the identification problem of a library.
 
     The equation of a state X is known, dX/dt = dX, where `dX` is a state too. Further equations
     are known through `known`, a model whose rows named in `known_states` are taken as they are.

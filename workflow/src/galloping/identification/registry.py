@@ -106,7 +106,9 @@ class Method:
         return protocol.measures in self.takes and (uniform or not self.needs_uniform)
 
     def settings(self, identification: Mapping, seed: int) -> dict:
-        """What a job reads of the study's settings: editing those of another family changes none.
+        """Return what a job reads of the settings of a study.
+
+        An edit of the settings of another family changes none.
 
         identification: that section. seed: of the study. The options without `rng`, which the job
         makes from `seed` and the name of each replicate; no seed where the method draws nothing.

@@ -51,11 +51,11 @@ class Price:
     width: np.ndarray
 
     def times(self, dear: float) -> Price:
-        """The same prices, `dear` times as high."""
+        """Return the same prices, `dear` times as high."""
         return Price(dear * self.least, dear * self.most, self.width)
 
     def of(self, terms: np.ndarray) -> Price:
-        """The prices of some terms, by their indices."""
+        """Return the prices of some terms, by their indices."""
         return Price(self.least[terms], self.most[terms], self.width[terms])
 
     def with_errors(self, errors: np.ndarray, terms: np.ndarray) -> np.ndarray:
@@ -71,7 +71,7 @@ def select_support(
     price: Price | np.ndarray | float,
     about: np.ndarray | None = None,
 ) -> np.ndarray:
-    """The best support found: least chi^2 plus what its terms cost.
+    """Select the best support: least chi^2 plus the price of its terms.
 
     From each of `starts`, (n,) boolean: removes the term that is least worth its price while there
     is one that is not; then, while it pays, adds a term or two, or exchanges one for one, one for
@@ -211,7 +211,7 @@ class Tableau:
 
 
 def make_tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
-    """The problem seen from a support, (n,) boolean; terms that it imitates cannot be added."""
+    """Make the tableau of a support, (n,) boolean; terms that it imitates cannot be added."""
     kept, out = np.flatnonzero(support), np.flatnonzero(~support & whitened.usable)
     count_work(2e-4 + 1e-10 * len(support) ** 3)
     q, r = np.linalg.qr(whitened.columns[:, kept])
@@ -235,8 +235,10 @@ def make_tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
 def _pair_falls(
     gradient: np.ndarray, diagonal: np.ndarray, between: np.ndarray, two: np.ndarray
 ) -> np.ndarray:
-    """(..., n_pairs) fall of chi^2 when two terms are added, zero where they are one but for
-    rounding. diagonal: (..., n), between: (..., n_pairs), of the information about them.
+    """Compute the fall of chi^2 when two terms are added, (..., n_pairs).
+
+    It is zero for terms that are one but for rounding. diagonal: (..., n), between: (..., n_pairs),
+    of the information about them.
     """
     (g, h), (d, e) = (values[..., two].swapaxes(0, -2) for values in (gradient, diagonal))
     product = d * e
@@ -249,8 +251,10 @@ def _pair_falls(
 def find_moves(
     here: Tableau, support: np.ndarray, prices: np.ndarray, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The `most` best small moves from a support (n,): the rise of chi^2 plus `prices` (n,) with
-    each, (m,), increasing, and the supports that they lead to, (m, n).
+    """Find the `most` best small moves from a support (n,).
+
+    Returns the rise of chi^2 plus `prices` (n,) with each, (m,), increasing, and the supports that
+    they lead to, (m, n).
 
     A term leaves; one or two enter; one is exchanged for one or for two, or two for one.
     """
@@ -292,8 +296,9 @@ def find_moves(
 def _descend_by_moves(
     whitened: Whitened, support: np.ndarray, prices: np.ndarray, ends: dict[bytes, tuple]
 ) -> tuple[float, np.ndarray]:
-    """Removal, then the best small move while one lowers the criterion; with the criterion. ends:
-    supports from which no move does.
+    """Remove terms, then take the best small move while one lowers the criterion.
+
+    ends: supports from which no move does. Returns the criterion and the support.
     """
     support = _remove_terms(whitened, support, prices)
     while support.tobytes() not in ends:
@@ -342,8 +347,9 @@ def added_deviation(information: np.ndarray, support: np.ndarray) -> np.ndarray:
 
 
 def mixture_information(information: np.ndarray, largest: np.ndarray) -> np.ndarray:
-    """(n,) information, least first, on mixtures of all terms, together as large as the motion:
-    below one, noise hides a mixture of that size.
+    """Compute the information on mixtures of all terms, (n,), least first.
+
+    The mixtures are together as large as the motion: below one, noise hides a mixture of that size.
 
     information: (n, n) of the coefficients. largest: (n,) each alone as large as the motion.
     """

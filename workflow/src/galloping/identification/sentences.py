@@ -72,7 +72,7 @@ def _sort_by_weight(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def _template_values(finding: Finding) -> dict[str, object]:
-    """What templates may name: subject, data, and shares in percent and in words."""
+    """Return what templates may name: subject, data, and shares in percent and in words."""
     values: dict[str, object] = {"subject": finding.subject, **finding.data}
     if "share" in finding.data:
         share = float(finding.data["share"])

@@ -1,5 +1,6 @@
-"""How much a search for a model may compute: counted, not timed, so that the same recording is
-answered alike on every machine.
+"""Limits of the work of a search for a model.
+
+Work is counted, not timed, so that the same recording is answered alike on every machine.
 
 Work is counted in seconds of a core that others use as well, by the sizes of what is computed:
 each part says where it counts how long it takes there.
@@ -26,8 +27,10 @@ AFTER = 12.0  # s, that forecasts, limit cycles and figures take, which are not 
 
 @dataclass
 class Work:
-    """most: s, that a search may compute. spent: s, that it has computed. ended: whether anything
-    was left undone for lack of work. around: the work that this is a part of.
+    """Work of a search, counted.
+
+    most: s, that a search may compute. spent: s, that it has computed. ended: whether anything was
+    left undone for lack of work. around: the work that this is a part of.
     """
 
     most: float
@@ -41,7 +44,7 @@ class Work:
         return self.most - self.spent
 
     def doubted_if_ended(self, found: IdentifiedModel) -> IdentifiedModel:
-        """The best model of a search; where that ended early it says so, and is not `ok`."""
+        """Add a finding to the model of a search that ended early, which then is not `ok`."""
         if not self.ended or found.has_finding(Code.LIMIT_OF_WORK):
             return found
         return found.with_findings(Finding.of(Code.LIMIT_OF_WORK))
@@ -58,7 +61,7 @@ def work_limit(rows: int, most: float = MOST) -> float:
 
 @contextmanager
 def limit_work(recordings: Sequence[Recording], most: float = MOST) -> Iterator[Work]:
-    """The block has the work of a search in these recordings, or what is left of that around it.
+    """Give the block the work of a search in these recordings, or what is left of that around it.
 
     most: s, for recordings sampled at up to TIMES times in all.
     """
@@ -69,8 +72,9 @@ def limit_work(recordings: Sequence[Recording], most: float = MOST) -> Iterator[
 
 @contextmanager
 def sub_budget(share: float) -> Iterator[Work]:
-    """The block has a share of the work that is left. What the block leaves undone for lack of work
-    counts as left undone by the search around it.
+    """Give the block a share of the work that is left.
+
+    What the block leaves undone for lack of work counts as left undone by the search around it.
     """
     around = _work.get()
     with _nested_work(share * around.left) as work:
@@ -98,8 +102,9 @@ def count_work(seconds: float) -> None:
 
 
 def work_counted() -> tuple[float, float]:
-    """Work counted so far, s, and what is left at most until all is written, s, infinite without a
-    limit.
+    """Return the work counted so far, s, and what is left at most until all is written, s.
+
+    Infinite without a limit.
     """
     work: Work | None = _work.get()
     most, spent = _UNLIMITED.most, 0.0

@@ -51,7 +51,7 @@ class Condensed:
     samples: Samples | None = None
 
     def names(self, states: Sequence[str]) -> list[str]:
-        """What each channel measures: a state, or d and the name of one."""
+        """Return what each channel measures: a state, or d and the name of one."""
         pairs = zip(self.observed, self.is_rate, strict=True)
         return [f"d{states[k]}" if rate else states[k] for k, rate in pairs]
 
@@ -73,7 +73,7 @@ class Condensed:
         return found
 
     def of_rates(self) -> Self:
-        """What projections of rates of what is measured depend on, in place of itself."""
+        """Replace the functionals by those of the rates of what is measured."""
         samples = self.samples and self.samples._replace(order=self.samples.order + 1)
         shifted = rate_functionals(self.functionals, self.step)
         return replace(self, functionals=shifted, samples=samples)
@@ -85,9 +85,11 @@ class Condensed:
     def noise_told(
         self, states: Sequence[str], noise: np.ndarray
     ) -> tuple[np.ndarray, dict[str, float]]:
-        """Noise of a sample of each channel, (n_recordings, n_observed), as that of each state,
-        (n_recordings, n_states), NaN where not measured, and that of each rate in the last
-        recording, as `noise_` and the rate's name.
+        """Return the noise of a sample of each channel by state and by rate.
+
+        noise: (n_recordings, n_observed). Returns the noise of states, (n_recordings, n_states),
+        NaN where not measured, and that of each rate in the last recording, as `noise_` and the
+        rate's name.
         """
         noise, values = np.where(self.counts > 0, noise, np.nan), ~self.is_rate
         sigma = np.full((len(noise), len(states)), np.nan)
@@ -114,10 +116,12 @@ class Condensed:
 
     @property
     def tells_noise(self) -> np.ndarray:
-        """(n_recordings, n_observed) whether the noise is known, or windows have samples to spare:
-        three tenths of all, as five samples in a window have, of which three make projections, and
-        four have not. With a smaller share a misfit is held against a rough estimate of the noise,
-        with a larger one more often against none; the number was not calibrated.
+        """Whether the noise of a channel is known or can be measured, (n_recordings, n_observed).
+
+        It can be measured if windows have samples to spare: three tenths of all, as five samples in
+        a window have, of which three make projections, and four have not. With a smaller share a
+        misfit is held against a rough estimate of the noise, with a larger one more often against
+        none; the number was not calibrated.
         """
         spare = self.counts - self.rows
         return self.is_known | (spare > 0.3 * np.maximum(self.counts, 1))

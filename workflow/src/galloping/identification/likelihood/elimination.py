@@ -49,8 +49,10 @@ class Eliminated:
 
 @dataclass(frozen=True)
 class Matched(Eliminated):
-    """The regression of segments that match. gap: (n_states,) largest mismatch between segments of
-    a chain. fall: by how much chi^2 falls when the states alone are moved to their best.
+    """The regression of segments that match.
+
+    gap: (n_states,) largest mismatch between segments of a chain. fall: by how much chi^2 falls
+    when the states alone are moved to their best.
     """
 
     gap: np.ndarray
@@ -70,7 +72,7 @@ class Jumping(Eliminated):
 
 
 def chain_segments(linearised: Linearised, segments: Segments, longest: float = np.inf) -> Segments:
-    """The segments in the longest chains whose ends depend not too much on their beginnings.
+    """Join segments to the longest chains whose ends do not depend too much on their beginnings.
 
     longest: how many segments a chain may have; with one, every segment is free.
     A chain is broken where its end state, in units of what a segment tells about it, moves by more
@@ -134,7 +136,7 @@ def eliminate_states(linearised: Linearised, segments: Segments, starts: np.ndar
 
 
 def _apply_chain_rule(slopes: np.ndarray, state: np.ndarray, n: int) -> np.ndarray:
-    """The chain rule: slopes of a result by n coefficients and by what a state depends on.
+    """Apply the chain rule: slopes of a result by n coefficients and by what a state depends on.
 
     slopes: (m, n + n_states) of the result by the coefficients and the state. state: (n_states, n
     or more) of the state by the coefficients and whatever else it depends on.
@@ -145,9 +147,11 @@ def _apply_chain_rule(slopes: np.ndarray, state: np.ndarray, n: int) -> np.ndarr
 
 
 def _solve_first_state(rows: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """The best first state, linear in the coefficients' change, and constant, (n_states, n + 1),
-    where directions that the rows (n_states, n + n_states + 1) do not determine stay, and what
-    these leave to say, a design and a residual, (n_undetermined, n + 1).
+    """Solve for the first state of a chain, linear in the coefficients' change.
+
+    rows: (n_states, n + n_states + 1). Directions that the rows do not determine stay. Returns the
+    state, (n_states, n + 1), the constant last, and what these directions leave to say, a design
+    and a residual, (n_undetermined, n + 1).
     """
     block = rows[:, n:-1]
     scale = 1.0 / np.maximum(np.linalg.norm(block, axis=0), np.finfo(float).tiny)

@@ -1,5 +1,7 @@
-"""The model that follows recordings to their noise: each start is fitted in free segments and
-joined over the recording, and the residuals show whether its model is right.
+"""The model that follows recordings to their noise.
+
+Each start is fitted in free segments and joined over the recording, and the residuals show whether
+its model is right.
 """
 
 from dataclasses import replace
@@ -33,7 +35,7 @@ from galloping.identification.work import is_exhausted
 
 
 def fit_exact(begun: Start) -> IdentifiedModel | NoModel:
-    """The model that follows the data to the noise; `NoModel` where none of the library does."""
+    """Fit the model that follows the data to the noise; `NoModel` if none of the library does."""
     problem, penalty, largest = begun.problem, begun.penalty, begun.largest
     joined = _fit_starts(begun, largest)
     if joined is None:
@@ -83,8 +85,10 @@ def fit_exact(begun: Start) -> IdentifiedModel | NoModel:
 
 
 def _fit_starts(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit | None:
-    """The fit of the first start that settles, else of the first that follows the data, else of
-    the first that can be integrated; None where none can.
+    """Fit starts in order until one settles.
+
+    Else the fit is that of the first start that follows the data, or of the first that can be
+    integrated; None if none can.
 
     Beside kinks chi^2 has several minima: where a motion sticks, no slope leads to another. There a
     start counts as settled only if its residuals show nothing, and the best of the others is taken.
@@ -140,9 +144,7 @@ def _chain_residuals(begun: Start, fit: ShootingFit) -> tuple[np.ndarray, Residu
 def _refit_coloured_noise(
     begun: Start, joined: trajectory_fit.JoinedFit, shown: ResidualDiagnostics
 ) -> trajectory_fit.JoinedFit:
-    """The fit joined again, the noise taken to be as strong as the residuals are at the frequencies
-    of the motion.
-    """
+    """Join a fit again with noise as strong as its residuals at the motion's frequencies."""
     fit = joined.step.fit
     noise = np.sqrt(np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2))
     record = replace(fit.record, floor=noise)
@@ -157,7 +159,7 @@ def _refit_coloured_noise(
 def _find_objections(
     fit: ShootingFit, shown: ResidualDiagnostics, penalty: float
 ) -> tuple[list[Finding], bool]:
-    """What speaks against a settled fit, and whether its model is near all the same.
+    """Find what contradicts a settled fit, and whether its model is near all the same.
 
     It is near where the residuals are those of noise and only an instrument is suspected: one sound
     recording in two hundred is, by design, and keeps its model with the suspicion.
@@ -174,7 +176,7 @@ def _find_objections(
 
 
 def _find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
-    """The kind of term that explains most of what a fit leaves, if any; none if no work is left."""
+    """Find the kind of term that explains most of the residual; none if no work is left."""
     found = [] if is_exhausted() else attempt(partial(find_missing_kind, fit, penalty))
     return [] if isinstance(found, NoModel) else found
 
@@ -196,8 +198,10 @@ def _find_causes(fit: ShootingFit, penalty: float) -> list[Finding]:
 
 
 def _sample_noise(fit: ShootingFit, remaining: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
-    """Standard deviation of a sample of each state, (n_recordings, n_states), and of each rate, by
-    its name (see `Condensed.noise_told`). remaining: residuals of single shooting.
+    """Estimate the standard deviation of a sample of each state and of each rate.
+
+    remaining: residuals of single shooting. Returns (n_recordings, n_states), and rates by name
+    (see `Condensed.noise_told`).
     """
     condensed = fit.record.condensed
     share = fit.parameters / max(int(np.count_nonzero(condensed.counts)), 1)

@@ -40,7 +40,7 @@ def select_with_input_powers(
     support: np.ndarray,
     price: float,
 ) -> np.ndarray:
-    """The terms that are worth their price, looked for from all and from those of `support` (n,).
+    """Select the terms worth their price, searched from all and from `support` (n,).
 
     With a term come the terms that the library has of it with other powers of the inputs: a
     recording about one mean wind hardly tells these apart, and to leave one of them out would claim
@@ -51,8 +51,9 @@ def select_with_input_powers(
 
 
 def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray] | None:
-    """The fit with means of coefficients that fluctuate, the terms chosen with them, and the
-    covariance of the means (n_support, n_support).
+    """Fit means of coefficients that fluctuate, and choose the terms with them.
+
+    Returns the fit, and the covariance of the means (n_support, n_support).
 
     fit: of the whole library. None unless fluctuations explain most of what it leaves beyond the
     noise: where the library lacks something else, such as modes that a sensor sees besides,
@@ -125,8 +126,10 @@ def _log_excess(record: Record, misfit: np.ndarray) -> float:
 
 
 def _divide_segments(record: Record) -> tuple[Record, np.ndarray]:
-    """The record with segments divided into PARTS, and the parts after which the state may jump:
-    the last part of each segment that another one follows.
+    """Divide the segments of a record into PARTS.
+
+    Returns the record, and the parts after which the state may jump: the last part of each segment
+    that another one follows.
     """
     segments = record.segments
     first = np.linspace(segments.first[:-1], segments.first[1:], PARTS, endpoint=False, axis=1)
@@ -139,9 +142,10 @@ def _divide_segments(record: Record) -> tuple[Record, np.ndarray]:
 def _add_fluctuations(
     record: Record, linear: NormalEquations, rates: np.ndarray, variance: np.ndarray
 ) -> NormalEquations:
-    """The normal equations with each segment's fluctuations of the coefficients `rates` (n_rates,)
-    added to its state. Fluctuations act as their coefficients do, and have their `variance`
-    (n_rates,) where a recording begins.
+    """Add fluctuations of the coefficients `rates` (n_rates,) to each segment's state.
+
+    Fluctuations act as their coefficients do, and have their `variance` (n_rates,) where a
+    recording begins.
     """
     n, (n_states, extra) = linear.by_coefficients.shape[2], (linear.ends.shape[1], len(rates))
     twice, own = np.append(np.arange(n + n_states), rates), slice(n + n_states, None)
@@ -161,8 +165,10 @@ def _add_fluctuations(
 def _change_precision(
     record: Record, jumping: np.ndarray, jump: np.ndarray, size: np.ndarray, variance: np.ndarray
 ) -> np.ndarray:
-    """(n_segments, n_states + n_rates, n_states + n_rates) inverse covariance of the change of
-    state and fluctuations from each segment to the next. States jump after `jumping` alone.
+    """Compute the inverse covariance of the change of state and fluctuations.
+
+    Returns (n_segments, n_states + n_rates, n_states + n_rates), from each segment to the next.
+    States jump after `jumping` alone.
     """
     states = record.precision(np.diag((1e-4 * size) ** 2))  # as good as continuous
     states[jumping] = record.precision(jump)[jumping]

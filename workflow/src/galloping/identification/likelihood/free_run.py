@@ -1,5 +1,7 @@
-"""The model that errs least when it runs freely over a recording that inputs drive: the phase is
-that of the inputs, and what the model misses does not add up (simulation error, or output error).
+"""The model with the least error in a free run over a recording that inputs drive.
+
+The phase is that of the inputs, and what the model misses does not add up (simulation error, or
+output error).
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -41,7 +43,7 @@ def approximate_free_runs(
     penalty: float,
     objections: Sequence[Finding],
 ) -> IdentifiedModel:
-    """The approximate model whose free runs are the chains of a fit that matches them.
+    """Make the approximate model whose free runs are the chains of a matched fit.
 
     information: (n_candidates, n_candidates). residual: (n_windows, n_observed, n_rows) of the free
     runs. The other arguments are as in `model_error.fit_approximation`, and so are the diagnostics,
@@ -61,8 +63,9 @@ def approximate_free_runs(
 
 
 def sandwich_covariance(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> np.ndarray:
-    """(n_support, n_support) covariance of coefficients, by how stretches differ in which way they
-    pull the coefficients (sandwich).
+    """Compute the covariance of coefficients from their gradients in stretches.
+
+    Returns (n_support, n_support), by how stretches differ in which way they pull the coefficients.
 
     pulls: (n, n_support) gradients of chi^2 / 2 of each recording, in the order of time, which are
     summed over 40 stretches of it. covariance: what it were if the residuals were white noise.
@@ -84,8 +87,9 @@ def sandwich_covariance(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> 
 def fit_free_runs(
     record: Record, near: IdentifiedModel, penalty: float, objections: Sequence[Finding]
 ) -> IdentifiedModel | NoModel:
-    """The model of the terms of `near`, an approximate model, whose free runs err least. Detection
-    limits stay those of `near`, with which the terms were chosen.
+    """Fit the model whose free runs err least, with the terms of an approximate model.
+
+    Detection limits stay those of `near`, with which the terms were chosen.
 
     `NoModel` where the motion remembers how it began. Raises FloatingPointError where the iteration
     diverges.
@@ -109,10 +113,12 @@ def fit_free_runs(
 
 
 def has_forgotten_start(fit: ShootingFit) -> bool:
-    """Whether the last tenth of each chain depends at most a tenth as much on the first state as
-    the first tenth does: so it is of a damped system that is driven, not of a limit cycle, whose
-    phase stays. Of a limit cycle the ratio is near one, of a damped system it falls exponentially
-    with the length of the recording: between, where a system is hardly damped, a tenth is a choice.
+    """Whether a motion is independent of its first state in the end.
+
+    The last tenth of each chain must depend at most a tenth as much on the first state as the first
+    tenth does. So it is of a damped system that is driven, not of a limit cycle, whose phase stays.
+    Of a limit cycle the ratio is near one, of a damped system it falls exponentially with the
+    length of the recording: between, where a system is hardly damped, a tenth is a choice.
     """
     for _, rows, _ in _chain_slopes(fit, fit.record.problem.candidates[:0]):
         tenth = max(len(rows) // 10, 1)
@@ -122,8 +128,10 @@ def has_forgotten_start(fit: ShootingFit) -> bool:
 
 
 def _window_gradients(fit: ShootingFit, residual: np.ndarray) -> Iterator[np.ndarray]:
-    """Of each chain, how each window pulls the coefficients of the fit, (n_windows, n_support): the
-    gradient of chi^2 / 2 of a run from the chain's first state, this state at its best.
+    """Compute the gradient of chi^2 / 2 of each window by the coefficients of a fit.
+
+    Yields (n_windows, n_support) of each chain, of a run from the chain's first state, this state
+    at its best.
     """
     pairs = fit.record.problem.candidates[fit.support]
     n = len(pairs)
@@ -137,8 +145,10 @@ def _window_gradients(fit: ShootingFit, residual: np.ndarray) -> Iterator[np.nda
 def _chain_slopes(
     fit: ShootingFit, pairs: np.ndarray
 ) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
-    """Of each chain its windows, the slopes (n_windows, n_observed, n_rows, n_pairs + n_states) of
-    the solution from its first state, over the noise, and one over the noise (n_observed, 1).
+    """Compute the slopes of each chain's solution by coefficients and its first state.
+
+    Yields the chain's windows, the slopes (n_windows, n_observed, n_rows, n_pairs + n_states) over
+    the noise, and one over the noise (n_observed, 1).
     """
     condensed, segments = fit.record.condensed, fit.record.segments
     compiled = fit.record.problem.compiled(fit.free, pairs)

@@ -26,7 +26,7 @@ FASTEST = 0.4  # periods in a window: of faster ones a mean tells little
 def find_further_modes(
     states: tuple[str, ...], condensed: Condensed, residual: np.ndarray
 ) -> tuple[FurtherMode, ...]:
-    """The oscillations that stand out of what a model leaves, each recording and channel by itself.
+    """Find oscillations in the residual of a model, each recording and channel by itself.
 
     residual: (n_windows, n_observed, n_rows) projections of the samples less those of the model,
     not finite where the model diverges. Channels that measure the rate of another are left out.

@@ -53,15 +53,16 @@ class Fault:
     is_noise: bool = False
 
     def explains(self, excess: float) -> bool:
-        """Whether this may be the cause of a misfit beyond the noise, in units of chi^2: the fault
-        takes most of the misfit away, or any misfit of a model shows as this fault.
+        """Whether the fault may be the cause of a misfit beyond the noise, in units of chi^2.
+
+        The fault takes most of the misfit away, or any misfit of a model shows as this fault.
         """
         explained = 0.0 if self.is_noise else self.z**2
         return self.cause.code in FORCES or explained >= excess / 2.0
 
 
 def find_faults(fit: ShootingFit, penalty: float) -> list[Fault]:
-    """The faults that the data show, the clearest first; none where the recording is sound.
+    """Find the faults that the data show, the clearest first; none if the recording is sound.
 
     fit: converged, in its chains. penalty: 2 ln N of N samples. A sound recording is accused once
     in two hundred. Raises FloatingPointError where the model diverges.
@@ -99,9 +100,11 @@ DelayedInput = tuple[str, list[tuple[int, int]], list[float]]
 
 
 def _add_input_rates(fit: ShootingFit) -> tuple[ShootingFit, list[DelayedInput]]:
-    """The fit, its problem with terms of the rates of inputs, which are inputs too, and of each
-    input that may be delayed its name, the coefficients (equation, term) that then are not zero,
-    and their values for a delay of 1 s.
+    """Add terms with the rates of inputs to the problem of a fit, to test for delays.
+
+    Returns the fit, the rates being inputs of its problem, and of each input that may be delayed
+    its name, the coefficients (equation, term) that then are not zero, and their values for a delay
+    of 1 s.
 
     A delay of an input u takes c b u^(b - 1) du/dt from each term c u^b. Looked at are inputs that
     share no term with another.
@@ -145,8 +148,10 @@ def _add_input_rates(fit: ShootingFit) -> tuple[ShootingFit, list[DelayedInput]]
 def _fault_parameters(
     record: Record, rates: np.ndarray, late: list[DelayedInput]
 ) -> tuple[np.ndarray, np.ndarray, list[Fault]]:
-    """Parameters of faults: coefficients that are zero or known, (n_entries, 2), columns as in
-    `linearise`, and the faults, each a mixture of these parameters.
+    """Make the parameters of faults, and the faults as mixtures of them.
+
+    Returns coefficients that are zero or known, (n_entries, 2), columns as in `linearise`, and the
+    faults.
 
     rates: (n_windows, n_observed, n_rows) projections of the solution's time derivatives.
     """
@@ -192,7 +197,7 @@ def _fault_parameters(
 
 
 def score_test(information: np.ndarray, right: np.ndarray, mixture: np.ndarray) -> float:
-    """z of a mixture of the last parameters, the others at their best; 0 where they imitate it."""
+    """Compute z of a mixture of the last parameters, the others at their best; 0 if collinear."""
     information, right = _combine_parameters(information, right, mixture)
     change, covariance = solve_support(information, right, np.arange(len(right)) < len(right) - 1)
     cross = information[-1, :-1]
@@ -205,15 +210,16 @@ def score_test(information: np.ndarray, right: np.ndarray, mixture: np.ndarray) 
 def _combine_parameters(
     information: np.ndarray, right: np.ndarray, mixture: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The regression with one mixture in place of the last parameters."""
+    """Replace the last parameters of a regression by one mixture of them."""
     to = np.eye(len(right), len(right) - len(mixture) + 1)
     to[-len(mixture) :, -1] = mixture
     return to.T @ information @ to, right @ to
 
 
 def _score_beside_term(quadratic: Eliminated, fit: ShootingFit, test: Fault) -> float:
-    """z of a fault beside the one term, if any, that the model lacks most: what a weak term that
-    was not selected leaves in the residuals may look like a fault.
+    """Compute z of a fault beside the one term, if any, that the model lacks most.
+
+    What a weak term that was not selected leaves in the residuals may look like a fault.
     """
     n, more = len(fit.support), fit.support.copy()
     whitened = whiten(quadratic.information[:n, :n], quadratic.right[:n], fit.free)
@@ -229,8 +235,10 @@ def _score_beside_term(quadratic: Eliminated, fit: ShootingFit, test: Fault) -> 
 def _score_instead_of_terms(
     quadratic: Eliminated, fit: ShootingFit, test: Fault, penalty: float
 ) -> float:
-    """z of a fault that may replace terms which only imitate it: by how much the data prefer the
-    fault with other terms, selected anew, to the terms without it; 0 where they do not.
+    """Compute z of a fault that may replace terms which only imitate it.
+
+    It is by how much the data prefer the fault with other terms, selected anew, to the terms
+    without it; 0 if they do not.
     """
     information, right = _combine_parameters(quadratic.information, quadratic.right, test.mixture)
     problem, about = fit.record.problem, np.append(fit.free, 0.0)
@@ -312,8 +320,10 @@ def _test_variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -
 
 
 def _as_gaussian(z: float, skew: float) -> float:
-    """The Gaussian variable that is exceeded as often as z, a variable of variance one and of a
-    skewness, taken for a chi^2 variable as skew (E. B. Wilson and M. M. Hilferty, 1931).
+    """Return the Gaussian variable that is exceeded as often as a skew variable.
+
+    z: of variance one, with a skewness, approximated by a chi^2 variable as skew (E. B. Wilson and
+    M. M. Hilferty, 1931).
     """
     if skew <= 0.0:
         return z

@@ -129,9 +129,10 @@ def maximum_likelihood(
 def _search_model(
     problem: Problem, recordings: list[Recording], start: Start | None
 ) -> IdentifiedModel:
-    """The model of recordings without rests. Of a single coordinate, and where displacements are
-    not measured, it is asked first whether the motion is free: that takes a tenth of a second, and
-    much else need then not be sought.
+    """Search the model of recordings without rests.
+
+    Of a single coordinate, and where displacements are not measured, free motion is tried first:
+    that takes a tenth of a second, and much else need then not be searched.
     """
     if (motion := free_at_once(recordings)) is not None:
         with limit_work(recordings, FREE * MOST):
@@ -142,7 +143,7 @@ def _search_model(
 
 
 def _fit_free_motion(problem: Problem, recordings: list[Recording]) -> Outcome:
-    """The model that follows free motion to the noise."""
+    """Fit the model that follows free motion to the noise."""
     begun = attempt(partial(begin, problem, recordings))
     return begun if isinstance(begun, NoModel) else _search_rest_positions(begun, fit_exact)
 
@@ -150,8 +151,9 @@ def _fit_free_motion(problem: Problem, recordings: list[Recording]) -> Outcome:
 def _search_time_scales(
     problem: Problem, recordings: list[Recording], start: Start | None
 ) -> IdentifiedModel:
-    """The model from the first time scale of which a start leads to a model. The spectrum shows the
-    time scale of most of the power; a transient or a relaxation is quicker.
+    """Search from each time scale until a start leads to a model.
+
+    The spectrum shows the time scale of most of the power; a transient or a relaxation is quicker.
     """
     objections = []
     for share in starts.TIME_SCALES:
@@ -169,10 +171,11 @@ def _search_time_scales(
 def _search_time_scale(
     problem: Problem, recordings: list[Recording], share: float, begun: Start | None
 ) -> Outcome:
-    """The outcome of the searches of a time scale, in their order: is there a model that follows
-    the data, did random forces move the system, which model is near. Random forces are tried where
-    the motion may be theirs, and first where no model follows the data in segments, or
-    displacements are not measured.
+    """Run the searches of a time scale in their order.
+
+    Is there a model that follows the data, did random forces move the system, which model is near?
+    Random forces are tried where the motion may be theirs, and first where no model follows the
+    data in segments, or displacements are not measured.
     """
     first = replace(begun, problem=problem) if begun else begin(problem, recordings, share)
     begun, told = starts.rescale_start(first, recordings, share)
@@ -197,8 +200,10 @@ def _search_time_scale(
 
 
 def _run_searches(searches: Sequence[Search], recordings: list[Recording]) -> Outcome:
-    """The outcome of the first search that leads to a model. Where that model is not sure, later
-    searches have a quarter of the work to find a model that tells more.
+    """Run searches until one leads to a sure model.
+
+    If a model is not sure, later searches have a quarter of the work to find one that forecasts
+    better.
 
     Each search is told what the searches before it found to speak against a model.
     """
@@ -218,14 +223,15 @@ def _run_searches(searches: Sequence[Search], recordings: list[Recording]) -> Ou
 
 
 def _search_exact(begun: Start, _: Findings) -> tuple[Outcome, bool]:
-    """The model that follows the data to the noise."""
+    """Search the model that follows the data to the noise."""
     with sub_budget(0.6):  # of the work that is left; the rest to come near
         return _search_rest_positions(begun, fit_exact), True
 
 
 def _search_rest_positions(begun: Start, search: Callable[[Start], Outcome]) -> Outcome:
-    """The outcome of a search; where displacements are not measured, the best outcome from several
-    positions of rest, tried until two models have the same terms.
+    """Run a search, from several positions of rest if displacements are not measured.
+
+    Positions are tried until two models have the same terms. The outcome is the best.
     """
     if not starts.rests_at_zero(begun):
         return attempt(partial(search, begun))
@@ -242,9 +248,11 @@ def _search_rest_positions(begun: Start, search: Callable[[Start], Outcome]) -> 
 
 
 def _search_free_motion(begun: Start, objections: Findings) -> tuple[Outcome, bool]:
-    """The model of free motion of several coordinates, less its further modes and between events.
-    If no model follows it to the noise, it is the linear one of its modes. Where free motion has
-    none of that, no random force is asked after.
+    """Search the model of free motion of several coordinates.
+
+    The motion is taken without its further modes and between events. If no model follows it to the
+    noise, the model is the linear one of its modes. In free motion without any of these, random
+    forces are not tried.
     """
     if is_of_one_coordinate(begun.recordings):  # which was asked before all else
         return NoModel(objections), False
@@ -265,8 +273,9 @@ def _search_free_motion(begun: Start, objections: Findings) -> tuple[Outcome, bo
 
 
 def _search_stochastic(begun: Start, _: Findings) -> tuple[Outcome, bool]:
-    """The model in random forces, and whether it is plain that these moved the system. An input at
-    the wrong times leaves what looks like random forces, and is named.
+    """Search the model in random forces, and whether these certainly moved the system.
+
+    An input at the wrong times leaves what looks like random forces, and is named.
     """
     found, is_sure = moved_at_random(begun.problem, begun.recordings, begun.period)
     if found is None:
@@ -275,7 +284,7 @@ def _search_stochastic(begun: Start, _: Findings) -> tuple[Outcome, bool]:
 
 
 def _search_approximate(begun: Start, objections: Findings) -> tuple[Outcome, bool]:
-    """The model that is near where none follows the data. objections: why none does."""
+    """Search the model nearest to the data if none follows them. objections: why none does."""
     # a score test names a late input, but not by how much it is late
     late = _find_late_inputs(begun)
     named = {each.subject for each in late}
@@ -289,7 +298,7 @@ def _search_approximate(begun: Start, objections: Findings) -> tuple[Outcome, bo
 
 
 def _fit_approximate(begun: Start, objections: Findings) -> Outcome:
-    """The approximate model or, where inputs drive the motion, that whose free runs err least."""
+    """Fit the approximate model, by the error of free runs if inputs drive the motion."""
     start = trajectory_fit.prepare_fit(begun, begun.fit, STRETCH_PERIODS)
     near = fit_approximation(start, begun.penalty, objections)
     if isinstance(near, NoModel):
@@ -303,8 +312,9 @@ def _fit_approximate(begun: Start, objections: Findings) -> Outcome:
 
 
 def _find_late_inputs(begun: Start) -> list[Finding]:
-    """Which inputs are late or early, and by how much. One that is held between its samples seems
-    late by half of its step where it is taken for another.
+    """Find which inputs are late or early, and by how much.
+
+    An input that is held between its samples seems late by half of its step if it is interpolated.
     """
     held = held_inputs(begun.problem, begun.recordings)
     late = {} if held else attempt(partial(delayed_inputs, begun))

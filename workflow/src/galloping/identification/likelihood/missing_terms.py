@@ -85,8 +85,10 @@ def find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
 
 
 def _candidate_kinds(problem: Problem) -> Iterator[tuple[int, int, Exponents]]:
-    """Terms that are looked for, each with its equation and state: drag and friction along a
-    velocity, or what bends or breaks a stiffness along a displacement.
+    """List the kinds of terms that are tried, each with its equation and state.
+
+    These are drag and friction along a velocity, and what bends or breaks a stiffness along a
+    displacement.
     """
     n, pairs = len(problem.states), velocity_pairs(problem.states)
     none = (0,) * len(problem.names)
@@ -99,8 +101,9 @@ def _candidate_kinds(problem: Problem) -> Iterator[tuple[int, int, Exponents]]:
 
 
 def _forces_along_motion(fit: ShootingFit, terms: tuple[Exponents, ...]) -> np.ndarray:
-    """(n_windows, DEGREE + 1, n_terms) terms along the motion of a fit, each as the polynomial over
-    a window that is nearest in the mean square, by powers of the time.
+    """Evaluate terms along the motion of a fit, (n_windows, DEGREE + 1, n_terms).
+
+    Each is the polynomial over a window that is nearest in the mean square, by powers of the time.
     """
     record, n_states = fit.record, fit.starts.shape[1]
     condensed, problem = record.condensed, record.problem

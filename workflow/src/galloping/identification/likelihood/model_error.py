@@ -1,8 +1,9 @@
-"""Identification where no model of the library follows the data to the noise: the equations hold up
-to jumps of the state between segments, in proportion to the motion, whose covariance is estimated
-with the coefficients (expectation maximisation), and to a misfit of the spectrum that residuals
-have. How many terms the model deserves, how sure they are and what it predicts is judged on
-stretches that were left out of the fit.
+"""Identification if no model of the library follows the data to the noise.
+
+The equations hold up to jumps of the state between segments, in proportion to the motion, whose
+covariance is estimated with the coefficients (expectation maximisation), and to a misfit of the
+spectrum that residuals have. How many terms the model deserves, how sure they are and what it
+predicts is judged on stretches that were left out of the fit.
 """
 
 from collections.abc import Callable, Sequence
@@ -85,8 +86,9 @@ class Approximation:
 
     @property
     def error_shares(self) -> np.ndarray:
-        """(n_observed,) root mean square error of the forecasts, less the noise, as a share of that
-        of the motion, both about their means over a recording.
+        """Errors of the forecasts as shares of the motion, (n_observed,).
+
+        Root mean squares, less the noise, both about their means over a recording.
         """
         condensed = self.fit.record.condensed
         shares = np.zeros(len(condensed.observed))
@@ -105,7 +107,7 @@ class Approximation:
 def fit_approximation(
     start: ShootingFit, penalty: float, objections: Sequence[Finding]
 ) -> IdentifiedModel | NoModel:
-    """The most compact model whose forecasts are hardly worse than those of the best.
+    """Fit the most compact model whose forecasts are hardly worse than those of the best.
 
     start: in segments of some periods each, or fewer where it diverges sooner. penalty: worth of a
     term in units of chi^2, were the model exact. objections: why no model of the library is right.
@@ -135,7 +137,7 @@ def as_identified(
     objections: Sequence[Finding],
     missed: Finding,
 ) -> IdentifiedModel:
-    """The approximation as an identified model.
+    """Return an approximation as an identified model.
 
     residual: (n_windows, n_observed, n_rows) of its motion, in which further modes are looked for.
     noise: (n_recordings, n_observed) of a sample. objections: why no model of the library is right.
@@ -176,7 +178,7 @@ def as_identified(
 
 
 def _search_approximation(start: ShootingFit, penalty: float) -> Approximation | NoModel:
-    """The smallest of several models that forecast, or, where coefficients fluctuate, their means.
+    """Search the smallest of several models that forecast, or means of fluctuating coefficients.
 
     What is missed is taken for noise of its own spectrum and, where no model so found predicts
     stretches that were left out, for white noise: of a motion that grows, and of few stretches,
@@ -204,8 +206,10 @@ def _search_approximation(start: ShootingFit, penalty: float) -> Approximation |
 def _fit_with_misfit(
     first: StretchFit, misfit_of: MisfitOf, penalty: float
 ) -> tuple[StretchFit, list[Approximation]] | NoModel:
-    """The fit of the whole library, and the models of two penalties, many times that of exact
-    models, or of the first alone; none where the first leads to none.
+    """Fit the whole library, and the models of two penalties.
+
+    The penalties are many times that of exact models. `NoModel` if the first leads to none; the
+    second may be absent.
 
     A wrong model needs stronger evidence: 7 times chooses nearly the same terms of every recording
     of a truth, 3 to 5 up to five terms more. No model may jump more than the whole library: what a
@@ -239,10 +243,10 @@ def _fit_with_price(
 
 
 def _choose_smallest(made: list[Approximation]) -> Approximation:
-    """The one of fewest terms whose squared forecast error exceeds the least by no more than a
-    quarter of the standard error of the difference for every term saved, and by no more than one.
-    More than a quarter saves terms that forecast, less keeps terms that do not; the number was not
-    calibrated.
+    """Choose the model of fewest terms that forecasts as well as the best.
+
+    Its squared forecast error exceeds the least by no more than a quarter of the standard error of
+    the difference for every term saved, and by no more than one.
     """
     errors = [np.mean(each.forecast[1] / each.forecast[0].mean(axis=0), axis=1) for each in made]
     best = smallest = int(np.argmin([np.mean(error) for error in errors]))
@@ -274,9 +278,10 @@ def _iterate_fit(
     price: float | None = None,
     most_jump: np.ndarray | None = None,
 ) -> StretchFit:
-    """Gauss-Newton, with covariances estimated on the way and, unless `price` is None, terms chosen
-    in the first passes. most_jump: (n_states, n_states) covariance of jumps; those of the model are
-    not allowed to be larger.
+    """Iterate by Gauss-Newton, with covariances estimated on the way.
+
+    Unless `price` is None, terms are chosen in the first passes. most_jump: (n_states, n_states)
+    covariance of jumps; those of the model are not allowed to be larger.
 
     Passes end with a step below 0.05, squared, in standard deviations: errors grow by 2.5 %. The
     most passes bound the work of what alternates, and were not calibrated.
@@ -311,7 +316,7 @@ def _iterate_fit(
 
 
 def _cross_validate(fit: StretchFit, price: float) -> Approximation:
-    """The fit with its covariance and its forecasts, both by leaving groups of segments out."""
+    """Estimate covariance and forecasts of a fit by leaving groups of segments out."""
     record, precision = fit.record, fit.record.precision(fit.jump)
     condensed, segments = record.condensed, record.segments
     count = len(fit.starts)

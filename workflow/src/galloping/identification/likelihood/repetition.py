@@ -102,8 +102,11 @@ def _segment_motion(
 
 
 def _lag_distances(states: np.ndarray) -> np.ndarray:
-    """(n // 3,) root mean square by which states (n, n_states) differ from themselves 0, 1, ...
-    samples later.
+    """Compute the root mean square change of states (n, n_states) after each lag.
+
+    Returns (n
+
+    3,), after 0, 1, ... samples.
     """
     count, size = len(states), 2 * len(states)
     spectrum = np.fft.rfft(states, size, axis=0)

@@ -87,7 +87,7 @@ class ResidualDiagnostics:
 def diagnose_residuals(
     condensed: Condensed, residual: np.ndarray, parameters: int, period: float
 ) -> ResidualDiagnostics:
-    """Tests of the residuals (n_windows, n_observed, n_rows) of a fit.
+    """Test the residuals (n_windows, n_observed, n_rows) of a fit.
 
     parameters: how many the fit has. period: the shortest of the motion, s. Channels whose
     residuals are below ROUNDING show no more than that, and are left out of the spectra.
@@ -144,16 +144,19 @@ def _chi2_inside(
 
 
 def _max_mean_square(spread: float) -> float:
-    """The largest allowed mean square of what has mean square one and this relative `spread`: as
-    many deviations above one as a sum exceeds at RESIDUAL_RATE, rounded up.
+    """Return the largest allowed mean square of a variable of mean square one.
+
+    It is as many deviations, of the relative `spread`, above one as a sum exceeds at RESIDUAL_RATE,
+    rounded up.
     """
     return float(1.0 + np.ceil(-ndtri(RESIDUAL_RATE)) * spread)
 
 
 def _highest_peak(power: np.ndarray) -> tuple[float, int]:
-    """Highest ratio of a periodogram bin to the mean of its neighbours, and the bin; a ratio of
-    zero where a record is too short to have so many neighbours. The two bins beside a peak, into
-    which it leaks, are left out.
+    """Find the highest ratio of a periodogram bin to the mean of its neighbours.
+
+    Returns the ratio and the bin; a ratio of zero if a record is too short to have so many
+    neighbours. The two bins beside a peak, into which it leaks, are left out.
     """
     if len(power) <= 2 * NEIGHBOURS:
         return 0.0, 1

@@ -45,7 +45,7 @@ LOWER = 1.0  # of chi^2, by which another minimum must be lower
 
 
 def refine_fit(joined: JoinedFit, price: Price) -> JoinedFit:
-    """The fit at the least minimum that is found, with the terms that are best there.
+    """Move a fit to the least minimum that is found, with the terms that are best there.
 
     It is looked for from where segments were joined and, where that leads to none that follows the
     data, from where they were free. joined: returned as it is where neither does.
@@ -60,8 +60,9 @@ def refine_fit(joined: JoinedFit, price: Price) -> JoinedFit:
 
 
 def _settle_terms(step: Step, price: Price) -> Step:
-    """The last step to the least minimum whose terms are the best there. Raises FloatingPointError
-    where the motion diverges, or terms come and go.
+    """Step to the least minimum whose terms are the best there.
+
+    Raises FloatingPointError if the motion diverges, or terms come and go.
     """
     record = step.fit.record
     record = replace(record, segments=chain_segments(linearise(step.fit), record.segments))
@@ -85,7 +86,7 @@ def _choose_terms(step: Step, price: Price) -> np.ndarray:
 
 
 def _find_least(fit: ShootingFit) -> Step:
-    """The last step to the least minimum that is found with the terms of a fit."""
+    """Step to the least minimum that is found with the terms of a fit."""
     best = _descend_chi2(fit)
     for _ in range(3):
         found = best
@@ -101,7 +102,7 @@ def _find_least(fit: ShootingFit) -> Step:
 
 
 def _descend_chi2(fit: ShootingFit) -> Step:
-    """Steps with the terms of a fit, each so short that chi^2 falls.
+    """Take steps with the terms of a fit, each so short that chi^2 falls.
 
     The quadratic model of the last step is about the fit that it leads to; where no step is short
     enough, as at a kink, its slope counts as zero.
@@ -142,8 +143,10 @@ def _coefficient_step(fit: ShootingFit, quadratic: Matched) -> np.ndarray:
 
 
 def _match_segments(fit: ShootingFit) -> ShootingFit:
-    """The fit with all segments of a chain where the motion from its first state leads, its noise,
-    and chi^2 of that motion. Raises FloatingPointError where it diverges.
+    """Put all segments of a chain on the motion from its first state.
+
+    Returns the fit with its noise and chi^2 of that motion. Raises FloatingPointError if it
+    diverges.
     """
     record, segments = fit.record, fit.record.segments
     bounds = segments.bounds
@@ -155,8 +158,9 @@ def _match_segments(fit: ShootingFit) -> ShootingFit:
 
 
 def _motion_states(fit: ShootingFit) -> np.ndarray:
-    """(n_windows, n_states) where windows begin, of the motion from the first state of each chain.
-    Raises FloatingPointError where it diverges.
+    """Compute the states where windows begin, from the first state of each chain.
+
+    Returns (n_windows, n_states). Raises FloatingPointError if the motion diverges.
     """
     record, bounds = fit.record, fit.record.segments.bounds
     problem, condensed, n = record.problem, record.condensed, fit.starts.shape[1]
@@ -199,7 +203,7 @@ def _draw_starts(fit: ShootingFit) -> list[ShootingFit]:
 
 
 def _fit_while_moving(fit: ShootingFit) -> ShootingFit | None:
-    """The fit to the windows in which nothing sticks; None where these are all, or too few."""
+    """Restrict a fit to the windows in which nothing sticks; None if all do not, or too few."""
     record, condensed = fit.record, fit.record.condensed
     states, segments = _motion_states(fit), record.segments
     stuck = np.zeros(len(states), bool)

@@ -1,6 +1,8 @@
-"""Multiple shooting over condensed recordings (H. G. Bock, 1983): the misfit of segments, each with
-a first state of its own, linearised in these and in the coefficients. Chains of one segment leave
-all first states free; one chain per recording is, at convergence, single shooting.
+"""Multiple shooting over condensed recordings (H. G. Bock, 1983).
+
+The misfit of segments, each with a first state of its own, is linearised in these and in the
+coefficients. Chains of one segment leave all first states free; one chain per recording is, at
+convergence, single shooting.
 """
 
 from collections.abc import Iterator, Sequence
@@ -77,9 +79,11 @@ class Record:
 
     @cached_property
     def size(self) -> np.ndarray:
-        """(n_segments,) root mean square of the motion in each, relative to the whole record, and
-        3 % added in squares: jumps are no smaller where the motion rests. With less added, quiet
-        segments bind the model more, with more less; the number was not calibrated.
+        """Relative root mean square of the motion in each segment, (n_segments,).
+
+        It is relative to the whole record. 3 % is added in squares: jumps are no smaller where the
+        motion rests. With less added, quiet segments bind the model more, with more less; the
+        number was not calibrated.
         """
         mean = np.mean(self.states**2, axis=0) + np.finfo(float).tiny
         squares = np.mean(self.states**2 / mean, axis=1)
@@ -89,8 +93,10 @@ class Record:
     def predictions(
         self, free: np.ndarray, starts: np.ndarray, segments: slice = slice(None)
     ) -> np.ndarray:
-        """(n_windows, n_observed, n_rows) projections of the solution over consecutive segments,
-        not finite where the solution diverges. starts: (n, n_states) first states of the segments.
+        """Predict the projections over consecutive segments, (n_windows, n_observed, n_rows).
+
+        They are not finite where the solution diverges. starts: (n, n_states) first states of the
+        segments.
         """
         first = self.segments.first
         begin, end, _ = segments.indices(len(first) - 1)
@@ -125,8 +131,10 @@ class Record:
         return self.extent[:, None] * np.append(moved, 1.0 / self.extent)
 
     def precision(self, jump: np.ndarray) -> np.ndarray:
-        """(n_segments, n_states, n_states) inverse covariance of the jump after each segment. jump:
-        (n_states, n_states) covariance at full motion.
+        """Compute the inverse covariance of the jump after each segment.
+
+        jump: (n_states, n_states) covariance at full motion. Returns (n_segments, n_states,
+        n_states).
         """
         return np.linalg.inv(jump) / self.size[:, None, None] ** 2
 

@@ -26,8 +26,10 @@ TIME_SCALES = (1.0, 1 / 2, 1 / 4)  # of the period that the spectrum shows
 def rescale_start(
     begun: Start, recordings: list[Recording], share: float
 ) -> tuple[Start, dict[str, float]]:
-    """The start in recordings whose values of unknown scale are divided by their scale, with the
-    rates that the recordings measure; and the scales, by name. share: the start's of `TIME_SCALES`.
+    """Divide values of unknown scale by their scale, and add the measured rates.
+
+    share: the start's of `TIME_SCALES`. Returns the start in these recordings, and the scales by
+    name.
     """
     own = scaled(recordings, begun.period)
     if any(one is not other for one, other in zip(recordings, own, strict=True)):
@@ -43,13 +45,14 @@ def rests_at_zero(begun: Start) -> bool:
 
 
 def _unmeasured_displacements(begun: Start) -> set[tuple[int, int]]:
-    """Indices of each state X that no recording measures, with that of its velocity dX."""
+    """Find each state X that no recording measures, with its velocity dX, as indices."""
     return set.intersection(*(set(undisplaced(one).items()) for one in begun.recordings))
 
 
 def positions_of_rest(begun: Start) -> Iterator[tuple[str, Start]]:
-    """Starts without constants, by name: the curves as they are, then moved along each displacement
-    that is not measured.
+    """Make starts without constants, by name, at several positions of rest.
+
+    The curves are taken as they are, then moved along each displacement that is not measured.
 
     The middle of a motion may lie a fifth of the displacement's deviation from rest; that of the
     study's line lies 0.15 deviations from rest, and on its accelerations starts that are 0.0 to 0.1

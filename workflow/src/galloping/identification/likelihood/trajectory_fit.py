@@ -90,9 +90,10 @@ class JoinedFit:
 
 
 def fit_free_segments(begun: Start, start: WeakFit) -> Step | None:
-    """The last step of a fit in which each segment has a first state of its own. Segments are
-    halved up to three times, until the fit is close; where it never is, they are as short as
-    halving them still halved the misfit. None where all diverge.
+    """Fit segments that each have a first state of their own.
+
+    Segments are halved up to three times, until the fit is close; if it never is, they are as short
+    as halving them still halved the misfit. None if all diverge.
 
     From a rough start, that of a sensitive system above all, long segments lead astray; segments
     that are shorter than they need be hide what the recording may have wrong.
@@ -117,8 +118,9 @@ def fit_free_segments(begun: Start, start: WeakFit) -> Step | None:
 
 
 def follows_in_segments(begun: Start) -> bool:
-    """Whether a model follows the data to the noise through three periods or more from each of
-    many first states, as it does not where random forces move the system.
+    """Whether a model follows the data to the noise in free segments of three periods or more.
+
+    No model does if random forces move the system.
     """
     try:
         fit = prepare_fit(begun, begun.fit, PERIODS_PER_SEGMENT)
@@ -129,7 +131,7 @@ def follows_in_segments(begun: Start) -> bool:
 
 
 def _iterate_free_segments(fit: ShootingFit) -> Step:
-    """The last step in segments that stay apart. Raises FloatingPointError where one diverges."""
+    """Iterate over segments that stay apart. Raises FloatingPointError if one diverges."""
     before = fit
     # with three steps fewer are `ok` (docs/identification_parts.csv); then segments are joined,
     # however bad the fit
@@ -142,7 +144,7 @@ def _iterate_free_segments(fit: ShootingFit) -> Step:
 
 
 def prepare_fit(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
-    """The start, with condensed samples, in segments of so many periods, with their first states.
+    """Condense the samples of a start, in segments of so many periods with first states.
 
     Windows are halved until the Taylor series is accurate over one, segments until the start
     does not diverge within one. Raises FloatingPointError where neither is enough.
@@ -197,8 +199,10 @@ def prepare_fit(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
 def _error_of_inputs(
     begun: Start, start: WeakFit, left: np.ndarray, observed: np.ndarray, is_rate: np.ndarray
 ) -> np.ndarray:
-    """(n_observed,) root mean square error of the solution within windows, of what their
-    polynomials leave out of the inputs, such as the steps of one that is held.
+    """Estimate the error of the solution from inputs that are no polynomials, (n_observed,).
+
+    It is a root mean square within windows, of what their polynomials leave out of the inputs, such
+    as the steps of one that is held.
 
     A rate errs by what is left out, the state by its integral, and what the state is the rate of by
     the second one. No term counts for more than would make up its equation. left: as of
@@ -226,8 +230,10 @@ def _error_of_inputs(
 def _window_states(
     condensed: Condensed, recordings: list[Recording], smoothed: list[Smooth]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Smoothed states where the windows start, (n_windows, n_states), and whether data are near;
-    where these are not, as in the gap of a channel, states are kept to the range that they have.
+    """Interpolate smoothed states where the windows start, and find whether data are near.
+
+    Returns (n_windows, n_states) and (n_windows,). Where no data are near, as in the gap of a
+    channel, states are kept to the range that they have.
     """
     states, valid = [], []
     for r, (recording, one) in enumerate(zip(recordings, smoothed, strict=True)):
@@ -292,7 +298,9 @@ def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> Joined
 def take_guarded_step(
     previous: ShootingFit, fit: ShootingFit, longest: float | None, price: Price | None
 ) -> Step:
-    """A step from `fit` or, where that diverges or raises a misfit that is not close by half, from
+    """Take a step from `fit`, or from nearer to `previous` if that fails.
+
+    A step fails if it diverges, or raises a misfit that is not close by half; then it is taken from
     half as far from `previous`, and so on.
 
     The other arguments as in `_gauss_newton`. Raises FloatingPointError where halving the way
@@ -345,7 +353,7 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
 
 
 def update_noise(fit: ShootingFit, squares: np.ndarray) -> ShootingFit:
-    """The fit with the noise and chi^2 of sums of squared residuals (n_recordings, n_observed)."""
+    """Update noise and chi^2 of a fit by sums of squared residuals (n_recordings, n_observed)."""
     rows, floor = fit.record.condensed.rows, fit.record.floor
     share = fit.parameters / max(int(np.count_nonzero(squares)), 1)
     # a fifth of the rows at least: what many parameters follow exactly would seem to have no noise,
@@ -357,6 +365,6 @@ def update_noise(fit: ShootingFit, squares: np.ndarray) -> ShootingFit:
 def _choose_terms(
     fit: ShootingFit, information: np.ndarray, right: np.ndarray, price: Price
 ) -> np.ndarray:
-    """The best support found, from all candidates and from the terms of the fit."""
+    """Choose the best support, searched from all candidates and from the terms of the fit."""
     tried = [np.ones(len(fit.support), bool), fit.support]
     return fit.record.problem.select(information, right, tried, price, fit.free)

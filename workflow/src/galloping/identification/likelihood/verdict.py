@@ -105,7 +105,7 @@ def assess_fit(
     period: float = np.inf,
     **fitted: Unpack[Fitted],
 ) -> IdentifiedModel:
-    """The identified model of a fit that may be trusted, `ok` or `not identifiable`.
+    """Make the identified model of a fit that may be trusted, `ok` or `not identifiable`.
 
     `ok` claims: the terms found are right, every absent term is smaller than its stated limit, and
     no simple term that matters may hide. Where another term may hide, or where the prior settled
@@ -167,8 +167,10 @@ def assess_fit(
 def assess_approximation(
     problem: Problem, near: ApproximateFit, findings: Iterable[Finding], **fitted: Unpack[Fitted]
 ) -> IdentifiedModel:
-    """The identified model where no model of the library is right, `approximate`. It claims no more
-    than how far it is from the data, which is among the findings. fitted: as of `assess_fit`.
+    """Make the identified model if no model of the library is right, `approximate`.
+
+    It claims no more than how far it is from the data, which is among the findings. fitted: as of
+    `assess_fit`.
     """
     findings = as_warnings(findings)
     limits = detection_limits(near.errors, near.support, near.price)
@@ -185,9 +187,7 @@ def assess_approximation(
 
 
 def _draw_rivals(problem: Problem, regression: Regression, believed: Plausible) -> Rivals:
-    """`IdentifiedModel.rivals` and `rival_share`; nothing where rivals are less likely together
-    than MISS_RATE.
-    """
+    """Draw models of the rival supports; nothing if these are less likely than MISS_RATE."""
     rng, others, drawn = np.random.default_rng(0), believed.weight[1:], []
     share = float(others.sum())
     if share < MISS_RATE:
@@ -205,8 +205,10 @@ def _draw_rivals(problem: Problem, regression: Regression, believed: Plausible) 
 def find_beyond_bounds(
     problem: Problem, regression: Regression
 ) -> tuple[np.ndarray, list[Finding]]:
-    """The absent terms that would come with a coefficient beyond its bounds, (n,) boolean, and the
-    coefficients that the recording alone would put there for certain.
+    """Find coefficients that the data would put beyond their bounds.
+
+    Returns the absent terms that would come with such a coefficient, (n,) boolean, and findings of
+    the coefficients that the recording alone would put there for certain.
     """
     ruled_out, contradicted = np.zeros(len(regression.support), bool), []
     lower, upper = problem.box
@@ -229,16 +231,19 @@ def find_beyond_bounds(
 
 
 def have_same_terms(found: list[IdentifiedModel]) -> bool:
-    """Whether the last of models from several starts has the terms of an earlier model, and both
-    follow the data.
+    """Whether the last of several models has the terms of an earlier one.
+
+    Both must follow the data.
     """
     before = [one for one in found[:-1] if one.status in FOLLOW and found[-1].status in FOLLOW]
     return any(np.array_equal(one.support, found[-1].support) for one in before)
 
 
 def best_of(found: list[IdentifiedModel]) -> IdentifiedModel:
-    """Of models from several starts, that of the fewest terms that follow the data, or else of the
-    best forecasts; not `ok` where no other follows the data, for a better one may then be missed.
+    """Choose among models from several starts.
+
+    It is that of the fewest terms that follow the data, or else of the best forecasts; not `ok` if
+    no other follows the data, for a better one may then be missed.
     """
 
     def order(identified: IdentifiedModel) -> tuple[int, float]:
@@ -278,8 +283,9 @@ def find_open_questions(
 
 
 def is_simple(problem: Problem, support: np.ndarray) -> np.ndarray:
-    """(n,) boolean: the terms as simple as the simplest found in their equation, or of the first
-    degree, of which a reader of the equation would ask why they are not there.
+    """Find the terms that a reader of the equation would expect, (n,) boolean.
+
+    These are as simple as the simplest found in their equation, or of the first degree.
     """
     degrees, equations = problem.degrees, problem.candidates[:, 0]
     simplest = [min(degrees[support & (equations == i)], default=1) for i in equations]
@@ -287,8 +293,9 @@ def is_simple(problem: Problem, support: np.ndarray) -> np.ndarray:
 
 
 def find_unseen_mixture(information: np.ndarray, largest: np.ndarray) -> list[Finding]:
-    """Find whether a mixture of terms may be there unseen, far larger than its equations; nothing
-    is found if rounding hides whether there is. Arguments as of `mixture_information`, of all
+    """Find whether a mixture of terms may be present unseen, far larger than its equations.
+
+    Nothing is found if rounding hides whether it is. Arguments as of `mixture_information`, of all
     candidates.
     """
     told = mixture_information(information, largest)
@@ -319,8 +326,9 @@ def find_hidden_term(
 
 
 def _heaviest_rival(problem: Problem, plausible: Plausible) -> tuple[float, dict[str, Any]]:
-    """The weight of all supports that lack any of the terms found, and the difference of the
-    heaviest of these supports, as data of a finding.
+    """Weigh the supports that lack any of the terms found.
+
+    Returns their weight together, and the difference of the heaviest of them, as data of a finding.
     """
     support = plausible.supports[0]
     lacking = np.where(plausible.supports[:, support].all(axis=1), 0.0, plausible.weight)

@@ -28,16 +28,15 @@ def white_autocovariance(record: Record, variance: np.ndarray) -> np.ndarray:
 
 
 def white_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
-    """White misfit, as `white_autocovariance`, of a residual's mean squares, at least the floor's
-    square.
-    """
+    """Estimate a white misfit, as `white_autocovariance`, not below the floor's square."""
     squares = record.condensed.squares(residual) / np.maximum(record.condensed.rows, 1)
     return white_autocovariance(record, np.maximum(squares, record.floor**2))
 
 
 def coloured_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
-    """(n_recordings, n_lags, n_observed, n_rows) autocovariance of a residual and of noise at the
-    floor.
+    """Estimate the autocovariance of a residual and of noise at the floor.
+
+    Returns (n_recordings, n_lags, n_observed, n_rows).
 
     The autocovariance falls to zero over the longest segment, by a Parzen window, which makes its
     spectrum smooth. What a model lacks recurs with the motion: taken for white noise, it would
@@ -123,7 +122,7 @@ class StretchFit:
         )  # fmt: skip
 
     def _whitening(self) -> Callable[[np.ndarray, slice, int], np.ndarray]:
-        """A function that makes the projections of a segment independent and of variance one.
+        """Make a function that whitens the projections of a segment, to variance one.
 
         The function takes rows (n_windows, n_observed, n_rows, m) of a segment, the segment's
         windows and its recording's index, and returns rows of the same shape, zero where a

@@ -1,5 +1,6 @@
-"""The model of the weak form, from which the other methods only start: a fast method of its own, by
-a name of its own in the register of methods, and so a module.
+"""The model of the weak form, a fast method of its own.
+
+The other methods only start from it.
 """
 
 from collections.abc import Sequence
