@@ -127,10 +127,14 @@ def test_the_command_says_the_same_in_words_and_rows(tmp_path):
     found.save(path, units={"U": "m/s"})
     run = partial(command, "assess", path)
     text = run("--at", "U=4:10:3")
-    assert "Small motions about rest begin to grow above U = 5.0" in text
-    assert "At U = 10 m/s:" in text and "limit cycle 1, stable: q ± 1.6" in text
-    assert "U = 4 to 10 is up to 1 below and 1 above what was recorded: nine tenths of what" in text
-    assert "was recorded" not in run("--at", "U=6")
+    onset, extrapolated, _, *conditions = text.splitlines()
+    assert onset.startswith("Onset: small motions grow above U = 5.0")
+    assert "U = 4 to 10" in extrapolated and "between 5 and 9" in extrapolated
+    assert "  U = 4 m/s: small motions die out; no stable limit cycle" in conditions
+    assert "U = 10 m/s: small motions grow; q ±1.6" in text and "At U" not in text
+    detailed = run("--at", "U=4:10:3", "--verbose")
+    assert "At U = 10 m/s:" in detailed and "limit cycle 1, stable: q ± 1.6" in detailed
+    assert "Extrapolation" not in run("--at", "U=6")
     rows = json.loads(run("--at", "U=10", "--json"))
     half = next(row for row in rows if row["quantity"] == "half range of q")
     assert half["U"] == 10.0 and half["value"] == pytest.approx(amplitude(10.0), rel=1e-2)
@@ -138,7 +142,7 @@ def test_the_command_says_the_same_in_words_and_rows(tmp_path):
     for options, said in (
         ((), "has the input U; say at which, --at U=VALUE"),
         (("--at", "V=3"), "the model has the inputs U"),
-        (("--at", "U=-5"), "recorded lie between 5 and 9; must be 0 or more"),
+        (("--at", "U=-5"), "values lie between 5 and 9; must be 0 or more"),
         (("--at", "U=9:8"), "must be one value, U=12, or a range"),
         (("--at", "U=x"), "must be one value, U=12, or a range"),
         (("--at", "U=1:2:1e-9"), "must be 2 to 200 values"),

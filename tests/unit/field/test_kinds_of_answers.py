@@ -61,8 +61,8 @@ def test_random_forces_are_not_missed_but_held_in_a_band():
     found = maximum_likelihood(recording, polynomial_library(4, 1), forced=())
     summary = summarise(found, recording, forced=())
     text = str(summary)
-    assert found.is_forced and "nothing foretells random forces" in text
-    assert "the forecast missed" not in text
+    assert found.is_forced and "its frequencies and damping can" in text
+    assert "root-mean-square error" not in text
 
 
 def pendulum(start, duration, noise, seed=1):

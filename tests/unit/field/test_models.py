@@ -86,7 +86,7 @@ def test_advice_ranks_recordings_by_what_they_tell_of_the_weakest_term(field):
     errors = [error for _, error in told.options]
     assert errors == sorted(errors) and max(errors) < told.error
     assert not any("release" in name for name, _ in told.options)  # of a live span
-    again = dict(told.options)["the same motion again"]
+    again = dict(told.options)["another event like this one"]
     assert told.error / again == pytest.approx(np.sqrt(2.0), rel=0.2)
     assert advice(replace(identified, status="approximate"), field.recordings[0], 5.0) is None
     repeats = identified.with_findings(Finding.of(Code.MOTION_REPEATS))

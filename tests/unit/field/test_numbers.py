@@ -345,7 +345,7 @@ def test_a_file_is_answered_right_or_refused_for_its_fault(tmp_path, name):
     if name in WITHOUT:
         return
     assert re.search(r"\n\*\*(ok|not identifiable)\*\*: ", summary)
-    assert "Its forecasts are" not in summary
+    assert "The forecast is less certain" not in summary
     for state, (frequency, damping) in ABOUT_REST.items():
         own = {"q_v": "vertical", "q_w": "horizontal"}[state]
         told = re.search(rf"{own}: natural frequency \| ([\d.]+) Hz", summary)
@@ -353,7 +353,7 @@ def test_a_file_is_answered_right_or_refused_for_its_fault(tmp_path, name):
         told = re.search(rf"{own}: net damping \| (\S+) % of critical", summary)
         assert float(told[1]) == pytest.approx(damping, abs=0.02)
         size = re.search(
-            rf"{own}: amplitude in the end \| ±([\d.]+) m \| ([\d.]+) to ([\d.]+)", summary
+            rf"{own}: amplitude of the limit cycle \| ±([\d.]+) m \| ([\d.]+) to ([\d.]+)", summary
         )
         value, low, high = map(float, size.groups())
         assert value == pytest.approx(LIMIT_CYCLE[state], rel=0.01)

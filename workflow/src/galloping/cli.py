@@ -406,7 +406,9 @@ def _simulated(path, model, state, rate: float, last: int, inputs) -> Iterator[d
               help="Draw limit cycles and onset along the range, as SVG and PNG.")  # fmt: skip
 @click.option("--csv", "as_csv", is_flag=True, help="Print a table.")
 @json_option
-def assess(model, at, seed, figure, as_csv, as_json):
+@click.option("--verbose", is_flag=True,
+              help="Print equilibria, damping and unstable limit cycles too.")  # fmt: skip
+def assess(model, at, seed, figure, as_csv, as_json, verbose):
     """Tell from which wind on a line gallops, how far.
 
     From a MODEL: positions of rest and their stability, limit cycles, and the onset.
@@ -435,7 +437,9 @@ def assess(model, at, seed, figure, as_csv, as_json):
     if as_csv or as_json:
         print_rows(assessment_rows(found, units), as_json)
     else:
-        click.echo(f"{loaded.verdict}\n{assessment_text(found, units)}")
+        is_detailed = verbose or len(found.conditions) == 1
+        text = assessment_text(found, units, is_detailed=is_detailed)
+        click.echo(f"{text}\n\nStatus of the model: {loaded.verdict}")
 
 
 @main.command()

@@ -89,22 +89,16 @@ def beyond(found: IdentifiedModel, at: Mapping[str, float | Sequence[float]]) ->
             continue
         low, high = ends
         least, most = float(np.nanmin(values)), float(np.nanmax(values))
-        recorded = f"nine tenths of what was recorded lie between {low:.3g} and {high:.3g}"
+        recorded = f"90 % of the recorded values lie between {low:.3g} and {high:.3g}"
         for value, bound, sign in ((least, low, 1.0), (most, high, -1.0)):
             if sign * bound >= 0.0 > sign * value and sign * (bound - value) > high - low:
                 wanted = "0 or more" if sign > 0 else "0 or less"
                 raise ValueError(f"{name} = {value:g}: {recorded}; must be {wanted}")
-        away = [
-            f"{by:.3g} {where}"
-            for by, where in ((low - least, "below"), (most - high, "above"))
-            if by > 0.0
-        ]
-        if away:
-            asked = f"{least:g}" if least == most else f"{least:g} to {most:g}"
+        if least < low or most > high:
+            asked = f"{least:.4g}" if least == most else f"{least:.4g} to {most:.4g}"
             said.append(
-                f"{name} = {asked} is up to {' and '.join(away)} what was recorded: {recorded}, "
-                "and beyond, motions may grow that the recording does not show, such as further "
-                "modes"
+                f"Extrapolation: {name} = {asked}, but {recorded}; beyond, further modes may grow, "
+                "which the recording does not show"
             )
     return said
 

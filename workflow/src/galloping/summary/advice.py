@@ -99,15 +99,17 @@ def _options(
     around = Surroundings.of([recording])
     rest = around.middle if (found := around.rest(identified.model)) is None else found
     twice = first.time[1] * np.arange(2 * len(first.time))
+    # no line is made to start as it did
+    again = "another event like this one" if is_span(identified) else "the same motion again"
     options = {
-        "the same motion again": first,
-        "the same motion, twice as long": replace(first, time=twice),
-        "the same motion, sampled twice as often": replace(first, sigma=first.sigma / np.sqrt(2.0)),
+        again: first,
+        f"{again}, twice as long": replace(first, time=twice),
+        f"{again}, sampled twice as often": replace(first, sigma=first.sigma / np.sqrt(2.0)),
     }
     motion = identified.simulate(first.initial_state, first.time).states
     bounded = np.all(np.isfinite(motion[-1]))
     if bounded:
-        options["what follows on the same motion"] = replace(first, initial_state=motion[-1])
+        options["the time after this one"] = replace(first, initial_state=motion[-1])
     released = () if is_span(identified) else pairs or range(len(states))  # nobody pulls at a line
     for k in released:
         if np.isfinite(recording.values[:, k]).any():
@@ -129,7 +131,5 @@ def _options(
         size, sigma = motion.std(axis=0), first.sigma.copy()
         for k, v in pairs.items():
             sigma[v] = min(sigma[v], size[v] * sigma[k] / size[k])
-        options["the same motion, its velocities measured as well as its displacements"] = replace(
-            first, sigma=sigma
-        )
+        options[f"{again}, with velocities beside displacements"] = replace(first, sigma=sigma)
     return options

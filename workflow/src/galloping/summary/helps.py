@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 HELPS = {
     "wind": "the wind speed, recorded beside the motion (`--input`)",
-    "places": "sensors at more places along the span, which tell its modes apart (`position` in a "
+    "places": "sensors at more places along the span, which separate its modes (`position` in a "
     "mapping)",
     "directions": "sensors in both directions",
     "fewer": "fewer candidate terms (`--library`, `--degree`)",
@@ -41,16 +41,16 @@ def what_helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
     if advice and advice.options and advice.error > KNOWN * abs(advice.coefficient):
         name, error = advice.options[0]
         helps.append(
-            f"one more recording{' at the same wind' * span}, best of {name}: the coefficient that "
-            f"is known worst would then be known to {advice.percent(error)} instead of "
-            f"{advice.percent(advice.error)}"
+            f"one more recording{' at the same wind speed' * span}, best of {name}: the standard "
+            f"error of the least certain coefficient falls from {advice.percent(advice.error)} to "
+            f"{advice.percent(error)}"
         )
     if of.found.status == "approximate" and PLACES not in helps:
-        helps.append(f"{PLACES}; more of the same kind would not, for what the model misses is no "
-                     "noise that averages out")  # fmt: skip
+        helps.append(f"{PLACES}; a longer recording with the same sensors does not help, since "
+                     "what the model misses does not average out")  # fmt: skip
     if not of.found.model.inputs and WIND not in " ".join(helps):
-        helps.append(f"{WIND}, in several winds: one wind alone does not tell at which wind "
-                     "galloping begins")  # fmt: skip
+        helps.append(f"{WIND}, at several mean wind speeds: a single one does not show the "
+                     "wind speed from which the line gallops")  # fmt: skip
     if of.found.model.inputs or not span:  # which were recorded; no wind drives other systems
         helps = [each for each in helps if WIND not in each]
     if span and _both_directions(reports):
@@ -65,8 +65,12 @@ def what_helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
         if ends := of.found.recorded(name):
             unit = shown_units(units).get(name, "")
             beyond = f"below {ends[0]:.3g} or above {ends[1]:.3g} {unit}".rstrip()
-            known = "; or a known damping (`--known`)" if may_be_wind(of.found, units) else ""
-            helps.append(f"recordings with {name} {beyond}, if the model is to hold there{known}")
+            known = (
+                "; or the structural damping, measured in calm (`--known`)"
+                if may_be_wind(of.found, units)
+                else ""
+            )
+            helps.append(f"recordings with {name} {beyond}, if the model is used there{known}")
     return list(dict.fromkeys(helps))
 
 

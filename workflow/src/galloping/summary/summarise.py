@@ -62,6 +62,10 @@ PERIODS = 6  # of the motion from which a forecast starts
 POINTS = 600  # of a drawn motion
 
 
+class StillError(ValueError):
+    """Nothing moves in the part of a recording that was to be forecast."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Summary(Immutable):
     """What an identified model says of its system, and how far it is to be believed.
@@ -71,10 +75,10 @@ class Summary(Immutable):
     forecasts as that of the held-out end was right. dynamics: position of rest, natural
     frequencies, damping and limit cycle. held_out: the end of the last recording, or of the longest
     where that of the last is too short, forecast by a model that has not seen it; untried: why
-    there is none. forecast: where the last recording goes on. motions: of the model through the
-    begin, the middle and the end of the last recording, each as times (n,), s, and channels
-    (n, n_sensed). advice: which further recording would help most. None, or no motions, is what the
-    model and the recordings do not tell.
+    there is none, and is_still: whether because nothing moves there. forecast: where the last
+    recording goes on. motions: of the model through the begin, the middle and the end of the last
+    recording, each as times (n,), s, and channels (n, n_sensed). advice: which further recording
+    would help most. None, or no motions, is what the model and the recordings do not tell.
     """
 
     found: IdentifiedModel
@@ -82,6 +86,7 @@ class Summary(Immutable):
     dynamics: Dynamics | None = None
     held_out: HeldOut | None = None
     untried: str = ""
+    is_still: bool = False
     forecast: Forecast | None = None
     motions: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...] = ()
     advice: Advice | None = None
@@ -173,7 +178,8 @@ def summarised(
     Raises ValueError where there is a model and no channel oscillates.
     """
     recordings = as_modelled(found, as_recorded_alone(found, recordings))
-    period, last, untried = longest_period(recordings), recordings[-1], ""
+    period, last = longest_period(recordings), recordings[-1]
+    untried, is_still = "", False
     with part("compare the recordings", until=0.3):
         found = objected(found, recordings, names, period, identify, faults, are_one)
     if found.status == "refused":
@@ -184,7 +190,7 @@ def summarised(
             held_out = hold_out(recordings, period, identify, np.random.default_rng(seed))
             found = with_factors(found, held_out)
         except ValueError as error:
-            held_out, untried = None, str(error)
+            held_out, untried, is_still = None, str(error), isinstance(error, StillError)
     with part("forecast", until=0.8):
         try:
             time, rng = _after(last, window), np.random.default_rng(seed)
@@ -199,6 +205,7 @@ def summarised(
             dynamics(found, recordings, seed=seed),
             held_out,
             untried,
+            is_still,
             predicted,
             tuple(motions_beside(found, last, window)),
             advice(found, last, period),
@@ -308,7 +315,7 @@ def hold_out(
 
     Of the longest one, where that part of the last would be shorter than `period`, s, the longest
     of the motion, and tell nothing. Raises ValueError where the shorter recordings give no
-    model, or that one no forecast.
+    model, or that one no forecast; StillError where nothing moves in that part.
     """
     index = len(recordings) - 1
     if HELD_OUT * np.ptp(recordings[index].time) < period:
@@ -318,7 +325,7 @@ def hold_out(
     cut = int(first_from(last.time, last.time[-1] - length))
     samples = Sensed.by(last).samples(without_outliers(last))
     if np.all(deviations_of(samples[cut:]) <= 1e-9 * deviations_of(samples)):  # rounding
-        raise ValueError(f"nothing moves in the last {length:.3g} s, which were to be forecast")
+        raise StillError(f"nothing moves in the last {length:.3g} s, which were to be forecast")
     shown = slice(cut, None, 1 + (len(last.time) - cut) // MOST_SAMPLES)
     identified = identify([*others, last[:cut]])
     predicted = ahead.forecast(identified, last[:cut], last.time[shown], PERIODS * period, rng)

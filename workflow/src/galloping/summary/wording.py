@@ -42,21 +42,28 @@ from galloping.summary.numbers import (
 )
 
 if TYPE_CHECKING:
-    from galloping.behaviour.assessment import Assessment
+    from galloping.behaviour.assessment import Assessment, Condition
     from galloping.behaviour.dynamics import Dynamics
     from galloping.summary.summarise import Summary
 
 ENDS = {
     "rest": "the motion dies out",
     "forced": "random forces keep it moving",
-    "irregular": "the motion never repeats, or settles too slowly to tell",
-    "stopped": "the model does not tell where the motion ends: it is too fast to be followed",
+    "irregular": "some motions do not settle within the simulated time",
+    "stopped": "where the motion ends is unknown: it is too fast to be simulated",
 }
-RUNS_AWAY = "in simulation the motion runs away"
+RUNS_AWAY = "in simulation the motion diverges"
+IN_SHORT = {  # by status
+    "ok": "the model explains the recording down to the noise of its sensors",
+    "not identifiable": "the model explains the recording, but models with other terms do as well",
+    "approximate": "the model comes near the recording, but not down to its noise",
+    "refused": "no model can be trusted",
+    "unjudged": "the method does not assess its model",
+}
 TECHNICAL = "## Technical part"
 PARTS_DIFFER = Code.PARTS_DIFFER, Code.FREQUENCY_CHANGES, Code.DAMPING_CHANGES
 UNITS = Code.UNIT_UNLIKELY, Code.TIME_UNIT_UNLIKELY
-MOST_DIGITS = 6  # of a number: no clock and no scale of an instrument is known better
+MOST_DIGITS = 4  # of a number that is shown: summary.json has all
 TWO_DIGITS = 3.55  # first digits of half an interval, below which two of them are told
 PLAIN = 1e-3, 1e6  # between which numbers are written without a power of ten
 STEADY = 12.0  # such factors, that the interval of a damping holds
@@ -92,6 +99,8 @@ def rendered(of: "Summary", told: Findings, reports: Sequence[dict] = ()) -> str
         "of": of, "found": found, "known": known, "told": told, "trial": of.held_out, "ends": ENDS,
         "technical": TECHNICAL, "most_problems": MOST_PROBLEMS,
         "refused": found.status == "refused",
+        "in_short": IN_SHORT[found.status],
+        "winds": _recorded_range(found) if may_be_wind(found, units) else "",
         "sure": bool(np.any(found.standard_errors > 0.0)),
         "of_span": of_span,
         "units": shown_units(units),
@@ -140,9 +149,37 @@ def report_text(report: dict) -> str:
     return _template("quality.txt").render(report=report).rstrip()
 
 
-def assessment_text(of: "Assessment", units: Mapping[str, str]) -> str:
-    """A line for each thing that there is. units: of inputs, by name."""
-    return _template("assessment.txt").render(of=of, units=shown_units(units)).rstrip()
+def assessment_text(of: "Assessment", units: Mapping[str, str], *, is_detailed: bool = True) -> str:
+    """The onset, and growth and limit cycles of each condition.
+
+    Parameters
+    ----------
+    of : Assessment
+    units : mapping of str to str
+        Of inputs, by name.
+    is_detailed : bool
+        Whether equilibria, modes and unstable limit cycles follow.
+    """
+    values = {"of": of, "units": shown_units(units), "is_detailed": is_detailed}
+    return _template("assessment.txt").render(values).rstrip()
+
+
+def _growth(of: "Condition") -> str:
+    """Whether small motions about the equilibrium nearest to the motion grow."""
+    if not of.equilibria:
+        return "no equilibrium near the motion"
+    dampings = [mode.damping for mode in of.equilibria[0].modes]
+    if any(one.value < 0.0 and not one.high > 0.0 for one in dampings):
+        return "small motions grow"
+    may = any(one.value < 0.0 or one.low < 0.0 for one in dampings)
+    return "small motions may grow" if may else "small motions die out"
+
+
+def _recorded_range(found: IdentifiedModel) -> str:
+    """`U=9.69:14.5`, of a model with one input."""
+    if len(found.model.inputs) != 1 or not (ends := found.recorded(found.model.inputs[0])):
+        return ""
+    return f"{found.model.inputs[0]}={ends[0]:.3g}:{ends[1]:.3g}"
 
 
 def _conditions(found: IdentifiedModel, units: Mapping[str, str]) -> str:
@@ -162,6 +199,7 @@ def _template(name: str) -> Template:
         "end": lambda kind: RUNS_AWAY if kind.startswith("diverged") else ENDS.get(kind, kind),
         "escape": escape_markdown,
         "extent": extent_in_words,
+        "growth": _growth,
         "is_number": isfinite,
         "listed": listed,
         "meaning": meaning,
@@ -207,8 +245,10 @@ def _cells(of: Estimate) -> tuple[str, str]:
         first = floor(log10(half))
         place = max(first - (half / 10.0**first < TWO_DIGITS), least)
     number, *ends = _at_place((value, low, high), place)
-    exact = half < 10.0**place and ends[0] == ends[1]
-    return f"{number} {unit}".strip(), "" if exact else " to ".join(ends)
+    shown = f"{number} {unit}".strip()
+    if ends[0] == ends[1]:
+        return shown, f"narrower than {10.0**place:g}" if half else ""
+    return shown, " to ".join(ends)
 
 
 def _at_place(numbers: Sequence[float], place: int) -> list[str]:
@@ -303,7 +343,7 @@ def _beyond_recorded(told: Findings) -> list[str]:
     """How far a limit cycle lies beyond what was recorded, by coordinate, where it does."""
     half = {one.name: (one.high - one.low) / 2.0 for one in told.recorded}
     return [
-        f"{value.value / half[name]:.2g} times as far as was recorded in {_name(name)} motion"
+        f"{value.value / half[name]:.2g} times the recorded {_name(name)} amplitude"
         for name, value in (told.system.limit_cycle if told.system else {}).items()
         if half.get(name) and value.value > LARGER * half[name]
     ]
@@ -353,25 +393,25 @@ def _margin(damping: Value, turned: float, is_of_one_size: bool) -> str:
     """
     is_steady = abs(damping.value) * turned < 1.0 and (damping.high - damping.low) * turned < STEADY
     if is_steady and is_of_one_size:
-        return "swings steadily, as what a machine drives, or galloping that has settled"
+        return "swings steadily, as under a machine or in settled galloping"
     if damping.low > 0.0:
-        return f"does not, at least {100 * damping.low:.2g} % of critical damping is left"
+        return f"does not: at least {100 * damping.low:.2g} % of critical damping is left"
     if damping.high < 0.0:
-        return "does, small motions grow"
-    return "may, the recording is too short to tell whether small motions grow"
+        return "does: small motions grow"
+    return "may: the recording is too short to show whether small motions grow"
 
 
 def _missed(channels: Sequence[HeldOutChannel]) -> str:
     """What a forecast missed, by channel; nothing of random forces."""
     noise = [_motion_of(one.name) for one in channels if one.is_noise]
     missed = [
-        f"{one.missed_percent:.2g} % of {_motion_of(one.name)}"
+        f"{one.missed_percent:.3g} % of {_motion_of(one.name)}"
         for one in channels
         if not one.is_noise and isfinite(one.missed_percent)
     ]
-    parts = [f"the forecast missed {listed(missed)}"] if missed else []
-    parts += [f"nothing but noise was left to forecast of {listed(noise)}"] if noise else []
-    return ", and ".join(parts)
+    parts = [f"Its root-mean-square error was {listed(missed)}"] if missed else []
+    parts += [f"Only noise was left to forecast of {listed(noise)}"] if noise else []
+    return ". ".join(parts)
 
 
 def _motion_of(name: str) -> str:
