@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from galloping.configuration.load import load, plain
-from galloping.line.continuous import readings, release, simulate, span, wind_speed
+from galloping.line.continuous import release, sensor_readings, simulate, span, wind_speed
 from galloping.line.galerkin import Line, modes
 
 RATE, END = 12.5, 300.0  # Hz, s
@@ -21,7 +21,7 @@ time = np.arange(0.0, END, 1 / RATE)
 rng = np.random.default_rng(30)
 wind = wind_speed(time, mean=line.speed, rng=rng, **GUSTS)
 states = simulate(line, release(line, [0.2, 0.1]), time, wind)
-displacement = 1e3 * readings(line, states, [line.line.span / 2], "displacement")[:, 0]
+displacement = 1e3 * sensor_readings(line, states, [line.line.span / 2], "displacement")[:, 0]
 displacement += NOISE * rng.standard_normal(displacement.shape)
 measured = wind + OF_WIND * rng.standard_normal(len(time))
 

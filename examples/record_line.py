@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from galloping.configuration.load import load, plain
-from galloping.line.continuous import QUARTERS, continuous_line, readings, release, simulate
+from galloping.line.continuous import QUARTERS, continuous_line, release, sensor_readings, simulate
 
 RATE, BEGIN, END = 25.0, 20.0, 220.0  # Hz, s
 NOISE, SHAKE, BIAS, DRIFT = 20.0, 0.06, (0.31, -0.12), 0.05  # mm, m/s^2 and m/s^2, in all
@@ -21,9 +21,9 @@ seen = time >= BEGIN
 time, states = time[seen] - BEGIN, states[seen]
 
 rng = np.random.default_rng(20)
-displacements = 1e3 * readings(line, states, places, "displacement").reshape(len(time), -1)
+displacements = 1e3 * sensor_readings(line, states, places, "displacement").reshape(len(time), -1)
 displacements += NOISE * rng.standard_normal(displacements.shape)
-acceleration = readings(line, states, places[1:2], "acceleration")[:, 0]
+acceleration = sensor_readings(line, states, places[1:2], "acceleration")[:, 0]
 acceleration += BIAS + DRIFT * (time / time[-1])[:, None]
 acceleration += SHAKE * rng.standard_normal(acceleration.shape)
 

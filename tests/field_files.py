@@ -16,7 +16,7 @@ from scipy.signal import StateSpace, lsim
 from galloping import derive, simulate
 from galloping.cli import main
 from galloping.model.polynomial import PolynomialModel
-from galloping.readers.mapping import validated
+from galloping.readers.mapping import validate_mapping
 from galloping.summary.analysis import Field, read_field
 
 STATES = ("q_v", "q_w", "dq_v", "dq_w")
@@ -39,7 +39,7 @@ def read(*paths: Path, **mapping: object) -> Field:
     """What is read of files by the mapping of two cameras, with other keys."""
     channels = [{"column": state, "measures": state} for state in STATES[:2]]
     known = {"time": {"column": "t"}, "states": STATES, "channels": channels}
-    return read_field(paths, validated(known | mapping))
+    return read_field(paths, validate_mapping(known | mapping))
 
 
 @cache

@@ -4,7 +4,7 @@ import numpy as np
 
 from galloping import PolynomialModel, Recording, library, parse_model
 from galloping.evaluation.bounds import Experiment, state_bound
-from galloping.streams import generator
+from galloping.streams import make_generator
 from galloping.trajectory.simulation import Simulator
 
 STATES = ("q", "dq")
@@ -41,7 +41,7 @@ def recorded(
     kind: str, seed: int, replicate: int
 ) -> tuple[PolynomialModel, Recording, np.ndarray, np.ndarray]:
     """A system with its recording, the terms to be found (n, 2), and their bound (n,)."""
-    rng = generator(seed, f"oscillators/{kind}/{replicate}")
+    rng = make_generator(seed, f"oscillators/{kind}/{replicate}")
     model, start, time = drawn(kind, rng)
     states = Simulator(model.states, model.terms)(model, start, time).states
     sigma = LEVEL * states.std(axis=0)

@@ -7,7 +7,7 @@ import pytest
 from lines import CASES, moved, simulate
 
 from galloping.recording.measurement import BY_NAME, Noise, Protocol, recordings_of
-from galloping.streams import generator
+from galloping.streams import make_generator
 from galloping.study.files import read_recordings, write_recordings
 
 NAME = ("internal_resonance", "state", "noise_0.05")
@@ -90,7 +90,7 @@ def test_draws_depend_on_seed_and_name_only(resonant, samples):
 
 def test_names_do_not_run_together():
     draws = {
-        tuple(generator(1, *names).integers(2**32, size=4))
+        tuple(make_generator(1, *names).integers(2**32, size=4))
         for names in (("a", "b", 1), ("a", "b", 11), ("ab", 1), ("a", "b1"), ("b", "a", 1))
     }
     assert len(draws) == 5

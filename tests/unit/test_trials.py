@@ -13,7 +13,7 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import coefficients, model
 from galloping.model.polynomial import polynomial_library
 from galloping.report.results_in_words import verdicts
-from galloping.streams import generator
+from galloping.streams import make_generator
 from galloping.summary.sample_files import FILES
 from galloping.tables.trial_summaries import paths, published_intervals, published_terms, trust
 from galloping.trials import free_decays, published, recorded_lines
@@ -42,7 +42,7 @@ def test_the_cases_of_a_kind_are_those_that_its_trial_knows(kind):
 
 
 def drawn(number):
-    return draw(generator(1, "a line", number))
+    return draw(make_generator(1, "a line", number))
 
 
 def test_a_line_is_drawn_by_its_number_and_gallops():
@@ -194,8 +194,8 @@ def test_intervals_after_selection_stand_beside_their_numbers():
 
 
 def test_recordings_are_drawn_by_number_within_the_ranges():
-    motion = RandomMotion.drawn(generator(1, "ambient", 3))
-    again = RandomMotion.drawn(generator(1, "ambient", 3))
+    motion = RandomMotion.drawn(make_generator(1, "ambient", 3))
+    again = RandomMotion.drawn(make_generator(1, "ambient", 3))
     np.testing.assert_array_equal(motion.recording.values, again.recording.values)
     values, _ = decays(motion.system, ())
     slower, faster = np.abs(values) / (2 * np.pi)
@@ -207,8 +207,8 @@ def test_recordings_are_drawn_by_number_within_the_ranges():
 
 def test_free_decays_are_drawn_by_number_and_judged():
     case = "free decay with a second mode"
-    decay = FreeDecay.drawn(generator(1, "free_decays", case, 3))
-    again = FreeDecay.drawn(generator(1, "free_decays", case, 3))
+    decay = FreeDecay.drawn(make_generator(1, "free_decays", case, 3))
+    again = FreeDecay.drawn(make_generator(1, "free_decays", case, 3))
     assert decay.recording == again.recording
     (row,) = free_decays.trial(1, case, [3], METHODS)
     assert row["status"] == "ok" and row["sensors"] == decay.sensor
@@ -231,7 +231,7 @@ def test_free_decays_are_told_with_intervals_that_hold():
 
 
 def test_slopes_of_decays_are_differences():
-    system = RandomMotion.drawn(generator(1, "ambient", 4)).system
+    system = RandomMotion.drawn(make_generator(1, "ambient", 4)).system
     places = [(i, np.array([j])) for i in (2, 3) for j in range(4)] + [(2, np.array([], int))]
     _, slopes = decays(system, places)
     assert np.all(slopes[:, -1] == 0.0)
@@ -243,7 +243,7 @@ def test_slopes_of_decays_are_differences():
 
 
 def test_the_bound_of_a_decay_is_little_above_that_of_its_envelope_alone():
-    motion = RandomMotion.drawn(generator(1, "ambient", 6))
+    motion = RandomMotion.drawn(make_generator(1, "ambient", 6))
     values, _ = decays(motion.system, ())
     alone = np.sqrt(-values.real / motion.recording.time[-1])  # an Ornstein-Uhlenbeck process
     assert np.all(motion.least_errors() > alone)

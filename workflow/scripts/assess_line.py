@@ -14,7 +14,7 @@ from galloping.line.measures import KINDS, usual
 from galloping.reproducibility.job import run
 from galloping.results import OURS
 from galloping.storage import write_rows
-from galloping.streams import generator
+from galloping.streams import make_generator
 from galloping.study.files import read_families, write_orbits
 from galloping.trajectory.simulation import Simulator
 
@@ -37,7 +37,7 @@ def assess_line(
             continue
         with suppress(ValueError, np.linalg.LinAlgError):  # a model that tells no stiffness
             told = split([model], [line["wind"]["speed"]], damping_ratios(line))
-            draws = told.sampled(generator(seed, "measures", case))
+            draws = told.sampled(make_generator(seed, "measures", case))
             parts = told
     given = ({k: v for k, v in each.items() if v is not None} for each in chosen.values())
     asked = [KINDS[each.pop("kind")](**each) for each in given] or usual(line)

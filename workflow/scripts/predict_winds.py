@@ -11,7 +11,7 @@ from galloping.cycles.rows import prediction_rows, steady_truth
 from galloping.line.galerkin import STATES
 from galloping.reproducibility.job import run
 from galloping.storage import write_rows
-from galloping.streams import generator
+from galloping.streams import make_generator
 from galloping.study.files import read_families
 from galloping.trajectory.simulation import Simulator
 
@@ -37,7 +37,7 @@ def predict_winds(case, protocol, identified, prediction, line, winds, methods, 
     rows = []
     for method in methods:
         for k, model in enumerate(models[method]):
-            rng = generator(seed, "prediction", case, protocol, method, k)
+            rng = make_generator(seed, "prediction", case, protocol, method, k)
             cell = {"case": case, "protocol": protocol, "method": method, "replicate": k}
             rows += prediction_rows(cell, _predicted(model, line, winds, rng), true, model.verdict)
     write_rows(prediction, rows)

@@ -2,7 +2,7 @@
 
 from galloping.line.continuous import observed
 from galloping.reproducibility.job import run
-from galloping.streams import generator
+from galloping.streams import make_generator
 from galloping.study.files import write_trajectories
 from galloping.trajectory.simulation import time_grid
 
@@ -10,7 +10,7 @@ from galloping.trajectory.simulation import time_grid
 def simulate_many_modes(case, trajectory, line, truth, releases, duration, sampling_rate, seed):
     time = time_grid(duration, sampling_rate)
     motions = [
-        observed(line, truth, release, time, generator(seed, "gusts", case, k))
+        observed(line, truth, release, time, make_generator(seed, "gusts", case, k))
         for k, release in enumerate(releases)
     ]
     write_trajectories(trajectory, motions)

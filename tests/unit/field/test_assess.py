@@ -9,7 +9,7 @@ import pytest
 from field_files import run as command
 
 from galloping import IdentifiedModel, PolynomialModel, assess, derive
-from galloping.behaviour.assess import beyond
+from galloping.behaviour.assess import list_extrapolations
 from galloping.model.terms import parse_library
 from galloping.summary.driving import held_at
 
@@ -110,7 +110,7 @@ def test_systems_that_are_no_oscillators():
 def test_a_force_may_be_below_zero_and_a_little_outside_of_what_was_recorded():
     for low, high, value, count in ((-3.0, 3.0, -9.0, 1), (0.5, 3.0, -1.0, 1), (-3.0, 3.0, 1.0, 0)):
         found = replace(oscillator(), diagnostics={"U_low": low, "U_high": high})
-        assert len(beyond(found, {"U": value})) == count
+        assert len(list_extrapolations(found, {"U": value})) == count
     below = replace(oscillator(), diagnostics={"U_low": -3.0, "U_high": -1.0})
     with pytest.raises(ValueError, match=r"U = 4: .* between -3 and -1; must be 0 or less"):
         assess(below, {"U": 4.0})

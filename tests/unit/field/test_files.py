@@ -9,7 +9,7 @@ from scipy.signal import StateSpace, lfilter, lsim
 
 from galloping.inspection.quality import quality
 from galloping.readers import FileError
-from galloping.readers.mapping import MappingError, channel_of, validated
+from galloping.readers.mapping import MappingError, channel_of, validate_mapping
 from galloping.readers.recordings import recording
 from galloping.readers.series import read_series
 
@@ -35,13 +35,13 @@ def write(path, frame):
 
 def recorded(path, frame, **more):
     """The recording of a file of a frame, by the mapping with other keys."""
-    mapping = validated({**MAPPING, **more})
+    mapping = validate_mapping({**MAPPING, **more})
     return recording(read_series(write(path, frame), mapping), mapping)
 
 
 def questioned(path, frame):
     """What is said of the quality of a file of a frame."""
-    mapping = validated(MAPPING)
+    mapping = validate_mapping(MAPPING)
     return quality(read_series(write(path, frame), mapping), mapping)
 
 
@@ -50,18 +50,18 @@ def test_states_of_another_system_are_taken_in_si_whatever_unit_they_have(tmp_pa
     system = {"time": {"column": "t"}, "states": ["x", "dx"]}
     given = {"x": {"noise": "2 mm"}, "dx": {"unit": "1", "noise": 3}}
     channels = [{"column": c, "measures": c, **more} for c, more in given.items()]
-    series = read_series(path, validated({**system, "channels": channels}))
+    series = read_series(path, validate_mapping({**system, "channels": channels}))
     np.testing.assert_allclose(series.values, np.column_stack([V, W]))
     np.testing.assert_allclose(series.noise, [0.002, 3.0])
     assert series.notes == ("column 'x' is taken in m; numbers of x stand without that unit",)
     channels[0]["unit"] = "1"
     with pytest.raises(FileError, match=r"'2 mm' has a unit .*; must be a number alone"):
-        read_series(path, validated({**system, "channels": channels}))
+        read_series(path, validate_mapping({**system, "channels": channels}))
 
 
 def test_units_come_from_the_description_beside_a_file(tmp_path):
     channels = [{"column": c, "measures": f"q_{c}"} for c in "vw"]
-    mapping = validated({**MAPPING, "time": {"column": "t"}, "channels": channels})
+    mapping = validate_mapping({**MAPPING, "time": {"column": "t"}, "channels": channels})
     described = write(tmp_path / "b.csv", FRAME)
     fields = [{"name": n, "unit": u} for n, u in (("t", "s"), ("v", "mm"), ("w", "m"))]
     package = {"resources": [{"path": "b.csv", "schema": {"fields": fields}}]}
@@ -78,7 +78,7 @@ def test_what_is_safe_is_mended_and_said(tmp_path):
     frame = FRAME.copy()
     frame.loc[100:104, "v"] = np.nan
     mixed = pd.concat([frame[:200], frame[199:200], frame[250:], frame[200:250]])
-    series = read_series(write(tmp_path / "a.csv", mixed), validated(MAPPING))
+    series = read_series(write(tmp_path / "a.csv", mixed), validate_mapping(MAPPING))
     np.testing.assert_allclose(series.time, TIME, atol=1e-12)
     assert np.isnan(series.values[100:105, 0]).all()
     assert series.notes[0].endswith("sorted")
@@ -100,7 +100,7 @@ def test_what_is_safe_is_mended_and_said(tmp_path):
 )
 def test_a_bad_mapping_is_refused_by_name(change, message):
     with pytest.raises(MappingError, match=message):
-        validated({**MAPPING, **change})
+        validate_mapping({**MAPPING, **change})
 
 
 def test_short_form_of_a_channel():
@@ -211,7 +211,7 @@ def test_a_random_force_in_an_accelerometer_is_no_noise(tmp_path):
     mode = StateSpace([[0, 1], [-6.8, -0.03]], [[0], [1]], [[-6.8, -0.03]], [[1]])
     moved = lsim(mode, force, time, interp=False)[1]
     channels = [{"column": "v", "measures": "ddq_v", "unit": "mm/s^2"}]
-    mapping = validated({**MAPPING, "channels": channels})
+    mapping = validate_mapping({**MAPPING, "channels": channels})
 
     def said(values):
         path = write(tmp_path / "a.csv", pd.DataFrame({"t": time, "v": values}))

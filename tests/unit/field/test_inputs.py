@@ -15,10 +15,10 @@ from scipy.ndimage import gaussian_filter1d
 
 import galloping
 from galloping import IdentifiedModel, Input, PolynomialModel, Recording
-from galloping.behaviour.objections import objected
+from galloping.behaviour.objections import with_objections
 from galloping.identification.observations import Code, Finding
 from galloping.model.terms import parse_library
-from galloping.readers.mapping import input_of, validated
+from galloping.readers.mapping import input_of, validate_mapping
 from galloping.readers.series import read_series
 from galloping.readers.units import USUAL, coefficient_unit
 from galloping.recording.samples import evaluate_extended
@@ -45,7 +45,7 @@ def content(*inputs, **more):
 
 
 def mapping(*inputs):
-    return validated(content(*inputs))
+    return validate_mapping(content(*inputs))
 
 
 def test_units_and_names_of_inputs_are_read(tmp_path):
@@ -279,5 +279,5 @@ def test_what_an_input_drives_is_not_said_to_be_moved_by_random_forces():
     def identify(own):
         return galloping.maximum_likelihood(own, ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
 
-    found = objected(identify([recording]), [recording], ["a"], np.pi, identify)
+    found = with_objections(identify([recording]), [recording], ["a"], np.pi, identify)
     assert found.status == "approximate" and not found.has_finding(Code.KEPT_UP)

@@ -11,7 +11,7 @@ import pytest
 
 from galloping import IdentifiedModel, Recording, assess, maximum_likelihood, polynomial_library
 from galloping.behaviour.forecast import check_followed
-from galloping.behaviour.objections import objected, outlived
+from galloping.behaviour.objections import outlives_recording, with_objections
 from galloping.identification.observations import Code
 from galloping.model.polynomial import PolynomialModel
 from galloping.summary.numbers import Estimate
@@ -126,12 +126,12 @@ def test_a_model_whose_motion_lasts_where_the_recorded_one_dies_out_is_refused()
     time = np.arange(1000) / 50
     states = motions.moved(lambda t, x: [x[1], -39.5 * x[0] - 0.8 * x[1]], (0.05, 0.0), time)
     recording = motions.of_displacement(time, states, 2e-4)
-    assert outlived(lasting(0.0), [recording])
-    assert outlived(lasting(-40.0), [recording])  # which runs away
-    assert not outlived(lasting(0.7), [recording])
+    assert outlives_recording(lasting(0.0), [recording])
+    assert outlives_recording(lasting(-40.0), [recording])  # which runs away
+    assert not outlives_recording(lasting(0.7), [recording])
     steady = motions.on_its_limit_cycle()
-    assert not outlived(replace(lasting(0.0)), [steady])
-    said = objected(lasting(0.0), [recording], ["a"], 1.0, lambda parts: lasting(0.0))
+    assert not outlives_recording(replace(lasting(0.0)), [steady])
+    said = with_objections(lasting(0.0), [recording], ["a"], 1.0, lambda parts: lasting(0.0))
     assert said.status == "refused" and said.has_finding(Code.OUTLIVED)
 
 

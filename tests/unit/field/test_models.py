@@ -15,7 +15,7 @@ from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.smoothing import shortest_period
 from galloping.inspection.excerpts import PERIODS, STRETCHES, excerpts
 from galloping.line.galerkin import coefficients, model
-from galloping.streams import generator
+from galloping.streams import make_generator
 from galloping.summary.advice import advice
 from galloping.summary.summarise import hold_out, longest_period
 from galloping.trials.recorded_lines import draw
@@ -96,7 +96,7 @@ def test_advice_ranks_recordings_by_what_they_tell_of_the_weakest_term(field):
 def test_the_band_of_a_forecast_holds_what_is_held_out(tmp_path):
     held = []
     for number in (0, 1, 2):  # motions of the first one part within seconds
-        case, (start, _) = draw(generator(771203, "random line", number))
+        case, (start, _) = draw(make_generator(771203, "random line", number))
         line = model(coefficients(case)).on_library(TERMS)
         time = np.arange(7501) / 25.0
         states = Simulator(STATES, TERMS)(line, start, time).states

@@ -11,13 +11,18 @@ import pytest
 from galloping import IdentifiedModel, Recording
 from galloping.behaviour.dynamics import Surroundings, dynamics
 from galloping.behaviour.forecast import check_followed, forecast, held_out, with_factors
-from galloping.behaviour.objections import difference, kept_up, objected, unmoved
+from galloping.behaviour.objections import (
+    difference,
+    kept_up,
+    unaccelerated_coordinates,
+    with_objections,
+)
 from galloping.identification.likelihood.repetition import FollowedRecording, is_periodic
 from galloping.identification.observations import Code, Finding
 from galloping.identification.random_forces.start import wavers
 from galloping.model.polynomial import PolynomialModel, design_matrix, polynomial_library
 from galloping.readers import FileError
-from galloping.readers.recordings import parted
+from galloping.readers.recordings import split_recording
 from galloping.summary.summarise import Summary, hold_out, longest_period
 
 TERMS = polynomial_library(4, 3)
@@ -122,7 +127,7 @@ def test_a_sensor_that_dies_leaves_the_recording_up_to_then(tmp_path):
     rates = np.full(states.shape, np.nan)
     rates[:, 3] = np.where(time > 70.0, np.nan, states[:, 3])  # an accelerometer
     alone = np.where(np.arange(4) == 0, states, np.nan)
-    (whole,) = parted(Recording(time, files.STATES, alone, rates=rates), 2.4)
+    (whole,) = split_recording(Recording(time, files.STATES, alone, rates=rates), 2.4)
     assert np.ptp(whole.time) == pytest.approx(70.0)
 
 
@@ -223,8 +228,9 @@ def test_recordings_differ_where_models_of_each_miss_much_less(together, alone, 
 def test_parts_of_one_recording_qualify_their_model_and_two_recordings_refuse_it():
     parts, alone = [recorded()[:3000], recorded()[4000:]], missing("approximate", 0.01)
     for are_one, status in ((True, "approximate"), (False, "refused")):
-        said = objected(missing("approximate", 0.2), parts, ["a from 0 s", "a from 160 s"], 2.4,
-                        lambda _: alone, are_one=are_one)  # fmt: skip
+        names = ["a from 0 s", "a from 160 s"]
+        model, identify = missing("approximate", 0.2), lambda _: alone
+        said = with_objections(model, parts, names, 2.4, identify, are_one=are_one)
         assert said.status == status
         (different,) = (f for f in said.findings if "differ" in f.code)
         assert (different.subject, different.data["missed"]) == ("q_v", 0.2)
@@ -240,10 +246,10 @@ def test_a_motion_that_lasts_on_a_stable_line_is_forced(tmp_path):
     decay = replace(recording, values=np.where(np.isfinite(recording.values), motion, np.nan))
     assert not kept_up(found, [decay])
     galloping = sure(files.line().on_library(TERMS))
-    assert not kept_up(galloping, [recorded()]) and not unmoved(galloping)
+    assert not kept_up(galloping, [recorded()]) and not unaccelerated_coordinates(galloping)
     assert not wavers([recorded()], 4.0) and not wavers([decay], 4.0)
     still = linear([0.0, omega[1] ** 2])
-    assert unmoved(IdentifiedModel(still, "not identifiable")) == ["q_v"]
+    assert unaccelerated_coordinates(IdentifiedModel(still, "not identifiable")) == ["q_v"]
 
 
 def test_a_motion_that_only_repeats_is_told_from_one_that_settles_or_beats():
@@ -290,11 +296,11 @@ def test_a_known_fault_is_the_first_reason_where_there_is_no_model(tmp_path):
     refused = IdentifiedModel.refused(files.STATES, TERMS, [Finding.of(Code.ITERATION_DIVERGES)])
     period = longest_period(field.recordings)
     given = (field.recordings, field.names, period, lambda parts: refused, field.faults)
-    first, *_, last = objected(refused, *given).findings
+    first, *_, last = with_objections(refused, *given).findings
     assert (first.code, first.subject) == (Code.CLIPPED, "q_v of a.csv")
     assert first.data["at"] == pytest.approx(-0.3) and last.code == Code.ITERATION_DIVERGES
     wind = IdentifiedModel.refused(files.STATES, ((1, 0, 0, 0, 1),), refused.findings, ("U",))
-    again = objected(wind, field.recordings, field.names, 5.0, lambda parts: wind)
+    again = with_objections(wind, field.recordings, field.names, 5.0, lambda parts: wind)
     assert again.codes == "iteration_diverges" and again.model.inputs == ("U",)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from galloping.identification.observations import Code
-from galloping.streams import generator
+from galloping.streams import make_generator
 from galloping.summary.analysis import FieldQuestion, identify_field
 from galloping.summary.sample_files import FILES, Oscillation, judge, trial, write_and_read
 
@@ -30,7 +30,7 @@ def test_a_driven_motion_is_free_without_a_force_and_rests_at_a_steady_one():
 
 
 def sample(case, replicate=0):
-    return FILES[case](generator(11, "file", case, replicate))
+    return FILES[case](make_generator(11, "file", case, replicate))
 
 
 @pytest.mark.parametrize("case", FILES)

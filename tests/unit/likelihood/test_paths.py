@@ -22,7 +22,7 @@ from galloping.identification.likelihood import exact_fit, trajectory_fit
 from galloping.identification.likelihood.instrument import FORCES
 from galloping.identification.observations import Code
 from galloping.line.galerkin import STATES
-from galloping.streams import generator
+from galloping.streams import make_generator
 from galloping.trajectory.simulation import time_grid
 from galloping.trials.attempts import against_truth, measured
 from galloping.trials.published import PERIODS, SETTINGS, SYSTEMS
@@ -49,7 +49,7 @@ def random_line(number: int, release: int, seed: int) -> Known:
     """100 s of a line that is drawn, at 5 % noise."""
     time = time_grid(100.0, 100.0)
     simulator = Simulator(STATES, TERMS)
-    true, motions = next(lines(generator(SEED, "random line", number), simulator, time))
+    true, motions = next(lines(make_generator(SEED, "random line", number), simulator, time))
     return true, noisy(true, motions[release], time, 0.05, seed)
 
 
@@ -196,7 +196,7 @@ def test_lorenz_is_exact(seed, duration, level, draw):
     true, time = system.model, step * np.arange(1000)
     motion = simulate(true, system.start, time).states
     rows = slice(round(duration / step))
-    noise = generator(seed, "lor", duration, level, draw).standard_normal(motion[rows].shape)
+    noise = make_generator(seed, "lor", duration, level, draw).standard_normal(motion[rows].shape)
     recording = Recording(time[rows], true.states, motion[rows] + level * motion.std() * noise)
     found = maximum_likelihood(recording, true.terms)
     assert np.array_equal(found.support, true.support), found.reason
@@ -206,8 +206,8 @@ def test_lorenz_is_exact(seed, duration, level, draw):
 def test_a_term_is_not_imitated_because_its_chain_grows_far():
     """By 1e6 here: of each term the end of the chain tells most, and alike."""
     time, simulator = time_grid(300.0, 100.0), Simulator(STATES, TERMS)
-    true, motions = next(lines(generator(20262020, "random line", 8), simulator, time))
-    noise = generator(20262020, "n", 8, 0).standard_normal(motions[0].shape)
+    true, motions = next(lines(make_generator(20262020, "random line", 8), simulator, time))
+    noise = make_generator(20262020, "n", 8, 0).standard_normal(motions[0].shape)
     values = motions[0] + 0.05 * motions[0].std(0) * noise
     found = maximum_likelihood(Recording(time, STATES, values), true.terms)
     assert (found.status, found.codes) == ("ok", "")
@@ -217,7 +217,7 @@ def test_of_little_noise_a_constant_is_no_cheaper_than_other_terms():
     """Noise makes one up here, which improves chi^2 by more than a constant costs elsewhere."""
     true = SYSTEMS["lorenz"].model.on_library(library(3, 2))
     motion = simulate(true, (-8.0, 8.0, 27.0), 0.01 * np.arange(1000)).states
-    noise = generator(20261742, "lor", 4.0, 0.025, 1).standard_normal((400, 3))
+    noise = make_generator(20261742, "lor", 4.0, 0.025, 1).standard_normal((400, 3))
     values = motion[:400] + 0.025 * motion.std() * noise
     recording = Recording(0.01 * np.arange(400), true.states, values)
     found = maximum_likelihood(recording, true.terms)

@@ -10,12 +10,12 @@ from scipy.signal import butter, sosfilt
 
 import galloping
 from galloping import Recording, maximum_likelihood, polynomial_library
-from galloping.behaviour.objections import objected
+from galloping.behaviour.objections import with_objections
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import Resonance
 from galloping.identification.random_forces.forced_motion import model_spectra
-from galloping.inspection.excerpts import by_excerpts
+from galloping.inspection.excerpts import identify_excerpts
 
 TIME = np.arange(9_000) / 10
 STATES = ("q_v", "dq_v")
@@ -95,7 +95,7 @@ def test_a_long_recording_is_answered_as_a_whole():
     pairs = zip(slow.items(), fast.items(), strict=True)
     moved = [swing(TIME, *a, k) + 0.4 * swing(TIME, *b, 5 + k) for k, (a, b) in enumerate(pairs)]
     recording = displacements(TIME, *moved, noise=0.05, seed=2)
-    found = by_excerpts(maximum_likelihood, [recording], polynomial_library(4, degree=1))
+    found = identify_excerpts(maximum_likelihood, [recording], polynomial_library(4, degree=1))
     assert found.status == "ok"
     told = sorted(mode.frequency / (2 * np.pi) for mode in found.resonances)
     np.testing.assert_allclose(told, sorted(fast), rtol=0.01)
@@ -105,7 +105,7 @@ def test_halves_of_unlike_frequency_make_no_sound_model():
     tuned = np.concatenate([swing(TIME, 0.42, 0.005, 1)[:4500], swing(TIME, 0.40, 0.005, 2)[:4500]])
     recording = displacements(TIME, tuned, noise=0.05, seed=3)
     identify = partial(maximum_likelihood, terms=TERMS, forced=())
-    said = objected(identify(recording), [recording], ["a"], 1 / 0.4, identify)
+    said = with_objections(identify(recording), [recording], ["a"], 1 / 0.4, identify)
     assert said.status == "approximate"
     assert said.has_finding(Code.FREQUENCY_CHANGES)
 

@@ -276,7 +276,7 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     """
     import numpy as np
 
-    from galloping.behaviour.assess import beyond
+    from galloping.behaviour.assess import list_extrapolations
     from galloping.summary.analysis import read_field
     from galloping.summary.csv_rows import forecast_rows
     from galloping.summary.driving import inputs_after
@@ -291,7 +291,9 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     if field.mapping.states != states:
         raise ValueError(f"{model}: has the states {', '.join(states)}; --states must be the same")
     inputs = inputs_after(field, loaded.model.inputs, at, inputs_file)
-    for told in beyond(loaded, {name: getattr(one, "values", one) for name, one in inputs.items()}):
+    for told in list_extrapolations(
+        loaded, {name: getattr(one, "values", one) for name, one in inputs.items()}
+    ):
         click.echo(told, err=True)
     recording, time = field.recordings[-1], None
     if duration:

@@ -16,7 +16,7 @@ class OneLineErrors(click.Group):
 
     def invoke(self, context: click.Context) -> object:
         with suppress(ValueError):  # of another thread than the first
-            signal.signal(signal.SIGTERM, _end)  # so that nothing unfinished is left
+            signal.signal(signal.SIGTERM, _end_command)  # so that nothing unfinished is left
         try:
             return super().invoke(context)
         except (KeyboardInterrupt, SystemError) as error:
@@ -34,17 +34,17 @@ class OneLineErrors(click.Group):
                 with suppress(OSError):  # else what is left in it fails once more at the end
                     sys.stdout.close()
             said = f"{what}: {error.strerror}" if what else str(error)
-            raise click.ClickException(_printable(said)) from error
+            raise click.ClickException(_as_printable(said)) from error
         except ValueError as error:
-            raise click.ClickException(_printable(str(error))) from error
+            raise click.ClickException(_as_printable(str(error))) from error
 
 
-def _printable(text: str) -> str:
+def _as_printable(text: str) -> str:
     """Lines of text, without what steers a terminal: a file may have it in its name."""
     return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
 
 
-def _end(number: int, _: object) -> None:
+def _end_command(number: int, _: object) -> None:
     """End as by an exception, when a signal asks for it."""
     sys.exit(128 + number)
 

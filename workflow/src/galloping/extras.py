@@ -16,11 +16,11 @@ def missing_line(error: ModuleNotFoundError) -> str:
     name = (error.name or "").partition(".")[0]
     if name in ("", "galloping"):
         raise error
-    lacking = " ".join(map(shlex.quote, _lacking(FIELD))) or name
+    lacking = " ".join(map(shlex.quote, _missing_requirements(FIELD))) or name
     return f"{name} is not installed, which the command needs: python -m pip install {lacking}"
 
 
-def _lacking(extra: str) -> Iterator[str]:
+def _missing_requirements(extra: str) -> Iterator[str]:
     """Requirements of an extra that are not installed; none if this library is not either."""
     try:
         requirements = metadata.requires("galloping") or []

@@ -31,7 +31,7 @@ def show(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def invalid(text: str, *below: str) -> PydanticCustomError:
+def make_error(text: str, *below: str) -> PydanticCustomError:
     """What a check raises; `below` are the keys from the validated field to the one at fault."""
     return PydanticCustomError("invalid", "{text}", {"text": text, "below": below})
 
@@ -53,7 +53,7 @@ def _whole(value: Any) -> Any:
 
 def _some(values: tuple) -> tuple:
     if not values:
-        raise invalid("[] is empty; must hold at least one")
+        raise make_error("[] is empty; must hold at least one")
     return values
 
 
@@ -68,7 +68,7 @@ def _distinct(values: tuple) -> tuple:
                 if value == other
                 else f"{value!r} and {other!r} agree to twelve digits"
             )
-            raise invalid(f"{again}; must be distinct")
+            raise make_error(f"{again}; must be distinct")
         written[text] = value
     return values
 

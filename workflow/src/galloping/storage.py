@@ -52,9 +52,9 @@ def replacing_folder(path: str | os.PathLike) -> Iterator[Path]:
     claim = None
     try:
         partial.mkdir(parents=True)
-        claim = _claim(partial)
+        claim = _claim_folder(partial)
         for left in parent.glob(f"{PARTIAL}*-{glob.escape(place.name)}"):
-            if left != partial and (other := _claim(left)) is not None:
+            if left != partial and (other := _claim_folder(left)) is not None:
                 shutil.rmtree(left, ignore_errors=True)
                 os.close(other)
         yield partial
@@ -74,7 +74,7 @@ def replacing_folder(path: str | os.PathLike) -> Iterator[Path]:
                 folder.rmdir()
 
 
-def _claim(folder: Path) -> int | None:
+def _claim_folder(folder: Path) -> int | None:
     """Lock a folder as long as this process lives, or until the descriptor is closed.
 
     None where another process has it, and where system or file system know no locks.

@@ -8,7 +8,7 @@ import hashlib
 import numpy as np
 
 
-def generator(seed: int, *names: str | int) -> np.random.Generator:
+def make_generator(seed: int, *names: str | int) -> np.random.Generator:
     """Generator of the study seed and a name such as ("noise", case, protocol, cell, replicate)."""
     digest = hashlib.sha256("/".join(map(str, names)).encode()).digest()
     words = np.frombuffer(digest, dtype="<u4")

@@ -52,7 +52,7 @@ def assess(
 
     at: a value of each of its inputs; of one of them several, along which limit cycles are followed
     and the onset is looked for. seed: of the draws behind the intervals. Raises ValueError where
-    there is no model, where an input has no value, and as of `beyond`.
+    there is no model, where an input has no value, and as of `list_extrapolations`.
     """
     if found.status == "refused":
         raise ValueError(f"there is no model to assess: {found.reason}")
@@ -66,18 +66,20 @@ def assess(
         raise ValueError(f"a range of {several[0]} and of {several[1]}; must be of one input")
     (along,) = several or [""]
     values = np.unique(np.asarray(asked[along], float)) if along else np.empty(0)
-    notes = beyond(found, {**asked, along: values.tolist()} if along else asked)
+    notes = list_extrapolations(found, {**asked, along: values.tolist()} if along else asked)
     held = {name: float(np.ravel(value)[0]) for name, value in asked.items() if name != along}
     if len(values) == 1:
         held[along] = float(values[0])
     of = _Drawn.of(found, seed)
     if len(values) < 2:
-        return Assessment((_condition(of, held),), notes=tuple(notes))
-    conditions, onsets, more = _along(of, held, along, values)
+        return Assessment((_assess_condition(of, held),), notes=tuple(notes))
+    conditions, onsets, more = _assess_range(of, held, along, values)
     return Assessment(conditions, along, (values[0], values[-1]), onsets, (*more, *notes))
 
 
-def beyond(found: IdentifiedModel, at: Mapping[str, float | Sequence[float]]) -> list[str]:
+def list_extrapolations(
+    found: IdentifiedModel, at: Mapping[str, float | Sequence[float]]
+) -> list[str]:
     """A line for each input that is asked for where it hardly was recorded, and by how much.
 
     at: one value or several of each. Raises ValueError for a value of the other sign than nearly
@@ -138,23 +140,25 @@ class _Drawn:
         return replace(self, model=self.model.at(held), draws=draws, small=small)
 
 
-def _condition(of: _Drawn, at: Mapping[str, float], known: Sequence[Point] = ()) -> Condition:
+def _assess_condition(
+    of: _Drawn, at: Mapping[str, float], known: Sequence[Point] = ()
+) -> Condition:
     """At one value of every input: attractors by simulation from several starts.
 
     known: limit cycles there, found otherwise.
     """
     here = of.at(at)
     best, begin = here.model, here.start
-    motion = _settled(best, begin)
-    middle, size = _extent(best, motion, begin)
-    rests = equilibria(best, middle, size)
+    motion = _settle_motion(best, begin)
+    middle, size = _motion_extent(best, motion, begin)
+    rests = find_equilibria(best, middle, size)
     cycles: list[Point] = []
     ends: list[str] = []
     for point in known:
-        _add(cycles, point, size)
+        _add_cycle(cycles, point, size)
     for start in (begin, *(rest + KICK * size for rest in rests), middle + BEYOND * size):
         passing("settle")
-        motion = motion if start is begin else _settled(best, start)
+        motion = motion if start is begin else _settle_motion(best, start)
         if motion.kind != "cycle":
             ends.append(motion.kind)
             continue
@@ -164,36 +168,36 @@ def _condition(of: _Drawn, at: Mapping[str, float], known: Sequence[Point] = ())
             ends.append("irregular")
             continue
         if np.all(point.solution.half_range() < CEILING * size):  # further off no model is told
-            _add(cycles, point, size)
+            _add_cycle(cycles, point, size)
     return Condition(
         dict(at),
-        tuple(_equilibrium(here, rest, size) for rest in rests),
-        tuple(_cycle(here, each) for each in cycles),
+        tuple(_describe_equilibrium(here, rest, size) for rest in rests),
+        tuple(_describe_cycle(here, each) for each in cycles),
         tuple(dict.fromkeys(ends)),
     )
 
 
-def _add(cycles: list[Point], point: Point, size: np.ndarray) -> None:
+def _add_cycle(cycles: list[Point], point: Point, size: np.ndarray) -> None:
     new = point.solution.half_range() / size
     others = [one.solution.half_range() / size for one in cycles]
     if all(np.max(np.abs(new - other)) > APART * np.max(new) for other in others):
         cycles.append(point)
 
 
-def _along(
+def _assess_range(
     of: _Drawn, at: Mapping[str, float], along: str, values: np.ndarray
 ) -> tuple[tuple[Condition, ...], tuple[Onset, ...], list[str]]:
     """The same at every value of a range, with the limit cycles that are followed along it."""
     of = of.at(at)
     best, span = of.model.at({along: float(values[0])}), Range(values[0], values[-1])
-    middle, size = _extent(best, _settled(best, of.start), of.start)
-    family = _family(of.model, along, size)
-    rests = equilibria(best, middle, size)
+    middle, size = _motion_extent(best, _settle_motion(best, of.start), of.start)
+    family = _make_family(of.model, along, size)
+    rests = find_equilibria(best, middle, size)
     found, notes = None, [] if rests else [f"no rest at {along} = {values[0]:g}"]
     if rests:
         rest = min(rests, key=lambda each: np.linalg.norm((each - middle) / size))
-        found, notes = _diagram(family, span, rest, of.start, along)
-    onsets = tuple(_onsets(found, of, family, span, rest)) if found else ()
+        found, notes = _follow_branches(family, span, rest, of.start, along)
+    onsets = tuple(_find_onsets(found, of, family, span, rest)) if found else ()
     conditions = []
     for value in values.tolist():
         passing(f"{along} = {value:g}")
@@ -203,15 +207,15 @@ def _along(
                 known += at_value(family, branch, value)
             except ValueError as failure:
                 notes.append(str(failure))
-        conditions.append(_condition(of, {**at, along: value}, known))
+        conditions.append(_assess_condition(of, {**at, along: value}, known))
     return tuple(conditions), onsets, notes
 
 
-def _diagram(
+def _follow_branches(
     family: Family, span: Range, rest: np.ndarray, begin: np.ndarray, along: str
 ) -> tuple[Diagram | None, list[str]]:
     middle = (span.low + span.high) / 2
-    motion = _settled(family.model(middle), begin)
+    motion = _settle_motion(family.model(middle), begin)
     cycle = motion.kind == "cycle"
     size = float(np.linalg.norm(motion.half_range / family.sizes)) if cycle else np.inf
     start = (middle, motion.time, motion.states) if cycle else None
@@ -225,7 +229,7 @@ def _diagram(
     return found, [*found.failures, *incomplete]
 
 
-def _onsets(
+def _find_onsets(
     found: Diagram, of: _Drawn, family: Family, span: Range, rest: np.ndarray
 ) -> Iterator[Onset]:
     """Hopf bifurcations, and where the draws have theirs: beyond an end of the range if nowhere."""
@@ -233,43 +237,43 @@ def _onsets(
     for model in of.small:
         passing("draw onsets")
         try:
-            drawn = _family(model, family.parameter, family.sizes)
+            drawn = _make_family(model, family.parameter, family.sizes)
             branches.append(equilibrium_branch(drawn, rest, span))
         except ValueError:
             continue
     for hopf in hopf_points(found.equilibria):
         value = hopf.point.solution.value
         points = found.equilibria.points
-        before = [_growing(p) for p in points if p.solution.value < value]
-        after = [_growing(p) for p in points if p.solution.value > value]
+        before = [_count_growing(p) for p in points if p.solution.value < value]
+        after = [_count_growing(p) for p in points if p.solution.value > value]
         begins = bool(before) and before[-1] < (after[0] if after else 1)
         samples = []
         for branch in branches:
             own = [h.point.solution.value for h in hopf_points(branch)]
-            more = _growing(branch.points[-1]) - (before[-1] if before else 1)
+            more = _count_growing(branch.points[-1]) - (before[-1] if before else 1)
             late = more <= 0 if begins else more >= 0  # nothing has happened yet
             samples.append(min(own, key=lambda v: abs(v - value), default=np.inf * (2 * late - 1)))
         frequency = hopf.point.stability.critical()[0] / (2 * np.pi)
         yield Onset(Value.of(value, interval_of_draws(samples)), float(frequency), begins)
 
 
-def _growing(point: Point) -> int:
+def _count_growing(point: Point) -> int:
     """How many small motions about an equilibrium grow, an oscillation as two."""
     return int(np.count_nonzero(point.stability.values.real > 0.0))
 
 
-def _family(model: PolynomialModel, along: str, sizes: np.ndarray | float) -> Family:
+def _make_family(model: PolynomialModel, along: str, sizes: np.ndarray | float) -> Family:
     return Family(lambda value: model.at({along: float(value)}), along, sizes=sizes)
 
 
-def _settled(model: PolynomialModel, start: np.ndarray) -> Settled:
+def _settle_motion(model: PolynomialModel, start: np.ndarray) -> Settled:
     """Where the motion from a start (n_states,) ends up, in periods of small motions about rest."""
     rest = zero_of(model, start, filled(np.abs(start), model, start))
     pace = Pace.of(model, rest.x if rest.success else start)
     return settle_in_periods(simulator_of(model), model, start, pace)
 
 
-def _extent(
+def _motion_extent(
     model: PolynomialModel, motion: Settled, start: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Middle and size of a motion, (n_states,) each; of one that ends nowhere that of its start."""
@@ -285,7 +289,9 @@ def _extent(
     return middle, size
 
 
-def equilibria(model: PolynomialModel, middle: np.ndarray, size: np.ndarray) -> list[np.ndarray]:
+def find_equilibria(
+    model: PolynomialModel, middle: np.ndarray, size: np.ndarray
+) -> list[np.ndarray]:
     """(n_states,) each, no further from `middle` than BEYOND times `size` in any coordinate."""
     pairs = velocity_pairs(model.states)
     own = list(pairs) or list(range(len(model.states)))
@@ -303,7 +309,7 @@ def equilibria(model: PolynomialModel, middle: np.ndarray, size: np.ndarray) -> 
     return sorted(found, key=lambda place: float(np.linalg.norm(((place - middle) / size)[own])))
 
 
-def _equilibrium(of: _Drawn, rest: np.ndarray, size: np.ndarray) -> RestPosition:
+def _describe_equilibrium(of: _Drawn, rest: np.ndarray, size: np.ndarray) -> RestPosition:
     best = of.model
     values, vectors = best.small_motions(rest)
     places, matched = [], []
@@ -342,7 +348,7 @@ def _equilibrium(of: _Drawn, rest: np.ndarray, size: np.ndarray) -> RestPosition
     return RestPosition(place, tuple(modes), beyond)
 
 
-def _cycle(of: _Drawn, point: Point) -> Cycle:
+def _describe_cycle(of: _Drawn, point: Point) -> Cycle:
     states, kept = of.model.states, near(of.draws, point.solution, of.model)
     found = len(kept) / len(of.draws)
     shown = list(velocity_pairs(states)) or list(range(len(states)))

@@ -145,14 +145,14 @@ def dynamics(
     models = draw_models_and_rivals(identified, rng)
     small = extrapolate(models, identified, rng)
     enough = ENOUGH * len(models)
-    best = _linear(model, pairs, around)
-    ends = interval_of_draws([_linear(each, pairs, around) for each in small], enough)
+    best = _linear_properties(model, pairs, around)
+    ends = interval_of_draws([_linear_properties(each, pairs, around) for each in small], enough)
     rest, frequencies, damping = (
         {model.states[i]: Value.of(best[k, n], ends[:, k, n]) for n, i in enumerate(pairs)}
         for k in range(3)
     )
     rest = {} if np.isnan(best[0]).any() else rest
-    damping |= _unseen(identified, pairs, frequencies, damping)
+    damping |= _undamped_intervals(identified, pairs, frequencies, damping)
     simulator, start = simulator_of(model), identified.initial_states[-1]
     pace, sizes = Pace.of(model, around.middle), around.sizes(model)
     motion = settle_in_periods(simulator, model, start, pace, sizes)
@@ -163,7 +163,7 @@ def dynamics(
         half = {model.states[i]: Value(float(motion.half_range[i])) for i in pairs}
         return Dynamics(rest, frequencies, damping, "cycle", None, half)
     orbit = point.solution
-    orbits = [found for each in models if (found := _orbit(each, orbit, pace)) is not None]
+    orbits = [found for each in models if (found := _find_orbit(each, orbit, pace)) is not None]
     ends, half = intervals(orbits, len(model.states), enough), orbit.half_range()
     return Dynamics(
         rest, frequencies, damping, "cycle", Value.of(orbit.period, ends[:, -1]),
@@ -171,7 +171,7 @@ def dynamics(
     )  # fmt: skip
 
 
-def _unseen(
+def _undamped_intervals(
     identified: IdentifiedModel,
     pairs: Mapping[int, int],
     frequencies: Mapping[str, Value],
@@ -230,9 +230,10 @@ def _of_further_modes(identified: IdentifiedModel) -> tuple[dict[str, Value], di
 def _by_slopes(
     identified: IdentifiedModel, pairs: dict[int, int], around: Surroundings
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of the position of rest, frequency and damping of each coordinate: values and standard
-    deviations, as of `_linear`, by the slopes of what is told with the coefficients; and standard
-    deviations of the decays, 1/s.
+    """Propagate the covariance of the coefficients to properties of small motions.
+
+    Returns values and standard deviations of the position of rest, frequency and damping of each
+    coordinate, as of `_linear_properties`, and standard deviations of the decays, 1/s.
     """
     model, support = identified.model, np.argwhere(identified.support)
     errors = np.sqrt(np.diag(identified.covariance))
@@ -242,7 +243,7 @@ def _by_slopes(
     def of(step: np.ndarray) -> np.ndarray:
         coefficients = model.coefficients.copy()
         coefficients[tuple(support.T)] += step
-        return _linear(replace(model, coefficients=coefficients), pairs, around)
+        return _linear_properties(replace(model, coefficients=coefficients), pairs, around)
 
     best, steps = of(np.zeros(len(errors))), DIFFERENCE * np.diag(np.where(known, 0.0, errors))
     slopes = np.array([(of(step) - of(-step)) / (2.0 * DIFFERENCE) for step in steps])
@@ -278,7 +279,7 @@ def _in_random_forces(
     return Dynamics(rest, frequencies, damping, "forced", None, {})
 
 
-def expected(
+def expected_dynamics(
     model: PolynomialModel, identified: IdentifiedModel, around: Surroundings
 ) -> Dynamics | None:
     """Those of a model that is known, its motion begun where that of the identified one begins.
@@ -296,7 +297,7 @@ def expected(
     return dynamics(exact, about, np.random.default_rng(0))
 
 
-def _orbit(model: PolynomialModel, orbit: Orbit, pace: Pace) -> Orbit | None:
+def _find_orbit(model: PolynomialModel, orbit: Orbit, pace: Pace) -> Orbit | None:
     """The limit cycle of another model, near one or where a motion from there ends."""
     if close := near([model], orbit):
         return close[0]
@@ -305,7 +306,9 @@ def _orbit(model: PolynomialModel, orbit: Orbit, pace: Pace) -> Orbit | None:
     return point.solution if point else None
 
 
-def _linear(model: PolynomialModel, pairs: dict[int, int], around: Surroundings) -> np.ndarray:
+def _linear_properties(
+    model: PolynomialModel, pairs: dict[int, int], around: Surroundings
+) -> np.ndarray:
     """(3, n_coordinates) rest, m, and frequency, Hz, and damping ratio of each one's mode there."""
     result = np.full((3, len(pairs)), np.nan)
     if (rest := around.rest(model)) is None:

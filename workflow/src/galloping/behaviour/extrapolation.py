@@ -64,7 +64,7 @@ def with_extrapolation(
         inside the motion; or if it cannot be integrated over the recordings.
     """
     model = identified.model
-    degree = _degree(model)
+    degree = _library_degree(model)
     asked = identified.status in ("ok", "not identifiable", "approximate")
     if not (degree and asked and velocity_pairs(model.states) and len(identified.covariance)):
         return identified
@@ -119,7 +119,7 @@ def with_extent(identified: IdentifiedModel, recordings: Sequence[Recording]) ->
     return replace(identified, diagnostics={**identified.diagnostics, **extent})
 
 
-def _degree(model: PolynomialModel) -> int:
+def _library_degree(model: PolynomialModel) -> int:
     """Degree of the whole polynomial library of a model's states, 0 of any other library."""
     if any(map(has_functions, model.terms)):
         return 0

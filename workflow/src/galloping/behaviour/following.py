@@ -14,7 +14,7 @@ from galloping.identification.preparation.smoothing import (
     with_integrals,
     without_drift,
 )
-from galloping.inspection.quality import DIFFERENT, outlying, peaks_of, spectrum
+from galloping.inspection.quality import DIFFERENT, find_outliers, peaks_of, spectrum
 from galloping.model.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording.samples import Input, Recording, inputs_at_times, mean_inputs
 from galloping.trajectory.simulation import Simulator, rates_along
@@ -68,20 +68,22 @@ class Sensed:
 def without_outliers(recording: Recording) -> Recording:
     """The recording without samples far from those beside them, of which no model can tell."""
     values, rates = (
-        None if each is None else np.column_stack([_cleaned(recording.time, y) for y in each.T])
+        None
+        if each is None
+        else np.column_stack([_clean_channel(recording.time, y) for y in each.T])
         for each in (recording.values, recording.rates)
     )
     return replace(recording, values=np.asarray(values), rates=rates)
 
 
-def _cleaned(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _clean_channel(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """(n,) values of a channel, NaN where they are missing or outliers."""
     known = np.isfinite(values)
     if np.count_nonzero(known) < DIFFERENT:
         return values
     time, own = time[known], values[known]
     frequency, share = spectrum(time, own, float(np.median(np.diff(time))))
-    own = np.where(outlying(time, own, frequency[peaks_of(share)[1]]), np.nan, own)
+    own = np.where(find_outliers(time, own, frequency[peaks_of(share)[1]]), np.nan, own)
     cleaned = values.copy()
     cleaned[known] = own
     return cleaned

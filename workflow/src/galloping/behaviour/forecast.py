@@ -117,11 +117,11 @@ def forecast(
         motions = np.array(list(shown))
         missed = in_random_forces.noise_of_means(identified, recording, sensed.rates, sigma)
     elif identified.status == "approximate":
-        motions = _motions(follow, time, window, np.inf, rng)
-        missed = _missed(follow, time - recording.time[-1], window)
+        motions = _draw_motions(follow, time, window, np.inf, rng)
+        missed = _past_errors(follow, time - recording.time[-1], window)
     else:
         for share in SHARES:
-            motions = _motions(follow, time, share * window, FOLLOWS, rng)
+            motions = _draw_motions(follow, time, share * window, FOLLOWS, rng)
             if len(motions) > ENOUGH * DRAWS:
                 break
         missed = np.zeros_like(sigma)
@@ -135,10 +135,10 @@ def forecast(
         raise ValueError(f"{DRAWS - bounded.sum()} of {DRAWS} draws of the model diverge")
     draws = rng.standard_normal((len(time), *motions.shape[::2])).transpose(1, 0, 2)
     seen = motions + np.maximum(sigma, missed) * draws
-    low, high = _quantiles(seen, QUANTILES_90)
+    low, high = _compute_quantiles(seen, QUANTILES_90)
     held = np.mean((seen[bounded] >= low) & (seen[bounded] <= high), axis=1)
     chance = np.quantile(held, BY_CHANCE, axis=0)
-    ahead = Forecast(sensed.names, time, _quantiles(motions, (0.5,))[0], low, high, chance)
+    ahead = Forecast(sensed.names, time, _compute_quantiles(motions, (0.5,))[0], low, high, chance)
     return ahead.widened(factors) if factors.max() > 1.0 else ahead
 
 
@@ -232,7 +232,7 @@ def with_factors(identified: IdentifiedModel, trial: HeldOut) -> IdentifiedModel
     return replace(identified, diagnostics={**identified.diagnostics, **factors})
 
 
-def _quantiles(motions: np.ndarray, at: Sequence[float]) -> np.ndarray:
+def _compute_quantiles(motions: np.ndarray, at: Sequence[float]) -> np.ndarray:
     """(n_quantiles, n, n_sensed) of draws (n_draws, n, n_sensed), without those that diverged."""
     gone = ~np.isfinite(motions).all(axis=(0, 2))
     with np.errstate(invalid="ignore"):  # between two that are infinite
@@ -279,7 +279,7 @@ def check_followed(identified: IdentifiedModel, recording: Recording, window: fl
         )
 
 
-def _motions(
+def _draw_motions(
     follow: Following, time: np.ndarray, window: float, worst: float, rng: np.random.Generator
 ) -> np.ndarray:
     """(n_draws, n, n_sensed) motions at `time` of the draws, NaN from where one diverges.
@@ -316,7 +316,7 @@ def _motions(
     return np.array(motions).reshape(-1, len(time), len(sigma))
 
 
-def _missed(follow: Following, ahead: np.ndarray, window: float) -> np.ndarray:
+def _past_errors(follow: Following, ahead: np.ndarray, window: float) -> np.ndarray:
     """(n, n_sensed) root mean square errors, noise included, of forecasts from earlier windows.
 
     ahead: (n,) s, of what is forecast. The forecasts begin at `ORIGINS` times of the recording,

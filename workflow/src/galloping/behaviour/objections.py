@@ -37,7 +37,7 @@ SHARE = "error_share_all_"  # and a channel: a diagnostic of approximate models
 Identify = Callable[[Sequence[Recording]], IdentifiedModel]
 
 
-def objected(
+def with_objections(
     identified: IdentifiedModel,
     recordings: Sequence[Recording],
     names: Sequence[str],
@@ -56,7 +56,9 @@ def objected(
     """
     inexact = identified.status in ("approximate", "refused") and not identified.is_forced
     more = unmodelled(list(recordings)) if inexact else []
-    objections = _forced(identified, recordings, period) or _outlived(identified, recordings)
+    objections = _find_random_forces(identified, recordings, period) or _find_outlived(
+        identified, recordings
+    )
     if objections:
         objections = more or objections
     elif (not are_one or identified.status == "refused") and (
@@ -67,14 +69,14 @@ def objected(
         findings, model = (*faults, *(objections or identified.findings)), identified.model
         return IdentifiedModel.refused(model.states, model.terms, findings, model.inputs)
     if (len(recordings) == 1 or are_one) and not more:
-        more = _changing(identified, recordings, period, identify)
+        more = _find_changes(identified, recordings, period, identify)
     alone = identified.is_forced and len(recordings) == 1 and not more
     if alone:
         more = _changing_at_random(identified, recordings[0], period)
     return identified.with_findings(*more)
 
 
-def _forced(
+def _find_random_forces(
     identified: IdentifiedModel, recordings: Sequence[Recording], period: float
 ) -> list[Finding]:
     """Find whether random forces keep the motion up, in which no model follows it."""
@@ -82,7 +84,7 @@ def _forced(
     if identified.is_forced:
         return []
     own, has_model = excerpts(list(recordings)), identified.status != "refused"
-    if has_model and (still := unmoved(identified)):
+    if has_model and (still := unaccelerated_coordinates(identified)):
         return [Finding.of(Code.NOT_ACCELERATED, name) for name in still]
     if identified.model.inputs:  # they keep it up; a model that comes to rest may lack terms
         return []
@@ -98,17 +100,19 @@ def _forced(
     return kept if told < LITTLE_TOLD or kept_up(linear, own) else []
 
 
-def _outlived(identified: IdentifiedModel, recordings: Sequence[Recording]) -> list[Finding]:
+def _find_outlived(identified: IdentifiedModel, recordings: Sequence[Recording]) -> list[Finding]:
     """Find whether the model goes on moving where the recorded motion dies out."""
     inexact = identified.status == "approximate" and not identified.is_forced
     if inexact and not identified.model.inputs:
         for parts in (excerpts(list(recordings)), recordings):
-            if len(parts) == len(identified.initial_states) and outlived(identified, parts):
+            if len(parts) == len(identified.initial_states) and outlives_recording(
+                identified, parts
+            ):
                 return [Finding.of(Code.OUTLIVED)]
     return []
 
 
-def _changing(
+def _find_changes(
     identified: IdentifiedModel, parts: Sequence[Recording], period: float, identify: Identify
 ) -> list[Finding]:
     """What sets the parts of one recording apart, its thirds where it has no gaps, which a gusty
@@ -126,10 +130,10 @@ def _changing(
     drifts = identified.has_finding(Code.DRIFTS, Code.RESIDUAL_DRIFTS)
     if not found or (drifts and found.own > 0.0):  # what drifts does so part by part as well
         return []
-    return [found.within(_spans(parts))]
+    return [found.within(_list_spans(parts))]
 
 
-def _spans(parts: Sequence[Recording]) -> str:
+def _list_spans(parts: Sequence[Recording]) -> str:
     ends = ((float(f"{end:.3g}") for end in part.time[[0, -1]]) for part in parts)
     return ", ".join(f"{first:g} to {last:g} s" for first, last in ends)
 
@@ -164,11 +168,11 @@ def _changing_at_random(
                 values = {
                     f"first_{unit}": factor * one.value, f"second_{unit}": factor * other.value
                 }  # fmt: skip
-                return [Finding.of(code, name, spans=_spans(halves), **values)]
+                return [Finding.of(code, name, spans=_list_spans(halves), **values)]
     return []
 
 
-def unmoved(identified: IdentifiedModel) -> list[str]:
+def unaccelerated_coordinates(identified: IdentifiedModel) -> list[str]:
     """Coordinates of whose acceleration the model knows nothing."""
     states = identified.model.states
     return [
@@ -186,12 +190,12 @@ def kept_up(identified: IdentifiedModel, recordings: Sequence[Recording]) -> boo
     """
     kept = [
         recorded.last > LASTING * recorded.all and recorded.last > LARGER * own.last
-        for recorded, own in _sizes(identified, recordings)
+        for recorded, own in _compare_sizes(identified, recordings)
     ]
     return bool(kept) and all(kept)
 
 
-def outlived(identified: IdentifiedModel, recordings: Sequence[Recording]) -> bool:
+def outlives_recording(identified: IdentifiedModel, recordings: Sequence[Recording]) -> bool:
     """Whether the model's motion of a channel lasts, or runs away, where the recorded one dies out.
 
     recordings: as of `kept_up`.
@@ -199,7 +203,7 @@ def outlived(identified: IdentifiedModel, recordings: Sequence[Recording]) -> bo
     return any(
         recorded.last < LASTING * recorded.all
         and not (own.last <= LASTING * own.all or own.last <= LARGER * recorded.last)
-        for recorded, own in _sizes(identified, recordings)
+        for recorded, own in _compare_sizes(identified, recordings)
     )
 
 
@@ -210,7 +214,7 @@ class _Size(NamedTuple):
     last: float
 
 
-def _sizes(
+def _compare_sizes(
     identified: IdentifiedModel, recordings: Sequence[Recording]
 ) -> Iterator[tuple[_Size, _Size]]:
     """Of each channel of each recording the size of its motion, and of the model's from its start.
@@ -224,11 +228,14 @@ def _sizes(
         for samples, own, noise in zip(follow.samples.T, motion.T, follow.sigma, strict=True):
             known = np.isfinite(samples)
             if (known & last).any():
-                whole, end = _above(samples[known], noise), _above(samples[known & last], noise)
+                whole, end = (
+                    _size_above_noise(samples[known], noise),
+                    _size_above_noise(samples[known & last], noise),
+                )
                 yield _Size(whole, end), _Size(np.std(own), np.std(own[last]))
 
 
-def _above(samples: np.ndarray, noise: float) -> float:
+def _size_above_noise(samples: np.ndarray, noise: float) -> float:
     """Standard deviation of samples (n,) without that of their noise."""
     return float(np.sqrt(max(np.var(samples) - noise**2, 0.0)))
 

@@ -11,7 +11,7 @@ from pydantic import Field, ValidationInfo, create_model, field_validator, model
 from galloping.configuration.keys import keys
 from galloping.configuration.kinds import KINDS, LONGEST
 from galloping.cycles.family import PARAMETERS
-from galloping.fields import Name, invalid, one_of, selection, setting, show
+from galloping.fields import Name, make_error, one_of, selection, setting, show
 from galloping.identification.registry import METHODS
 from galloping.line import measures
 from galloping.line.gusts import SPECTRA
@@ -33,7 +33,7 @@ class SpacersSection(keys("spacers")):
     def _increasing(cls, positions: tuple[float, ...]) -> tuple[float, ...]:
         for before, after in pairwise(positions):
             if after <= before:
-                raise invalid(
+                raise make_error(
                     f"{show(after)} comes after {show(before)}; must be strictly increasing"
                 )
         return positions
@@ -47,9 +47,11 @@ class IceSection(keys("ice")):
     def _given_when_custom(cls, value: tuple | None, info: ValidationInfo) -> tuple | None:
         reading = info.data.get("reading", "custom" if value else None)
         if reading == "custom" and value is None:
-            raise invalid("null is not allowed with reading 'custom'; must be a list of 3 numbers")
+            raise make_error(
+                "null is not allowed with reading 'custom'; must be a list of 3 numbers"
+            )
         if reading != "custom" and value is not None:
-            raise invalid(
+            raise make_error(
                 f"{show(value)} is not allowed with reading {show(reading)}; "
                 "must be null, or the reading custom"
             )
@@ -64,7 +66,7 @@ class TruthSection(keys("truth", gusts=GUSTS)):
         if self.model != "continuous":
             for name in sorted(self.model_fields_set - {"model"}):
                 if getattr(self, name) != getattr(TruthSection(), name):
-                    raise invalid(
+                    raise make_error(
                         f"is not allowed with model {self.model}; must be left out, or the model "
                         "continuous",
                         name,
@@ -95,12 +97,12 @@ class CaseSection(
         for position in self.spacers.positions:
             if position >= self.line.span:
                 told = f"{show(position)} is beyond the span ({span} m); must be > 0 and < {span} m"
-                raise invalid(told, "spacers", "positions")
+                raise make_error(told, "spacers", "positions")
         weight = self.conductor.mass * self.gravity
         sag = weight * self.line.span**2 / (8 * self.line.tension)
         if sag > LARGEST_SAG * self.line.span:
             least = weight * self.line.span / (8 * LARGEST_SAG)
-            raise invalid(
+            raise make_error(
                 f"{show(self.line.tension)} gives a sag of {sag:.4g} m in a span of {span} m, "
                 f"which is no shallow cable; must be >= {least:.4g} N",
                 "line",
@@ -150,9 +152,9 @@ class SimulationSection(keys("simulation")):
             intervals = duration * rate
             given = f"{show(rate)} gives {show(intervals)} sampling intervals in {show(duration)} s"
             if not 100 <= intervals <= MAX_INTERVALS:
-                raise invalid(f"{given}; must be 100..{MAX_INTERVALS}")
+                raise make_error(f"{given}; must be 100..{MAX_INTERVALS}")
             if abs(intervals - round(intervals)) > 1e-9 * intervals:
-                raise invalid(f"{given}; must be a whole number")
+                raise make_error(f"{given}; must be a whole number")
         return rate
 
     @field_validator("steady_window")
@@ -161,12 +163,12 @@ class SimulationSection(keys("simulation")):
         start, end = window
         duration = info.data.get("duration", end)
         if not start < end <= duration:
-            raise invalid(
+            raise make_error(
                 f"{show(window)} is not a window of the record; "
                 f"must be increasing, 0..{show(duration)} s"
             )
         if (end - start) * info.data.get("sampling_rate", inf) < WINDOW_SAMPLES:
-            raise invalid(
+            raise make_error(
                 f"{show(window)} holds less than {WINDOW_SAMPLES} sampling intervals; "
                 f"must hold {WINDOW_SAMPLES} or more"
             )
@@ -219,7 +221,9 @@ class RecordingsSection(
     def _below_the_working_folder(cls, publish: bool, info: ValidationInfo) -> bool:
         for file in info.data.get("files", ()) if publish else ():
             if file.startswith(("/", ".")) or ".." in Path(file).parts:
-                raise invalid(f"{show(file)} cannot be published; must be below the working folder")
+                raise make_error(
+                    f"{show(file)} cannot be published; must be below the working folder"
+                )
         return publish
 
 
@@ -234,21 +238,21 @@ class TrialSection(
         for key in ("protocols", "levels", "samples", "durations"):
             if getattr(self, key) is not None and key not in kind.options:
                 taken = ", ".join(kind.options) or "none"
-                raise invalid(f"is no key of {self.kind}; its own keys: {taken}", key)
+                raise make_error(f"is no key of {self.kind}; its own keys: {taken}", key)
         for case in self.cases or ():
             if case not in kind.cases:
-                raise invalid(
+                raise make_error(
                     f"unknown case {show(case)} of {self.kind}; allowed: {', '.join(kind.cases)}",
                     "cases",
                 )
         for method in self.methods or ():
             if kind.usable and method not in kind.usable:
                 told = f"{show(method)} is no method of {self.kind}"
-                raise invalid(f"{told}; allowed: {', '.join(kind.usable)}", "methods")
+                raise make_error(f"{told}; allowed: {', '.join(kind.usable)}", "methods")
         for duration in self.durations or ():
             for case in self.cases or kind.cases:
                 if duration > LONGEST.get(case, duration):
-                    raise invalid(
+                    raise make_error(
                         f"{duration:g} is not allowed; of {case} at most {LONGEST[case]:g}",
                         "durations",
                     )
@@ -264,7 +268,7 @@ class SweepSection(keys("sweep", parameter=SWEPT, second=SWEPT)):
         if values is not None:
             first, last, step = values
             if not (first < last and 1 - 1e-9 <= (last - first) / step <= MOST_VALUES):
-                raise invalid(
+                raise make_error(
                     f"{show(values)} is not a range: must be a first and a larger last value, and "
                     f"a step that gives 2 to {MOST_VALUES} values"
                 )
@@ -273,13 +277,13 @@ class SweepSection(keys("sweep", parameter=SWEPT, second=SWEPT)):
     @model_validator(mode="after")
     def _second_is_whole(self) -> Self:
         if (self.second is None) != (self.second_values is None):
-            raise invalid(
+            raise make_error(
                 f"{show(self.second)} is not allowed beside second_values "
                 f"{show(self.second_values)}; must both be given, or both be null",
                 "second",
             )
         if self.second == self.parameter:
-            raise invalid(f"{show(self.second)} is varied already; must be another", "second")
+            raise make_error(f"{show(self.second)} is varied already; must be another", "second")
         return self
 
 
@@ -293,9 +297,9 @@ class MeasureSection(keys("measure", kind=one_of(tuple(measures.KINDS)))):
         if given != set(wanted):
             keys = ", ".join(wanted) or "nothing"
             here = ", ".join(sorted(given)) or "nothing"
-            raise invalid(f"{self.kind} beside {here}; must stand beside {keys}", "kind")
+            raise make_error(f"{self.kind} beside {here}; must stand beside {keys}", "kind")
         if self.positions is not None and not self.positions:
-            raise invalid("is empty; must hold one place or more", "positions")
+            raise make_error("is empty; must hold one place or more", "positions")
         return self
 
     @property
@@ -346,39 +350,43 @@ class Settings(
         path = Path(results)
         for part in (path, *path.parents):
             if part.as_posix().lower() in OWN_FOLDERS:
-                raise invalid(f"{show(results)} is the project's own; must be another folder")
+                raise make_error(f"{show(results)} is the project's own; must be another folder")
             if part.exists() and not part.is_dir():
-                raise invalid(f"{show(part.as_posix())} is a file; must be a folder, or not there")
+                raise make_error(
+                    f"{show(part.as_posix())} is a file; must be a folder, or not there"
+                )
         return results
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
         """Sections that are right in themselves must fit together."""
         if not (self.cases or self.trials):
-            raise invalid("there is none; must hold at least one, or there must be trials", "cases")
+            raise make_error(
+                "there is none; must hold at least one, or there must be trials", "cases"
+            )
         most = self.simulation.samples
         for points in self.measurement.subsets.points:
             if points > most:
                 told = f"{points} is larger than the record ({most} samples)"
-                raise invalid(told, "measurement", "subsets", "points")
+                raise make_error(told, "measurement", "subsets", "points")
         methods, protocols = self.identification.methods, self.measurement.protocols
         usable = [m.name for m in METHODS if set(m.protocols) & set(protocols)]
         if not set(usable) & set(methods):
             told = f"{show(methods)} cannot use the recordings of protocol {', '.join(protocols)}"
             told += f"; must hold one of {', '.join(usable)}"
-            raise invalid(told, "identification", "methods")
+            raise make_error(told, "identification", "methods")
         for name, recordings in self.recordings.items():
             if recordings.case is not None and recordings.case not in self.cases:
                 told = f"{show(recordings.case)} is no case; must be one of {', '.join(self.cases)}"
-                raise invalid(told, "recordings", name, "case")
+                raise make_error(told, "recordings", name, "case")
         for name, case in self.cases.items():
             for label, measure in self.assessment.measures.items():
                 for place in measure.places:
                     if not 0 < place < case.line.span:
                         told = f"{show(place)} m is outside the span of {name}; must be inside "
                         told += f"0..{show(case.line.span)} m"
-                        raise invalid(told, "assessment", "measures", label)
+                        raise make_error(told, "assessment", "measures", label)
         if Path(self.results).resolve().is_relative_to(Path(self.reference).resolve()):
             told = f"{show(self.results)} is in the folder of the reference, {show(self.reference)}"
-            raise invalid(f"{told}; must be outside it", "results")
+            raise make_error(f"{told}; must be outside it", "results")
         return self

@@ -14,7 +14,7 @@ from galloping.line.galerkin import EQUATIONS
 from galloping.model.intervals import IDENTIFIABLE, draw_normal
 from galloping.model.polynomial import PolynomialModel, term_name
 from galloping.recording.measurement import Motion, noises_of, recordings_of
-from galloping.streams import generator
+from galloping.streams import make_generator
 from galloping.trajectory.simulation import Simulator
 
 
@@ -70,7 +70,7 @@ def models_at(
         return [IdentifiedModel(model, "unjudged")]
     models = []
     for k in range(measurement["replicates"]):
-        rng = generator(measurement["seed"], "bound", *name, k)
+        rng = make_generator(measurement["seed"], "bound", *name, k)
         models.append(at_the_bound(model, bounds[k % len(bounds)], rng, lacking))
     return models
 

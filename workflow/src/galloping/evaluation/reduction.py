@@ -9,7 +9,7 @@ import pandas as pd
 from galloping.cycles.family import initial_state
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
 from galloping.line import continuous
-from galloping.streams import generator
+from galloping.streams import make_generator
 
 RATE = 50  # Hz
 STEP = 0.02  # s: after 300 s within 0.1 mm of a quarter of it
@@ -66,7 +66,7 @@ def variant_motion(
     start = initial_state(case)
     state = continuous.release(line, start[:2], start[2:], antisymmetric=variant.antisymmetric)
     gusts = {"intensity": variant.intensity, "length_scale": length_scale, "spectrum": spectrum}
-    speed = continuous.wind(line, gusts, _time(), generator(seed, "reduction", "gusts"))
+    speed = continuous.wind(line, gusts, _time(), make_generator(seed, "reduction", "gusts"))
     return _motion(line, state, speed)
 
 

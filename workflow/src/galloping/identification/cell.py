@@ -11,7 +11,7 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NO_MODEL, as_finding
 from galloping.model.polynomial import Exponents
 from galloping.recording.samples import Recording
-from galloping.streams import generator
+from galloping.streams import make_generator
 
 
 def identify(
@@ -32,7 +32,7 @@ def identify(
         for method, settings in methods.items():
             options = dict(settings["options"])
             if settings["seed"] is not None:
-                options["rng"] = generator(
+                options["rng"] = make_generator(
                     settings["seed"], "identification", *name, method, replicate
                 )
             try:

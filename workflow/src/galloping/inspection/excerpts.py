@@ -38,11 +38,11 @@ def excerpts(recordings: list[Recording]) -> list[Recording]:
     except ValueError:
         return recordings
     each = max(STRETCHES // len(recordings), 1)
-    found = [piece for recording in recordings for piece in _pieces(recording, each, period)]
+    found = [piece for recording in recordings for piece in _choose_pieces(recording, each, period)]
     return found if sum(len(piece.time) for piece in found) >= FEWEST else recordings
 
 
-def by_excerpts(
+def identify_excerpts(
     method: Callable[..., IdentifiedModel],
     recordings: list[Recording],
     *question: Any,
@@ -56,7 +56,9 @@ def by_excerpts(
         return method(recordings, *question, **options)
     moving = moving_recordings(recordings)
     if moving.findings:
-        return with_findings(by_excerpts(method, moving.recordings, *question, **options), moving)
+        return with_findings(
+            identify_excerpts(method, moving.recordings, *question, **options), moving
+        )
     if method is maximum_likelihood and free_at_once(recordings):
         return method(recordings, *question, **options)
     stretches = excerpts(recordings)
@@ -76,13 +78,13 @@ def by_excerpts(
     return found
 
 
-def _pieces(recording: Recording, count: int, period: float) -> list[Recording]:
+def _choose_pieces(recording: Recording, count: int, period: float) -> list[Recording]:
     time, length = recording.time, PERIODS * period
     fitting = round_down((time[-1] - time[0]) / length)
     if fitting <= count:
         return [recording]
     edges = first_from(time, time[0] + length / PARTS * np.arange(fitting * PARTS + 1))
-    sizes = _sizes(with_integrals(recording).values, edges).reshape(fitting, PARTS, -1)
+    sizes = _part_sizes(with_integrals(recording).values, edges).reshape(fitting, PARTS, -1)
     merits = np.array([np.log(sizes).std(axis=1).sum(axis=1), sizes.mean(axis=(1, 2))])
     gaps = np.searchsorted(edges[::PARTS], np.flatnonzero(np.diff(time) > period), "right") - 1
     broken = np.isin(np.arange(fitting), gaps) | np.any(sizes <= TINY, axis=(1, 2))
@@ -93,7 +95,7 @@ def _pieces(recording: Recording, count: int, period: float) -> list[Recording]:
     return [recording[own] for own in pieces if own.stop - own.start > 2 * PARTS]
 
 
-def _sizes(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def _part_sizes(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """(n_parts, n_channels) size of the motion in the parts between `edges`, TINY without samples.
 
     values: (n, n_states). edges: (n_parts + 1,) samples. In units of the channel's deviation.

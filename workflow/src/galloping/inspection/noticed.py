@@ -50,9 +50,12 @@ def envelope_rows(parts: Iterable[EnvelopePart]) -> Iterator[str]:
         omega = np.hypot(part.frequency, part.growth)
         percent = 100.0 * np.array([-part.growth, NORMAL_95 * part.growth_error]) / omega
         amplitude = f"±{part.amplitude:.3g} {plain_unit(part.state)}".rstrip()
-        yield (f"| {part.time:.4g} s | {amplitude} | {_within(*hz)} Hz | {_within(*percent)} % |")
+        yield (
+            f"| {part.time:.4g} s | {amplitude} | {_format_interval(*hz)} Hz "
+            f"| {_format_interval(*percent)} % |"
+        )
 
 
-def _within(value: float, half: float) -> str:
+def _format_interval(value: float, half: float) -> str:
     digits = max(0, 1 - int(np.floor(np.log10(max(half, 1e-12)))))
     return f"{value:.{digits}f} ± {half:.{digits}f}"

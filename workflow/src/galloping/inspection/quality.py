@@ -59,7 +59,7 @@ def quality(series: "Series", mapping: "ColumnMapping") -> dict:
         "sampling": {
             "samples": len(time),
             "duration_s": float(time[-1] - time[0]),
-            "sampled_s": sampled(time),
+            "sampled_s": sampled_time(time),
             "rate_hz": 1.0 / step,
             "irregularity_percent": float(100 * np.std(steps[steps <= REPORTED_GAP * step]) / step),
             "gaps": [
@@ -78,11 +78,12 @@ def quality(series: "Series", mapping: "ColumnMapping") -> dict:
         unit = state_unit(channel.measures)
         _, is_rate = mapping.target(channel)
         own = time[moves], values[moves], step, series.rows[moves]  # rest is no fault
-        described, problems = _channel(*own, unit, is_rate)
+        described, problems = _inspect_channel(*own, unit, is_rate)
         place = {"measures": channel.measures, "position_m": channel.position}
         report["channels"][channel.column] = place | described
         report["problems"] += [
-            _problem(row, Finding.of(code, channel.column, **data)) for row, code, data in problems
+            _make_problem(row, Finding.of(code, channel.column, **data))
+            for row, code, data in problems
         ]
     report["problems"] += _too_short(series, mapping, report)
     report["problems"] += _shown_twice(series, mapping, report["channels"])
@@ -91,7 +92,7 @@ def quality(series: "Series", mapping: "ColumnMapping") -> dict:
     return report
 
 
-def _problem(row: int, finding: Finding) -> dict:
+def _make_problem(row: int, finding: Finding) -> dict:
     about = finding.as_dict()
     return {
         "column": finding.subject, "row": int(row), "code": about["code"], "data": about["data"],
@@ -115,18 +116,18 @@ def _too_short(series: "Series", mapping: "ColumnMapping", report: dict) -> list
     for channel, values in zip(mapping.channels, series.values.T, strict=True):
         known = np.isfinite(values)
         frequencies = report["channels"][channel.column]["dominant_frequencies_hz"]
-        periods = sampled(series.time[known]) * np.array(frequencies)
+        periods = sampled_time(series.time[known]) * np.array(frequencies)
         enough |= bool(np.any(periods >= least))
         if len(periods) and periods[0] < least and channel.column not in moved:
             few[channel.column] = known, values, frequencies[0]
     return [
-        _problem(series.rows[known][0], Finding.of(Code.FEW_PERIODS, column, periods=PERIODS))
+        _make_problem(series.rows[known][0], Finding.of(Code.FEW_PERIODS, column, periods=PERIODS))
         for column, (known, values, frequency) in few.items()
-        if not enough or _recurs(series.time[known], values[known], frequency)
+        if not enough or _is_recurrent(series.time[known], values[known], frequency)
     ]
 
 
-def _recurs(time: np.ndarray, values: np.ndarray, frequency: float) -> bool:
+def _is_recurrent(time: np.ndarray, values: np.ndarray, frequency: float) -> bool:
     """Whether values are alike about a period later, as far as the recording goes on so long."""
     longest = min(NEAR / frequency, 2.0 / 3.0 * np.ptp(time))
     alike = [0.0]
@@ -165,7 +166,7 @@ def _shown_twice(series: "Series", mapping: "ColumnMapping", channels: dict) -> 
             times = abs(across[1, 1] / across[0, 1] * noises[1] / noises[0])
             same = {"other": one.column, "times": times}
             found.append(
-                _problem(series.rows[0], Finding.of(Code.SHOWN_TWICE, other.column, **same))
+                _make_problem(series.rows[0], Finding.of(Code.SHOWN_TWICE, other.column, **same))
             )
     return found
 
@@ -182,7 +183,7 @@ def _mixed_up(series: "Series", mapping: "ColumnMapping", channels: dict) -> lis
             if len(pair) > DIFFERENT and np.corrcoef(pair.T)[0, 1] > WITH:
                 other = mapping.channels[against].column
                 wrong = Finding.of(Code.SIGN_UNLIKELY, column, other=other)
-                found.append(_problem(series.rows[0], wrong))
+                found.append(_make_problem(series.rows[0], wrong))
         if measures.endswith("q_w") and across is not None:
             other = mapping.channels[across].column
             times = channels[column]["standard_deviation"] / max(
@@ -190,7 +191,7 @@ def _mixed_up(series: "Series", mapping: "ColumnMapping", channels: dict) -> lis
             )
             if times > SIDEWAYS:
                 swapped = Finding.of(Code.COLUMNS_SWAPPED, column, other=other, times=times)
-                found.append(_problem(series.rows[0], swapped))
+                found.append(_make_problem(series.rows[0], swapped))
     return found
 
 
@@ -211,7 +212,7 @@ def spectrum(time: np.ndarray, values: np.ndarray, step: float) -> tuple[np.ndar
     """
     signals = []
     own = float(np.median(np.diff(time)))
-    for piece in pieces(time, max(REPORTED_GAP * own, APART * sampled(time))):
+    for piece in pieces(time, max(REPORTED_GAP * own, APART * sampled_time(time))):
         first, last = time[piece][[0, -1]]
         grid = first + step * np.arange(round_up((last - first) / step))
         signal = np.interp(grid, time[piece], values[piece])
@@ -228,7 +229,7 @@ def pieces(time: np.ndarray, longest: float) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in pairwise(edges)]
 
 
-def sampled(time: np.ndarray) -> float:
+def sampled_time(time: np.ndarray) -> float:
     """How long there are samples, s: the gaps left out."""
     steps = np.diff(time)
     return float(steps[steps <= REPORTED_GAP * np.median(steps)].sum())
@@ -245,7 +246,7 @@ def peaks_of(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return around, peaks[np.argsort(-around[peaks])][:4]
 
 
-def _channel(
+def _inspect_channel(
     time: np.ndarray, values: np.ndarray, step: float, rows: np.ndarray, unit: str, is_rate: bool
 ) -> tuple[dict, list[tuple[int, Code, dict]]]:
     """What a channel is like, and its problems: the row where each begins, its code and its data.
@@ -259,13 +260,13 @@ def _channel(
     frequency, share = spectrum(t, y, step)
     around, peaks = peaks_of(share)
     turn = 2.0 * np.pi * step * frequency[peaks].max(initial=0.0)
-    outliers = outlying(t, y, frequency[peaks])
+    outliers = find_outliers(t, y, frequency[peaks])
     after = np.flatnonzero(np.diff(t) > REPORTED_GAP * np.median(np.diff(t))) + 1
     motion = float(np.std(y))
     thirds = np.array_split(y, 3)
     described = {
         "missing_percent": float(100 * (1 - known.mean())),
-        **_extent(y),
+        **_describe_extent(y),
         "noise": sigma,
         "outliers": int(outliers.sum()),
         "dominant_frequencies_hz": [float(frequency[k]) for k in peaks],
@@ -274,7 +275,7 @@ def _channel(
     }
     means = np.array([part.mean() for part in thirds])
     drifts = np.ptp(means) > max(motion, 10 * sigma)
-    moves, by = _moves(t, y) if drifts else (0, 0.0)
+    moves, by = _find_mean_shift(t, y) if drifts else (0, 0.0)
     problems, shown = [], "" if unit == "1" else unit
     coarse = len(peaks) > 0 and frequency[peaks[0]] * step > (1.0 + TIME_ROUNDING) / PER_PERIOD
     if outliers.any():
@@ -284,10 +285,10 @@ def _channel(
     if flat.any():
         at = int(np.argmax(flat))
         problems.append((row[at], Code.CLIPPED, {"at": y[at]}))
-    elif (jumps := _jumps(t, y, turn / step)) is not None:
+    elif (jumps := _find_jump(t, y, turn / step)) is not None:
         at, by = jumps
         problems.append((row[at], Code.CHANNEL_JUMPS, {"change": by, "unit": shown}))
-    if (missed := 1.0 - sampled(t) / sampled(time)) > MISSED:
+    if (missed := 1.0 - sampled_time(t) / sampled_time(time)) > MISSED:
         last = row[after[0] - 1] if len(after) else row[-1]
         problems.append((last, Code.SAMPLES_MISSING, {"share": missed}))
     if (different := len(np.unique(y))) < DIFFERENT:
@@ -301,11 +302,11 @@ def _channel(
         problems.append((row[moves], Code.MEAN_MOVES, {"change": by, "unit": shown}))
     elif drifts:
         problems.append((row[0], Code.MEAN_DRIFTS, {}))
-    problems += [(rows[0], *unlikely) for unlikely in _unlikely(described, unit, t, y)]
+    problems += [(rows[0], *unlikely) for unlikely in _find_unlikely(described, unit, t, y)]
     return described, problems
 
 
-def outlying(time: np.ndarray, values: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
+def find_outliers(time: np.ndarray, values: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
     """(n,) which samples lie far from the median of those beside them.
 
     frequencies: Hz, of the motion, the strongest first. Where that one has few samples in a period
@@ -325,7 +326,7 @@ def outlying(time: np.ndarray, values: np.ndarray, frequencies: np.ndarray) -> n
     return found
 
 
-def _jumps(time: np.ndarray, values: np.ndarray, omega: float) -> tuple[int, float] | None:
+def _find_jump(time: np.ndarray, values: np.ndarray, omega: float) -> tuple[int, float] | None:
     """Where a channel jumps most, and by how much, where no motion and no noise does.
 
     A polynomial in time and a step are fitted to each half of a period. omega: the highest of the
@@ -351,7 +352,7 @@ def _jumps(time: np.ndarray, values: np.ndarray, omega: float) -> tuple[int, flo
     return at + half, float(jump[at])
 
 
-def _moves(time: np.ndarray, values: np.ndarray) -> tuple[int, float]:
+def _find_mean_shift(time: np.ndarray, values: np.ndarray) -> tuple[int, float]:
     """From which sample on a channel moves about another mean, and by how much that is another; 0
     where a line in time is nearly as good.
     """
@@ -364,7 +365,7 @@ def _moves(time: np.ndarray, values: np.ndarray) -> tuple[int, float]:
     return at, float(values[at:].mean() - values[:at].mean())
 
 
-def _extent(values: np.ndarray) -> dict[str, float]:
+def _describe_extent(values: np.ndarray) -> dict[str, float]:
     return {
         "mean": float(values.mean()),
         "standard_deviation": float(np.std(values)),
@@ -373,7 +374,7 @@ def _extent(values: np.ndarray) -> dict[str, float]:
     }
 
 
-def _unlikely(
+def _find_unlikely(
     described: dict, unit: str, time: np.ndarray, values: np.ndarray
 ) -> list[tuple[Code, dict]]:
     """What no span does, of a channel that measures one in `unit`."""
@@ -387,7 +388,7 @@ def _unlikely(
     slowest, fastest = FREQUENCIES
     dominant = described["dominant_frequencies_hz"]
     likely = any(slowest <= frequency <= fastest for frequency in dominant)
-    if dominant and not likely and _recurs(time, values, dominant[0]):
+    if dominant and not likely and _is_recurrent(time, values, dominant[0]):
         about = {"frequency_hz": dominant[0], "least": slowest, "most": fastest}
         said.append((Code.TIME_UNIT_UNLIKELY, about))
     return said
@@ -399,7 +400,7 @@ def _of_input(series: "Series", column: "InputColumn") -> dict:
     return {
         "name": column.name,
         "unit": series.units[column.name],
-        **_extent(one.values[known]),
+        **_describe_extent(one.values[known]),
         "step_s": float(np.median(np.diff(one.time[known]))),
         "between": one.between,
         "error": column.error,

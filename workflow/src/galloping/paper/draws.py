@@ -24,7 +24,7 @@ from galloping.line.galerkin import coefficients, model
 from galloping.model.polynomial import Exponents, design_matrix, extend_library, polynomial_library
 from galloping.recording.measurement import Motion, channel_scale
 from galloping.results import IDENTIFIED, NOISE, SUBSET
-from galloping.streams import generator
+from galloping.streams import make_generator
 from galloping.trajectory.simulation import Simulator, time_grid
 
 
@@ -236,7 +236,7 @@ def paper_draws(
         for start in range(0, len(numbers), AT_ONCE):
             part, models = numbers[start : start + AT_ONCE], []
             for draw in part:
-                rng = generator(seed, "paper", *name, kind, f"{level:.12g}", points, draw)
+                rng = make_generator(seed, "paper", *name, kind, f"{level:.12g}", points, draw)
                 (reduced,) = noisy.draw(level, points, rng).regressions(line.states, terms)
                 models.append(identified(reduced, threshold=threshold, kinematics=kinematics))
             scored, _ = evaluate(truth, {"paper": models}, unbounded)

@@ -44,7 +44,7 @@ def words_of(header: str) -> set[str]:
     return {word.casefold() for word in re.findall(r"[^\W\d_]+", parted)}
 
 
-def _among(words: set[str], stems: set[str], whole: Set[str] = frozenset()) -> bool:
+def _has_word(words: set[str], stems: set[str], whole: Set[str] = frozenset()) -> bool:
     return bool(words & whole) or any(stem in word for word in words for stem in stems)
 
 
@@ -52,7 +52,7 @@ def is_time(header: str) -> bool:
     """Whether a column is one of times, by its name or its unit."""
     words = words_of(header)
     is_labview = named(header)[0] == "X_Value"
-    return is_labview or (_among(words, TIMES, TIME_WORDS) and not _among(words, *OTHERS))
+    return is_labview or (_has_word(words, TIMES, TIME_WORDS) and not _has_word(words, *OTHERS))
 
 
 def is_count(header: str) -> bool:
@@ -62,7 +62,7 @@ def is_count(header: str) -> bool:
 
 def is_beside_motion(header: str) -> bool:
     """Whether a column holds what is recorded beside the motion, by its name."""
-    return _among(words_of(header), *OTHERS)
+    return _has_word(words_of(header), *OTHERS)
 
 
 def told_order(header: str, unit: str) -> int | None:
@@ -73,7 +73,7 @@ def told_order(header: str, unit: str) -> int | None:
     if unit:
         return next((k for k, si in enumerate(ORDERS) if measures(unit, si)), None)
     words = words_of(header)
-    kinds = [order for order, kind in enumerate(KINDS) if _among(words, *kind)]
+    kinds = [order for order, kind in enumerate(KINDS) if _has_word(words, *kind)]
     return kinds[0] if len(kinds) == 1 else 0
 
 
@@ -121,12 +121,12 @@ def _direction_and_kinds(header: str, unit: str) -> tuple[str, list[int], str]:
     least word that says the direction: a letter, a short word, or '' for a plain one.
     """
     words = words_of(header)
-    found = [axis for axis, (stems, whole) in DIRECTIONS.items() if _among(words, stems, whole)]
-    if len(found) != 1 or _among(words, *OTHERS):
+    found = [axis for axis, (stems, whole) in DIRECTIONS.items() if _has_word(words, stems, whole)]
+    if len(found) != 1 or _has_word(words, *OTHERS):
         return "", [], ""
     stems, whole = DIRECTIONS[found[0]]
-    is_plain = _among(words, stems, whole - SHORT)
+    is_plain = _has_word(words, stems, whole - SHORT)
     least = "" if is_plain else min(words & whole, key=lambda word: (word in LETTERS, word))
     has_kind = {word for word in words if len(word) > 1 or not unit}  # A may number a sensor
-    kinds = [order for order, kind in enumerate(KINDS) if _among(has_kind, *kind)]
+    kinds = [order for order, kind in enumerate(KINDS) if _has_word(has_kind, *kind)]
     return found[0], kinds, least

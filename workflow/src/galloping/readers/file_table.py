@@ -156,11 +156,11 @@ def read_table(
     try:
         _check_file(path, suffix)
         if suffix in TEXT:
-            table = _table(path, *read_text(lambda: path.open("rb"), decimal, time, rows))
+            table = _make_table(path, *read_text(lambda: path.open("rb"), decimal, time, rows))
         elif suffix == SHEET:
-            text, notes = _sheet(path, decimal)
+            text, notes = _read_sheet(path, decimal)
             content, first, more = read_text(lambda: io.BytesIO(text), ".", time, rows)
-            table = _table(path, content, first, (*notes, *more))
+            table = _make_table(path, content, first, (*notes, *more))
         else:
             table = _read_arrays(path, suffix)
         if max(map(len, table.columns.values())) == 0:
@@ -193,7 +193,7 @@ def _check_file(path: Path, suffix: str) -> None:
         )
 
 
-def _table(
+def _make_table(
     path: Path,
     content: list[tuple],
     first_row: int,
@@ -235,7 +235,7 @@ def printable(text: str) -> str:
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
-def _sheet(path: Path, decimal: str | None) -> tuple[bytes, tuple[str, ...]]:
+def _read_sheet(path: Path, decimal: str | None) -> tuple[bytes, tuple[str, ...]]:
     """The longest sheet of an Excel file as CSV, and what was passed over. decimal: of texts."""
 
     def written(cell: object) -> object:
@@ -307,7 +307,7 @@ def _read_arrays(path: Path, suffix: str) -> FileTable:
         )
     left = [f"{name:.{LONGEST}} ({shape})" for name, shape in others.items()]
     notes = (f"no columns of numbers or text, left out: {enumerated(left)}",) if left else ()
-    return _table(path, vectors, 1, notes, scalars, others)
+    return _make_table(path, vectors, 1, notes, scalars, others)
 
 
 def _is_plain(values: np.ndarray) -> bool:

@@ -52,7 +52,7 @@ def likely_unit(order: int, values: np.ndarray, alike: Iterable[np.ndarray] = ()
     if order == 1:
         return "m/s"
     if order == 0:
-        return "m" if _spread(values) <= LARGEST else "mm"
+        return "m" if _measure_spread(values) <= LARGEST else "mm"
     for one in (values, *alike):
         mean = abs(np.nanmean(one)) if np.isfinite(one).any() else 0.0
         unit = min(GRAVITIES, key=lambda unit: abs(mean * GRAVITIES[unit] / STANDARD_GRAVITY - 1.0))
@@ -66,7 +66,7 @@ def likely_input_unit(name: str) -> str:
     return "m/s" if words_of(name) & WINDS else "1"
 
 
-def _spread(values: np.ndarray) -> float:
+def _measure_spread(values: np.ndarray) -> float:
     known = values[np.isfinite(values)]
     return float(np.ptp(known)) if len(known) else 0.0
 

@@ -39,7 +39,7 @@ def _input_of(column: InputColumn, time: np.ndarray, values: np.ndarray, between
     """An input that is held, linear or smooth between its samples. values: (n,), NaN if missing."""
     known = np.flatnonzero(np.isfinite(values))
     if between != "zero":
-        known = known[_fresh(values[known])]
+        known = known[_new_samples(values[known])]
     steps = np.diff(time[known])
     kept = np.zeros(len(values), bool)
     kept[known] = True
@@ -58,7 +58,7 @@ def _is_staircase(values: np.ndarray) -> bool:
     return stays and len(jumps) > 0 and np.mean(jumps**2) > np.var(changes)
 
 
-def _fresh(values: np.ndarray) -> np.ndarray:
+def _new_samples(values: np.ndarray) -> np.ndarray:
     """(n,) boolean: the samples of a slower instrument that a logger did not merely repeat.
 
     All where values do not stay for a fixed number of rows.

@@ -210,19 +210,21 @@ class ColumnMapping(_Section):
         )
 
 
-def validated(content: object) -> ColumnMapping:
+def validate_mapping(content: object) -> ColumnMapping:
     """A mapping from plain values. Raises MappingError with one line a problem."""
     try:
         return ColumnMapping.model_validate(content)
     except ValidationError as error:
         problems = {problem["loc"]: problem for problem in error.errors()}
     inner = {place[:1] for place in problems if len(place) > 1}
-    lines = [_line(problem) for place, problem in problems.items() if place not in inner]
+    lines = [
+        _describe_problem(problem) for place, problem in problems.items() if place not in inner
+    ]
     more = [f"and {len(lines) - MOST_LINES} more problems"] if len(lines) > MOST_LINES else []
     raise MappingError("\n".join([*lines[:MOST_LINES], *more]))
 
 
-def _line(problem: Mapping[str, Any]) -> str:
+def _describe_problem(problem: Mapping[str, Any]) -> str:
     place = ".".join(str(key) for key in problem["loc"] if key not in ("str", "float"))
     message = problem["msg"].removeprefix("Value error, ")
     if problem["type"] == "value_error":
@@ -239,7 +241,7 @@ def read_mapping(path: str | Path) -> ColumnMapping:
     Raises MappingError or ConfigurationError, the lines of which begin with its name.
     """
     try:
-        return validated(read(path))
+        return validate_mapping(read(path))
     except MappingError as error:
         raise MappingError(f"{path}: {error}") from error
 
@@ -281,7 +283,7 @@ def input_of(text: str, between: str | None = None) -> dict:
     return {key: value for key, value in {**keys, "between": between}.items() if value}
 
 
-def _units(texts: Sequence[str]) -> tuple[dict[str, str], str | None]:
+def _split_units(texts: Sequence[str]) -> tuple[dict[str, str], str | None]:
     """Units of columns from `COLUMN=UNIT`, and that of all others but the time, or None."""
     for_all, *more = [text for text in texts if "=" not in text] or [""]
     if more:
@@ -298,7 +300,7 @@ def propose_mapping(file: str, options: Mapping[str, Any], taken: Sequence[str] 
     """Propose how a file may be read, as `propose` does. options: as of `mapping_of`."""
     time = options["time_column"]
     table = read_table(file, options["decimal"], time, ROWS)
-    return propose(table, *_units(options["units"]), time, taken, options["rate"])
+    return propose(table, *_split_units(options["units"]), time, taken, options["rate"])
 
 
 def mapping_of(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, str]:
@@ -313,25 +315,29 @@ def mapping_of(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, st
         return read_mapping(options["map_file"]), ""
     channels = [channel_of(text) for text in options["measures"]]
     driving = [input_of(text, options["between"]) for text in options["inputs"]]
-    by_column, for_all = _units(options["units"])
+    by_column, for_all = _split_units(options["units"])
     found = propose_mapping(file, options, [one["column"] for one in driving])
     found.check_time(file)
     given = options["states"].split(",") if options["states"] else []
-    states, channels, said = _measured(file, found, [name.strip() for name in given], channels)
+    states, channels, said = _choose_channels(
+        file, found, [name.strip() for name in given], channels
+    )
     if not states:
         raise MappingError("--states: name the states of the system, such as x,y,z")
     if for_all:
         channels = [{"unit": for_all, **channel} for channel in channels]
     clocks = [dict(found.time)] if found.time else []
-    _tell("unit", by_column, [*clocks, *channels, *driving])
-    _tell("noise", _by_column(options["noises"]), channels)
-    _tell("delay", _by_column(options["delays"]), [*channels, *driving])
+    _set_columns("unit", by_column, [*clocks, *channels, *driving])
+    _set_columns("noise", _by_column(options["noises"]), channels)
+    _set_columns("delay", _by_column(options["delays"]), [*channels, *driving])
     content: dict[str, Any] = {"states": states, "channels": channels, "inputs": driving}
     content["time"] = clocks[0] if clocks else None
-    return validated(content | {key: options[key] for key in ("decimal", "span", "rate")}), said
+    return validate_mapping(
+        content | {key: options[key] for key in ("decimal", "span", "rate")}
+    ), said
 
 
-def _measured(
+def _choose_channels(
     file: str, found: Proposal, states: Sequence[str], channels: list[dict]
 ) -> tuple[Sequence[str], list[dict], str]:
     """The states, the channels, and how columns are read where their names alone say what they are.
@@ -350,7 +356,7 @@ def _measured(
     return states, [{"column": name, "measures": name} for name in states], ""
 
 
-def _tell(key: str, values: Mapping[str, str], columns: Sequence[dict]) -> None:
+def _set_columns(key: str, values: Mapping[str, str], columns: Sequence[dict]) -> None:
     """Write under `key` of columns, in place, what an option of that name says of each by its name.
 
     Raises MappingError for the name of none of the columns.

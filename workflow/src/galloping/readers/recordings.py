@@ -24,7 +24,7 @@ def recording(series: Series, mapping: ColumnMapping) -> Recording:
     """
     time, columns = series.time, list(series.values.T)
     if any(channel.delay for channel in mapping.channels):
-        time, columns = _aligned(series, mapping)
+        time, columns = _align_channels(series, mapping)
     n = len(mapping.states)
     values, rates = np.full((2, len(time), n), np.nan)
     offsets, scales = np.zeros(n, bool), np.zeros(n, bool)
@@ -33,8 +33,10 @@ def recording(series: Series, mapping: ColumnMapping) -> Recording:
         group = [k for k, channel in enumerate(mapping.channels) if channel.measures == measures]
         channels = [mapping.channels[k] for k in group]
         state, is_rate = mapping.target(channels[0])
-        weights = _weights(channels, mapping.span)
-        combined = np.column_stack(_together(time, [columns[k] for k in group])) @ weights
+        weights = _mode_weights(channels, mapping.span)
+        combined = (
+            np.column_stack(_interpolate_together(time, [columns[k] for k in group])) @ weights
+        )
         (rates if is_rate else values)[:, state] = combined
         noise[int(is_rate), state] = np.linalg.norm(weights * series.noise[group])
         (offsets if is_rate else scales)[state] |= any(
@@ -49,7 +51,7 @@ def recording(series: Series, mapping: ColumnMapping) -> Recording:
     )  # fmt: skip
 
 
-def parted(recording: Recording, period: float) -> list[Recording]:
+def split_recording(recording: Recording, period: float) -> list[Recording]:
     """The recording between gaps longer than a period of the motion, s, each part by itself.
 
     Over such a gap nothing tells how the motion went on, nor whether the clock did. A part ends as
@@ -63,7 +65,7 @@ def parted(recording: Recording, period: float) -> list[Recording]:
     driven = np.full(len(recording.time), True)
     for one in recording.inputs.values():
         driven = driven & one.covered(recording.time)
-    told = driven & ~_silent(recording, SILENT * period)
+    told = driven & ~_find_silent(recording, SILENT * period)
     rows = np.flatnonzero(measured & told)
     apart = np.diff(recording.time[rows]) > period
     apart |= np.diff(np.cumsum(~told)[rows]) > 0
@@ -83,7 +85,7 @@ def parted(recording: Recording, period: float) -> list[Recording]:
     return [recording[own] for own in long]
 
 
-def _silent(recording: Recording, longest: float) -> np.ndarray:
+def _find_silent(recording: Recording, longest: float) -> np.ndarray:
     """(n,) whether a coordinate that is measured at other times has no sample for `longest` s: of
     itself, nor of its velocity where that is a state, or, where neither ever is, of their rates.
     """
@@ -101,7 +103,7 @@ def _silent(recording: Recording, longest: float) -> np.ndarray:
     return silent
 
 
-def _weights(channels: list[Channel], span: float | None) -> np.ndarray:
+def _mode_weights(channels: list[Channel], span: float | None) -> np.ndarray:
     """(m,) what the sensors of one quantity are weighed with for its first mode."""
     if all(channel.position is None for channel in channels):
         return np.full(len(channels), 1.0 / len(channels))
@@ -118,7 +120,7 @@ def _weights(channels: list[Channel], span: float | None) -> np.ndarray:
     return np.linalg.inv(modes)[0]
 
 
-def _together(time: np.ndarray, columns: list[np.ndarray]) -> list[np.ndarray]:
+def _interpolate_together(time: np.ndarray, columns: list[np.ndarray]) -> list[np.ndarray]:
     """Columns with values at the times of the first one; interpolated where theirs differ."""
     times = [np.isfinite(column) for column in columns]
     if all(np.count_nonzero(times[0] & own) >= 0.5 * own.sum() for own in times[1:]):
@@ -134,7 +136,7 @@ def _together(time: np.ndarray, columns: list[np.ndarray]) -> list[np.ndarray]:
     return together
 
 
-def _aligned(series: Series, mapping: ColumnMapping) -> tuple[np.ndarray, list[np.ndarray]]:
+def _align_channels(series: Series, mapping: ColumnMapping) -> tuple[np.ndarray, list[np.ndarray]]:
     """The channels at their own times, on the union of these times."""
     tick = 1e-6 * np.median(np.diff(series.time))  # times that differ by rounding are the same
     moved = [tick * np.round((series.time - c.delay) / tick) for c in mapping.channels]

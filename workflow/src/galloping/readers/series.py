@@ -154,7 +154,7 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
                     f"{n_wraps} times: unwrapped"
                 )
         columns.append(scale * column)
-    for k, stuck in enumerate(_stuck(columns[: len(mapping.channels)])):
+    for k, stuck in enumerate(_find_stuck(columns[: len(mapping.channels)])):
         if stuck.any():
             columns[k] = np.where(stuck, np.nan, columns[k])
             name, row = mapping.channels[k].column, np.argmax(stuck) + table.first_row
@@ -229,14 +229,14 @@ def check_apart(series: Sequence[Series]) -> None:
         known |= {block.tobytes(): one for block in blocks[::ALIKE]}
 
 
-def _stuck(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
+def _find_stuck(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
     """(n,) boolean of each column: samples that repeat the one before, in a row that is STUCK times
     as long as nearly all others, where the sensor did not merely rest.
 
     What rests, rests together with the other columns, or from the first sample on, or it slows down
     before and speeds up after. Of a column that is one value throughout nothing is stuck.
     """
-    held = [_held(values) for values in columns]
+    held = [_find_held(values) for values in columns]
     together = np.all(held, axis=0) & (len(held) > 1)
     found = []
     for values, own in zip(columns, held, strict=True):
@@ -250,7 +250,7 @@ def _stuck(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
     return found
 
 
-def _held(values: np.ndarray) -> np.ndarray:
+def _find_held(values: np.ndarray) -> np.ndarray:
     """(n,) boolean: samples that repeat the one before in such a row."""
     changes = np.append(True, np.diff(values) != 0.0)
     runs = np.diff(np.append(np.flatnonzero(changes), len(values)))

@@ -48,7 +48,7 @@ def read_text(
         try:
             lines = codecs.getincrementaldecoder(encoding)().decode(head, whole).splitlines()
             layout = find_layout(lines if whole else lines[:-1] or lines, decimal, time)
-            frame = _frame(opened, layout, encoding, rows)
+            frame = _read_frame(opened, layout, encoding, rows)
             break
         except UnicodeDecodeError as error:
             byte = error.object[error.start]
@@ -72,7 +72,7 @@ def read_text(
     return content, layout.line, tuple(notes)
 
 
-def _frame(
+def _read_frame(
     opened: Callable[[], BinaryIO], layout: Layout, encoding: str, rows: int | None
 ) -> pd.DataFrame:
     try:
@@ -85,7 +85,7 @@ def _frame(
                 nrows=rows,
             )  # fmt: skip
     except (pd.errors.ParserWarning, pd.errors.ParserError) as error:
-        raise FileError(_uneven(error, layout)) from error
+        raise FileError(_describe_uneven(error, layout)) from error
     except pd.errors.EmptyDataError as error:
         raise FileError("no rows of data") from error
 
@@ -103,7 +103,7 @@ def _without_words(cells: pd.Series, decimal: str) -> tuple[pd.Series, dict[str,
     return numbers.astype(float), words.value_counts().to_dict()
 
 
-def _uneven(error: Exception, layout: Layout) -> str:
+def _describe_uneven(error: Exception, layout: Layout) -> str:
     """What pandas says is wrong with the first row that has more cells than the header."""
     cells = f"the header {len(layout.header)}"
     if found := re.search(r"in line (\d+), saw (\d+)", str(error)):

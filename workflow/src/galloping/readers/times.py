@@ -65,7 +65,7 @@ def seconds_of(
     """Times in s since the first, when that was, if the file says it, and on which second."""
     name = mapping.time.column if mapping.time else ""  # a rate alone has no empty column
     if mapping.rate is not None:
-        values = _counted(table, mapping, mapping.rate)
+        values = _count_times(table, mapping, mapping.rate)
     elif isinstance(times, pd.DatetimeIndex) and times.notna().any():
         first = times.min()
         seconds = np.asarray((times - first).total_seconds(), float)
@@ -82,7 +82,7 @@ def seconds_of(
     return values - np.nanmin(values), "", float(np.nanmin(values))
 
 
-def _counted(table: FileTable, mapping: ColumnMapping, rate: float) -> np.ndarray:
+def _count_times(table: FileTable, mapping: ColumnMapping, rate: float) -> np.ndarray:
     """Return the times of samples, s, at a rate, 1/s, by their count or by their rows."""
     if mapping.time is None:
         return np.arange(len(table.column(mapping.columns[0].column))) / rate
@@ -106,7 +106,7 @@ def put_in_order(
     if timeless.any():
         notes.append(f"{timeless.sum()} rows without a time were left out, row {rows[timeless][0]}")
         time, values, rows = time[~timeless], values[~timeless], rows[~timeless]
-    if (moved := _restarted(time)) is not None:
+    if (moved := _join_restarts(time)) is not None:
         back = rows[np.flatnonzero(np.diff(time) < 0)[0] + 1]
         notes.append(
             f"the clock starts again in row {back}: what follows is a recording of its own"
@@ -134,7 +134,7 @@ def put_in_order(
     return time, values, rows, notes
 
 
-def _restarted(time: np.ndarray) -> np.ndarray | None:
+def _join_restarts(time: np.ndarray) -> np.ndarray | None:
     """Times (n,) of a file in which the clock starts again, the parts one after the other.
 
     Between two parts there is a gap as long as all before. None where the clock does not start

@@ -55,7 +55,7 @@ class UnitError(ValueError):
 
 
 @cache
-def _registry():
+def _make_registry():
     from pint import UnitRegistry
 
     registry = UnitRegistry(None, autoconvert_offset_to_baseunit=True)
@@ -64,7 +64,7 @@ def _registry():
 
 
 @cache
-def _parsed(text: str):
+def _parse_unit(text: str):
     """Parse a unit as loggers spell it. Raises what pint raises, and ValueError for other texts."""
     import pint
 
@@ -84,7 +84,7 @@ def _with_usual_prefixes(text: str):
     """Parse a unit. Raises UndefinedUnitError for a prefix that the unit is not written with."""
     import pint
 
-    parsed = _registry().parse_units(text)
+    parsed = _make_registry().parse_units(text)
     for prefix, unit in map(_split_prefix, parsed._units):
         if prefix and prefix not in PREFIXES.get(unit, ()):
             raise pint.UndefinedUnitError(text)
@@ -93,7 +93,7 @@ def _with_usual_prefixes(text: str):
 
 def _split_prefix(name: str) -> tuple[str, str]:
     """Split the name of a unit into its prefix, '' where it has none, and the rest."""
-    return _registry().parse_unit_name(name)[0][:2]
+    return _make_registry().parse_unit_name(name)[0][:2]
 
 
 def factor(unit: str, wanted: str) -> float:
@@ -122,7 +122,9 @@ def factor(unit: str, wanted: str) -> float:
         if wanted == "m/s^2":
             name = f"{name.lower()}_n" if name in ("g", "mg", "G") else name
             name = re.sub(r"ms\^?-2", "m/s^2", name)
-        return size * float(_registry().Quantity(1.0, _parsed(name)).to(_parsed(wanted)).magnitude)
+        return size * float(
+            _make_registry().Quantity(1.0, _parse_unit(name)).to(_parse_unit(wanted)).magnitude
+        )
     except pint.UndefinedUnitError as error:
         raise _unknown(unit, "mm, m/s^2 or g_n") from error
     except pint.DimensionalityError as error:
@@ -174,7 +176,7 @@ def is_unit(text: str) -> bool:
     if text[:1].isdigit():
         return False
     try:
-        return bool(_parsed(text)._units)
+        return bool(_parse_unit(text)._units)
     except Exception:  # pint's parser raises many kinds
         return False
 
@@ -252,7 +254,7 @@ def input_si(unit: str) -> tuple[float, str]:
         return 1.0, unit
     size, name = _split_scale(unit)
     try:
-        own = _registry().Quantity(1.0, _parsed(name))
+        own = _make_registry().Quantity(1.0, _parse_unit(name))
         if not own._is_multiplicative:
             if size != 1.0:
                 raise ValueError("a number times a unit that does not begin at zero")
@@ -269,8 +271,8 @@ def input_si(unit: str) -> tuple[float, str]:
 def _without_prefixes(units):
     """Return the coherent unit of the same kind: of mV it is V, of km/h m/s."""
     names = {_split_prefix(name)[1]: power for name, power in units._units.items()}
-    plain = _registry().Unit(units._units.__class__(names))
-    one = _registry().Quantity(1.0, plain).to_base_units()
+    plain = _make_registry().Unit(units._units.__class__(names))
+    one = _make_registry().Quantity(1.0, plain).to_base_units()
     return plain if one.magnitude == 1.0 else one.units
 
 
@@ -301,19 +303,19 @@ def coefficient_unit(
         factors.append((names[first], degree.get(function.name, 0)))
     for name, power in factors:
         if power and name in inputs:
-            own = _symbols(inputs[name]) if inputs[name] else {f"[{name}]": 1}
+            own = _unit_symbols(inputs[name]) if inputs[name] else {f"[{name}]": 1}
         else:
-            own = _symbols(state_unit(name))
+            own = _unit_symbols(state_unit(name))
         powers.subtract({symbol: power * each for symbol, each in own.items()})
     parts = [f"{symbol}^{power}" for symbol, power in powers.items() if power]
     return " ".join(parts).replace("^1 ", " ").removesuffix("^1") or "1"
 
 
-def _symbols(unit: str) -> dict[str, int]:
+def _unit_symbols(unit: str) -> dict[str, int]:
     if unit in USUAL and USUAL[unit][0] == 1.0:
         return dict(zip("ms", USUAL[unit][1:], strict=True))
     try:
-        parsed = _parsed(unit)
+        parsed = _parse_unit(unit)
     except Exception:  # pint's parser raises many kinds; of a model of another version
         return {unit: 1}
-    return {_registry().get_symbol(name): power for name, power in parsed._units.items()}
+    return {_make_registry().get_symbol(name): power for name, power in parsed._units.items()}

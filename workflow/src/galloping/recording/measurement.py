@@ -11,7 +11,7 @@ import numpy as np
 
 from galloping.recording.samples import Recording
 from galloping.results import Motion
-from galloping.streams import generator
+from galloping.streams import make_generator
 
 # What recordings hold: exact states with their rates, all states, not all of them, or rates beside
 # states that are not exact, if there are any.
@@ -129,7 +129,7 @@ def recordings_of(
     exact = BY_NAME[protocol].measures == DERIVATIVES
 
     def record(replicate: int, release: int) -> Recording:
-        rng = generator(seed, "measurement", *name, replicate, release)
+        rng = make_generator(seed, "measurement", *name, replicate, release)
         motion, noise = motions[release], noises[release]
         rows: slice | np.ndarray = slice(None)
         if samples < len(motion.time):

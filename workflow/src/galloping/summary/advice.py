@@ -72,7 +72,7 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
         sigma / np.sqrt(thin),
     )
     ranked = []
-    for name, option in _options(first, identified, recording).items():
+    for name, option in _list_options(first, identified, recording).items():
         try:
             total = before + information(model, free, option)
         except ValueError:  # by this model the motion would not stay bounded
@@ -90,7 +90,7 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
     )
 
 
-def _options(
+def _list_options(
     first: Experiment, identified: IdentifiedModel, recording: Recording
 ) -> dict[str, Experiment]:
     """Recordings that could be made, by what is done."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from galloping import __version__
-from galloping.behaviour.dynamics import Dynamics, Surroundings, expected
+from galloping.behaviour.dynamics import Dynamics, Surroundings, expected_dynamics
 from galloping.behaviour.following import Sensed
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import validated_problem
@@ -21,13 +21,13 @@ from galloping.identification.preparation.interpolation import (
 )
 from galloping.identification.prior_knowledge import PRIOR, as_coefficients
 from galloping.identification.work import limit_work
-from galloping.inspection.excerpts import by_excerpts, excerpts
+from galloping.inspection.excerpts import excerpts, identify_excerpts
 from galloping.inspection.quality import finding_of, quality
 from galloping.model.polynomial import Exponents, PolynomialModel, polynomial_library
 from galloping.model.terms import known_model, parse_library
 from galloping.passes import part, passing
 from galloping.readers.mapping import ColumnMapping
-from galloping.readers.recordings import LEAST, SILENT, input_notes, parted, recording
+from galloping.readers.recordings import LEAST, SILENT, input_notes, recording, split_recording
 from galloping.readers.series import Series, check_apart, read_series
 from galloping.readers.units import state_unit
 from galloping.recording.samples import Recording, typical_inputs
@@ -107,7 +107,7 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
     recordings: list[Recording] = []
     names: list[str] = []
     for one, of_file, report in zip(series, whole, reports, strict=True):
-        parts = parted(of_file, period)
+        parts = split_recording(of_file, period)
         report["notes"] += input_notes(of_file)
         if one.unused:
             report["notes"].append(one.unused_note)
@@ -177,7 +177,7 @@ def analyse(
     case = None
     if beside and summary.found.status != "refused":
         found = summary.found.at(typical_inputs(summary.found.model.inputs, field.recordings))
-        case = beside[0], expected(beside[1], found, Surroundings.of(field.recordings))
+        case = beside[0], expected_dynamics(beside[1], found, Surroundings.of(field.recordings))
     with part("write", until=1.0):
         write_outputs(folder, field, summary, case)
         write_figures(folder, field, summary)
@@ -227,7 +227,7 @@ def identify_field(field: Field, question: FieldQuestion) -> tuple[Field, Summar
         )
 
     def identify(recordings: Sequence[Recording]) -> IdentifiedModel:
-        return by_excerpts(method, list(recordings), terms, known, known_states, **options)
+        return identify_excerpts(method, list(recordings), terms, known, known_states, **options)
 
     with limit_work(given):
         with part("identify", until=SEARCHED):
@@ -279,13 +279,13 @@ def write_outputs(
     ahead = [row for part in of.forecasts for row in forecast_rows(part)]
     write_rows(folder / "model.csv", model_rows(identified, inputs), list(MODEL_COLUMNS))
     write_rows(folder / "forecast.csv", ahead, list(tables["forecast.csv"]))
-    write_json(folder / "datapackage.json", _package(tables))
+    write_json(folder / "datapackage.json", _describe_package(tables))
     told = findings(of, field.reports, beside)
     write_text(folder / "summary.json", json_text(asdict(told), indent=2) + "\n")
     write_text(folder / "summary.md", rendered(of, told, field.reports))
 
 
-def _package(tables: Mapping[str, Mapping[str, str]]) -> dict:
+def _describe_package(tables: Mapping[str, Mapping[str, str]]) -> dict:
     """The Frictionless description of CSV files, of each its columns with their units."""
     resources = []
     for file, columns in tables.items():

@@ -37,7 +37,7 @@ def driving(
     Columns have the names of the inputs, and their units behind them. Raises ValueError where an
     input is not said, and for files that cannot be read.
     """
-    found = _held(at, names)
+    found = _read_held(at, names)
     left = [name for name in names if name not in found]
     if path is not None:
         if not left:
@@ -76,7 +76,7 @@ def inputs_after(
                 f"{recording.path}: the model is driven by {name}; say its column, --input {name}"
                 "=COLUMN (inputs: in a mapping)"
             )
-    found = _held(at, names)
+    found = _read_held(at, names)
     left = [name for name in names if name not in found]
     if path is None or not left:
         return found
@@ -113,7 +113,7 @@ def usual_sampling(
     return float(f"{duration:.2g}"), float(f"{rate:.2g}")
 
 
-def _held(at: Sequence[str], names: Sequence[str]) -> dict[str, Input | float]:
+def _read_held(at: Sequence[str], names: Sequence[str]) -> dict[str, Input | float]:
     found: dict[str, Input | float] = {}
     for name, value in held_at(at, names).items():
         if isinstance(value, np.ndarray):

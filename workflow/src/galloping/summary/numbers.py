@@ -203,31 +203,33 @@ def findings(
         for column in report["channels"].values()
         if column["position_m"] is not None
     }
-    recorded = tuple(_recorded(of.recordings, below, placed))
-    strengths, lasting = _forces(found, known) if found.is_forced else ({}, ())
-    count, share = _stretches(of.recordings, found)
+    recorded = tuple(_describe_recorded(of.recordings, below, placed))
+    strengths, lasting = _force_densities(found, known) if found.is_forced else ({}, ())
+    count, share = _count_stretches(of.recordings, found)
     is_refused = found.status == "refused"
     return Findings(
         status=found.status,
         reason=found.reason,
         findings=tuple(each.as_dict() for each in found.findings),
         recorded=recorded,
-        columns=tuple(_columns(reports, recorded)),
-        system=_system(known, found, units) if known else None,
+        columns=tuple(_describe_columns(reports, recorded)),
+        system=_estimate_system(known, found, units) if known else None,
         random_forces=strengths,
         force_durations_s=lasting,
         forecast=_held_out(of.held_out, found.is_forced) if of.held_out else None,
         no_forecast=of.untried,
         stretches=count,
         stretches_percent=share,
-        absent_terms=() if is_refused else tuple(_absent(found, of.recordings, units)),
+        absent_terms=() if is_refused else tuple(_list_absent(found, of.recordings, units)),
         scales={
             name.removeprefix("scale_"): float(value)
             for name, value in found.diagnostics.items()
             if name.startswith("scale_")
         },
-        further_recording=_advice(of.advice) if of.advice else None,
-        compared=(beside[0], _system(beside[1], None, units)) if beside and beside[1] else None,
+        further_recording=_further_recording(of.advice) if of.advice else None,
+        compared=(beside[0], _estimate_system(beside[1], None, units))
+        if beside and beside[1]
+        else None,
     )
 
 
@@ -241,7 +243,7 @@ def is_blind(found: IdentifiedModel, known: Dynamics) -> bool:
     return keeps(known) and found.status == "not identifiable"
 
 
-def _system(
+def _estimate_system(
     known: Dynamics, found: IdentifiedModel | None, units: Mapping[str, str]
 ) -> SystemEstimates:
     hidden = found is not None and (
@@ -270,11 +272,11 @@ def _small_motion(known: Dynamics, name: str) -> SmallMotionEstimates:
         name,
         Estimate.of(frequency, "Hz"),
         Estimate.of(damping, PERCENT, 100.0),
-        _doubling(frequency, damping) if grows else None,
+        _doubling_time(frequency, damping) if grows else None,
     )
 
 
-def _doubling(frequency: Value, damping: Value) -> Estimate:
+def _doubling_time(frequency: Value, damping: Value) -> Estimate:
     """The time in which a motion that grows doubles; without an end where it may not grow."""
     time, low, high = (
         log(2.0) / (2.0 * pi * frequency.value * -ratio) if ratio < 0.0 else inf
@@ -283,7 +285,7 @@ def _doubling(frequency: Value, damping: Value) -> Estimate:
     return Estimate(time, low, high, unit="s")
 
 
-def _recorded(
+def _describe_recorded(
     recordings: Sequence[Recording], below: float, placed: Collection[str]
 ) -> Iterator[RecordedMotion]:
     """Of each channel of all recordings; below: Hz, beyond which they have nothing left. placed:
@@ -308,7 +310,7 @@ def _recorded(
             yield RecordedMotion(name, what, *ends, plain_unit(name), pace, below)
 
 
-def _columns(
+def _describe_columns(
     reports: Sequence[dict], recorded: Sequence[RecordedMotion]
 ) -> Iterator[RecordedMotion]:
     """The columns of files whose own extremes are not those of the state that they measure."""
@@ -327,7 +329,7 @@ def _columns(
         yield RecordedMotion(name, meaning(state), low, high, plain_unit(state), file=file)
 
 
-def _forces(
+def _force_densities(
     found: IdentifiedModel, known: Dynamics | None
 ) -> tuple[dict[str, Estimate], tuple[float, ...]]:
     """Roots of the one-sided spectra of the forces, at the frequency of the coordinate that each
@@ -366,7 +368,7 @@ def _held_out(of: "HeldOut", is_forced: bool) -> HeldOutScores:
     return HeldOutScores(last - first, last, of.index < -1, of.useful, tuple(numbers))
 
 
-def _stretches(recordings: Sequence[Recording], found: IdentifiedModel) -> tuple[int, float]:
+def _count_stretches(recordings: Sequence[Recording], found: IdentifiedModel) -> tuple[int, float]:
     """How many parts of the recordings were used, and their share of the time; 0 for the whole."""
     own = recordings if found.is_forced else excerpts(list(recordings))
     if all(one is other for one, other in zip(own, recordings, strict=False)):
@@ -375,7 +377,7 @@ def _stretches(recordings: Sequence[Recording], found: IdentifiedModel) -> tuple
     return len(own), float(100.0 * used / whole)
 
 
-def _absent(
+def _list_absent(
     found: IdentifiedModel, recordings: Sequence[Recording], units: Mapping[str, str]
 ) -> Iterator[AbsentTerm]:
     """The absent terms that may be the largest part of their equation unseen.
@@ -407,7 +409,7 @@ def _root_mean_square(name: str, recordings: Sequence[Recording]) -> float:
     return float(np.sqrt(np.nanmean(values**2)))
 
 
-def _advice(own: "Advice") -> FurtherRecording:
+def _further_recording(own: "Advice") -> FurtherRecording:
     return FurtherRecording(
         own.term, own.coefficient, own.error, own.unit, own.duration, dict(own.options)
     )

@@ -23,8 +23,8 @@ from galloping.configuration.kinds import EXAMPLES
 from galloping.identification.observations import Code
 from galloping.model.intervals import NORMAL_95
 from galloping.model.terms import known_model
-from galloping.readers.mapping import read_mapping, validated
-from galloping.streams import generator
+from galloping.readers.mapping import read_mapping, validate_mapping
+from galloping.streams import make_generator
 from galloping.summary.analysis import Field, FieldQuestion, identify_field, read_field
 from galloping.summary.summarise import Summary
 from galloping.trials.attempts import FAR, against_truth, counted_cost, describe_answer
@@ -89,7 +89,7 @@ class SampleFile:
     columns : mapping of str to (n,) array
         Samples by header, times first.
     mapping : mapping
-        How columns are read, as `readers.mapping.validated` takes it, without the time.
+        How columns are read, as `readers.mapping.validate_mapping` takes it, without the time.
     mode : Oscillation
         The small motions.
     equation : str
@@ -278,7 +278,7 @@ def trial(
             file, mapping = EXAMPLES[case]
             sample, field = None, read_field([file], read_mapping(mapping))
         else:
-            sample = FILES[case](generator(seed, "file", case, replicate))
+            sample = FILES[case](make_generator(seed, "file", case, replicate))
             field = write_and_read(sample)
         library = (sample.library,) if sample and sample.library else ()
         for method in methods:
@@ -296,7 +296,7 @@ def write_and_read(sample: SampleFile) -> Field:
     with TemporaryDirectory() as folder:
         path = Path(folder, "sample.csv")
         pd.DataFrame(sample.columns).to_csv(path, index=False, float_format=NUMBERS)
-        return read_field([path], validated({**time, **sample.mapping}))
+        return read_field([path], validate_mapping({**time, **sample.mapping}))
 
 
 def judge(sample: SampleFile, summary: Summary) -> dict[str, object]:

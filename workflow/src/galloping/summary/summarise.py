@@ -29,7 +29,7 @@ from galloping.behaviour.forecast import (
     deviations_of,
     with_factors,
 )
-from galloping.behaviour.objections import Identify, objected
+from galloping.behaviour.objections import Identify, with_objections
 from galloping.identification.free_motion.answer import as_recorded_alone
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import checked_recordings
@@ -39,9 +39,9 @@ from galloping.identification.observations import Finding
 from galloping.identification.random_forces import forced_motion as in_random_forces
 from galloping.identification.random_forces.low_pass import as_modelled
 from galloping.identification.work import limit_work
-from galloping.inspection.excerpts import by_excerpts
+from galloping.inspection.excerpts import identify_excerpts
 from galloping.inspection.quality import PERIODS as PERIODS_HELD
-from galloping.inspection.quality import peaks_of, sampled, spectrum
+from galloping.inspection.quality import peaks_of, sampled_time, spectrum
 from galloping.passes import part, passing
 from galloping.readers.units import NONE
 from galloping.recording.samples import Input, Recording, typical_inputs
@@ -149,12 +149,14 @@ def summarise(
     """
     if method not in METHODS:
         raise ValueError(f"method: {method!r}; must be one of {', '.join(METHODS)}")
-    given = _checked(found, recordings)
+    given = _check_recordings(found, recordings)
 
     def identify(others: Sequence[Recording]) -> IdentifiedModel:
         known = tuple(found.model.states[i] for i in found.known)
         terms = found.model.terms
-        return by_excerpts(METHODS[method], list(others), terms, found.model, known, **options)
+        return identify_excerpts(
+            METHODS[method], list(others), terms, found.model, known, **options
+        )
 
     names = [f"recording {number}" for number in range(1, len(given) + 1)]
     with limit_work(given):
@@ -173,7 +175,7 @@ def summarised(
     are_one: bool = False,
 ) -> Summary:
     """The same by any method: identify is what found the model. names, faults, are_one: as of
-    `objected`.
+    `with_objections`.
 
     Raises ValueError where there is a model and no channel oscillates.
     """
@@ -181,10 +183,10 @@ def summarised(
     period, last = longest_period(recordings), recordings[-1]
     untried, is_still = "", False
     with part("compare the recordings", until=0.3):
-        found = objected(found, recordings, names, period, identify, faults, are_one)
+        found = with_objections(found, recordings, names, period, identify, faults, are_one)
     if found.status == "refused":
         return Summary(found, tuple(recordings))
-    window = PERIODS * _finite(period)
+    window = PERIODS * _check_period(period)
     with part("hold out the end", until=0.7):
         try:
             held_out = hold_out(recordings, period, identify, np.random.default_rng(seed))
@@ -193,7 +195,7 @@ def summarised(
             held_out, untried, is_still = None, str(error), isinstance(error, StillError)
     with part("forecast", until=0.8):
         try:
-            time, rng = _after(last, window), np.random.default_rng(seed)
+            time, rng = _times_after(last, window), np.random.default_rng(seed)
             predicted = ahead.forecast(found, last, time, window, rng)
         except ValueError:
             predicted = None
@@ -222,7 +224,7 @@ def dynamics(
     seed: of the draws behind the intervals. None where no state is the velocity of another one, or
     where there is no model. Raises ValueError for other input.
     """
-    given = _checked(found, recordings)
+    given = _check_recordings(found, recordings)
     if not len(found.extrapolation_shift):
         found = with_extrapolation(found, given)
     at = typical_inputs(found.model.inputs, given)
@@ -251,11 +253,11 @@ def forecast(
     `Summary`. Raises ValueError where there is no model, where it does not follow the recording,
     where an input is not known, where most draws of it diverge, and for other input.
     """
-    (recording,) = _checked(found, recording)
+    (recording,) = _check_recordings(found, recording)
     if window is None:
-        window = PERIODS * _finite(longest_period([recording]))
+        window = PERIODS * _check_period(longest_period([recording]))
     end = recording.time[-1]
-    times = _after(recording, window) if time is None else as_increasing("time", time)
+    times = _times_after(recording, window) if time is None else as_increasing("time", time)
     if times[0] <= end:
         raise ValueError(f"time: begins at {times[0]:g} s; the recording ends at {end:g} s")
     if found.status != "refused":
@@ -263,7 +265,7 @@ def forecast(
     return ahead.forecast(found, recording, times, window, np.random.default_rng(seed), inputs)
 
 
-def _checked(found: object, recordings: object) -> list[Recording]:
+def _check_recordings(found: object, recordings: object) -> list[Recording]:
     if not isinstance(found, IdentifiedModel):
         raise ValueError(
             f"found: a {type(found).__name__}; must be an IdentifiedModel, such as "
@@ -286,7 +288,7 @@ def longest_period(recordings: Sequence[Recording]) -> float:
     """
     frequencies = []
     for recording in recordings:
-        least = PERIODS_HELD / sampled(recording.time) * (1.0 - TIME_ROUNDING)
+        least = PERIODS_HELD / sampled_time(recording.time) * (1.0 - TIME_ROUNDING)
         for channel in Sensed.by(recording).samples(recording).T:
             known = np.isfinite(channel)
             if np.count_nonzero(known) > 1:
@@ -296,13 +298,13 @@ def longest_period(recordings: Sequence[Recording]) -> float:
     return 1.0 / min(frequencies) if frequencies else np.inf
 
 
-def _finite(period: float) -> float:
+def _check_period(period: float) -> float:
     if np.isinf(period):
         raise ValueError("recordings: no channel oscillates: there is no motion to identify")
     return period
 
 
-def _after(recording: Recording, length: float) -> NDArray[np.float64]:
+def _times_after(recording: Recording, length: float) -> NDArray[np.float64]:
     """Times, s, of samples after a recording, as often as its own, for `length` s."""
     step = max(recording.step, length / MOST_SAMPLES)
     return recording.time[-1] + step * np.arange(1, round_up(length / step))

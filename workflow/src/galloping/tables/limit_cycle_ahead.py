@@ -11,7 +11,7 @@ from galloping.evaluation.motion import steady_amplitude
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import Derived
 from galloping.recording.measurement import Motion
-from galloping.streams import generator
+from galloping.streams import make_generator
 
 COLUMNS = (
     "case", "protocol", "level", "method", "state", "recorded_m", "true_m", "predicted_m",
@@ -46,7 +46,7 @@ def limit_cycles_ahead(
     for name, columns in settings["cells"].items():
         models, cycles = identified[name][settings["method"]][:MOST_REPLICATES], []
         for replicate, found in enumerate(models):
-            rng = generator(settings["seed"], "limit cycle ahead", name, replicate)
+            rng = make_generator(settings["seed"], "limit cycle ahead", name, replicate)
             with suppress(ValueError, np.linalg.LinAlgError):
                 cycles.append(limit_cycle_ahead(found, first.states[0], rng))
         known = {key: columns[key] for key in ("case", "protocol", "level")}

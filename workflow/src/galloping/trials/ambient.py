@@ -15,7 +15,7 @@ from galloping.model.intervals import decay_interval
 from galloping.model.modes import Modes
 from galloping.model.polynomial import polynomial_library
 from galloping.recording.samples import Recording
-from galloping.streams import generator
+from galloping.streams import make_generator
 from galloping.trials.attempts import identified_by
 from galloping.trials.real_lines import DEGREE, JUDGEMENTS, NOISE
 
@@ -110,7 +110,7 @@ def trial(
     judged where no random forces are answered. Seconds are those of the processor.
     """
     for replicate in replicates:
-        motion = RandomMotion.drawn(generator(seed, "ambient", case, replicate))
+        motion = RandomMotion.drawn(make_generator(seed, "ambient", case, replicate))
         (true, _), bound = decays(motion.system, ()), motion.least_errors()
         for method, settings in methods.items():
             terms, name = polynomial_library(len(STATES), DEGREE), ("ambient", case, str(replicate))

@@ -13,7 +13,7 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.model.intervals import NORMAL_95
 from galloping.model.polynomial import polynomial_library
 from galloping.recording.samples import Recording
-from galloping.streams import generator
+from galloping.streams import make_generator
 from galloping.trials.attempts import identified_by
 from galloping.trials.real_lines import DEGREE, JUDGEMENTS
 
@@ -105,7 +105,7 @@ def trial(
     nothing if they are not told. Seconds are those of the processor.
     """
     for replicate in replicates:
-        decay = FreeDecay.drawn(generator(seed, "free_decays", case, replicate))
+        decay = FreeDecay.drawn(make_generator(seed, "free_decays", case, replicate))
         for method, settings in methods.items():
             terms, name = (
                 polynomial_library(len(STATES), DEGREE),

@@ -43,7 +43,7 @@ from galloping.paper.unknowns import (
     Reading,
 )
 from galloping.recording.measurement import Motion
-from galloping.streams import generator
+from galloping.streams import make_generator
 
 AMOUNTS = Amounts()
 OTHER_CASE = "non_resonant"  # the paper's other line, whose motion it calls steady as well
@@ -162,7 +162,7 @@ def trial(
     """
     reading = BY_NAME[case]
     for replicate in replicates:
-        rng = generator(seed, "inference", case, replicate)
+        rng = make_generator(seed, "inference", case, replicate)
         proposal = _learn_proposal(reading, pilot_rounds, pilot_draws, rng)
         tried, proposed = _try_settings(reading, proposal, settings, draws, rng)
         named = {"reading": case, "replicate": replicate}

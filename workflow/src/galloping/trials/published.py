@@ -23,7 +23,7 @@ from galloping.model.intervals import NORMAL_95
 from galloping.model.polynomial import PolynomialModel, polynomial_library
 from galloping.model.terms import known_model
 from galloping.recording.samples import Recording
-from galloping.streams import generator
+from galloping.streams import make_generator
 from galloping.trajectory.simulation import Simulator
 from galloping.trials.attempts import Attempt, identified_by, measured, trial_of
 
@@ -145,7 +145,7 @@ def exact_terms(
             bound = state_bound(true, np.argwhere(true.support), [experiment])
             for replicate in replicates:
                 named = columns | {"replicate": replicate}
-                rng = generator(*_drawn(named))
+                rng = make_generator(*_drawn(named))
                 noise = sigma * rng.standard_normal(motion[rows].shape)
                 recording = Recording(time[rows], true.states, motion[rows] + noise)
                 yield Attempt(named, true, recording, on_library(true, bound))
@@ -173,7 +173,7 @@ def relaxation_intervals(
         motion = simulator(true, np.array([RELAXATION_START]), time).states
         for replicate in replicates:
             columns = {"case": case, "samples": count, "seed": seed, "replicate": replicate}
-            rng = generator(*_drawn(columns))
+            rng = make_generator(*_drawn(columns))
             values = motion + RELAXATION_NOISE * rng.standard_normal(motion.shape)
             noise = np.array([[RELAXATION_NOISE], [np.nan]])
             recording = Recording(time, true.states, values, known_noise=noise)

@@ -20,7 +20,7 @@ from galloping.model.intervals import NORMAL_95, draw_models
 from galloping.model.polynomial import PolynomialModel, polynomial_library
 from galloping.model.terms import parse_library
 from galloping.recording.samples import Input, Recording
-from galloping.streams import generator
+from galloping.streams import make_generator
 from galloping.trajectory.simulation import Simulator
 from galloping.trials.attempts import identified_by
 
@@ -197,7 +197,7 @@ def trial(
     driven = Simulator(STATES, terms, inputs=inputs) if truth.wind else simulator
 
     def moved(*name: str | int) -> tuple[np.ndarray, dict[str, Input], np.random.Generator]:
-        rng = generator(seed, "model_error", case, *name)
+        rng = make_generator(seed, "model_error", case, *name)
         gusts = {**parameters["truth"]["gusts"], "intensity": truth.intensity}
         speed = continuous.wind(line, gusts, time, rng)
         measured = {SPEED: Input(time, speed)} if truth.wind else {}
@@ -225,7 +225,7 @@ def trial(
                 **said, **dict.fromkeys(JUDGEMENTS, np.nan),
             }  # fmt: skip
             if identified.status != "refused":
-                draws = generator(seed, "model_error", case, replicate, method)
+                draws = make_generator(seed, "model_error", case, replicate, method)
                 held = identified.at(dict.fromkeys(inputs, line.speed))
                 row |= _judged(*answer(held, steady[0], time, simulator, draws), true)
                 row["terms"] = int(identified.support.sum())

@@ -30,7 +30,7 @@ from galloping.line.galerkin import STATES, coefficients, model
 from galloping.line.gusts import wind_speed
 from galloping.model.polynomial import PolynomialModel, design_matrix, polynomial_library
 from galloping.recording.samples import Recording
-from galloping.streams import generator
+from galloping.streams import make_generator
 from galloping.trajectory.simulation import Simulator, time_grid
 from galloping.trials.attempts import Attempt, deviations_at_the_bound, measured, trial_of
 
@@ -143,7 +143,7 @@ def of_random_lines(
     simulator = Simulator(STATES, TERMS)
     for duration, number in product(durations, replicates):
         time = time_grid(duration, RATE)
-        true, motions = next(lines(generator(seed, "random line", number), simulator, time))
+        true, motions = next(lines(make_generator(seed, "random line", number), simulator, time))
         for protocol in protocols:
             for level in levels:
                 for release, states in enumerate(motions):
@@ -165,7 +165,7 @@ def of_long_and_steady_motions(
     time, simulator = time_grid(*LONG.get(case, (DURATION, RATE))), Simulator(STATES, TERMS)
     for level, replicate in product(levels, replicates):
         if case in CHOSEN:
-            rng, states = generator(seed, LONG_AND_STEADY, case, replicate), None
+            rng, states = make_generator(seed, LONG_AND_STEADY, case, replicate), None
             drawn = lines(rng, simulator, time)
             while states is None:
                 true, motions = next(drawn)
@@ -332,7 +332,7 @@ def of_faulty_recordings(
     """The default line with the fault `case` of FAULTS, of a size that each replicate draws."""
     line, (named, sizes, record) = default_line(), FAULTS[case]
     for level, replicate in product(levels, replicates):
-        rng = generator(seed, GROUP, case, replicate)
+        rng = make_generator(seed, GROUP, case, replicate)
         size = rng.uniform(*sizes)
         noise = level * line.states.std(axis=0) * rng.standard_normal(line.states.shape)
         time, values = record(line, size, noise, rng)
