@@ -143,7 +143,7 @@ class FieldQuestion:
     method: str = "maximum_likelihood"
     known: tuple[str, ...] = ()
     seed: int = 0
-    polynomial_library: tuple[str, ...] = ()
+    library: tuple[str, ...] = ()
     random_force: tuple[str, ...] = ()
 
     def terms(self, mapping: ColumnMapping) -> tuple[tuple[Exponents, ...], np.ndarray | None]:
