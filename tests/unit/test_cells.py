@@ -4,7 +4,8 @@ import runpy
 
 import numpy as np
 import pytest
-from lines import CASES
+from lines import CASES, edited
+from PIL import Image
 
 from galloping.configuration.load import load
 from galloping.results import Motion
@@ -116,6 +117,22 @@ def test_from_a_line_to_recordings_without_snakemake(script, tmp_path):
     noise = (first.values - motion.states).std(axis=0) / motion.states.std(axis=0)
     assert np.allclose(noise, 0.05, rtol=0.2)
     assert not np.array_equal(first.values, second.values)
+
+
+@pytest.mark.parametrize(
+    ("wind", "duration", "status", "n_frames"), [(3, 4, "ok", 41), (100, 30, "diverged", 1)]
+)
+def test_any_line_has_an_animation(script, tmp_path, wind, duration, status, n_frames):
+    case = edited(CASES["internal_resonance"], wind__speed=wind)
+    names = ("models/a.json", "trajectories/a.npz", "figures/a.gif")
+    model, trajectory, animation = (tmp_path / name for name in names)
+    script("derive_model")(case, model)
+    release = case["initial_state"]
+    script("simulate_line")(model, trajectory, [release], duration, sampling_rate=50)
+    assert files.read(trajectory)[0].status.startswith(status)
+    script("animate_line")(animation, "a", trajectory, case, window=[2, duration])
+    with Image.open(animation) as image:
+        assert image.n_frames == n_frames  # ten a second
 
 
 def test_a_line_is_assessed_without_snakemake(script, tmp_path):

@@ -1,7 +1,10 @@
-"""The first line, moving as it does at the end of the record."""
+"""The first line, moving as it does at the end of the record.
+
+A line that diverges has no motion to show: its animation is one frame that says so.
+"""
 
 from galloping.evaluation.motion import steady_frequency
-from galloping.figures.engineering import write_animation
+from galloping.figures.engineering import write_animation, write_still
 from galloping.figures.style import spoken
 from galloping.reproducibility.job import run
 from galloping.study.files import read
@@ -11,10 +14,14 @@ PERIODS = 3  # of the slower direction: the motion begins again nearly where it 
 
 def animate_line(animation, case, trajectory, line, window):
     motion = read(trajectory)[0]
+    title = f"{spoken(case)}, wind {line['wind']['speed']:g} m/s"
+    if motion.status != "ok":
+        write_still(animation, f"{title}\nnothing to show: the line itself {motion.status}")
+        return
     steady = motion.time >= window[0]
     slower = steady_frequency(motion.states[steady][:, :2], motion.time[1] - motion.time[0]).min()
     kept = motion.time >= motion.time[-1] - PERIODS / slower
-    title = f"{spoken(case)}, wind {line['wind']['speed']:g} m/s, the last {PERIODS} periods"
+    title += f", the last {PERIODS} periods"
     write_animation(animation, line, motion.time[kept], motion.states[kept], title)
 
 

@@ -3,7 +3,7 @@ stops it.
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import pandas as pd
@@ -176,11 +176,33 @@ def write_animation(
         Above the span.
     """
     step = max(1, round(1 / (RATE * (time[1] - time[0]))))
-    with styled(8), replacing(path) as partial:
+    with styled(8):
         figure, update = _scene(case, states, title)
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")  # solved once, not in every frame
-        animation = FuncAnimation(figure, update, frames=range(0, len(time), step), blit=False)
+        _write_gif(path, figure, update, range(0, len(time), step))
+
+
+def write_still(path: str | os.PathLike, reason: str) -> None:
+    """Write a GIF of one frame that says why there is no motion to show.
+
+    Parameters
+    ----------
+    path : path-like
+        Of the GIF.
+    reason : str
+        What is shown instead of the motion.
+    """
+    with styled(8):
+        _write_gif(path, parts.nothing_at_all(reason), lambda frame: (), range(1))
+
+
+def _write_gif(
+    path: str | os.PathLike, figure: Figure, update: Callable[[int], tuple], frames: range
+) -> None:
+    """Write `frames` of a figure, which `update` changes to a frame's."""
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # solved once, not in every frame
+    animation = FuncAnimation(figure, update, frames=frames, blit=False)
+    with replacing(path) as partial:
         animation.save(partial, writer=PillowWriter(fps=RATE), dpi=DPI)
 
 
@@ -195,7 +217,7 @@ def _scene(case: Mapping, states: np.ndarray, title: str) -> tuple:
     )
     elevation, plan, middle = panes["elevation"], panes["plan"], panes["orbit"]
     elevation.set_title(title, loc="left")
-    reach = 1.15 * np.max(np.abs(states[:, :2]))
+    reach = 1.15 * np.max(np.abs(states[:, :2])) or 1.0  # m, of a line at rest
     elevation.plot(s, rest, **LEVEL)
     (side,) = elevation.plot(s, rest, color=MODEL, lw=1.6)
     elevation.set(
