@@ -35,6 +35,7 @@ recording = galloping.Recording(
 galloping.Recording(frame["t"], ("q", "U"), frame[["q", "U"]], rates=np.zeros((2, 2)))
 model = galloping.PolynomialModel(["x"], [(1, 0), (0, -1)], [[-1, 0.5]], ["U"])
 galloping.PolynomialModel(("x",), [[1], [2]], np.zeros((1, 2))).equations()
+galloping.PolynomialModel(line.states, terms, np.zeros((4, len(terms))))
 start: list[float] = [0, 1.5]
 estimator = galloping.MaximumLikelihood("q + dq", known=["dq: dq < 0"], feature_names=["q", "dq"])
 assert_type(estimator.fit(np.zeros((3, 2)), 0.1), galloping.MaximumLikelihood)
