@@ -167,16 +167,39 @@ def test_a_package_that_the_command_lacks_is_one_line_with_how_to_install_it(pac
     assert line.startswith(f"Error: {package} ") and line.endswith(f"pip install {package}")
 
 
+FIRST_FIT = """
+import sys
+from importlib import import_module
+
+import compile_library
+from numba.core.registry import CPUDispatcher
+
+import galloping
+
+
+def compiled():
+    modules = [vars(import_module(f"galloping.{name}")).values() for name in sys.argv[1:]]
+    every = [one for module in modules for one in module if isinstance(one, CPUDispatcher)]
+    return {f"{one.__module__}.{one.__name__}": len(one.signatures) for one in every}
+
+
+compile_library.main()
+beforehand = compiled()
+time = [k / 25 for k in range(500)]
+for library in ("q + dq + q^3", "q + dq + cos(q)", "q + dq + |dq|*dq"):
+    terms, _ = galloping.library(library, ["q", "dq"])
+    line = galloping.PolynomialModel(("q", "dq"), terms, [[0, 1, 0], [-9, -0.1, -1]])
+    recording = galloping.measure(line, galloping.simulate(line, [1, 0], time), level=0.02)
+    galloping.maximum_likelihood(recording, terms)
+for name, count in compiled().items():
+    print(name, beforehand[name], count)
+"""
+
+
 @pytest.mark.slow
 def test_what_is_compiled_beforehand_is_all_that_a_first_fit_compiles(tmp_path):
-    code = (
-        "import sys; from importlib import import_module; import compile_library; "
-        "from numba.core.registry import CPUDispatcher; compile_library.main()\n"
-        "for name in sys.argv[1:]:\n"
-        "    for function in vars(import_module(f'galloping.{name}')).values():\n"
-        "        if isinstance(function, CPUDispatcher):\n"
-        "            print(function.__name__, len(function.signatures))"
-    )
-    done = run(SCRIPTS, "-c", code, *COMPILED, NUMBA_CACHE_DIR=str(tmp_path))
-    compiled = dict(line.split() for line in done.stdout.splitlines())
-    assert len(compiled) > 20 and "0" not in compiled.values(), done.stdout
+    done = run(SCRIPTS, "-c", FIRST_FIT, *COMPILED, NUMBA_CACHE_DIR=str(tmp_path))
+    assert done.returncode == 0, done.stdout
+    counts = [line.split()[1:] for line in done.stdout.splitlines()]
+    assert len(counts) > 20, done.stdout
+    assert all(before == after != "0" for before, after in counts), done.stdout

@@ -4,6 +4,14 @@ import numpy as np
 
 import galloping
 
+# Series and samples of each kind of term are compiled for themselves: powers, smooth functions and
+# kinks. By the terms of the library, their coefficients in the acceleration.
+OSCILLATORS = {
+    "q + dq + q^2*dq": [-9, 0.5, -0.5],
+    "q + dq + sin(q)": [-1, -0.05, -8],
+    "q + dq + sign(dq)": [-9, -0.05, -0.3],
+}
+
 
 def forced(time: np.ndarray) -> np.ndarray:
     """(n, 2) displacement and velocity of an oscillator in white forces."""
@@ -16,13 +24,15 @@ def forced(time: np.ndarray) -> np.ndarray:
 
 
 def main() -> None:
-    terms, _ = galloping.library("q + dq + q^2*dq", ["q", "dq"])
-    line = galloping.PolynomialModel(("q", "dq"), terms, [[0, 1, 0], [-9, 0.5, -0.5]])
     time = np.arange(600) / 20
-    motion = galloping.simulate(line, [0.5, 0.0], time)
-    galloping.cramer_rao_bound(line, [0.5, 0.0], time, [0.1, 0.1])
-    galloping.maximum_likelihood(galloping.measure(line, motion, level=0.05), terms)
+    for library, coefficients in OSCILLATORS.items():
+        terms, _ = galloping.library(library, ["q", "dq"])
+        line = galloping.PolynomialModel(("q", "dq"), terms, [[0, 1, 0], coefficients])
+        motion = galloping.simulate(line, [2.0, 0.0], time)
+        galloping.cramer_rao_bound(line, [2.0, 0.0], time, [0.1, 0.1])
+        galloping.maximum_likelihood(galloping.measure(line, motion, level=0.05), terms)
     kept_up = galloping.Recording(time, ("q", "dq"), forced(time) * [1.0, np.nan])
+    terms, _ = galloping.library(next(iter(OSCILLATORS)), ["q", "dq"])
     found = galloping.maximum_likelihood(kept_up, terms)
     galloping.forecast(found, kept_up, time[-1] + time[1:20])
 
