@@ -1,6 +1,7 @@
 """The same from Python: a DataFrame becomes a recording, a model, and what the summary says of it.
 
-What is left out: the checks of the file that `galloping inspect` makes, and the files written.
+What is left out: the checks of the file that `galloping inspect` makes, the ranges of its columns,
+and the files written.
 """
 
 from pathlib import Path
