@@ -12,7 +12,12 @@ from galloping.evaluation.oracle import alternatives, oracles
 from galloping.figures.errors import beaten_at
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import Regressions, reduce
-from galloping.identification.sparse.regression import FOLDS, Judged, ReducedRegression, judge
+from galloping.identification.sparse.regression import (
+    FOLDS,
+    HeldOutErrors,
+    ReducedRegression,
+    judge_path,
+)
 from galloping.identification.sparse.supports import forward_models, threshold_path
 from galloping.identification.sparse.tuning import Convolution, savitzky_golay, weak_form
 from galloping.line.galerkin import EQUATIONS
@@ -75,7 +80,8 @@ def test_errors_are_those_of_rows_that_were_not_fitted():
         rows[0].reshape(-1, 6), targets[0].reshape(-1, 1), np.array([70]), ("x",), (),
         held_out.transpose(0, 2, 1) @ held_out,
     )  # fmt: skip
-    judged = judge(reduced, lambda grams, moments: forward_models(grams, moments, 3))
+    path = partial(forward_models, steps=3)
+    judged = judge_path(reduced.products, reduced.held_out, 1, path)
     assert judged.supports[0, 2].tolist() == [True, False, False, True, False, False]
     fold = np.arange(10) % FOLDS
     for f in range(FOLDS):
@@ -109,7 +115,7 @@ def test_the_sparsest_within_one_standard_error_is_chosen(spread, chosen):
     supports = np.tri(4, 3, -1, dtype=bool)[np.newaxis]  # 0 to 3 terms
     folds = np.array([-1.0, 1, -1, 1, 0])[:, np.newaxis, np.newaxis]
     errors = np.array([90.0, 10.4, 10, 10]) + folds * np.array([0, spread, 0.1, 0])
-    assert Judged(supports, errors).chosen().tolist() == [chosen]
+    assert HeldOutErrors(supports, errors).choose_sparsest().tolist() == [chosen]
 
 
 def error(true, coefficients):
@@ -122,7 +128,7 @@ def test_tuned_smoothing_is_better_than_a_spline_and_worse_than_the_oracle(reson
     (recording,) = recorded(moved(*resonant), seed=71)
     true, evidence = resonant[0].on_library(TERMS), reduce([recording], TERMS)
     tuned, plain = (
-        stlsq.normalised(each, threshold=None, path_length=30).model.coefficients
+        stlsq.fit_normalised(each, threshold=None, path_length=30).model.coefficients
         for each in (evidence, Regressions(evidence.plain, evidence.plain))
     )
     assert error(true, tuned) < 0.6 * error(true, plain)

@@ -31,7 +31,7 @@ from galloping.evaluation.bounds import sensitivities
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.sparse.evidence import reduce
-from galloping.identification.sparse.stlsq import normalised
+from galloping.identification.sparse.stlsq import fit_normalised
 from galloping.model.polynomial import PolynomialModel, polynomial_library
 from galloping.recording.measurement import recordings_of
 from galloping.recording.samples import Recording
@@ -144,7 +144,7 @@ def identification(results: Path) -> list[dict]:
     given = {"t": recording.time, "x_dot": recording.rates}
     peer = seconds(lambda: sindy.fit(recording.values, **given), 7)
     ours = seconds(
-        lambda: normalised(reduce([recording], terms), threshold=None, path_length=30), 31
+        lambda: fit_normalised(reduce([recording], terms), threshold=None, path_length=30), 31
     )
     return [
         row("stlsq with threshold selection, 30,001 x 4", ours, "s",

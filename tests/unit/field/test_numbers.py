@@ -19,7 +19,7 @@ from galloping.behaviour.objections import (
 )
 from galloping.identification.likelihood.repetition import FollowedRecording, is_periodic
 from galloping.identification.observations import Code, Finding
-from galloping.identification.random_forces.start import wavers
+from galloping.identification.random_forces.start import amplitude_fluctuates
 from galloping.model.polynomial import PolynomialModel, design_matrix, polynomial_library
 from galloping.readers import FileError
 from galloping.readers.recordings import split_recording
@@ -241,13 +241,13 @@ def test_a_motion_that_lasts_on_a_stable_line_is_forced(tmp_path):
     omega, ratio = 2 * np.pi * np.array([0.38, 0.21]), np.array([0.01, 0.02])
     stable, start = linear(omega**2, 2 * ratio * omega), np.array([[0.3, 0.3, 0.0, 0.0]])
     found = IdentifiedModel(stable, "approximate", initial_states=start)
-    assert kept_up(found, [recording]) and wavers([recording], 4.0)
+    assert kept_up(found, [recording]) and amplitude_fluctuates([recording], 4.0)
     motion = found.simulate(start[0], recording.time).states
     decay = replace(recording, values=np.where(np.isfinite(recording.values), motion, np.nan))
     assert not kept_up(found, [decay])
     galloping = sure(files.line().on_library(TERMS))
     assert not kept_up(galloping, [recorded()]) and not unaccelerated_coordinates(galloping)
-    assert not wavers([recorded()], 4.0) and not wavers([decay], 4.0)
+    assert not amplitude_fluctuates([recorded()], 4.0) and not amplitude_fluctuates([decay], 4.0)
     still = linear([0.0, omega[1] ** 2])
     assert unaccelerated_coordinates(IdentifiedModel(still, "not identifiable")) == ["q_v"]
 

@@ -5,7 +5,7 @@ import pytest
 from swings import noisy, pole
 
 from galloping.identification.free_motion.damped_modes import Stretch, fit_poles
-from galloping.identification.free_motion.envelope import envelope
+from galloping.identification.free_motion.envelope import fit_envelope
 from galloping.identification.free_motion.mode_search import fit_modes, strongest_mode
 
 
@@ -83,7 +83,7 @@ def test_an_envelope_tells_damping_against_amplitude():
     samples = noisy(size * np.cos(omega * time), 7, 0.002)
     whole = stretch(time, samples)
     modes = fit_poles([whole], np.array([pole(1.0, 0.01)]))
-    parts = envelope(whole, modes, 0, 0)
+    parts = fit_envelope(whole, modes, 0, 0)
     assert len(parts) > 4
     for part in parts:
         error = part.errors[0] / abs(part.pole)

@@ -9,7 +9,7 @@ from identification_cases import assert_found, deviations, unknown_support
 import galloping
 from galloping import Coefficient, Input
 from galloping.identification.observations import Code
-from galloping.identification.preparation.weak_form import begin, delayed_inputs
+from galloping.identification.preparation.weak_form import delayed_inputs, make_start
 from galloping.identification.problem import make_problem
 
 TIME = np.arange(1601) / 20.0
@@ -227,6 +227,6 @@ def test_a_rest_shorter_than_a_test_function_says_nothing_of_delays():
             galloping.Recording(time, ("y", "dy"), values, inputs={"F": FORCE})
             for time, values in recorded
         ]
-        return delayed_inputs(begin(problem, recordings))
+        return delayed_inputs(make_start(problem, recordings))
 
     assert late((TIME, moving), (short, rest)) == late((TIME, moving))

@@ -18,7 +18,7 @@ from galloping import (
 from galloping.identification.likelihood import trajectory_fit
 from galloping.identification.likelihood.missing_terms import find_missing_kind
 from galloping.identification.observations import Code
-from galloping.identification.preparation.weak_form import begin
+from galloping.identification.preparation.weak_form import make_start
 from galloping.identification.prior_knowledge import PRIOR
 from galloping.identification.problem import make_problem
 from galloping.identification.selection import n_unidentifiable_directions
@@ -78,7 +78,7 @@ def test_no_kind_of_term_is_named_beside_a_right_library():
 
 def kind_lacking(recording):
     """What a cubic library lacks to follow a recording."""
-    begun = begin(make_problem(STATES, polynomial_library(2, 3), prior=PRIOR), [recording])
+    begun = make_start(make_problem(STATES, polynomial_library(2, 3), prior=PRIOR), [recording])
     free = trajectory_fit.fit_free_segments(begun, begun.fit)
     unseen = n_unidentifiable_directions(free.information, begun.largest) > 0
     joined = trajectory_fit.join_segments(free, begun.price, 1.0, unseen)

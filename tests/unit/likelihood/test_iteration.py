@@ -11,7 +11,7 @@ from identification_cases import model, noisy
 from galloping import simulate
 from galloping.identification.likelihood import trajectory_fit
 from galloping.identification.likelihood.shooting import ShootingFit
-from galloping.identification.preparation.weak_form import begin, whitened_weak_form
+from galloping.identification.preparation.weak_form import make_start, whitened_weak_form
 from galloping.identification.problem import make_problem
 from galloping.identification.selection import Price, solve_support
 
@@ -101,7 +101,7 @@ def test_the_weak_form_is_weighed_until_its_coefficients_move_by_less_than_their
     true = model(("x", "dx"), 3, {"dx": 1.0}, {"x": -1.0, "dx": 0.3, "x^2 dx": -0.3})
     time = np.linspace(0.0, 60.0, 1201)
     recording = noisy(true, simulate(true, (0.5, 0.0), time).states, time, 0.1, 202611275)
-    begun = begin(make_problem(true.states, true.terms), [recording])
+    begun = make_start(make_problem(true.states, true.terms), [recording])
     weighed = begun.problem.coefficients(begun.fit.free)
     rows, rates = whitened_weak_form(begun.problem, begun.smoothed[0], weighed)
     again, covariance = solve_support(rows.T @ rows, rows.T @ rates, begun.fit.support)

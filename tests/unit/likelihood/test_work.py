@@ -7,7 +7,7 @@ from identification_cases import line, model, noisy, solution
 from galloping import Input, Recording, maximum_likelihood
 from galloping import polynomial_library as library
 from galloping.identification.observations import Code
-from galloping.identification.preparation.screening import prepared
+from galloping.identification.preparation.screening import prepare_recordings
 from galloping.identification.preparation.weak_form import weak_fit
 from galloping.identification.problem import make_problem
 from galloping.identification.selection import select_support
@@ -94,7 +94,7 @@ def test_a_search_counts_little_more_than_its_limit(drawn):
 
 def test_many_candidates_of_the_weak_form_are_not_counted_by_their_square(monkeypatch):
     recording, _ = driven(np.random.default_rng(990101))
-    _, curves, _ = prepared([recording])
+    _, curves, _ = prepare_recordings([recording])
     counted = []
     monkeypatch.setattr("galloping.identification.preparation.weak_form.count_work", counted.append)
     for degree in (1, 3):

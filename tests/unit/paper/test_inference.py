@@ -14,7 +14,7 @@ from galloping.configuration.load import load, plain
 from galloping.configuration.yaml_file import read
 from galloping.figures.against_paper import draw_region
 from galloping.identification.sparse.evidence import Regressions
-from galloping.identification.sparse.stlsq import normalised, raw
+from galloping.identification.sparse.stlsq import fit_normalised, fit_raw
 from galloping.model.polynomial import polynomial_library
 from galloping.paper import agreement, draws
 from galloping.paper.agreement import GROUPS, NUMBERS, PRINTED, cell_of, log_likelihoods
@@ -42,7 +42,9 @@ def moved():
     return draws.line_motion(FIRST_READING.case_at(KNOWN, RESONANT), 300, 100)
 
 
-@pytest.mark.parametrize(("method", "threshold"), [(raw, 0.003), (raw, None), (normalised, 0.003)])
+@pytest.mark.parametrize(
+    ("method", "threshold"), [(fit_raw, 0.003), (fit_raw, None), (fit_normalised, 0.003)]
+)
 def test_quick_thresholds_are_those_of_the_method(moved, method, threshold):
     motion, line = moved
     terms, rng = polynomial_library(4, 3), np.random.default_rng(3)

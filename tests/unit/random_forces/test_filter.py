@@ -12,9 +12,9 @@ from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.kalman import kalman_filter
-from galloping.identification.random_forces.steps import Steps, discretised
-from galloping.identification.random_forces.tracking import Data, Forces, Tracker
-from galloping.identification.random_forces.whiteness import whiteness
+from galloping.identification.random_forces.steps import Steps, discretise
+from galloping.identification.random_forces.tracking import Data, Forces, StateSpaceModel
+from galloping.identification.random_forces.whiteness import assess_whiteness
 from galloping.model.polynomial import PolynomialModel, polynomial_library
 
 SYSTEM = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-9.0, 0.7, -0.1, 0.02], [0.3, -20.0, 0.01, -0.2]])
@@ -33,7 +33,7 @@ def by_block_exponential(length):
 
 @pytest.mark.parametrize("length", [1e-3, 0.04, 0.7, 30.0])
 def test_steps_are_those_of_the_block_exponential(length):
-    transitions, covariances = discretised(SYSTEM, FORCES, np.array([length]))
+    transitions, covariances = discretise(SYSTEM, FORCES, np.array([length]))
     transition, covariance = by_block_exponential(length)
     np.testing.assert_allclose(transitions[0], transition, atol=1e-11)
     np.testing.assert_allclose(covariances[0], covariance, atol=1e-11, rtol=1e-8)
@@ -41,14 +41,14 @@ def test_steps_are_those_of_the_block_exponential(length):
 
 def test_undamped_motion_gathers_force_without_bound():
     system = np.array([[0.0, 1.0], [-4.0, 0.0]])
-    _, covariance = discretised(system, np.diag([0.0, 1.0]), np.array([1000.0]))
+    _, covariance = discretise(system, np.diag([0.0, 1.0]), np.array([1000.0]))
     # energy grows by half the force's covariance a second
     assert covariance[0, 1, 1] / 2 + 4.0 * covariance[0, 0, 0] / 2 == pytest.approx(500.0)
 
 
 def test_critical_damping_cannot_be_told_apart():
     with pytest.raises(IdentificationError, match="critically damped"):
-        discretised(np.array([[0.0, 1.0], [-1.0, -2.0]]), np.eye(2), np.array([1.0]))
+        discretise(np.array([[0.0, 1.0], [-1.0, -2.0]]), np.eye(2), np.array([1.0]))
 
 
 @pytest.mark.parametrize("missing", [0.0, 0.3])
@@ -60,8 +60,8 @@ def test_likelihood_is_that_of_all_samples_together(missing, regular):
     first = np.diag([1.0, 2.0, 3.0, 4.0])
     samples = rng.standard_normal((40, 3))
     samples[rng.random((40, 3)) < missing] = np.nan
-    steps = Steps.between(time)
-    transitions, covariances = discretised(SYSTEM, FORCES, steps.lengths)
+    steps = Steps.from_times(time)
+    transitions, covariances = discretise(SYSTEM, FORCES, steps.lengths)
     innovations, variances, _ = kalman_filter(
         samples, steps.of, transitions, covariances, sensing, noise, np.zeros(4), first.copy()
     )
@@ -90,8 +90,8 @@ def test_likelihood_is_that_of_all_samples_together(missing, regular):
 def test_settled_gains_change_nothing():
     rng = np.random.default_rng(4)
     samples = rng.standard_normal((3000, 1))
-    steps = Steps.between(np.arange(3000) * 0.1)
-    discrete = discretised(SYSTEM, FORCES, steps.lengths)
+    steps = Steps.from_times(np.arange(3000) * 0.1)
+    discrete = discretise(SYSTEM, FORCES, steps.lengths)
     sensing, noise = np.array([[1.0, 0.5, 0, 0]]), np.array([0.1])
     whole = kalman_filter(samples, steps.of, *discrete, sensing, noise, np.zeros(4), np.eye(4))
     twice = np.concatenate([steps.of[:1], steps.of[1:] + np.arange(2999) % 2])  # never settles
@@ -109,14 +109,16 @@ def tracker(model, recording, slow=(0.0, 0.0), **means):
     white = np.diag([0.0, 0.0, 1e-4, 1e-4])
     forces = Forces(white, np.diag([0.0, 0.0, *slow]), np.full(4, 0.3))
     size = np.tile(recording.values[:, :2].std(axis=0), 2) * np.array([1, 1, 4, 4])
-    return Tracker(model, forces, Channels.of([recording]), 0.05 * size[:2], size, means)
+    return StateSpaceModel(
+        model, forces, Channels.from_recordings([recording]), 0.05 * size[:2], size, means
+    )
 
 
 def test_extended_filter_of_a_linear_system_is_that_of_kalman():
     recording, _, system = two_modes(4, duration=60.0)
     follow = tracker(linear(system), recording, slow=(1e-4, 2e-4))
-    data = Data(recording.values[:, :2], Steps.between(recording.time))
-    exact, other = follow.over(data), follow.extended(data, np.zeros((0, 2), np.int64))[0]
+    data = Data(recording.values[:, :2], Steps.from_times(recording.time))
+    exact, other = follow.filter(data), follow.filter_extended(data, np.zeros((0, 2), np.int64))[0]
     atol = 1e-3 * np.std(data.samples[:, 0])
     np.testing.assert_allclose(other.innovations, exact.innovations, atol=atol)
     np.testing.assert_allclose(other.variances[9:], exact.variances[9:], rtol=1e-4)
@@ -127,24 +129,24 @@ def test_line_far_from_the_modes_counts_only_where_it_stands_out():
     count, step, modes = 16000, 0.1, np.array([0.5, 0.8])
     frequency = np.fft.rfftfreq(count, step)
     noise = np.fft.rfft(np.random.default_rng(12).standard_normal((count, 1)), axis=0)
-    alone = whiteness([np.fft.irfft(noise, axis=0)], step, modes)
+    alone = assess_whiteness([np.fft.irfft(noise, axis=0)], step, modes)
     assert alone.white
     for middle, times, named in ((0.7, 4.0, True), (4.2, 4.0, False), (4.2, 8.0, True)):
         louder = np.abs(frequency - middle) < 0.01
         moved = noise * np.where(louder, np.sqrt(times), 1.0)[:, np.newaxis]
-        left = whiteness([np.fft.irfft(moved, axis=0)], step, modes)
-        assert left.shows_line == left.relevant == named
+        left = assess_whiteness([np.fft.irfft(moved, axis=0)], step, modes)
+        assert left.shows_line == left.is_relevant == named
         assert left.frequency == pytest.approx(middle, abs=0.01)
 
 
 def test_a_jump_is_no_random_force():
     """Of normal innovations none is ten deviations; one is said with its time and its channel."""
     noise = np.random.default_rng(21).standard_normal((2000, 2))
-    assert whiteness([noise], 0.1, np.array([0.5])).white
+    assert assess_whiteness([noise], 0.1, np.array([0.5])).white
     noise[700, 1] = -14.0
-    left = whiteness([noise[:300], noise], 0.1, np.array([0.5]))
-    assert left.relevant and not left.white
-    jump = left.finding(["q_v", "q_w"])
+    left = assess_whiteness([noise[:300], noise], 0.1, np.array([0.5]))
+    assert left.is_relevant and not left.is_white
+    jump = left.to_finding(["q_v", "q_w"])
     assert (jump.code, jump.subject) == (Code.INNOVATION_JUMPS, "q_w")
     assert jump.data == {"after_s": pytest.approx(70.0), "size": pytest.approx(14.0, abs=0.5)}
 
@@ -152,9 +154,9 @@ def test_a_jump_is_no_random_force():
 def test_modes_slower_than_a_recording_are_no_mistake():
     noise = np.random.default_rng(2).standard_normal((600, 1))
     parts = [noise[:100], noise[100:]]
-    alone, among = (whiteness(own, 0.1, np.array([2e-3])) for own in (parts[1:], parts))
+    alone, among = (assess_whiteness(own, 0.1, np.array([2e-3])) for own in (parts[1:], parts))
     assert alone.white and among.white
-    assert whiteness(parts, 0.1, np.array([1e-6])).white
+    assert assess_whiteness(parts, 0.1, np.array([1e-6])).white
 
 
 def test_a_known_force_is_added_to_the_motion():
@@ -170,9 +172,11 @@ def test_a_known_force_is_added_to_the_motion():
     driven = PolynomialModel(STATES, terms, np.hstack([unmoved.coefficients, push]), ("F",))
     follow = tracker(driven, recording, F=0.0)
     samples, none = recording.values[:, :2], np.zeros((0, 2), np.int64)
-    own = tracker(unmoved, recording).extended(Data(samples, Steps.between(time)), none)[0]
-    moved = Data(samples + response[:, :2], Steps.between(time, (force,)))
-    found, atol = follow.extended(moved, none)[0], 1e-4 * np.std(samples[:, 0])
+    own = tracker(unmoved, recording).filter_extended(Data(samples, Steps.from_times(time)), none)[
+        0
+    ]
+    moved = Data(samples + response[:, :2], Steps.from_times(time, (force,)))
+    found, atol = follow.filter_extended(moved, none)[0], 1e-4 * np.std(samples[:, 0])
     assert not follow.is_linear
     np.testing.assert_allclose(found.innovations[9:], own.innovations[9:], rtol=1e-4, atol=atol)
     np.testing.assert_allclose(found.variances[9:], own.variances[9:], rtol=1e-4, atol=atol)

@@ -9,7 +9,7 @@ from ambient import swing
 from galloping import Recording, forecast, maximum_likelihood, polynomial_library, summarise
 from galloping.identification.no_model import IdentificationError, NoModel
 from galloping.identification.observations import Code
-from galloping.identification.random_forces.low_pass import REACH, low_passed
+from galloping.identification.random_forces.low_pass import REACH, low_pass_recording
 from galloping.identification.random_forces.several_modes import SeveralModes
 
 TIME = np.arange(12_000) / 20
@@ -35,7 +35,7 @@ def ambient() -> Recording:
 def test_what_is_slow_stays_and_what_is_fast_goes():
     for frequency, share in ((0.1, 1.0), (0.4, 1.0), (0.7, 1.0), (1.2, 0.0), (3.0, 0.0)):
         whole = Recording(TIME, ("q",), np.sin(2 * np.pi * frequency * TIME)[:, None])
-        left = low_passed(whole, 1.0)
+        left = low_pass_recording(whole, 1.0)
         kept = share * np.sin(2 * np.pi * frequency * left.time)
         np.testing.assert_allclose(left.values[:, 0], kept, atol=0.02)
 
@@ -45,7 +45,7 @@ def test_white_noise_stays_white_and_its_size_is_told():
     power, variance = np.zeros(400), []
     for _ in range(50):
         noise = Recording(TIME, ("q",), rng.standard_normal((len(TIME), 1)), known_noise=known)
-        left = low_passed(noise, 1.0)
+        left = low_pass_recording(noise, 1.0)
         power += np.abs(np.fft.rfft(left.values[:, 0], 800)[1:]) ** 2
         variance.append(left.values.var())
     groups = power.reshape(10, -1).mean(axis=1)
@@ -56,13 +56,13 @@ def test_white_noise_stays_white_and_its_size_is_told():
 def test_there_is_nothing_about_gaps_but_short_ones():
     values = np.sin(2 * np.pi * 0.4 * TIME)[:, None]
     values[2000:2004], values[6000:6100] = np.nan, np.nan
-    left = low_passed(Recording(TIME, ("q",), values), 1.0)
+    left = low_pass_recording(Recording(TIME, ("q",), values), 1.0)
     steps, silent = np.diff(left.time), TIME[6100] - TIME[5999]
     about = silent + 2 * REACH * np.median(steps)
     assert about < steps.max() < about + 2 * np.median(steps)
     assert np.sum(steps > 1.1 * np.median(steps)) == 1
     with pytest.raises(IdentificationError, match=r"Below 0\.05 Hz nothing is left of 29\.9 s"):
-        low_passed(Recording(TIME, ("q",), values)[:600], 0.05)
+        low_pass_recording(Recording(TIME, ("q",), values)[:600], 0.05)
 
 
 def test_the_slowest_modes_are_told_where_faster_ones_move_the_sensors_too(ambient):

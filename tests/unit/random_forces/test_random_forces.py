@@ -8,7 +8,7 @@ from ambient import DAMPING, FREQUENCIES, STATES, displacements, swing, two_mode
 from scipy.signal import lfilter
 
 from galloping import maximum_likelihood, summarise
-from galloping.identification.random_forces.unmodelled import unmodelled
+from galloping.identification.random_forces.unmodelled import find_unmodelled_modes
 from galloping.model.intervals import decay_interval
 from galloping.model.polynomial import PolynomialModel, polynomial_library
 from galloping.recording.samples import Recording
@@ -257,27 +257,27 @@ def sine(frequency, time):
 def test_further_modes_that_gallop_are_named():
     time = np.arange(0.0, 100.0, 0.04)
     slow = displacements(time, sine(0.4, time), noise=0.01, seed=12)
-    assert unmodelled([slow]) == []
+    assert find_unmodelled_modes([slow]) == []
     moved = slow.values[:, 0] + 0.3 * sine(2.1, time) + 0.3 * sine(2.8, time)
     moved += time**2 / 1000  # its mean drifts
-    said = unmodelled([displacements(time, moved)])
+    said = find_unmodelled_modes([displacements(time, moved)])
     assert [each.subject for each in said] == ["q_v", "q_v"]
     assert [each.data["own_hz"] for each in said] == pytest.approx([0.38] * 2, abs=0.01)  # in bins
     assert [each.data["frequency_hz"] for each in said] == pytest.approx([2.1, 2.8], abs=0.05)
     alone = accelerated(slow, np.gradient(np.gradient(moved, time), time))
-    assert unmodelled([alone]) == said
+    assert find_unmodelled_modes([alone]) == said
 
 
 @pytest.mark.parametrize("kept", [0.8, 0.95, 0.99])
 def test_noise_of_a_slow_colour_is_no_further_mode(kept):
     noise = lfilter([1.0], [1.0, -kept], np.random.default_rng(14).standard_normal(7500))
-    assert unmodelled([displacements(np.arange(7500) / 25, noise)]) == []
+    assert find_unmodelled_modes([displacements(np.arange(7500) / 25, noise)]) == []
 
 
 def test_a_further_mode_that_is_damped_well_is_named():
     time = np.arange(15000) / 25
     moved = sine(0.4, time) + 0.2 * swing(time, 2.1, 0.05, 15)
-    assert unmodelled([displacements(time, moved)])
+    assert find_unmodelled_modes([displacements(time, moved)])
 
 
 def test_gaps_are_no_further_modes():
@@ -287,5 +287,5 @@ def test_gaps_are_no_further_modes():
         known[first : first + 100] = np.nan
     for further, said in ((0.0, []), (0.1, [2.1])):
         moved = known * (sine(0.2, time) + further * sine(2.1, time))
-        told = unmodelled([displacements(time, moved, noise=0.03, seed=13)])
+        told = find_unmodelled_modes([displacements(time, moved, noise=0.03, seed=13)])
         assert [round(each.data["frequency_hz"], 1) for each in told] == said

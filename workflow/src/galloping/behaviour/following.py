@@ -10,7 +10,7 @@ from galloping.cycles.settling import filled
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.preparation.smoothing import (
     shortest_period,
-    undisplaced,
+    unmeasured_displacements,
     with_integrals,
     without_drift,
 )
@@ -41,7 +41,7 @@ class Sensed:
     @classmethod
     def by(cls, recording: Recording) -> "Sensed":
         """What the sensors of a recording tell."""
-        alone = {k for pair in undisplaced(recording).items() for k in pair}
+        alone = {k for pair in unmeasured_displacements(recording).items() for k in pair}
         if recording.rates is None:
             return cls(recording.states, ())
         measured = np.flatnonzero(np.isfinite(recording.rates).any(axis=0))

@@ -112,7 +112,7 @@ def forecast(
     sigma = follow.sigma
     if identified.is_forced:
         models = draw_models(identified, rng, DRAWS)
-        states = in_random_forces.motions(identified, models, recording, time, rng)
+        states = in_random_forces.simulate_motions(identified, models, recording, time, rng)
         shown = (follow.shown(*each, time) for each in zip(models, states, strict=True))
         motions = np.array(list(shown))
         missed = in_random_forces.noise_of_means(identified, recording, sensed.rates, sigma)

@@ -13,8 +13,8 @@ from galloping.behaviour.following import Following
 from galloping.identification.identified_model import LITTLE_TOLD, IdentifiedModel
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.observations import Code, Finding
-from galloping.identification.random_forces.start import wavers
-from galloping.identification.random_forces.unmodelled import unmodelled
+from galloping.identification.random_forces.start import amplitude_fluctuates
+from galloping.identification.random_forces.unmodelled import find_unmodelled_modes
 from galloping.inspection.excerpts import excerpts
 from galloping.model.intervals import NORMAL_95
 from galloping.model.polynomial import polynomial_library, velocity_pairs
@@ -55,7 +55,7 @@ def with_objections(
     there is no model.
     """
     inexact = identified.status in ("approximate", "refused") and not identified.is_forced
-    more = unmodelled(list(recordings)) if inexact else []
+    more = find_unmodelled_modes(list(recordings)) if inexact else []
     objections = _find_random_forces(identified, recordings, period) or _find_outlived(
         identified, recordings
     )
@@ -91,7 +91,7 @@ def _find_random_forces(
     for parts in (own, recordings) if has_model else ():  # whichever the model was found from
         if len(parts) == len(identified.initial_states) and kept_up(identified, parts):
             return kept
-    if not identified.tells_little or not wavers(recordings, period):
+    if not identified.tells_little or not amplitude_fluctuates(recordings, period):
         return []
     linear = maximum_likelihood(own, polynomial_library(len(identified.model.states), 1))
     if any(each.has_finding(Code.LIMIT_OF_WORK) for each in (identified, linear)):

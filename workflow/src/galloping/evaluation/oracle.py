@@ -15,7 +15,7 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import as_finding
 from galloping.identification.sparse import evidence, frols, stlsq
 from galloping.identification.sparse.evidence import Regressions
-from galloping.identification.sparse.regression import Path, nonzero
+from galloping.identification.sparse.regression import Path, check_nonzero
 from galloping.identification.sparse.supports import solve, threshold_path
 from galloping.model.polynomial import PolynomialModel
 from galloping.recording.samples import Recording
@@ -108,7 +108,7 @@ def alternatives(evidence: Regressions, path: Path) -> list[np.ndarray]:
     for problem in [each.reduced for each in evidence.filters] or [evidence.tuned]:
         products = problem.products.sum(axis=0)
         p = len(products) - len(problem.states)
-        lengths = nonzero(np.sqrt(np.diagonal(products)))
+        lengths = check_nonzero(np.sqrt(np.diagonal(products)))
         unit = products / np.outer(lengths, lengths)
         (models,) = path(unit[np.newaxis, :p, :p], unit[np.newaxis, p:, :p])
         for i, each in enumerate(models):

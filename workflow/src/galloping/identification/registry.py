@@ -123,14 +123,14 @@ class Method:
 
 METHODS = (
     # a family of its own: an edit of its threshold, which the paper leaves out, refits it alone
-    Method("paper", sparse.stlsq.raw, Paper, family="paper"),
-    Method("stlsq", sparse.stlsq.normalised, Scanned),
+    Method("paper", sparse.stlsq.fit_raw, Paper, family="paper"),
+    Method("stlsq", sparse.stlsq.fit_normalised, Scanned),
     # no better than frols where it was tried, at twenty times the cost
-    Method("lasso", sparse.lasso.lasso, Thresholded, by_default=False),
-    Method("frols", sparse.frols.frols, NoOptions),
-    Method("ensemble", sparse.stlsq.ensemble, Ensemble, is_random=True),
+    Method("lasso", sparse.lasso.fit_lasso, Thresholded, by_default=False),
+    Method("frols", sparse.frols.fit_frols, NoOptions),
+    Method("ensemble", sparse.stlsq.fit_ensemble, Ensemble, is_random=True),
     Method(
-        "weak", sparse.stlsq.normalised, Scanned,
+        "weak", sparse.stlsq.fit_normalised, Scanned,
         evidence=sparse.evidence.reduce_weakly, takes=(ALL_STATES,), needs_uniform=True,
     ),
     Method(

@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 
 from galloping.arrays import first_from, round_down
-from galloping.identification.free_motion.answer import free_at_once, with_findings
+from galloping.identification.free_motion.answer import find_free_motion, with_findings
 from galloping.identification.free_motion.rest import moving_recordings
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import FEWEST, validated_problem
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.preparation.smoothing import shortest_period, with_integrals
 from galloping.identification.prior_knowledge import PRIOR
-from galloping.identification.random_forces.decision import if_moved_at_random
-from galloping.identification.random_forces.start import wavers
+from galloping.identification.random_forces.decision import identify_if_ambient
+from galloping.identification.random_forces.start import amplitude_fluctuates
 from galloping.recording.samples import Recording
 
 STRETCHES = 8  # spread over a long recording
@@ -59,17 +59,19 @@ def identify_excerpts(
         return with_findings(
             identify_excerpts(method, moving.recordings, *question, **options), moving
         )
-    if method is maximum_likelihood and free_at_once(recordings):
+    if method is maximum_likelihood and find_free_motion(recordings):
         return method(recordings, *question, **options)
     stretches = excerpts(recordings)
     whole = all(one is other for one, other in zip(stretches, recordings, strict=False))
     if method is not maximum_likelihood or recordings[0].inputs or whole:
         return method(stretches, *question, **options)
-    if wavers(recordings, shortest_period([with_integrals(each) for each in recordings])):
+    if amplitude_fluctuates(
+        recordings, shortest_period([with_integrals(each) for each in recordings])
+    ):
         names = ("prior", "coefficients", "allowed")
         about = {"prior": PRIOR} | {name: options[name] for name in names if name in options}
         problem = validated_problem(recordings, *question, **about)
-        if found := if_moved_at_random(problem, recordings):
+        if found := identify_if_ambient(problem, recordings):
             return found
     found = method(stretches, *question, **options)
     if found.is_forced:

@@ -10,7 +10,7 @@ from scipy.ndimage import maximum_filter1d, median_filter
 from galloping.arrays import TIME_ROUNDING, round_down, round_up
 from galloping.identification.free_motion.rest import moving_samples
 from galloping.identification.observations import Code, Finding
-from galloping.identification.preparation.screening import piled
+from galloping.identification.preparation.screening import find_saturated_values
 from galloping.identification.sentences import sentence_of
 from galloping.inspection.noticed import sentences_of
 from galloping.readers.units import state_unit
@@ -280,7 +280,7 @@ def _inspect_channel(
     coarse = len(peaks) > 0 and frequency[peaks[0]] * step > (1.0 + TIME_ROUNDING) / PER_PERIOD
     if outliers.any():
         problems.append((row[outliers][0], Code.OUTLIERS_SEEN, {"count": outliers.sum()}))
-    at_end = np.isin(y, piled(y))
+    at_end = np.isin(y, find_saturated_values(y))
     flat = np.convolve(at_end, np.ones(CLIPPED), mode="valid") >= CLIPPED
     if flat.any():
         at = int(np.argmax(flat))

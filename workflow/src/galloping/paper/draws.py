@@ -248,6 +248,6 @@ def paper_draws(
 def identified(reduced: ReducedRegression, **options: object) -> IdentifiedModel:
     """The paper's method on a regression. options: threshold and kinematics, as of `stlsq.raw`."""
     try:
-        return stlsq.raw(Regressions(reduced, reduced), path_length=PATH_LENGTH, **options)
+        return stlsq.fit_raw(Regressions(reduced, reduced), path_length=PATH_LENGTH, **options)
     except NO_MODEL as error:
         return IdentifiedModel.refused(reduced.states, reduced.terms, [as_finding(error)])

@@ -16,7 +16,7 @@ from galloping.identification.inputs import validated_problem
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.interpolation import (
     choose_interpolants,
-    of_kind,
+    decide_kind,
     with_interpolants,
 )
 from galloping.identification.prior_knowledge import PRIOR, as_coefficients
@@ -76,7 +76,8 @@ class Field:
                     )
         series = tuple(
             replace(
-                one, inputs={n: of_kind(i, kinds.get(n, i.between)) for n, i in one.inputs.items()}
+                one,
+                inputs={n: decide_kind(i, kinds.get(n, i.between)) for n, i in one.inputs.items()},
             )
             for one in self.series
         )

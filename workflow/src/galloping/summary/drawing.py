@@ -122,7 +122,7 @@ def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
     """Of each channel the spectrum of the samples, and that of a model that random forces move."""
     from scipy.signal import welch  # slow to import
 
-    channels = Channels.of([recording])
+    channels = Channels.from_recordings([recording])
     step = recording.step
     grid = on_grid(recording.time, channels.samples(recording), step)
     filled = np.nan_to_num(grid - np.nanmean(grid, axis=0))

@@ -335,7 +335,7 @@ def _force_densities(
     """Roots of the one-sided spectra of the forces, at the frequency of the coordinate that each
     moves, and how long slow ones last, s.
     """
-    states, forces, said = found.model.states, Forces.of(found), {}
+    states, forces, said = found.model.states, Forces.from_model(found), {}
     for i, velocity in velocity_pairs(states).items():
         frequency = known.frequencies[states[i]].value if known else nan
         density = forces.density(2.0 * pi * frequency)[velocity, velocity]

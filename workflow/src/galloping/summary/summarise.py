@@ -30,7 +30,7 @@ from galloping.behaviour.forecast import (
     with_factors,
 )
 from galloping.behaviour.objections import Identify, with_objections
-from galloping.identification.free_motion.answer import as_recorded_alone
+from galloping.identification.free_motion.answer import without_omissions
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import checked_recordings
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
@@ -179,7 +179,7 @@ def summarised(
 
     Raises ValueError where there is a model and no channel oscillates.
     """
-    recordings = as_modelled(found, as_recorded_alone(found, recordings))
+    recordings = as_modelled(found, without_omissions(found, recordings))
     period, last = longest_period(recordings), recordings[-1]
     untried, is_still = "", False
     with part("compare the recordings", until=0.3):
@@ -277,7 +277,7 @@ def _check_recordings(found: object, recordings: object) -> list[Recording]:
             f"recordings: have the states {', '.join(given[0].states)}; the model has "
             f"{', '.join(found.model.states)}"
         )
-    return as_modelled(found, as_recorded_alone(found, given))
+    return as_modelled(found, without_omissions(found, given))
 
 
 def longest_period(recordings: Sequence[Recording]) -> float:
@@ -346,7 +346,7 @@ def motions_beside(
     """
     time, model = recording.time, identified.model
     follow = Following(identified, without_outliers(recording))
-    told = in_random_forces.followed(identified, recording) if identified.is_forced else None
+    told = in_random_forces.filter_states(identified, recording) if identified.is_forced else None
     motions = []
     for share in (0.0, 0.5, 1.0):
         passing("beside the samples")

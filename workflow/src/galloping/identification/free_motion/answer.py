@@ -13,10 +13,14 @@ from functools import partial
 import numpy as np
 
 from galloping.identification.answers import prepend_path
-from galloping.identification.free_motion.envelope import LocalDecay, envelope, strongest_channel
+from galloping.identification.free_motion.envelope import (
+    LocalDecay,
+    fit_envelope,
+    strongest_channel,
+)
 from galloping.identification.free_motion.kinds_of_motion import (
-    Motion,
-    motion_of,
+    FreeMotion,
+    classify_motion,
     without_further_modes,
 )
 from galloping.identification.free_motion.linear_system import with_covariance
@@ -26,7 +30,7 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import EnvelopePart, FurtherMode
-from galloping.identification.preparation.smoothing import undisplaced
+from galloping.identification.preparation.smoothing import unmeasured_displacements
 from galloping.identification.problem import Problem
 from galloping.identification.status import status_of
 from galloping.model.polynomial import velocity_pairs
@@ -38,14 +42,15 @@ PATH = "free motion"
 
 
 def is_of_one_coordinate(recordings: Sequence[Recording]) -> bool:
-    """Whether recordings are of one coordinate and its velocity alone."""
+    """Return whether recordings are of one coordinate and its velocity alone."""
     states = recordings[0].states
     return len(states) == 2 and len(velocity_pairs(states)) == 1
 
 
-def free_at_once(recordings: Sequence[Recording]) -> Motion | None:
-    """Tell free motion where that is asked before any search: of a single coordinate, and linear
-    motion where displacements are not measured.
+def find_free_motion(recordings: Sequence[Recording]) -> FreeMotion | None:
+    """Find free motion before any search.
+
+    It is asked for of a single coordinate, and for linear motion if displacements are not measured.
 
     Parameters
     ----------
@@ -54,52 +59,56 @@ def free_at_once(recordings: Sequence[Recording]) -> Motion | None:
 
     Returns
     -------
-    Motion or None
+    FreeMotion or None
         None if it is another motion, or the search is asked first.
     """
     is_single = is_of_one_coordinate(recordings)
-    if not (is_single or undisplaced(recordings[0])):
+    if not (is_single or unmeasured_displacements(recordings[0])):
         return None
-    motion = motion_of(recordings)
-    return motion if motion.is_linear or (is_single and motion.is_free) else None
+    motion = classify_motion(recordings)
+    if not isinstance(motion, FreeMotion):
+        return None
+    return motion if motion.is_linear or is_single else None
 
 
-def free_model(
-    problem: Problem, motion: Motion, search: Callable[[list[Recording]], IdentifiedModel | NoModel]
+def identify_free_motion(
+    problem: Problem,
+    motion: FreeMotion,
+    search: Callable[[list[Recording]], IdentifiedModel | NoModel],
 ) -> IdentifiedModel | NoModel:
     """Find the model of free motion, linear or of one coordinate.
 
     Parameters
     ----------
     problem : Problem
-    motion : Motion
+    motion : FreeMotion
     search : callable
         The usual search for a model that follows recordings to the noise.
     """
     if not _can_be_linear(problem, motion):
         return NoModel()
     if motion.is_linear:
-        return linear_model(problem, motion)
+        return identify_linear_motion(problem, motion)
     found = search(motion.recordings)
     if isinstance(found, IdentifiedModel):
         motion = replace(motion, own=motion.own[:1], steady=())
     elif motion.further:
         found = search(without_further_modes(motion))
     if isinstance(found, IdentifiedModel):
-        return prepend_path([PATH], with_beside(found, motion))
+        return prepend_path([PATH], with_further_modes(found, motion))
     if motion.linear:
-        return linear_model(problem, motion.linear)
-    return _mean_model(problem, motion, found.findings)
+        return identify_linear_motion(problem, motion.linear)
+    return _identify_mean_model(problem, motion, found.findings)
 
 
-def linear_model(problem: Problem, motion: Motion) -> IdentifiedModel | NoModel:
+def identify_linear_motion(problem: Problem, motion: FreeMotion) -> IdentifiedModel | NoModel:
     """Find the model of free motion that damped sinusoids follow to the noise.
 
     Parameters
     ----------
     problem : Problem
-    motion : Motion
-        A free and linear one.
+    motion : FreeMotion
+        A linear one.
 
     Returns
     -------
@@ -115,10 +124,10 @@ def linear_model(problem: Problem, motion: Motion) -> IdentifiedModel | NoModel:
     system = attempt(partial(with_covariance, motion.channels, motion.stretches, modes, own))
     if isinstance(system, NoModel):
         return system
-    return _model(problem, motion, *system)
+    return _identified_model(problem, motion, *system)
 
 
-def as_recorded_alone(found: IdentifiedModel, recordings: Sequence[Recording]) -> list[Recording]:
+def without_omissions(found: IdentifiedModel, recordings: Sequence[Recording]) -> list[Recording]:
     """Leave out of recordings what a model of free motion leaves out: rests, and further modes.
 
     Parameters
@@ -135,10 +144,10 @@ def as_recorded_alone(found: IdentifiedModel, recordings: Sequence[Recording]) -
     if found.is_forced:
         return list(recordings)
     moving = moving_recordings(recordings).recordings
-    if PATH not in found.diagnostics.get("path", ""):
+    if PATH not in str(found.diagnostics.get("path", "")):
         return moving
-    motion = motion_of(moving)
-    if not motion.is_free:
+    motion = classify_motion(moving)
+    if not isinstance(motion, FreeMotion):
         return moving
     if found.diagnostics["path"] == PATH and not found.envelope:
         motion = motion.linear or motion
@@ -164,9 +173,11 @@ def with_findings(found: IdentifiedModel, moving: Moving) -> IdentifiedModel:
     return replace(found, findings=(*moving.findings, *own))
 
 
-def _can_be_linear(problem: Problem, motion: Motion) -> bool:
-    """Whether the question leaves all stiffness and damping open, with nothing known about them,
-    no term may be infinite on the way, and all sensors tell the size of the motion.
+def _can_be_linear(problem: Problem, motion: FreeMotion) -> bool:
+    """Whether free linear motion can answer the question.
+
+    All stiffness and damping must be open, with nothing known about them, no term may be infinite
+    on the way, and all sensors must show the size of the motion.
     """
     scales = [one.unknown_scales for one in motion.recordings if one.unknown_scales is not None]
     linear = [_linear_term(problem, state) for state in range(len(problem.states))]
@@ -186,14 +197,14 @@ def _can_be_linear(problem: Problem, motion: Motion) -> bool:
 
 
 def _linear_term(problem: Problem, state: int) -> int | None:
-    """Index of the term that is this state alone, None if the library lacks it."""
+    """Return index of the term that is this state alone, None if the library lacks it."""
     try:
         return problem.linear(state)
     except ValueError:
         return None
 
 
-def _noise_excess(motion: Motion) -> float:
+def _noise_excess(motion: FreeMotion) -> float:
     """How many times the noise that was said the residuals have at most, zero if none was said."""
     channels, ratios = motion.channels, [0.0]
     for recording, noise in zip(motion.recordings, motion.modes.noise, strict=True):
@@ -206,17 +217,18 @@ def _noise_excess(motion: Motion) -> float:
     return max(ratios)
 
 
-def _mean_model(
-    problem: Problem, motion: Motion, objections: Sequence[Finding]
+def _identify_mean_model(
+    problem: Problem, motion: FreeMotion, objections: Sequence[Finding]
 ) -> IdentifiedModel | NoModel:
-    """The approximate model of a decay of one coordinate that is not exponential. objections: why
-    no model follows it.
+    """Identify the approximate model of a decay of one coordinate that is not exponential.
+
+    objections: why no model follows it.
     """
     modes, place = motion.modes, motion.own[0]
     parts = [
         (index, part)
         for index, stretch in enumerate(motion.stretches)
-        for part in envelope(stretch, modes, index, place)
+        for part in fit_envelope(stretch, modes, index, place)
     ]
     if len(parts) < 2:
         return NoModel()
@@ -227,15 +239,15 @@ def _mean_model(
     growth, omega = np.sum(weights * values, axis=0)
     spread = np.diag(np.sum(weights * (values - [growth, omega]) ** 2, axis=0))
     ((coordinate, velocity),) = motion.channels.pairs.items()
-    system, slopes = np.zeros((2, 2)), np.zeros((2, 2, 2))
+    system, by_entry = np.zeros((2, 2)), np.zeros((2, 2, 2))
     system[coordinate, velocity] = 1.0
     system[velocity, [coordinate, velocity]] = -(growth**2) - omega**2, 2.0 * growth
-    slopes[:, velocity, coordinate] = -2.0 * growth, -2.0 * omega
-    slopes[0, velocity, velocity] = 2.0
-    slopes = slopes.reshape(2, 4)
+    by_entry[:, velocity, coordinate] = -2.0 * growth, -2.0 * omega
+    by_entry[0, velocity, velocity] = 2.0
+    slopes = by_entry.reshape(2, 4)
     told = [_envelope_part(motion, *each) for each in parts]
     covariance = slopes.T @ spread @ slopes
-    found = _model(problem, motion, system, covariance)
+    found = _identified_model(problem, motion, system, covariance)
     if isinstance(found, NoModel):
         return found
     missing = (each for each in objections if each.code == Code.TERM_MISSING)
@@ -243,7 +255,7 @@ def _mean_model(
     return replace(found, envelope=tuple(told)).with_findings(*missing, changing)
 
 
-def _envelope_part(motion: Motion, index: int, part: LocalDecay) -> EnvelopePart:
+def _envelope_part(motion: FreeMotion, index: int, part: LocalDecay) -> EnvelopePart:
     channel = strongest_channel(motion.modes, index, motion.own[0])
     begin = float(motion.recordings[index].time[0])
     return EnvelopePart(
@@ -252,14 +264,15 @@ def _envelope_part(motion: Motion, index: int, part: LocalDecay) -> EnvelopePart
     )  # fmt: skip
 
 
-def _model(
+def _identified_model(
     problem: Problem,
-    motion: Motion,
+    motion: FreeMotion,
     system: np.ndarray,
     covariance: np.ndarray,
 ) -> IdentifiedModel | NoModel:
-    """The model of a linear system (n_states, n_states), and the covariance of its entries; none if
-    a coefficient is out of its bounds.
+    """Return the model of a linear system (n_states, n_states) with the covariance of its entries.
+
+    NoModel if a coefficient is out of its bounds.
     """
     n, rest = len(system), np.zeros(len(system))
     rest_errors = np.zeros(n)
@@ -294,7 +307,7 @@ def _model(
     of_coefficients = slopes @ whole @ slopes.T
     errors = np.full(len(free), np.nan)
     errors[support] = np.sqrt(np.diag(of_coefficients))
-    sigma, noises = _noise(problem, motion)
+    sigma, noises = _noise_levels(problem, motion)
     found = IdentifiedModel(
         model=problem.model(free),
         status=status_of([]),
@@ -307,17 +320,16 @@ def _model(
         chi2=1.0,
         diagnostics={**noises, "path": PATH},
     )
-    return with_beside(found, motion)
+    return with_further_modes(found, motion)
 
 
-def with_beside(found: IdentifiedModel, motion: Motion) -> IdentifiedModel:
+def with_further_modes(found: IdentifiedModel, motion: FreeMotion) -> IdentifiedModel:
     """Add to a model what swings beside it, and what was noticed.
 
     Parameters
     ----------
     found : IdentifiedModel
-    motion : Motion
-        A free one.
+    motion : FreeMotion
     """
     modes, steady = motion.modes, []
     for place in motion.steady:
@@ -340,12 +352,12 @@ def with_beside(found: IdentifiedModel, motion: Motion) -> IdentifiedModel:
     return replace(found, further_modes=tuple(further)).with_findings(*motion.findings, *steady)
 
 
-def _further_modes(motion: Motion, index: int, place: int) -> Iterator[FurtherMode]:
-    """A mode of a stretch, in each coordinate that is measured."""
+def _further_modes(motion: FreeMotion, index: int, place: int) -> Iterator[FurtherMode]:
+    """Return a mode of a stretch, in each coordinate that is measured."""
     modes, states = motion.modes, motion.recordings[0].states
     pole = modes.poles[place]
     for coordinate in motion.channels.pairs:
-        amplitude = _displacement(motion, index, place, coordinate)
+        amplitude = _modal_displacement(motion, index, place, coordinate)
         if amplitude is not None:
             yield FurtherMode(
                 index, states[coordinate], float(pole.imag), float(pole.real),
@@ -354,9 +366,13 @@ def _further_modes(motion: Motion, index: int, place: int) -> Iterator[FurtherMo
             )  # fmt: skip
 
 
-def _displacement(motion: Motion, index: int, place: int, coordinate: int) -> complex | None:
-    """Amplitude of a mode in a coordinate, at the first sample of a stretch, by the channel in
-    which it stands out most; None if nothing measures the coordinate.
+def _modal_displacement(
+    motion: FreeMotion, index: int, place: int, coordinate: int
+) -> complex | None:
+    """Return the amplitude of a mode in a coordinate at the first sample of a stretch.
+
+    It is that of the channel in which the mode stands out most; None if nothing measures the
+    coordinate.
     """
     channels, modes = motion.channels, motion.modes
     orders = {coordinate: 0, channels.pairs[coordinate]: 1}
@@ -371,8 +387,8 @@ def _displacement(motion: Motion, index: int, place: int, coordinate: int) -> co
     return complex(modes.amplitudes[index][place, channel] / modes.poles[place] ** order)
 
 
-def _position_of_rest(motion: Motion, coordinate: int) -> tuple[float, float]:
-    """Where a coordinate rests, with its standard error; zero where nothing measures it."""
+def _position_of_rest(motion: FreeMotion, coordinate: int) -> tuple[float, float]:
+    """Return where a coordinate rests, with its standard error; zero where nothing measures it."""
     if coordinate not in motion.channels.values:
         return 0.0, 0.0
     channel = motion.channels.values.index(coordinate)
@@ -385,21 +401,21 @@ def _position_of_rest(motion: Motion, coordinate: int) -> tuple[float, float]:
     return float(np.nansum(weights * offsets)), float(np.nansum(errors**-2) ** -0.5)
 
 
-def _initial_states(motion: Motion, rest: np.ndarray) -> np.ndarray:
-    """(n_stretches, n_states) of the coordinates' own modes."""
+def _initial_states(motion: FreeMotion, rest: np.ndarray) -> np.ndarray:
+    """Return (n_stretches, n_states) of the coordinates' own modes."""
     pairs = motion.channels.pairs
     found = np.tile(rest, (len(motion.stretches), 1))
     for index in range(len(found)):
         for place in motion.own[: len(pairs)]:
             for coordinate, velocity in pairs.items():
-                amplitude = _displacement(motion, index, place, coordinate) or 0.0
+                amplitude = _modal_displacement(motion, index, place, coordinate) or 0.0
                 found[index, coordinate] += np.real(amplitude)
                 found[index, velocity] += np.real(amplitude * motion.modes.poles[place])
     return found
 
 
-def _noise(problem: Problem, motion: Motion) -> tuple[np.ndarray, dict[str, float]]:
-    """(n_stretches, n_states) noise of the values, and that of each rate by its name."""
+def _noise_levels(problem: Problem, motion: FreeMotion) -> tuple[np.ndarray, dict[str, float]]:
+    """Return (n_stretches, n_states) noise of the values, and that of each rate by its name."""
     channels, noise = motion.channels, motion.modes.noise
     sigma = np.full((len(noise), len(problem.states)), np.nan)
     count = len(channels.values)

@@ -58,7 +58,7 @@ def _under_force(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
     modes = attempt(partial(fit_poles, [inner], poles))
     if isinstance(modes, NoModel) or strongest_mode([inner], modes.residuals, poles).stands_out:
         return forced
-    motion = modes.motion(range(len(modes.poles)), 0, stretch.time - period)
+    motion = modes.evaluate(range(len(modes.poles)), 0, stretch.time - period)
     left = stretch.values - motion
     with np.errstate(invalid="ignore"):
         away = np.abs(left - np.nanmedian(left[inside], axis=0)) > MISFIT * modes.noise[0]

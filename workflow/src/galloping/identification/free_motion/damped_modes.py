@@ -128,7 +128,7 @@ class DampedModes:
         """
         many, channels = len(self.poles), self.amplitudes[index].shape[1]
         origin = np.zeros(many)
-        columns = _columns(stretch, self.poles, origin)
+        columns = _wave_columns(stretch, self.poles, origin)
         moved = np.zeros((2 * many, channels, 2 * many))  # amplitudes, by changes of the poles
         own = np.zeros((2 * many, channels, 2 * many, channels))
         for c in np.flatnonzero(np.isfinite(self.noise[index])):
@@ -136,17 +136,18 @@ class DampedModes:
             known = np.isfinite(stretch.values[:, c])
             products = columns[known].T @ columns[known]
             basis = np.r_[0 : 2 * many, 4 * many : 4 * many + degree + 1]
-            inverse = _inverse(products[np.ix_(basis, basis)])[: 2 * many]
+            inverse = _invert_scaled(products[np.ix_(basis, basis)])[: 2 * many]
             amplitudes = self.amplitudes[index][:, c]
-            slopes = _slopes(amplitudes, origin, stretch.duration, columns.shape[1])
+            slopes = _pole_slopes(amplitudes, origin, stretch.duration, columns.shape[1])
             sign = np.repeat([1.0, -1.0], many)  # of the sines, which are minus imaginary parts
             moved[:, c] = -sign[:, np.newaxis] * (inverse @ products[basis] @ slopes)
             of_noise = inverse[:, : 2 * many] * np.outer(sign, sign)
             own[:, c, :, c] = self.noise[index, c] ** 2 * of_noise
         size = 2 * many * channels
-        moved, own = moved.reshape(size, 2 * many), own.reshape(size, size)
-        across = moved @ self.covariance
-        whole = np.block([[self.covariance, across.T], [across, own + across @ moved.T]])
+        by_poles = moved.reshape(size, 2 * many)
+        across = by_poles @ self.covariance
+        of_amplitudes = own.reshape(size, size) + across @ by_poles.T
+        whole = np.block([[self.covariance, across.T], [across, of_amplitudes]])
         kept = [part * many + k for part in (0, 1) for k in which]
         kept += [
             2 * many + (part * many + k) * channels + c
@@ -154,7 +155,9 @@ class DampedModes:
         ]  # fmt: skip
         return whole[np.ix_(kept, kept)]
 
-    def motion(self, which: Sequence[int], stretch: int, time: np.ndarray) -> np.ndarray:
+    def evaluate(
+        self, which: Sequence[int] | np.ndarray, stretch: int, time: np.ndarray
+    ) -> np.ndarray:
         """(n, n_channels) motion in some modes at `time` (n,), s from the start of a stretch."""
         places = list(which)
         waves = np.exp(np.outer(time, self.poles[places]))
@@ -180,17 +183,17 @@ def fit_poles(
     """
     steady = np.zeros(len(poles), bool) if is_steady is None else is_steady
     free = np.append(~steady, np.ones(len(poles), bool))
-    here = _linearised(stretches, poles)
+    here = _linearise(stretches, poles)
     fastest = np.pi / min(one.step for one in stretches)
     damping = 1e-3
     for _ in range(MAX_STEPS):
-        scaled, scale = here.scaled(free)
+        scaled, scale = here.scale_information(free)
         scaled += damping * np.eye(len(scale))
         step = np.zeros(len(free))
         step[free] = np.linalg.solve(scaled, here.right[free] / scale) / scale
         moved = poles + step[: len(poles)] + 1j * step[len(poles) :]
         is_possible = np.all((moved.imag > 0.0) & (moved.imag < fastest))
-        there = _linearised(stretches, moved) if is_possible else None
+        there = _linearise(stretches, moved) if is_possible else None
         if there is not None and there.misfit <= here.misfit + 1e-9 * abs(here.misfit):
             poles, here, damping = moved, there, damping / 10.0
             if np.max(np.abs(step[free]) * scale) < CONVERGED:
@@ -199,7 +202,7 @@ def fit_poles(
             break
         else:
             damping = 10.0 * max(damping, 1e-6)
-    scaled, scale = here.scaled(free)
+    scaled, scale = here.scale_information(free)
     if not np.linalg.cond(scaled) < 1.0 / ROUNDING:
         raise IdentificationError(Code.NO_OSCILLATION)
     covariance = np.zeros((len(free), len(free)))
@@ -211,7 +214,7 @@ def fit_poles(
 
 
 @dataclass(frozen=True)
-class _Linearised:
+class _NormalEquations:
     """Normal equations of the poles, amplitudes eliminated; the rest as of `DampedModes`.
 
     shares: of the information on each growth and frequency, that amplitudes do not explain as well.
@@ -227,10 +230,11 @@ class _Linearised:
     residuals: list[np.ndarray]
     misfit: float
 
-    def scaled(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The information on the growths and frequencies that are free, with ones on the diagonal,
-        and the square roots of that diagonal, (n_free,). Raises IdentificationError where it has
-        none.
+    def scale_information(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Scale the information on the free growths and frequencies to a diagonal of ones.
+
+        Returns it and the square roots of its diagonal, (n_free,). Raises IdentificationError if it
+        has none.
         """
         if not np.all(self.shares[free] > ROUNDING):
             raise IdentificationError(Code.NO_OSCILLATION)
@@ -239,8 +243,11 @@ class _Linearised:
         return information / np.outer(scale, scale), scale
 
 
-def _linearised(stretches: Sequence[Stretch], poles: np.ndarray) -> _Linearised:
-    """All sums over samples are those of the waves, and of the waves times the time."""
+def _linearise(stretches: Sequence[Stretch], poles: np.ndarray) -> _NormalEquations:
+    """Linearise the fit at some poles.
+
+    All sums over samples are those of the waves, and of the waves times the time.
+    """
     n, channels = len(poles), stretches[0].values.shape[1]
     information, right, misfit = np.zeros((2 * n, 2 * n)), np.zeros(2 * n), 0.0
     whole = np.full(2 * n, np.finfo(float).tiny)  # on its diagonal, were the amplitudes known
@@ -250,7 +257,7 @@ def _linearised(stretches: Sequence[Stretch], poles: np.ndarray) -> _Linearised:
         own = np.zeros((n, channels), complex)
         left = np.full(stretch.values.shape, np.nan)
         origin = np.where(poles.real > 0.0, stretch.duration, 0.0)
-        columns = _columns(stretch, poles, origin)
+        columns = _wave_columns(stretch, poles, origin)
         shared: np.ndarray | None = None
         for c, degree in enumerate(stretch.drift_degrees):
             known = np.isfinite(stretch.values[:, c])
@@ -267,14 +274,14 @@ def _linearised(stretches: Sequence[Stretch], poles: np.ndarray) -> _Linearised:
                 products = shared
             crossed = of_channel.T @ values
             basis = np.r_[0 : 2 * n, 4 * n : 4 * n + degree + 1]
-            inverse = _inverse(products[np.ix_(basis, basis)])
+            inverse = _invert_scaled(products[np.ix_(basis, basis)])
             solved = inverse @ crossed[basis]
             fitted = of_channel[:, basis] @ solved
             remainder = np.where(known, values - fitted, 0.0)
             least = ROUNDING * stretch.sizes[c] + np.finfo(float).tiny
             variance = max(remainder @ remainder / (count - len(solved)), least**2)
             a = solved[:n] - 1j * solved[n : 2 * n]
-            slopes = _slopes(a, origin, stretch.duration, columns.shape[1])
+            slopes = _pole_slopes(a, origin, stretch.duration, columns.shape[1])
             met = products[basis] @ slopes
             of_known = slopes.T @ products @ slopes / variance
             whole += np.diag(of_known)
@@ -291,15 +298,17 @@ def _linearised(stretches: Sequence[Stretch], poles: np.ndarray) -> _Linearised:
         residuals.append(left)
     if np.isnan(noise).all() or not np.isfinite(misfit):
         raise IdentificationError(Code.NO_OSCILLATION)
-    return _Linearised(
+    return _NormalEquations(
         information, np.diag(information) / whole, right, amplitudes, offsets, errors, noise,
         residuals, misfit,
     )  # fmt: skip
 
 
-def _columns(stretch: Stretch, poles: np.ndarray, origin: np.ndarray) -> np.ndarray:
-    """(n, 4 n_modes + n_drifts) waves as cosines and sines, the same times the share of the time,
-    and polynomials of the drifts.
+def _wave_columns(stretch: Stretch, poles: np.ndarray, origin: np.ndarray) -> np.ndarray:
+    """Return the columns (n, 4 n_modes + n_drifts) of the regression on waves.
+
+    They are the waves as cosines and sines, the same times the share of the time, and polynomials
+    of the drifts.
     """
     time = stretch.time[:, np.newaxis]
     size, angle = np.exp(poles.real * (time - origin)), poles.imag * time
@@ -309,8 +318,8 @@ def _columns(stretch: Stretch, poles: np.ndarray, origin: np.ndarray) -> np.ndar
     return np.hstack([waves, share * waves, drifts])
 
 
-def _slopes(a: np.ndarray, origin: np.ndarray, duration: float, count: int) -> np.ndarray:
-    """(count, 2 n_modes) by which columns make the changes with growths and frequencies.
+def _pole_slopes(a: np.ndarray, origin: np.ndarray, duration: float, count: int) -> np.ndarray:
+    """Return (count, 2 n_modes) by which columns make the changes with growths and frequencies.
 
     a: (n_modes,) amplitudes.
     """
@@ -322,8 +331,8 @@ def _slopes(a: np.ndarray, origin: np.ndarray, duration: float, count: int) -> n
     return found
 
 
-def _inverse(products: np.ndarray) -> np.ndarray:
-    """Inverse of normal equations, in which columns may nearly be dependent."""
+def _invert_scaled(products: np.ndarray) -> np.ndarray:
+    """Return inverse of normal equations, in which columns may nearly be dependent."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(products), np.finfo(float).tiny))
     scaled = products * np.outer(scale, scale)
     return np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) * np.outer(scale, scale)

@@ -42,7 +42,7 @@ class LocalDecay:
     errors: tuple[float, float]
 
 
-def envelope(stretch: Stretch, modes: DampedModes, index: int, place: int) -> list[LocalDecay]:
+def fit_envelope(stretch: Stretch, modes: DampedModes, index: int, place: int) -> list[LocalDecay]:
     """Fit a mode in stretches of equal change of amplitude.
 
     Parameters
@@ -59,7 +59,7 @@ def envelope(stretch: Stretch, modes: DampedModes, index: int, place: int) -> li
     known = np.isfinite(stretch.values[:, channel])
     time = stretch.time[known]
     others = [k for k in range(len(modes.poles)) if k != place]
-    values = stretch.values[known, channel] - modes.motion(others, index, time)[:, channel]
+    values = stretch.values[known, channel] - modes.evaluate(others, index, time)[:, channel]
     pole = modes.poles[place]
     period = 2.0 * np.pi / pole.imag
     centres, sizes = running_amplitude(time, values, pole.imag, period)
@@ -67,7 +67,7 @@ def envelope(stretch: Stretch, modes: DampedModes, index: int, place: int) -> li
     if len(signal) < 2:
         return []
     begin, end = centres[signal[0]], centres[signal[-1]]
-    edges = _edges(centres[signal], np.log(sizes[signal]), begin, end, MIN_PERIODS * period)
+    edges = _part_edges(centres[signal], np.log(sizes[signal]), begin, end, MIN_PERIODS * period)
     parts = []
     for first, last in pairwise(edges):
         inside = (time >= first) & (time <= last)
@@ -87,7 +87,7 @@ def envelope(stretch: Stretch, modes: DampedModes, index: int, place: int) -> li
 
 
 def strongest_channel(modes: DampedModes, index: int, place: int) -> int:
-    """The channel in which a mode stands out of the noise most."""
+    """Return the channel in which a mode stands out of the noise most."""
     ratio = np.abs(modes.amplitudes[index][place]) / modes.noise[index]
     return int(np.nanargmax(ratio))
 
@@ -95,7 +95,7 @@ def strongest_channel(modes: DampedModes, index: int, place: int) -> int:
 def running_amplitude(
     time: np.ndarray, values: np.ndarray, omega: float, length: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Amplitude of an oscillation in windows of `length` s, half a window apart.
+    """Return amplitude of an oscillation in windows of `length` s, half a window apart.
 
     Parameters
     ----------
@@ -122,10 +122,10 @@ def running_amplitude(
     return np.array(centres), np.array(sizes)
 
 
-def _edges(
+def _part_edges(
     centres: np.ndarray, logarithms: np.ndarray, begin: float, end: float, least: float
 ) -> list[float]:
-    """Times, at least `least` s apart, between which the amplitude changes by equal factors."""
+    """Return times, `least` s apart or more, between which amplitudes change by equal factors."""
     smooth = np.minimum.accumulate(logarithms)
     if logarithms[-1] > logarithms[0]:
         smooth = np.maximum.accumulate(logarithms)
@@ -140,17 +140,17 @@ def _edges(
     return [*edges, end]
 
 
-def decays(sizes: Sequence[float]) -> bool:
+def decays(sizes: Sequence[float] | np.ndarray) -> bool:
     """Whether amplitudes fall, by a factor of MIN_CHANGE or more, all through a recording."""
-    return _falls(np.asarray(sizes))
+    return _falls_throughout(np.asarray(sizes))
 
 
-def grows(sizes: Sequence[float]) -> bool:
+def grows(sizes: Sequence[float] | np.ndarray) -> bool:
     """Whether amplitudes rise, by a factor of MIN_CHANGE or more, all through a recording."""
-    return _falls(np.asarray(sizes)[::-1])
+    return _falls_throughout(np.asarray(sizes)[::-1])
 
 
-def _falls(sizes: np.ndarray) -> bool:
+def _falls_throughout(sizes: np.ndarray) -> bool:
     if len(sizes) < 3 or sizes[0] < MIN_CHANGE * sizes[-1]:
         return False
     return bool(np.all(np.diff(np.log(sizes)) < MAX_RISE))

@@ -51,9 +51,7 @@ class Eventful:
     modes: DampedModes
 
 
-def explained_by_events(
-    stretches: Sequence[Stretch], modes: DampedModes, floor: float
-) -> Eventful | None:
+def find_events(stretches: Sequence[Stretch], modes: DampedModes, floor: float) -> Eventful | None:
     """Look for events that leave only noise.
 
     Parameters
@@ -75,7 +73,9 @@ def explained_by_events(
         event = _strongest_event(parts, modes)
         if event is None:
             return None
-        parts[event.stretch : event.stretch + 1] = _split(parts[event.stretch], event.sample)
+        parts[event.stretch : event.stretch + 1] = _split_stretch(
+            parts[event.stretch], event.sample
+        )
         origins.insert(event.stretch, origins[event.stretch])
         found = attempt(partial(fit_poles, parts, modes.poles))
         if isinstance(found, NoModel) or (
@@ -92,14 +92,15 @@ def explained_by_events(
 
 
 def _without_needless(found: Eventful) -> Eventful:
-    """Without the events that explain no more than noise does beside the others: those that first
-    stood for two at once.
+    """Leave out events that explain no more than noise does beside the others.
+
+    These first stood for two at once.
     """
     for k in range(len(found.stretches) - 1, 0, -1):
         if found.origins[k] != found.origins[k - 1]:
             continue
         parts, origins = list(found.stretches), list(found.origins)
-        parts[k - 1 : k + 1] = [_joined(*parts[k - 1 : k + 1])]
+        parts[k - 1 : k + 1] = [_join_stretches(*parts[k - 1 : k + 1])]
         del origins[k]
         fit = attempt(partial(fit_poles, parts, found.modes.poles))
         if isinstance(fit, NoModel):
@@ -111,13 +112,13 @@ def _without_needless(found: Eventful) -> Eventful:
     return found
 
 
-def _joined(before: Stretch, after: Stretch) -> Stretch:
+def _join_stretches(before: Stretch, after: Stretch) -> Stretch:
     step = before.step
     time = np.append(before.time, after.time + before.time[-1] + step)
     return replace(before, time=time, values=np.vstack([before.values, after.values]))
 
 
-def _split(stretch: Stretch, sample: int) -> tuple[Stretch, Stretch]:
+def _split_stretch(stretch: Stretch, sample: int) -> tuple[Stretch, Stretch]:
     begin = stretch.time[sample]
     before = replace(stretch, time=stretch.time[:sample], values=stretch.values[:sample])
     after = replace(stretch, time=stretch.time[sample:] - begin, values=stretch.values[sample:])
@@ -125,24 +126,24 @@ def _split(stretch: Stretch, sample: int) -> tuple[Stretch, Stretch]:
 
 
 def _strongest_event(stretches: Sequence[Stretch], modes: DampedModes) -> Event | None:
-    """The event that explains most, None if none explains more than noise would."""
+    """Return the event that explains most, None if none explains more than noise would."""
     best, most = None, 0.0
     for index, stretch in enumerate(stretches):
-        tried = _possible(stretch, modes.poles)
+        tried = _possible_samples(stretch, modes.poles)
         if not len(tried):
             continue
-        gains, freedom = _gains(stretch, modes, index, tried)
+        gains, freedom = _event_gains(stretch, modes, index, tried)
         place = int(np.argmax(gains))
         allowed = chdtri(freedom, FALSE_ALARM_RATE / len(stretch.time))
         if gains[place] > max(allowed, most):
             near = np.arange(tried[max(place - 1, 0)], tried[min(place + 1, len(tried) - 1)] + 1)
-            finer, _ = _gains(stretch, modes, index, near)
+            finer, _ = _event_gains(stretch, modes, index, near)
             best, most = Event(index, int(near[np.argmax(finer)])), float(gains[place])
     return best
 
 
-def _possible(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
-    """Samples before which a stretch may change, each side long enough to tell its amplitudes."""
+def _possible_samples(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
+    """Return samples before which a stretch may change, each side long enough for a fit."""
     least = MIN_PERIODS * 2.0 * np.pi / poles.imag.min()
     first, last = np.searchsorted(stretch.time, (stretch.time[0] + least, stretch.time[-1] - least))
     first, last = max(first, MIN_SAMPLES), min(last, len(stretch.time) - MIN_SAMPLES)
@@ -151,7 +152,7 @@ def _possible(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
     return np.unique(np.linspace(first, last, min(TRIED, last - first)).astype(int))
 
 
-def _gains(
+def _event_gains(
     stretch: Stretch, modes: DampedModes, index: int, tried: np.ndarray
 ) -> tuple[np.ndarray, int]:
     """(n_tried,) what a change before each sample takes off chi^2, and its degrees of freedom."""
@@ -171,13 +172,15 @@ def _gains(
                 right[-1] - right[tried - 1],
             ),
         )
-        gains += (_explained(*before) + _explained(*after)) / modes.noise[index, c] ** 2
+        gains += (_explained_squares(*before) + _explained_squares(*after)) / modes.noise[
+            index, c
+        ] ** 2
         freedom += basis.shape[1]
     return gains, freedom
 
 
-def _explained(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """(n,) squares explained by regressions with these normal equations."""
+def _explained_squares(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Return (n,) squares explained by regressions with these normal equations."""
     scale = np.sqrt(np.maximum(np.einsum("nii->ni", gram), np.finfo(float).tiny))
     scaled = gram / (scale[:, :, np.newaxis] * scale[:, np.newaxis, :])
     scaled = scaled + RIDGE * np.eye(gram.shape[1])

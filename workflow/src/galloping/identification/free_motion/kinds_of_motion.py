@@ -6,7 +6,7 @@ random force, and one that falls off is no limit cycle.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
 
@@ -21,15 +21,15 @@ from galloping.identification.free_motion.envelope import (
     running_amplitude,
     strongest_channel,
 )
-from galloping.identification.free_motion.events import Eventful, explained_by_events
+from galloping.identification.free_motion.events import Eventful, find_events
 from galloping.identification.free_motion.linearity import (
     SIGNIFICANT,
-    energies,
     has_linear_modes,
     is_cycle,
     is_steady,
     main_and_beside,
     may_be_one,
+    mode_energies,
     resolved_modes,
 )
 from galloping.identification.free_motion.mode_search import fit_modes, is_close, share_left
@@ -62,49 +62,57 @@ class Motion:
     ----------
     kind : Kind
     recordings : list of Recording
+        As they came if the motion is not free.
+    """
+
+    kind: Kind
+    recordings: list[Recording]
+
+
+@dataclass(frozen=True)
+class FreeMotion(Motion):
+    """Motion that follows from its first state, a steady force aside.
+
+    Parameters
+    ----------
+    kind : Kind
+        Decaying, growing or forced.
+    recordings : list of Recording
         Stretches of free motion between events, without outliers and samples under the force of an
-        event; as they came if the motion is not free.
+        event.
     stretches : list of Stretch
         Their channels.
     is_linear : bool
         Whether damped sinusoids follow the motion down to the noise.
-    channels : Channels or None
-    modes : DampedModes or None
+    channels : Channels
+    modes : DampedModes
         Those that were resolved, fitted to the recordings.
     own, steady : tuple of int
         Places among them of the system's own modes, that with most energy first, and of steady
         oscillations.
     findings : tuple of Finding
-    linear : Motion or None
+    linear : FreeMotion or None
         Of motion of which two modes may be parts of one that is not linear: the same, if they are
         modes.
     """
 
-    kind: Kind
-    recordings: list[Recording]
-    stretches: list[Stretch] = field(default_factory=list)
-    is_linear: bool = False
-    channels: Channels | None = None
-    modes: DampedModes | None = None
-    own: tuple[int, ...] = ()
-    steady: tuple[int, ...] = ()
-    findings: tuple[Finding, ...] = ()
-    linear: "Motion | None" = None
-
-    @property
-    def is_free(self) -> bool:
-        """Whether the motion follows from its first state, a steady force aside."""
-        return self.kind in (Kind.DECAYING, Kind.GROWING, Kind.FORCED)
+    stretches: list[Stretch]
+    is_linear: bool
+    channels: Channels
+    modes: DampedModes
+    own: tuple[int, ...]
+    steady: tuple[int, ...]
+    findings: tuple[Finding, ...]
+    linear: "FreeMotion | None" = None
 
     @property
     def further(self) -> tuple[int, ...]:
         """Places of the modes beyond one for each coordinate, steady oscillations among them."""
-        count = len(self.channels.pairs) if self.channels else 0
-        return (*self.own[count:], *self.steady)
+        return (*self.own[len(self.channels.pairs) :], *self.steady)
 
 
 @one_thread
-def motion_of(recordings: Sequence[Recording]) -> Motion:
+def classify_motion(recordings: Sequence[Recording]) -> Motion:
     """Tell the kind of motion.
 
     Parameters
@@ -118,7 +126,7 @@ def motion_of(recordings: Sequence[Recording]) -> Motion:
     lasting = Motion(Kind.LASTING, given)
     if any(one.exact for one in given):
         return lasting
-    channels = Channels.of(given)
+    channels = Channels.from_recordings(given)
     paired = {k for pair in velocity_pairs(given[0].states).items() for k in pair}
     if not paired.issuperset((*channels.values, *channels.rates)) or not channels.names:
         return lasting
@@ -126,8 +134,8 @@ def motion_of(recordings: Sequence[Recording]) -> Motion:
     return lasting if isinstance(found, NoModel) or found is None else found
 
 
-def _free_motion(recordings: list[Recording], channels: Channels) -> Motion | None:
-    stretches = [_stretch(one, channels) for one in recordings]
+def _free_motion(recordings: list[Recording], channels: Channels) -> FreeMotion | None:
+    stretches = [_make_stretch(one, channels) for one in recordings]
     falls_or_rises = partial(_falls_or_rises, stretches)
     modes, is_noise = fit_modes(stretches, falls_or_rises)
     if modes is None:
@@ -139,33 +147,37 @@ def _free_motion(recordings: list[Recording], channels: Channels) -> Motion | No
     if modes is None:
         return None
     order = resolved_modes(stretches, modes, is_noise)
-    is_linear, findings, linear = is_noise and has_linear_modes(stretches, modes, order), [], None
+    is_linear = is_noise and has_linear_modes(stretches, modes, order)
+    findings: list[Finding] = []
+    linear: FreeMotion | None = None
     if is_linear and may_be_one(stretches, modes, order):
-        linear = _told(recordings, channels, stretches, modes, order, True, findings)
+        linear = _classify_modes(recordings, channels, stretches, modes, order, True, findings)
         is_linear = False
     if not is_linear:
         floor = modes.misfit
         modes = main_and_beside(stretches, modes, order)
-        events = _events(stretches, modes, floor)
+        events = _find_linear_events(stretches, modes, floor)
         if events is not None and not (is_noise and floor < _with_price(stretches, events)):
-            recordings, findings = _parted(recordings, events, channels)
+            recordings, findings = _split_at_events(recordings, events, channels)
             stretches, modes, is_linear = events.stretches, events.modes, True
-        sizes = energies(stretches, modes)
+        sizes = mode_energies(stretches, modes)
         order = sorted(range(len(sizes)), key=lambda k: -sizes[k])
-    found = _told(recordings, channels, stretches, modes, order, is_linear, findings)
+    found = _classify_modes(recordings, channels, stretches, modes, order, is_linear, findings)
     return replace(found, linear=linear) if found and not is_linear else found or linear
 
 
-def _events(stretches: list[Stretch], modes: DampedModes, floor: float) -> Eventful | None:
-    """Events that leave linear motion, None if there are none, or too many.
+def _find_linear_events(
+    stretches: list[Stretch], modes: DampedModes, floor: float
+) -> Eventful | None:
+    """Return events that leave linear motion, None if there are none, or too many.
 
-    modes: of which the first is the main one. floor: as of `explained_by_events`.
+    modes: of which the first is the main one. floor: as of `find_events`.
     """
     alone = fit_poles(stretches, modes.poles[:1])
     for start in (modes, alone) if len(modes.poles) > 1 else (modes,):
         if share_left(stretches, start) > MAX_EVENTFUL:
             continue
-        events = explained_by_events(stretches, start, floor)
+        events = find_events(stretches, start, floor)
         if events is None:
             continue
         order = resolved_modes(events.stretches, events.modes, is_noise=True)
@@ -175,7 +187,7 @@ def _events(stretches: list[Stretch], modes: DampedModes, floor: float) -> Event
     return None
 
 
-def _told(
+def _classify_modes(
     recordings: list[Recording],
     channels: Channels,
     stretches: list[Stretch],
@@ -183,8 +195,8 @@ def _told(
     order: list[int],
     is_linear: bool,
     findings: list[Finding],
-) -> Motion | None:
-    """The motion of modes in the order of their energy, None if something may keep it up."""
+) -> FreeMotion | None:
+    """Return the motion of modes in the order of their energy, None if something may keep it up."""
     steady = [k for k in order if is_steady(stretches, modes, k)]
     own = [k for k in order if k not in steady]
     if not own or (order[0] in steady and (not is_linear or is_cycle(modes, order))):
@@ -195,7 +207,7 @@ def _told(
         modes = fit_poles(stretches, poles, held)
     growth, error = modes.poles[own[0]].real, modes.growth_errors[own[0]]
     if not is_linear:
-        sizes = _sizes(stretches, modes, own[:1])
+        sizes = _running_amplitudes(stretches, modes, own[:1])
         falls, rises = (all(map(test, sizes)) for test in (decays, grows))
         kind = Kind.DECAYING if falls else Kind.GROWING if rises else Kind.LASTING
     elif abs(growth) < SIGNIFICANT * error:
@@ -207,19 +219,19 @@ def _told(
     if is_linear:  # else the samples that no linear motion explains are no faults
         pairs = zip(recordings, stretches, strict=True)
         recordings = [_with_samples(one, stretch, channels) for one, stretch in pairs]
-    return Motion(
+    return FreeMotion(
         kind, recordings, stretches, is_linear, channels, modes, tuple(own), tuple(steady),
         tuple(findings),
     )  # fmt: skip
 
 
-def _stretch(recording: Recording, channels: Channels) -> Stretch:
-    """The channels of a recording; rates with an unknown offset stand on a slow drift."""
+def _make_stretch(recording: Recording, channels: Channels) -> Stretch:
+    """Return the channels of a recording; rates with an unknown offset stand on a slow drift."""
     columns = [recording.values[:, i] for i in channels.values]
     degrees = [0] * len(columns)
     for i in channels.rates:
-        given = recording.rates is not None
-        columns.append(recording.rates[:, i] if given else np.full(len(recording.time), np.nan))
+        rates = recording.rates
+        columns.append(np.full(len(recording.time), np.nan) if rates is None else rates[:, i])
         offsets = recording.unknown_offsets
         degrees.append(DRIFT_DEGREE if offsets is not None and offsets[i] else 0)
     time = recording.time - recording.time[0]
@@ -227,7 +239,7 @@ def _stretch(recording: Recording, channels: Channels) -> Stretch:
 
 
 def _with_samples(recording: Recording, stretch: Stretch, channels: Channels) -> Recording:
-    """The recording with the samples of a stretch, where some are left out."""
+    """Return the recording with the samples of a stretch, where some are left out."""
     values = recording.values.copy()
     rates = None if recording.rates is None else recording.rates.copy()
     for c, i in enumerate(channels.values):
@@ -238,19 +250,19 @@ def _with_samples(recording: Recording, stretch: Stretch, channels: Channels) ->
     return replace(recording, values=values, rates=rates)
 
 
-def without_further_modes(motion: Motion) -> list[Recording]:
-    """The recordings of a motion less its modes beyond one for each coordinate, and less what steps
-    of a force have moved the position of rest since the first of them.
+def without_further_modes(motion: FreeMotion) -> list[Recording]:
+    """Leave the modes beyond one for each coordinate out of the recordings of a motion.
+
+    What steps of a force have moved the position of rest since the first recording is left out too.
 
     Parameters
     ----------
-    motion : Motion
-        A free one.
+    motion : FreeMotion
     """
     found = []
     pairs = zip(motion.recordings, motion.stretches, strict=True)
     for index, (recording, stretch) in enumerate(pairs):
-        beside = motion.modes.motion(motion.further, index, stretch.time)
+        beside = motion.modes.evaluate(motion.further, index, stretch.time)
         if any(each.code == Code.FORCE_STEPPED for each in motion.findings):
             beside = beside + np.nan_to_num(motion.modes.offsets[index] - motion.modes.offsets[0])
         less = replace(stretch, values=stretch.values - beside)
@@ -259,22 +271,29 @@ def without_further_modes(motion: Motion) -> list[Recording]:
 
 
 def _falls_or_rises(stretches: list[Stretch], modes: DampedModes) -> bool:
-    """Whether the amplitude of modes of about the first one's frequency falls, or rises, all
-    through the stretches.
+    """Whether the amplitude of motion falls, or rises, all through the stretches.
+
+    It is the motion of modes of about the first one's frequency.
     """
-    sizes = _sizes(stretches, modes, np.flatnonzero(is_close(modes.poles, modes.poles[0])))
+    sizes = _running_amplitudes(
+        stretches, modes, np.flatnonzero(is_close(modes.poles, modes.poles[0]))
+    )
     return any(all(map(test, sizes)) for test in (decays, grows))
 
 
-def _sizes(stretches: list[Stretch], modes: DampedModes, own: Sequence[int]) -> list[np.ndarray]:
-    """Amplitudes of modes of about the same frequency in windows of each stretch."""
+def _running_amplitudes(
+    stretches: list[Stretch], modes: DampedModes, own: Sequence[int] | np.ndarray
+) -> list[np.ndarray]:
+    """Return amplitudes of modes of about the same frequency in windows of each stretch."""
     found = []
     omega = modes.poles[own[0]].imag
     others = np.setdiff1d(np.arange(len(modes.poles)), own)
     for index, stretch in enumerate(stretches):
         channel = strongest_channel(modes, index, own[0])
         known = np.isfinite(stretch.values[:, channel])
-        values = stretch.values[:, channel] - modes.motion(others, index, stretch.time)[:, channel]
+        values = (
+            stretch.values[:, channel] - modes.evaluate(others, index, stretch.time)[:, channel]
+        )
         length = max(2.0 * np.pi / omega, stretch.duration / WINDOWS)
         _, sizes = running_amplitude(stretch.time[known], values[known], omega, length)
         found.append(sizes)
@@ -282,16 +301,16 @@ def _sizes(stretches: list[Stretch], modes: DampedModes, own: Sequence[int]) -> 
 
 
 def _with_price(stretches: list[Stretch], events: Eventful) -> float:
-    """Misfit of a fit with events, and the price of what they add."""
+    """Return misfit of a fit with events, and the price of what they add."""
     added = (len(events.stretches) - len(stretches)) * (2 * len(events.modes.poles) + 2)
     samples = sum(np.count_nonzero(np.isfinite(one.values)) for one in stretches)
     return events.modes.misfit + added * np.log(samples)
 
 
-def _parted(
+def _split_at_events(
     recordings: list[Recording], events: Eventful, channels: Channels
 ) -> tuple[list[Recording], list[Finding]]:
-    """The recordings between events, and what happened in these."""
+    """Return the recordings between events, and what happened in these."""
     found, findings = [], []
     begins = dict.fromkeys(events.origins, 0)
     for k, (part, origin) in enumerate(zip(events.stretches, events.origins, strict=True)):
@@ -301,17 +320,17 @@ def _parted(
                 recording.time[begin] - recording.time[begin - len(events.stretches[k - 1].time)]
             )
             time = float(recording.time[begin])
-            finding = _happened(events.modes, k, float(before), time, channels)
+            finding = _describe_event(events.modes, k, float(before), time, channels)
             findings.append(replace(finding, recording=origin))
         found.append(recording[begin : begin + len(part.time)])
         begins[origin] = begin + len(part.time)
     return found, findings
 
 
-def _happened(
+def _describe_event(
     modes: DampedModes, k: int, elapsed: float, time: float, channels: Channels
 ) -> Finding:
-    """What happened between the stretches k - 1 and k, `elapsed` s after the begin of the first."""
+    """Describe the event between stretches k - 1 and k, `elapsed` s after the first begins."""
     place = int(np.argmax(np.abs(modes.amplitudes[k]).max(axis=1)))
     was = modes.amplitudes[k - 1] * np.exp(modes.poles * elapsed)[:, np.newaxis]
     now = modes.amplitudes[k]

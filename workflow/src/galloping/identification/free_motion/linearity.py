@@ -46,7 +46,7 @@ def resolved_modes(stretches: Sequence[Stretch], modes: DampedModes, is_noise: b
     """
     kept: list[int] = []
     longest = max(one.duration for one in stretches)
-    for k in np.argsort(-energies(stretches, modes)):
+    for k in np.argsort(-mode_energies(stretches, modes)):
         blurred = [j for j in kept if _is_unresolved(modes, int(k), j, longest)]
         if not blurred or (is_noise and _is_transient(stretches, modes, int(k), blurred)):
             kept.append(int(k))
@@ -59,7 +59,9 @@ def _is_unresolved(modes: DampedModes, k: int, j: int, longest: float) -> bool:
     return abs(one.imag - other.imag) < width
 
 
-def _is_transient(stretches: list[Stretch], modes: DampedModes, k: int, blurred: list[int]) -> bool:
+def _is_transient(
+    stretches: Sequence[Stretch], modes: DampedModes, k: int, blurred: list[int]
+) -> bool:
     """Whether a mode and one of the same frequency are a steady oscillation and its transient."""
     if len(blurred) != 1:
         return False
@@ -92,8 +94,9 @@ def has_linear_modes(
 
 
 def may_be_one(stretches: Sequence[Stretch], modes: DampedModes, order: Sequence[int]) -> bool:
-    """Whether modes may be parts of one motion that is not linear: one of about the frequency of
-    the strongest, or what a quadratic term makes of it.
+    """Whether modes may be parts of one motion that is not linear.
+
+    Such a part has about the frequency of the strongest, or is what a quadratic term makes of it.
     """
     own = [k for k in order if not is_steady(stretches, modes, k)]
     return any(
@@ -109,7 +112,7 @@ def is_cycle(modes: DampedModes, order: Sequence[int]) -> bool:
 
 
 def is_steady(stretches: Sequence[Stretch], modes: DampedModes, k: int) -> bool:
-    """Whether a mode neither grows nor decays."""
+    """Return whether a mode neither grows nor decays."""
     longest = max(one.duration for one in stretches)
     turns = modes.poles[k].imag * longest / (2.0 * np.pi)
     change = abs(modes.poles[k].real) * longest, 2.0 * modes.growth_errors[k] * longest
@@ -117,9 +120,7 @@ def is_steady(stretches: Sequence[Stretch], modes: DampedModes, k: int) -> bool:
 
 
 def _has_opposed(modes: DampedModes, own: Sequence[int]) -> bool:
-    """Whether a mode of about the frequency of the first of some grows where that decays, or
-    decays where that grows.
-    """
+    """Whether a mode of about the frequency of the first grows if that decays, or vice versa."""
     main = modes.poles[own[0]]
     opposed = modes.poles.real * np.sign(main.real) < -SIGNIFICANT * modes.growth_errors
     return bool(np.any((opposed & is_close(modes.poles, main))[own]))
@@ -134,9 +135,10 @@ def _is_multiple(modes: DampedModes, k: int, main: int, times: int) -> bool:
 
 
 def _depends_on_amplitude(stretches: Sequence[Stretch], modes: DampedModes, main: int) -> bool:
-    """Whether the residual of a mode holds what is left by a damping or a frequency that depends on
-    its amplitude: exponentials of its frequency and of another decay, by perturbation of second and
-    third order, and of dry friction.
+    """Whether the damping or the frequency of a mode depends on its amplitude.
+
+    The residual then contains exponentials of its frequency and of another decay, by perturbation
+    of second and third order, and of dry friction.
     """
     pole, gains, freedom = modes.poles[main], np.zeros(3), 0
     for index, stretch in enumerate(stretches):
@@ -168,7 +170,7 @@ def main_and_beside(stretches: list[Stretch], modes: DampedModes, order: list[in
     main = order[0]
     beside = [k for k in order[1:] if _is_beside(modes, k, main)]
     less = [
-        replace(one, values=one.values - modes.motion(beside, index, one.time))
+        replace(one, values=one.values - modes.evaluate(beside, index, one.time))
         for index, one in enumerate(stretches)
     ]
     alone = fit_poles(less, modes.poles[[main]])
@@ -199,11 +201,11 @@ def _is_beside(modes: DampedModes, k: int, main: int) -> bool:
     return is_told and is_other and (is_steady or not opposed)
 
 
-def energies(stretches: list[Stretch], modes: DampedModes) -> np.ndarray:
-    """(n_modes,) squares of each mode over the noise."""
+def mode_energies(stretches: Sequence[Stretch], modes: DampedModes) -> np.ndarray:
+    """Return (n_modes,) squares of each mode over the noise."""
     found = np.zeros(len(modes.poles))
     for index, stretch in enumerate(stretches):
         for k in range(len(found)):
-            own = modes.motion([k], index, stretch.time) / modes.noise[index]
+            own = modes.evaluate([k], index, stretch.time) / modes.noise[index]
             found[k] += np.nansum(own**2)
     return found

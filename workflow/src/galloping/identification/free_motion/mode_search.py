@@ -130,8 +130,9 @@ def strongest_mode(
     excess = np.where(is_told, excess, 0.0)
     # leakage of a strong mode exceeds the noise elsewhere, but not the mode itself
     powers = np.where(excess >= min(allowed, excess.max()), powers, 0.0)
-    k, bin_ = np.unravel_index(np.argmax(powers), powers.shape)
-    return Candidate(complex(-windows[k], omega[bin_]), float(excess[k, bin_]), allowed)
+    row, bin_ = np.unravel_index(np.argmax(powers), powers.shape)
+    pole = complex(-windows[row], omega[bin_])
+    return Candidate(pole, float(excess[row, bin_]), allowed)
 
 
 def _near_modes(omega: np.ndarray, poles: np.ndarray | None, resolution: float) -> np.ndarray:
@@ -206,7 +207,7 @@ def fit_modes(
         first one, others are still looked for.
     """
     found: DampedModes | None = None
-    left, apart = [_centred(one.values) for one in stretches], None
+    left, apart = [_without_means(one.values) for one in stretches], None
     for count in range(MAX_MODES + 1):
         best = strongest_mode(stretches, left, found.poles if found else None, apart)
         if not best.stands_out:
@@ -231,7 +232,7 @@ def fit_modes(
 
 
 def share_left(stretches: Sequence[Stretch], found: DampedModes) -> float:
-    """Largest share of the power of a channel that modes leave."""
+    """Return largest share of the power of a channel that modes leave."""
     shares = [
         np.nanmax(found.noise[index][one.sizes > 0.0] / one.sizes[one.sizes > 0.0])
         for index, one in enumerate(stretches)
@@ -240,7 +241,7 @@ def share_left(stretches: Sequence[Stretch], found: DampedModes) -> float:
 
 
 def is_close(poles: np.ndarray, pole: complex) -> np.ndarray:
-    """(n,) whether poles (n,) are of about the frequency of one of them."""
+    """Return (n,) whether poles (n,) are of about the frequency of one of them."""
     return np.abs(poles.imag / pole.imag - 1.0) < CLOSE
 
 
@@ -266,7 +267,7 @@ def is_part_of(poles: np.ndarray, motion: np.ndarray) -> np.ndarray:
     return np.abs(ratio / times - 1.0) < within
 
 
-def _centred(values: np.ndarray) -> np.ndarray:
+def _without_means(values: np.ndarray) -> np.ndarray:
     known = np.isfinite(values)
     count = np.maximum(known.sum(axis=0), 1)
     return values - np.where(known, values, 0.0).sum(axis=0) / count

@@ -76,26 +76,26 @@ def moving_parts(time: np.ndarray, values: np.ndarray) -> list[MovingPart]:
     known = np.flatnonzero(np.isfinite(values).any(axis=1))
     if len(known) and known[-1] - known[0] + 1 < len(time):  # what is missing is no rest
         inner = slice(known[0], known[-1] + 1)
-        return [_shifted(part, inner.start) for part in moving_parts(time[inner], values[inner])]
-    columns = _filled(time, values)
-    period = _period(columns)
+        return [_shift_part(part, inner.start) for part in moving_parts(time[inner], values[inner])]
+    columns = _fill_gaps(time, values)
+    period = _dominant_period(columns)
     if not len(columns) or not np.isfinite(period) or len(time) < 4 * max(period, MIN_WINDOW):
         return whole
-    onsets = _onsets(columns, period)
+    onsets = _find_onsets(columns, period)
     edges = [*(onset.at for onset in onsets), len(time)]
     parts = []
     if not onsets or onsets[0].rested_from > 0:
         first = slice(0, onsets[0].rested_from if onsets else len(time))
         parts.append(_without_tail(columns, MovingPart(first), period, edges[0]))
     for onset, end in zip(onsets, edges[1:], strict=True):
-        begin = onset.at + _spike(columns[:, onset.at : end], period)
+        begin = onset.at + _spike_length(columns[:, onset.at : end], period)
         part = MovingPart(slice(begin, end), rested_from=onset.rested_from)
         parts.append(_without_tail(columns, part, period, end))
     long = [part for part in parts if part.rows.stop - part.rows.start >= MIN_PERIODS * period]
     return long or whole
 
 
-def _shifted(part: MovingPart, rows: int) -> MovingPart:
+def _shift_part(part: MovingPart, rows: int) -> MovingPart:
     def later(row: int | None) -> int | None:
         return None if row is None else int(row + rows)
 
@@ -119,10 +119,11 @@ def moving_samples(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, li
     list of Finding
         Where motion begins and ends.
     """
-    moves, findings = np.zeros(len(time), bool), []
+    moves = np.zeros(len(time), bool)
+    findings: list[Finding] = []
     for part in moving_parts(time, values):
         moves[part.rows] = True
-        findings += _findings(time, part, 0)
+        findings += _rest_findings(time, part, 0)
     return moves, findings
 
 
@@ -166,11 +167,11 @@ def moving_recordings(recordings: Sequence[Recording]) -> Moving:
             is_whole = part.rows.stop - part.rows.start == len(recording.time)
             found.append(recording if is_whole else recording[part.rows])
             origins.append(index)
-            findings += _findings(recording.time, part, index)
+            findings += _rest_findings(recording.time, part, index)
     return Moving(found, origins, tuple(findings))
 
 
-def _findings(time: np.ndarray, part: MovingPart, index: int) -> Iterator[Finding]:
+def _rest_findings(time: np.ndarray, part: MovingPart, index: int) -> Iterator[Finding]:
     begin, end = float(time[part.rows.start]), float(time[part.rows.stop - 1])
     if part.rested_from is not None:
         data = {"from_s": float(time[part.rested_from]), "time_s": begin}
@@ -180,8 +181,8 @@ def _findings(time: np.ndarray, part: MovingPart, index: int) -> Iterator[Findin
         yield Finding(Code.CAME_TO_REST, Severity.NOTE, data=data, recording=index)
 
 
-def _filled(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """(n_varying, n) channels that vary, straight over what is missing."""
+def _fill_gaps(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return (n_varying, n) channels that vary, straight over what is missing."""
     found = []
     for column in values.T:
         known = np.isfinite(column)
@@ -190,8 +191,8 @@ def _filled(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.array(found).reshape(-1, len(time))
 
 
-def _period(columns: np.ndarray) -> float:
-    """Samples in a period of the largest velocity, infinite without one."""
+def _dominant_period(columns: np.ndarray) -> float:
+    """Return samples in a period of the largest velocity, infinite without one."""
     power = np.zeros(columns.shape[1] // 2)
     for column in columns:
         own = np.abs(np.fft.rfft(np.diff(column)))[: len(power)] ** 2
@@ -201,19 +202,20 @@ def _period(columns: np.ndarray) -> float:
     return columns.shape[1] / (2.0 + np.argmax(power[2:]))
 
 
-def _deviations(columns: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
-    """(n_channels, n - length + 1) standard deviations in the windows from each sample on, and
-    whether what varies there is smooth.
+def _window_deviations(columns: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return standard deviations in the windows from each sample on, and whether these are smooth.
+
+    Both are (n_channels, n - length + 1); smooth is what varies slowly within a window.
     """
     centred = columns - columns.mean(axis=1, keepdims=True)
-    mean = _sums(centred, length) / length
-    deviation = np.sqrt(np.maximum(_sums(centred**2, length) / length - mean**2, 0.0))
-    squares = _sums(np.diff(columns, axis=1) ** 2, length - 1) / (length - 1)
+    mean = _window_sums(centred, length) / length
+    deviation = np.sqrt(np.maximum(_window_sums(centred**2, length) / length - mean**2, 0.0))
+    squares = _window_sums(np.diff(columns, axis=1) ** 2, length - 1) / (length - 1)
     return deviation, squares < SMOOTH * deviation**2
 
 
-def _sums(columns: np.ndarray, length: int) -> np.ndarray:
-    """(n_channels, n - length + 1) sums over the windows from each sample on."""
+def _window_sums(columns: np.ndarray, length: int) -> np.ndarray:
+    """Return (n_channels, n - length + 1) sums over the windows from each sample on."""
     total = np.pad(np.cumsum(columns, axis=1), ((0, 0), (1, 0)))
     return total[:, length:] - total[:, :-length]
 
@@ -226,12 +228,12 @@ class _Onset:
     at: int
 
 
-def _onsets(columns: np.ndarray, period: float) -> list[_Onset]:
-    """Where motion begins out of rest, in order of time."""
+def _find_onsets(columns: np.ndarray, period: float) -> list[_Onset]:
+    """Return where motion begins out of rest, in order of time."""
     found: list[_Onset] = []
-    resolution = _resolution(columns)
+    resolution = _sensor_resolution(columns)
     for length in sorted({max(int(share * period), MIN_WINDOW) for share in WINDOWS})[::-1]:
-        deviation, is_smooth = _deviations(columns, length)
+        deviation, is_smooth = _window_deviations(columns, length)
         span = int(FOLLOWING * period)
         if deviation.shape[1] <= length + span:
             continue
@@ -257,19 +259,19 @@ def _onsets(columns: np.ndarray, period: float) -> list[_Onset]:
             level = deviation[:, last] / np.maximum(following[:, last], TINY)
             if np.all(level[starts[:, last]] > SMALL) and not _is_still(columns[:, rest]):
                 continue  # a smaller motion
-            at = _departure(columns[starts[:, last]], rest, length)
+            at = _find_departure(columns[starts[:, last]], rest, length)
             if all(abs(at - other.at) > span for other in found):
                 found.append(_Onset(rested_from, at))
     return sorted(found, key=lambda onset: onset.at)
 
 
-def _resolution(columns: np.ndarray) -> np.ndarray:
-    """(n_channels, 1) the smallest difference between two values of each channel."""
+def _sensor_resolution(columns: np.ndarray) -> np.ndarray:
+    """Return (n_channels, 1) the smallest difference between two values of each channel."""
     return np.array([[np.diff(np.unique(column)).min()] for column in columns])
 
 
-def _departure(columns: np.ndarray, rest: slice, length: int) -> int:
-    """The first sample out of a rest, whose end may lie up to `length` samples later."""
+def _find_departure(columns: np.ndarray, rest: slice, length: int) -> int:
+    """Return the first sample out of a rest, whose end may lie up to `length` samples later."""
     still = columns[:, rest]
     middle = still.mean(axis=1, keepdims=True)
     least = np.maximum(OUT_OF_REST * still.std(axis=1), 1.5 * np.abs(still - middle).max(axis=1))
@@ -279,13 +281,13 @@ def _departure(columns: np.ndarray, rest: slice, length: int) -> int:
 
 
 def _rest_begin(deviation: np.ndarray, last: int, least: np.ndarray, length: int) -> int:
-    """The first sample of the windows before the sample `last` that vary by `least` at most."""
+    """Return the first sample of the windows before `last` that vary by `least` at most."""
     moves = np.any(deviation[:, :last] > least[:, np.newaxis], axis=0)
     return int(np.flatnonzero(moves)[-1]) + length if moves.any() else 0
 
 
-def _spike(columns: np.ndarray, period: float) -> int:
-    """Samples from the begin of motion on in which a blow's own acceleration is seen."""
+def _spike_length(columns: np.ndarray, period: float) -> int:
+    """Return samples from the begin of motion on in which a blow's own acceleration is seen."""
     length = int(period)
     if columns.shape[1] < 4 * length:
         return 0
@@ -298,15 +300,15 @@ def _spike(columns: np.ndarray, period: float) -> int:
 
 
 def _without_tail(columns: np.ndarray, part: MovingPart, period: float, end: int) -> MovingPart:
-    """The part without the rest at its end. end: sample at which the next motion begins."""
+    """Return the part without the rest at its end. end: sample at which the next motion begins."""
     begin, stop = part.rows.start, part.rows.stop
     length = max(int(period), MIN_WINDOW)
     own = columns[:, begin:stop]
     if own.shape[1] < (MIN_PERIODS + MIN_TAIL) * length:
         return part
-    deviation, _ = _deviations(own, length)
+    deviation, _ = _window_deviations(own, length)
     last = own[:, -max(length, own.shape[1] // 20) :].std(axis=1, keepdims=True)
-    resolution = _resolution(columns)
+    resolution = _sensor_resolution(columns)
     last = np.maximum(last, resolution)
     if np.any(deviation.max(axis=1, keepdims=True) * MAX_REST < last):
         return part

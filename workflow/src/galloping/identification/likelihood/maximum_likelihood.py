@@ -23,16 +23,17 @@ from galloping.identification.answers import (
 )
 from galloping.identification.free_motion.answer import (
     PATH,
-    free_at_once,
-    free_model,
+    find_free_motion,
+    identify_free_motion,
+    identify_linear_motion,
     is_of_one_coordinate,
-    linear_model,
-    with_beside,
     with_findings,
+    with_further_modes,
 )
 from galloping.identification.free_motion.kinds_of_motion import (
+    FreeMotion,
     Kind,
-    motion_of,
+    classify_motion,
     without_further_modes,
 )
 from galloping.identification.free_motion.rest import moving_recordings
@@ -54,12 +55,12 @@ from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.interpolation import held_inputs
-from galloping.identification.preparation.weak_form import Start, begin, delayed_inputs
+from galloping.identification.preparation.weak_form import Start, delayed_inputs, make_start
 from galloping.identification.prior_knowledge import PRIOR, Coefficient, Prior
 from galloping.identification.problem import Problem
-from galloping.identification.random_forces.decision import moved_at_random, random_forces
-from galloping.identification.random_forces.start import may_be_moved_at_random
-from galloping.identification.random_forces.unmodelled import unmodelled
+from galloping.identification.random_forces.decision import fit_random_forces, try_random_forces
+from galloping.identification.random_forces.start import is_ambient_candidate
+from galloping.identification.random_forces.unmodelled import find_unmodelled_modes
 from galloping.identification.work import MOST, is_exhausted, limit_work, sub_budget
 from galloping.model.polynomial import Exponents, PolynomialModel
 from galloping.recording.samples import Recording
@@ -95,12 +96,12 @@ def maximum_likelihood(
     all must have; a recording counts in the stretches in which they are there, and `initial_states`
     and `sigma` of the result are those of the stretches. known: model whose equations of
     `known_states` hold; the equation of a state X is known to be dX/dt = dX where a state has that
-    name. start: of `weak_form.begin`, where it is made already.
+    name. start: of `weak_form.make_start`, where it is made already.
     coefficients: what is known of single ones, which are then always there. allowed: (n_states,
     n_terms) boolean, in which equations each term is sought; in all by default.
     prior: of the terms (see `Prior`); None: the data alone choose them and speak in the verdict.
     forced: names of coordinates or states that unmeasured random forces move, () for all: then
-    `random_forces` answers. By default such forces are tried where the motion may be theirs.
+    `fit_random_forces` answers. By default such forces are tried where the motion may be theirs.
     The status is `ok`, `not identifiable` (other terms could be there as well), `approximate` (no
     model of the library follows the data to the noise; see `model_error`), or `refused`.
     Raises ValueError where the recordings differ in their states, and for other input.
@@ -110,7 +111,7 @@ def maximum_likelihood(
         recordings, terms, known, known_states, prior, coefficients, allowed
     )
     if forced is not None:
-        return random_forces(problem, recordings, forced)
+        return fit_random_forces(problem, recordings, forced)
     used = attempt(partial(segments_with_inputs, recordings, problem.inputs))
     if isinstance(used, NoModel):
         return prepend_path(["no model"], refused_model(problem, used.findings))
@@ -134,9 +135,9 @@ def _search_model(
     Of a single coordinate, and where displacements are not measured, free motion is tried first:
     that takes a tenth of a second, and much else need then not be searched.
     """
-    if (motion := free_at_once(recordings)) is not None:
+    if (motion := find_free_motion(recordings)) is not None:
         with limit_work(recordings, FREE * MOST):
-            found = free_model(problem, motion, partial(_fit_free_motion, problem))
+            found = identify_free_motion(problem, motion, partial(_fit_free_motion, problem))
         if isinstance(found, IdentifiedModel):
             return found
     return _search_time_scales(problem, recordings, start)
@@ -144,7 +145,7 @@ def _search_model(
 
 def _fit_free_motion(problem: Problem, recordings: list[Recording]) -> Outcome:
     """Fit the model that follows free motion to the noise."""
-    begun = attempt(partial(begin, problem, recordings))
+    begun = attempt(partial(make_start, problem, recordings))
     return begun if isinstance(begun, NoModel) else _search_rest_positions(begun, fit_exact)
 
 
@@ -165,7 +166,9 @@ def _search_time_scales(
             return found if share == 1.0 else prepend_path([f"time scale {share:g}"], found)
         objections.append(found.findings)
     first = objections[0] if objections else ()
-    return prepend_path(["no model"], refused_model(problem, (*unmodelled(recordings), *first)))
+    return prepend_path(
+        ["no model"], refused_model(problem, (*find_unmodelled_modes(recordings), *first))
+    )
 
 
 def _search_time_scale(
@@ -177,11 +180,11 @@ def _search_time_scale(
     Random forces are tried where the motion may be theirs, and first where no model follows the
     data in segments, or displacements are not measured.
     """
-    first = replace(begun, problem=problem) if begun else begin(problem, recordings, share)
+    first = replace(begun, problem=problem) if begun else make_start(problem, recordings, share)
     begun, told = starts.rescale_start(first, recordings, share)
     searches = [partial(_search_exact, begun), partial(_search_approximate, begun)]
     if share == 1.0:
-        may_be_random = may_be_moved_at_random(first)
+        may_be_random = is_ambient_candidate(first)
         follows = (
             not may_be_random
             or problem.tables.n_kinks  # beside kinks a start may miss the model
@@ -256,17 +259,17 @@ def _search_free_motion(begun: Start, objections: Findings) -> tuple[Outcome, bo
     """
     if is_of_one_coordinate(begun.recordings):  # which was asked before all else
         return NoModel(objections), False
-    motion = motion_of(begun.recordings)
-    if not (motion.is_linear or motion.kind == Kind.DECAYING):
+    motion = classify_motion(begun.recordings)
+    if not (isinstance(motion, FreeMotion) and (motion.is_linear or motion.kind == Kind.DECAYING)):
         return NoModel(objections), False
     found: Outcome = NoModel(objections)
     if motion.further or motion.findings:
-        alone = attempt(partial(begin, begun.problem, without_further_modes(motion)))
+        alone = attempt(partial(make_start, begun.problem, without_further_modes(motion)))
         found = alone if isinstance(alone, NoModel) else _search_exact(alone, objections)[0]
     if isinstance(found, IdentifiedModel):
-        return prepend_path([PATH], with_beside(found, motion)), True
+        return prepend_path([PATH], with_further_modes(found, motion)), True
     if motion.is_linear:
-        found = linear_model(begun.problem, motion)
+        found = identify_linear_motion(begun.problem, motion)
         if isinstance(found, IdentifiedModel):
             return found, True
     return _search_approximate(begun, objections)
@@ -277,7 +280,7 @@ def _search_stochastic(begun: Start, _: Findings) -> tuple[Outcome, bool]:
 
     An input at the wrong times leaves what looks like random forces, and is named.
     """
-    found, is_sure = moved_at_random(begun.problem, begun.recordings, begun.period)
+    found, is_sure = try_random_forces(begun.problem, begun.recordings, begun.period)
     if found is None:
         return NoModel(), False
     return found.with_findings(*_find_late_inputs(begun)), is_sure

@@ -9,12 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.preparation.rate_channels import scaled, scales_told
-from galloping.identification.preparation.smoothing import undisplaced
+from galloping.identification.preparation.rate_channels import estimate_scales, with_scales
+from galloping.identification.preparation.smoothing import unmeasured_displacements
 from galloping.identification.preparation.weak_form import (
     Start,
     WeakFit,
-    begin,
+    make_start,
     rough_fit,
     weak_fit,
 )
@@ -31,10 +31,10 @@ def rescale_start(
     share: the start's of `TIME_SCALES`. Returns the start in these recordings, and the scales by
     name.
     """
-    own = scaled(recordings, begun.period)
+    own = with_scales(recordings, begun.period)
     if any(one is not other for one, other in zip(recordings, own, strict=True)):
-        begun = begin(begun.problem, own, share)
-    return begun.with_rates(own), scales_told(recordings, own)
+        begun = make_start(begun.problem, own, share)
+    return begun.with_rates(own), estimate_scales(recordings, own)
 
 
 def rests_at_zero(begun: Start) -> bool:
@@ -46,7 +46,9 @@ def rests_at_zero(begun: Start) -> bool:
 
 def _unmeasured_displacements(begun: Start) -> set[tuple[int, int]]:
     """Find each state X that no recording measures, with its velocity dX, as indices."""
-    return set.intersection(*(set(undisplaced(one).items()) for one in begun.recordings))
+    return set.intersection(
+        *(set(unmeasured_displacements(one).items()) for one in begun.recordings)
+    )
 
 
 def positions_of_rest(begun: Start) -> Iterator[tuple[str, Start]]:

@@ -7,7 +7,7 @@ from galloping.identification.inputs import segments_with_inputs, validated_prob
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.no_model import NoModel, attempt
-from galloping.identification.preparation.weak_form import Start, begin
+from galloping.identification.preparation.weak_form import Start, make_start
 from galloping.model.polynomial import Exponents
 from galloping.recording.samples import Recording
 
@@ -23,13 +23,13 @@ def shared_evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...
         which need no start.
     """
 
-    def make_start() -> Start | None:
+    def prepare_start() -> Start | None:
         if all(recording.exact for recording in recordings):
             return None
         problem = validated_problem(list(recordings), terms)
-        return begin(problem, segments_with_inputs(list(recordings), problem.inputs))
+        return make_start(problem, segments_with_inputs(list(recordings), problem.inputs))
 
-    start = attempt(make_start)
+    start = attempt(prepare_start)
     return {
         "recordings": list(recordings),
         "terms": terms,

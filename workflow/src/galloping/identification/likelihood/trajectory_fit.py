@@ -23,7 +23,7 @@ from galloping.identification.likelihood.shooting import (
 )
 from galloping.identification.no_model import NotConvergedError, as_finding
 from galloping.identification.observations import Code, Finding
-from galloping.identification.preparation.rate_channels import channel_noise, channels
+from galloping.identification.preparation.rate_channels import channel_noise, stack_channels
 from galloping.identification.preparation.smoothing import Smooth
 from galloping.identification.preparation.weak_form import Start, WeakFit
 from galloping.identification.selection import Price
@@ -151,7 +151,7 @@ def prepare_fit(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
     """
     recordings, smoothed, period = begun.recordings, begun.smoothed, begun.period
     problem, n = begun.problem, len(begun.problem.states)
-    sampled = [channels(recording) for recording in recordings]
+    sampled = [stack_channels(recording) for recording in recordings]
     own = np.flatnonzero(np.any([np.isfinite(one).any(axis=0) for one in sampled], axis=0))
     observed, is_rate = own % n, own >= n
     told = [channel_noise(*one) for one in zip(recordings, smoothed, strict=True)]

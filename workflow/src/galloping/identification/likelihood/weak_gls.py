@@ -20,7 +20,7 @@ from galloping.identification.likelihood.repetition import FollowedRecording
 from galloping.identification.likelihood.verdict import Regression, assess_fit
 from galloping.identification.no_model import IdentificationError, NoModel, attempt
 from galloping.identification.observations import Code
-from galloping.identification.preparation.weak_form import MOST_MISFIT, Start, begin
+from galloping.identification.preparation.weak_form import MOST_MISFIT, Start, make_start
 from galloping.model.polynomial import Exponents, PolynomialModel
 from galloping.recording.samples import Recording
 
@@ -37,7 +37,7 @@ def weak_gls(
 
     recordings: of one system, any sampling, NaN where missing. terms: the library. known: model
     whose equations of `known_states` hold; the equation of a state X is known to be dX/dt = dX
-    where a state has that name. start: of `begin`, where it is made already.
+    where a state has that name. start: of `make_start`, where it is made already.
     The intervals are those of the linearised weak form, inflated by the misfit where it is above
     one. The status is as in `IdentifiedModel`. Raises ValueError for other input.
     """
@@ -46,7 +46,7 @@ def weak_gls(
 
     def search() -> IdentifiedModel:
         used = segments_with_inputs(recordings, problem.inputs)
-        begun = start or begin(problem, used)
+        begun = start or make_start(problem, used)
         fit, more = begun.fit, max(begun.fit.misfit, 1.0)
         if fit.misfit >= MOST_MISFIT:
             raise IdentificationError(Code.WEAK_MISFIT, misfit=fit.misfit)

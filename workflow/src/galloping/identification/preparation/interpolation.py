@@ -7,16 +7,18 @@ candidate terms, so that no model is needed that nearly follows.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from galloping.identification.inputs import segments_with_inputs
 from galloping.identification.no_model import NoModel, attempt
-from galloping.identification.preparation.screening import prepared
+from galloping.identification.preparation.screening import prepare_recordings
 from galloping.identification.preparation.smoothing import Smooth
 from galloping.identification.preparation.weak_form import weak_fit
 from galloping.identification.problem import Problem
+from galloping.model.functions import Function
 from galloping.recording.samples import Input, Recording, evaluate_extended
 
 # Of the misfit beyond the noise, that another interpolant takes away at least. An input that is
@@ -46,20 +48,22 @@ def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> di
     chosen = {name: recordings[0].inputs[name].between for name in undecided}
     if not undecided:
         return {}
-    used = attempt(lambda: segments_with_inputs(list(recordings), problem.inputs))
-    start = used if isinstance(used, NoModel) else attempt(lambda: prepared(used))
+    used = attempt(partial(segments_with_inputs, list(recordings), problem.inputs))
+    if isinstance(used, NoModel):
+        return chosen
+    start = attempt(partial(prepare_recordings, used))
     if isinstance(start, NoModel):
         return chosen
     cleaned, smoothed, _ = start
     penalty = 2.0 * np.log(sum(one.samples for one in cleaned))
     for name in undecided:
         fits = {}
-        for kind in (chosen[name], *_kinds(recordings, name)):
+        for kind in (chosen[name], *_alternative_kinds(recordings, name)):
             curves = [
                 _with_inputs(one, curve, problem, {**chosen, name: kind})
                 for one, curve in zip(used, smoothed, strict=True)
             ]
-            fit = attempt(lambda curves=curves: weak_fit(problem, curves, penalty))
+            fit = attempt(partial(weak_fit, problem, curves, penalty))
             if not isinstance(fit, NoModel):
                 fits[kind] = fit
         now = fits.get(chosen[name])
@@ -89,11 +93,11 @@ def held_inputs(problem: Problem, recordings: Sequence[Recording]) -> list[str]:
     ]
 
 
-def _kinds(recordings: Sequence[Recording], name: str) -> list[str]:
+def _alternative_kinds(recordings: Sequence[Recording], name: str) -> list[str]:
     return [one.between for one in recordings[0].inputs[name].alternatives]
 
 
-def of_kind(one: Input, kind: str) -> Input:
+def decide_kind(one: Input, kind: str) -> Input:
     """Return an input with what it is between its samples decided."""
     found = {each.between: each for each in (*one.alternatives, one)}
     return replace(found.get(kind, one), alternatives=())
@@ -102,7 +106,7 @@ def of_kind(one: Input, kind: str) -> Input:
 def with_interpolants(recording: Recording, kinds: Mapping[str, str]) -> Recording:
     """Return a recording with what its inputs are between their samples decided, by name."""
     inputs = {
-        name: of_kind(one, kinds[name]) if name in kinds else one
+        name: decide_kind(one, kinds[name]) if name in kinds else one
         for name, one in recording.inputs.items()
     }
     return replace(recording, inputs=inputs)
@@ -126,18 +130,21 @@ def _with_inputs(
     columns = []
     for k, name in enumerate(problem.inputs, start=len(problem.states)):
         one = recording.inputs[name]
-        one = of_kind(one, kinds.get(name, one.between))
+        one = decide_kind(one, kinds.get(name, one.between))
         means = one.mean_around(fine, step)
         means = np.where(np.isfinite(means), means, evaluate_extended(one, fine))
         values = sliding_window_view(means, 2 * reach)[::FINER] @ kernel
-        divides = any(term[k] < 0 for term in problem.terms)
+        powers = (term[k] for term in problem.terms)
+        divides = any(not isinstance(power, Function) and power < 0 for power in powers)
         columns.append(np.clip(values, means.min(), means.max()) if divides else values)
     return replace(curve, inputs=np.column_stack(columns))
 
 
 def _cubic_kernel(x: np.ndarray) -> np.ndarray:
-    """Cubic convolution: samples of any quadratic, summed with it, give the quadratic back (R. G.
-    Keys, IEEE Trans. Acoust. Speech Signal Process. 29, 1981).
+    """Evaluate the kernel of cubic convolution.
+
+    Samples of any quadratic, summed with it, give the quadratic back (R. G. Keys, IEEE Trans.
+    Acoust. Speech Signal Process. 29, 1981).
     """
     x = np.abs(x)
     near, far = (1.5 * x - 2.5) * x**2 + 1.0, ((-0.5 * x + 2.5) * x - 4.0) * x + 2.0

@@ -18,55 +18,62 @@ from galloping.identification.preparation.smoothing import (
     Smooth,
     distance_to,
     sampled_rates,
-    undisplaced,
+    unmeasured_displacements,
 )
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording
 
 
-def channels(recording: Recording) -> np.ndarray:
+def stack_channels(recording: Recording) -> np.ndarray:
     """(n, 2 n_states) samples of each state and of each one's rate, NaN where there are none."""
     return np.hstack([recording.values, sampled_rates(recording)])
 
 
 def channel_noise(recording: Recording, smoothed: Smooth) -> tuple[np.ndarray, np.ndarray]:
-    """(2 n_states,) first estimate of the noise of a sample of the `channels`, and the noise known
-    beforehand, NaN where none is.
+    """Estimate the noise of a sample of each channel, as a first guess.
+
+    Returns it, (2 n_states,), in the order of `stack_channels`, and the noise known beforehand, NaN
+    where none is.
     """
-    about = _deviation(sampled_rates(recording) - _slopes(recording, smoothed))
+    about = _robust_deviation(sampled_rates(recording) - _curve_slopes(recording, smoothed))
     told, known = np.append(smoothed.noise, about), recording.known_noise
     return told, np.full(len(told), np.nan) if known is None else known.ravel()
 
 
-def scaled(recordings: list[Recording], period: float) -> list[Recording]:
-    """The recordings with values of unknown scale divided by their scale, which the rates beside
-    them tell.
+def with_scales(recordings: list[Recording], period: float) -> list[Recording]:
+    """Divide values of unknown scale by their scale, which the rates beside them determine.
 
-    period: s, the shortest of the motion. Raises IdentificationError where no channel tells a
+    period: s, the shortest of the motion. Raises IdentificationError if no channel determines a
     scale.
     """
-    return [_scaled(recording, period) for recording in recordings]
+    return [_with_scale(recording, period) for recording in recordings]
 
 
-def scales_told(recordings: list[Recording], scaled: list[Recording]) -> dict[str, float]:
-    """The unknown scales, by name, from recordings and those of `scaled`; means over them."""
+def estimate_scales(recordings: list[Recording], scaled: list[Recording]) -> dict[str, float]:
+    """Return the mean unknown scales, by name, from recordings and those of `with_scales`."""
     told: dict[str, list[float]] = {}
     for recording, own in zip(recordings, scaled, strict=True):
         if own is not recording:
-            for k in np.flatnonzero(recording.unknown_scales):
+            for k in _unknown_scales(recording):
                 ratio = np.nanmedian(recording.values[:, k] / own.values[:, k])
                 told.setdefault(f"scale_{recording.states[k]}", []).append(float(ratio))
     return {name: float(np.mean(values)) for name, values in told.items()}
 
 
-def _slopes(recording: Recording, smoothed: Smooth) -> np.ndarray:
-    """(n, n_states) slopes of the smooth curves at the samples."""
+def _unknown_scales(recording: Recording) -> list[int]:
+    """Return the indices of the values of unknown scale."""
+    scales = recording.unknown_scales
+    return [] if scales is None else np.flatnonzero(scales).tolist()
+
+
+def _curve_slopes(recording: Recording, smoothed: Smooth) -> np.ndarray:
+    """Return (n, n_states) slopes of the smooth curves at the samples."""
     slopes = np.gradient(smoothed.states, smoothed.time, axis=0)
     return np.column_stack([np.interp(recording.time, smoothed.time, one) for one in slopes.T])
 
 
-def _deviation(values: np.ndarray) -> np.ndarray:
-    """Robust standard deviation of each column, NaN of one without values."""
+def _robust_deviation(values: np.ndarray) -> np.ndarray:
+    """Return robust standard deviation of each column, NaN of one without values."""
     known = np.isfinite(values).any(axis=0)
     deviation = np.full(values.shape[1], np.nan)
     apart = np.abs(values[:, known] - np.nanmedian(values[:, known], axis=0))
@@ -77,7 +84,7 @@ def _deviation(values: np.ndarray) -> np.ndarray:
 def without_offsets(
     recording: Recording, given: Recording, smoothed: Smooth, period: float
 ) -> Recording:
-    """The recording with the rates of the given one, without their offsets and outliers.
+    """Return the recording with the rates of the given one, without their offsets and outliers.
 
     period: s, the shortest of the motion. Raises IdentificationError where an offset cannot be
     told.
@@ -85,10 +92,10 @@ def without_offsets(
     if given.rates is None:
         return recording
     rates = given.rates.copy()
-    difference = rates - _slopes(recording, smoothed)
+    difference = rates - _curve_slopes(recording, smoothed)
     ends = np.sort(np.append(smoothed.time[[0, -1]], smoothed.time[~smoothed.valid]))
     apart = distance_to(ends, recording.time)
-    integrated = {k for pair in undisplaced(given).items() for k in pair}
+    integrated = {k for pair in unmeasured_displacements(given).items() for k in pair}
     span = recording.time[-1] - recording.time[0]
     slow = legvander(2.0 * (recording.time - recording.time[0]) / span - 1.0, DRIFT_DEGREE)
     unknown = given.unknown_offsets
@@ -104,21 +111,24 @@ def without_offsets(
             difference[:, k] -= fitted
         good = inside & np.isfinite(difference[:, k])
         # eight robust deviations where samples have 5.5: slopes are rougher than the curve
-        limit = 8.0 * _deviation(difference[good, k : k + 1])[0]
+        limit = 8.0 * _robust_deviation(difference[good, k : k + 1])[0]
         rates[inside & (np.abs(difference[:, k]) > limit), k] = np.nan
     return replace(recording, rates=rates)
 
 
-def _scaled(recording: Recording, period: float) -> Recording:
-    """As `scaled`, of one recording; itself where no scale is unknown."""
-    if recording.unknown_scales is None or not recording.unknown_scales.any():
+def _with_scale(recording: Recording, period: float) -> Recording:
+    """As `with_scales`, of one recording; itself where no scale is unknown."""
+    unknown = _unknown_scales(recording)
+    if not len(unknown):
         return recording
     pairs, rates = velocity_pairs(recording.states), sampled_rates(recording)
     values = recording.values.copy()
     noise = None if recording.known_noise is None else recording.known_noise.copy()
-    for k in np.flatnonzero(recording.unknown_scales):
-        velocity, order = (pairs[int(k)], 2) if int(k) in pairs else (int(k), 1)
-        own, other = _weak(recording.time, values[:, k], rates[:, velocity], order, period)
+    for k in unknown:
+        velocity, order = (pairs[k], 2) if k in pairs else (k, 1)
+        own, other = _weak_integrals(
+            recording.time, values[:, k], rates[:, velocity], order, period
+        )
         if len(own) < 20:  # as many tell a scale to a few percent
             rate = f"d{recording.states[velocity]}"
             raise IdentificationError(Code.SCALE_UNDETERMINED, recording.states[k], rate=rate)
@@ -129,15 +139,14 @@ def _scaled(recording: Recording, period: float) -> Recording:
     return replace(recording, values=values, unknown_scales=None, known_noise=noise)
 
 
-def _weak(
+def _weak_integrals(
     time: np.ndarray, values: np.ndarray, rates: np.ndarray, order: int, length: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(n_tests,) integrals of values (n,), and of `rates` (n,), their derivative of some order,
-    against test functions.
+    """Integrate values (n,), and their derivative `rates` (n,), against test functions.
 
     Integration by parts takes the derivatives of the values to the test functions, bumps as wide as
-    twice `length`, s, so that both integrals are equal but for scale, offset and noise. Stretches
-    with gaps are left out.
+    twice `length`, s, so that both integrals, (n_tests,), are equal but for scale, offset and
+    noise. Stretches with gaps are left out.
     """
     known = np.isfinite(values) & np.isfinite(rates)
     time, values, rates = time[known], values[known], rates[known]
@@ -154,4 +163,5 @@ def _weak(
             u = (t - centre) / length
             both = shape(u) * values[inside], test(u) * rates[inside]
             pairs.append([np.trapezoid(one, t) for one in both])
-    return tuple(np.array(pairs).reshape(-1, 2).T)
+    integrals = np.array(pairs).reshape(-1, 2)
+    return integrals[:, 0], integrals[:, 1]

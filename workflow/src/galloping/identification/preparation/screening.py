@@ -23,31 +23,46 @@ from galloping.passes import passing
 from galloping.recording.samples import Recording
 
 
-def prepared(
+def prepare_recordings(
     recordings: list[Recording], share: float = 1.0
 ) -> tuple[list[Recording], list[Smooth], float]:
-    """The recordings without faults and outliers, their smooth curves, the shortest period, s.
+    """Remove faults and outliers from recordings, and smooth them.
 
-    Displacements that no channel measures are integrated for the curves (`with_integrals`).
-    share: of the shortest period that the spectra show, which is taken in place of that period.
-    Raises IdentificationError where no channel varies or a state cannot be had from the channels.
+    Parameters
+    ----------
+    recordings : list of Recording
+    share : float
+        Of the shortest period that the spectra show, which is taken in place of that period.
+
+    Returns
+    -------
+    list of Recording
+        Without faults and outliers.
+    list of Smooth
+        For these, displacements that no channel measures are integrated (`with_integrals`).
+    float
+        The shortest period, s.
+
+    Raises
+    ------
+    IdentificationError
+        If no channel varies, or a state cannot be had from the channels.
     """
     passing("smooth the recording")
     count_work(1e-6 * sum(recording.samples for recording in recordings))
     whole = [with_integrals(recording) for recording in recordings]
     period = share * shortest_period(whole)
     pairs = [smooth_without_outliers(without_faults(one, period), period) for one in whole]
-    cleaned, curves = zip(*pairs, strict=True)
     measured = [np.isfinite(given.values).any(axis=0) for given in recordings]
     cleaned = [  # without values of channels that were not given
         replace(one, values=np.where(own, one.values, np.nan))
-        for one, own in zip(cleaned, measured, strict=True)
+        for (one, _), own in zip(pairs, measured, strict=True)
     ]
-    return cleaned, list(curves), period
+    return cleaned, [curve for _, curve in pairs], period
 
 
 def without_faults(recording: Recording, period: float) -> Recording:
-    """The recording without constant channels and without saturated stretches.
+    """Return the recording without constant channels and without saturated stretches.
 
     A channel is saturated where many samples equal its largest or its smallest value exactly;
     those samples go, with their neighbours within a grid step (period/24), whose noise the limit
@@ -60,7 +75,7 @@ def without_faults(recording: Recording, period: float) -> Recording:
         if np.all(channel[good] == channel[good][:1]):
             channel[:] = np.nan
             continue
-        for extreme in piled(channel[good]):
+        for extreme in find_saturated_values(channel[good]):
             at = np.flatnonzero(channel == extreme)
             if len(at) >= least:
                 distance = distance_to(recording.time[at], recording.time)
@@ -68,9 +83,10 @@ def without_faults(recording: Recording, period: float) -> Recording:
     return replace(recording, values=values)
 
 
-def piled(values: np.ndarray) -> list[float]:
-    """The least and the greatest of values (n,), if far more samples have it than the value next to
-    it: at a coarse resolution many samples have each value.
+def find_saturated_values(values: np.ndarray) -> list[float]:
+    """Return the least and the greatest of values (n,), if far more samples have it than the next.
+
+    At a coarse resolution many samples have each value.
     """
     different, counts = np.unique(values, return_counts=True)
     ends = ((0, 1), (-1, -2)) if len(different) > 1 else ()
@@ -79,7 +95,7 @@ def piled(values: np.ndarray) -> list[float]:
 
 
 def smooth_without_outliers(recording: Recording, period: float) -> tuple[Recording, Smooth]:
-    """The recording without the samples far from a smooth curve, and that curve.
+    """Return the recording without the samples far from a smooth curve, and that curve.
 
     Far is 5.5 robust standard deviations, which Gaussian noise exceeds once in 30 million samples,
     and well above the accuracy of the curve itself; the curve is fitted again until none is left.
@@ -112,8 +128,10 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
 
 
 def _local_median(time: np.ndarray, values: np.ndarray, length: float) -> np.ndarray:
-    """(n,) medians of stretches of about `length`, s, interpolated between these. All stretches
-    have as many samples: a stretch of few samples would take its outliers for its noise.
+    """Return medians (n,) of stretches of about `length`, s, interpolated between these.
+
+    All stretches have as many samples: a stretch of few samples would take its outliers for its
+    noise.
     """
     count = max(round_down((time[-1] - time[0]) / length), 1)
     centres = [part.mean() for part in np.array_split(time, count)]

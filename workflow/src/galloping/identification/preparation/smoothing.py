@@ -35,7 +35,7 @@ DRIFT_DEGREE = 3  # bias and slow drift of a channel of rates: a cubic over the 
 
 
 @cache
-def _basis() -> np.ndarray:
+def _spline_basis() -> np.ndarray:
     """(n, n), n = SPLINE_DEGREE + 1: coefficient of u^k of the j-th B-spline alive on a span."""
     spline = BSpline.basis_element(np.arange(SPLINE_DEGREE + 2.0))
     spans = np.arange(SPLINE_DEGREE, -1.0, -1.0)  # the first one alive is on its last span
@@ -74,10 +74,10 @@ class Smooth:
 
 
 def shortest_period(recordings: list[Recording]) -> float:
-    """The shortest period, s, that matters: 95 % of each channel's power lies at longer ones.
+    """Return the shortest period, s, that matters: 95 % of each channel's power is at longer ones.
 
     Only power well above the noise floor (the median of the spectrum) counts. Raises
-    IdentificationError where no channel varies.
+    IdentificationError if no channel varies.
     """
     highest = 0.0
     for recording, channel in product(recordings, range(len(recordings[0].states))):
@@ -102,17 +102,16 @@ def shortest_period(recordings: list[Recording]) -> float:
 
 
 def smooth(recording: Recording, period: float) -> Smooth:
-    """Spline estimate of all states of a recording, `period` being its shortest period, s.
+    """Estimate all states of a recording by splines, `period` being its shortest period, s.
 
-    Raises IdentificationError where a state is neither measured nor the derivative of a measured
-    one.
+    Raises IdentificationError if a state is neither measured nor the derivative of a measured one.
     """
     n_states = len(recording.states)
     counts = np.isfinite(recording.values).sum(axis=0)
     duration = recording.time[-1] - recording.time[0]
     n_grid = max(round_up(duration / period * GRID_PER_PERIOD) + 1, 16)
     time = np.linspace(recording.time[0], recording.time[-1], n_grid)
-    curves, derived = _curves(recording, period, time)
+    curves, derived = _group_states(recording, period, time)
     states, valid = np.empty((n_grid, n_states)), np.ones(n_grid, bool)
     sigma, noise = np.full((2, n_states), np.nan)
     residual = np.full(recording.values.shape, np.nan)
@@ -120,19 +119,19 @@ def smooth(recording: Recording, period: float) -> Smooth:
         supported = counts[curve].sum() / SAMPLES_PER_KNOT / (duration / period)
         knots = np.clip(supported, LEAST_KNOTS_PER_PERIOD, GRID_PER_PERIOD // 2)
         pieces = max(round_up(duration / period * knots), 4)
-        states[:, curve], residual[:, curve], noise[curve], density = _fit(
+        states[:, curve], residual[:, curve], noise[curve], density = _fit_curve(
             recording, curve, pieces, time, period
         )
-        valid &= _near(recording, curve, time, 0.4 * period)  # nearly half a swing
+        valid &= _is_near_samples(recording, curve, time, 0.4 * period)  # nearly half a swing
         # without samples of its own a state is told by its velocity for a period
-        valid &= _near(recording, curve[:1], time, period)
-        valid &= _away(recording, curve, time, period)
+        valid &= _is_near_samples(recording, curve[:1], time, period)
+        valid &= _is_away_from_gaps(recording, curve, time, period)
         sigma[curve[0]] = density / np.sqrt(time[1] - time[0])
     inputs = inputs_on_grid(list(recording.inputs.values()), time)
     return Smooth(time, states, sigma, derived, noise, residual, valid, inputs)
 
 
-def _curves(
+def _group_states(
     recording: Recording, period: float, grid: np.ndarray
 ) -> tuple[list[list[int]], np.ndarray]:
     """States to smooth as one curve: [state], or [state, its velocity]; and `Smooth.derived`."""
@@ -144,8 +143,8 @@ def _curves(
     for i, velocity in velocity_pairs(recording.states).items():
         few = counts[velocity] < plenty
         if counts[i] and counts[velocity]:
-            near = [_near(recording, [k], grid, 0.4 * period) for k in (i, velocity)]
-            few = few or np.any(near[0] != near[1])
+            near = [_is_near_samples(recording, [k], grid, 0.4 * period) for k in (i, velocity)]
+            few = few or not np.array_equal(near[0], near[1])
         if counts[i] and few:
             curves.append([i, velocity])
             derived[velocity] = i
@@ -156,10 +155,10 @@ def _curves(
     return curves, derived
 
 
-def _fit(
+def _fit_curve(
     recording: Recording, curve: list[int], pieces: int, grid: np.ndarray, period: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """One curve, from one channel or from a channel and its derivative.
+    """Return one curve, from one channel or from a channel and its derivative.
 
     Returns the curve and, with two channels, its derivative on the grid, (n_grid, n_channels);
     the residuals of the samples, (n, n_channels); their deviation, by channel; and the square
@@ -174,7 +173,7 @@ def _fit(
     scale = np.array([np.nanstd(values[:, k]) if count[k] else 1.0 for k in channels])
     noise = np.where(scale > 0.0, scale, 1.0)
     deviation, residual = np.full(len(curve), np.nan), np.full(values.shape, np.nan)
-    basis = _basis()
+    basis = _spline_basis()
     # two channels are weighed by their sizes first, then twice by the noise that the last fit left,
     # which was not calibrated; the curve of one channel is the same with any weight
     for _ in range(1 if len(curve) == 1 else 3):
@@ -191,21 +190,23 @@ def _fit(
             raise IdentificationError(Code.GAPS, recording.states[curve[0]]) from error
         for k in np.flatnonzero(count):
             there = good[:, k]
-            gap = values[there, k] - _evaluated(place[there], coefficients, k, spacing, basis)
+            gap = values[there, k] - _evaluate_spline(place[there], coefficients, k, spacing, basis)
             residual[there, k] = gap
             share = (pieces + SPLINE_DEGREE) / (count > 0).sum()
             # where there are hardly more samples than knots, as in `trajectory_fit`
             deviation[k] = np.sqrt(np.sum(gap**2) / max(count[k] - share, 0.2 * count[k]))
             noise[k] = max(deviation[k], 1e-9 * scale[k], np.finfo(float).tiny)
     places = (grid - start) / spacing
-    fitted = [_evaluated(places, coefficients, k, spacing, basis) for k in channels]
+    fitted = [_evaluate_spline(places, coefficients, k, spacing, basis) for k in channels]
     frequency = 2.0 * np.pi / period
     counted = np.maximum(noise, 3e-4 * scale)  # the accuracy with the fewest knots
     weight = np.sum(count / duration / counted**2 * frequency ** (2 * channels))
     return np.column_stack(fitted), residual, deviation, 1.0 / np.sqrt(weight)
 
 
-def _near(recording: Recording, curve: list[int], grid: np.ndarray, within: float) -> np.ndarray:
+def _is_near_samples(
+    recording: Recording, curve: list[int], grid: np.ndarray, within: float
+) -> np.ndarray:
     """(n_grid,) whether any sample of the curve's channels is not further away than `within`, s."""
     sampled = recording.time[np.isfinite(recording.values[:, curve]).any(axis=1)]
     return distance_to(sampled, grid) <= within * (1.0 + TIME_ROUNDING)
@@ -218,9 +219,12 @@ def distance_to(nearest: np.ndarray, time: np.ndarray) -> np.ndarray:
     return np.minimum(np.abs(to_next), np.abs(time - nearest[np.maximum(after - 1, 0)]))
 
 
-def _away(recording: Recording, curve: list[int], grid: np.ndarray, period: float) -> np.ndarray:
-    """(n_grid,) whether gaps longer than a period are half a period away or more: beside a gap a
-    curve is as bad as at its end.
+def _is_away_from_gaps(
+    recording: Recording, curve: list[int], grid: np.ndarray, period: float
+) -> np.ndarray:
+    """Return whether gaps longer than a period are half a period away or more, (n_grid,).
+
+    Beside a gap a curve is as bad as at its end.
     """
     sampled = recording.time[np.isfinite(recording.values[:, curve]).any(axis=1)]
     away = np.ones(len(grid), bool)
@@ -231,7 +235,7 @@ def _away(recording: Recording, curve: list[int], grid: np.ndarray, period: floa
 
 
 @njit(cache=True)
-def _alive(place, pieces, basis, derivative, spacing, out):
+def _evaluate_alive(place, pieces, basis, derivative, spacing, out):
     """Values of the B-splines alive at `place` (in knot spans); returns the first one's index."""
     span = min(max(int(place), 0), pieces - 1)
     u = place - span
@@ -252,7 +256,7 @@ def _accumulate(place, values, weights, spacing, basis, bands, right):
     for k in range(values.shape[1]):
         for i in range(len(place)):
             if np.isfinite(values[i, k]):
-                span = _alive(place[i], pieces, basis, k, spacing, alive)
+                span = _evaluate_alive(place[i], pieces, basis, k, spacing, alive)
                 for a in range(n):
                     right[span + a] += weights[k] * alive[a] * values[i, k]
                     for b in range(a, n):
@@ -260,13 +264,15 @@ def _accumulate(place, values, weights, spacing, basis, bands, right):
 
 
 @njit(cache=True)
-def _evaluated(place, coefficients, derivative, spacing, basis):
+def _evaluate_spline(place, coefficients, derivative, spacing, basis):
     """(n,) values of the spline, or of its first derivative, at `place` (n,), in knot spans."""
     n = basis.shape[0]
     alive = np.empty(n)
     result = np.zeros(len(place))
     for i in range(len(place)):
-        span = _alive(place[i], len(coefficients) - n + 1, basis, derivative, spacing, alive)
+        span = _evaluate_alive(
+            place[i], len(coefficients) - n + 1, basis, derivative, spacing, alive
+        )
         for a in range(n):
             result[i] += alive[a] * coefficients[span + a]
     return result
@@ -287,22 +293,23 @@ def _add_roughness(bands: np.ndarray, weight: float) -> None:
 
 
 def sampled_rates(recording: Recording) -> np.ndarray:
-    """(n, n_states) rates of a recording, NaN where it has none."""
+    """Return (n, n_states) rates of a recording, NaN where it has none."""
     return np.full(recording.values.shape, np.nan) if recording.rates is None else recording.rates
 
 
-def undisplaced(recording: Recording) -> dict[int, int]:
+def unmeasured_displacements(recording: Recording) -> dict[int, int]:
     """Index of each state X that has no values, with that of its velocity dX, a state too."""
-    measured = np.isfinite(recording.values).any(axis=0)
+    measured = np.any(np.isfinite(recording.values), axis=0).tolist()
     return {x: v for x, v in velocity_pairs(recording.states).items() if not measured[x]}
 
 
 def with_integrals(recording: Recording) -> Recording:
-    """The recording with values of each state X that has none: the values of dX integrated, else
-    the rate of X, else the rate of dX integrated twice. The recording itself where every state has
-    values.
+    """Return the recording with values of each state X that has none, by integration.
+
+    They are the values of dX integrated, else the rate of X, else the rate of dX integrated twice.
+    The recording itself is returned if every state has values.
     """
-    missing = undisplaced(recording)
+    missing = unmeasured_displacements(recording)
     if not missing:
         return recording
     values, rates = recording.values.copy(), sampled_rates(recording)
@@ -310,12 +317,12 @@ def with_integrals(recording: Recording) -> Recording:
         sources = ((values[:, v], 1), (rates[:, x], 1), (rates[:, v], 2))
         told = [(one, times) for one, times in sources if np.isfinite(one).sum() >= LEAST_SAMPLES]
         if told:
-            values[:, x] = _integral(recording.time, *told[0])
+            values[:, x] = _integrate_channel(recording.time, *told[0])
     return replace(recording, values=values)
 
 
 def without_drift(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Samples (n,), NaN where missing, less their offset and slow drift, a cubic.
+    """Return samples (n,), NaN where missing, less their offset and slow drift, a cubic.
 
     The cubic is fitted with little weight at the ends, where periods that are cut short would count
     as drift.
@@ -326,8 +333,8 @@ def without_drift(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     return values - legval(place, legfit(place[known], values[known], DRIFT_DEGREE, w=weight))
 
 
-def _integral(time: np.ndarray, values: np.ndarray, times: int) -> np.ndarray:
-    """The integral over time, `times` times, without what is slower than the motion.
+def _integrate_channel(time: np.ndarray, values: np.ndarray, times: int) -> np.ndarray:
+    """Integrate values over time, `times` times, without what is slower than the motion.
 
     Of the motion's power, as far as it stands out of the noise, a hundredth is slower. Below six
     tenths of that frequency all is taken out, steeply: white noise of accelerations grows as the

@@ -19,7 +19,7 @@ from galloping.arrays import round_down
 from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.identification.preparation.rate_channels import without_offsets
-from galloping.identification.preparation.screening import prepared
+from galloping.identification.preparation.screening import prepare_recordings
 from galloping.identification.preparation.smoothing import GRID_PER_PERIOD, Smooth
 from galloping.identification.problem import Problem, largest_coefficients
 from galloping.identification.selection import Price, solve_support
@@ -35,7 +35,7 @@ MOST_MISFIT = 3.0  # chi^2 per row of the weak form: linearised errors explain n
 def whitened_weak_form(
     problem: Problem, smooth: Smooth, coefficients: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Design and right-hand side of the weak form, with errors of unit variance.
+    """Return design and right-hand side of the weak form, with errors of unit variance.
 
     The test functions have a radius of half the shortest period and are TEST_STRIDE steps
     of the grid apart; those that reach into a gap give zero rows. coefficients: (n_states,
@@ -43,17 +43,19 @@ def whitened_weak_form(
     the design (n_rows, n_candidates) and the right-hand side (n_rows,). Raises IdentificationError
     where the covariance of the errors is singular.
     """
-    phi, slope = _bump(smooth)
+    phi, slope = _test_function(smooth)
     n_states = len(problem.states)
     usable = np.all(sliding_window_view(smooth.valid, len(phi))[::TEST_STRIDE], axis=1)
     if problem.tables.n_kinks:
-        decided = _tested(_undecided(problem, smooth)[:, None], phi)[:, 0] < 0.5 * phi.sum()
+        decided = (
+            _integrate_tests(_is_sign_hidden(problem, smooth)[:, None], phi)[:, 0] < 0.5 * phi.sum()
+        )
         usable = usable & decided if np.any(usable & decided) else usable
     # no row where a curve and its own derivative say the same
     told = {i for i in range(n_states) if smooth.derived[i] >= 0 or np.any(smooth.derived == i)}
     keep = [i for i in range(n_states) if i in problem.unknown or i not in told]
-    moments = _tested(smooth.states, slope)
-    tested = _tested(design_matrix(smooth.values, problem.terms), phi)
+    moments = _integrate_tests(smooth.states, slope)
+    tested = _integrate_tests(design_matrix(smooth.values, problem.terms), phi)
     # columns first, as LAPACK wants them: of a long recording a copy would be the largest array
     rows = np.zeros((len(problem.candidates) + 1, len(tested), len(keep)))
     for row, (equation, term) in zip(rows, problem.candidates, strict=False):
@@ -64,7 +66,7 @@ def whitened_weak_form(
         rows /= np.sqrt(np.mean(moments[:, keep] ** 2, axis=0)) + np.finfo(float).tiny
         white = rows.reshape(len(rows), -1).T.copy()
     else:
-        bands = _covariance(problem, smooth, coefficients, usable, keep)
+        bands = _row_covariance(problem, smooth, coefficients, usable, keep)
         factor, info = lapack.dpbtrf(bands, lower=1)
         if info:
             raise FloatingPointError("the covariance of the weak form is not positive definite")
@@ -73,9 +75,11 @@ def whitened_weak_form(
     return white[:, :-1], white[:, -1]
 
 
-def _undecided(problem: Problem, smooth: Smooth) -> np.ndarray:
-    """(n_grid,) share, 0 or 1, of a point in which noise hides the sign of an argument with a kink,
-    as at rest: there terms that jump are noise, which errors that are linearised do not show.
+def _is_sign_hidden(problem: Problem, smooth: Smooth) -> np.ndarray:
+    """Return the share, 0 or 1, (n_grid,), of a point in which noise hides the sign of an argument.
+
+    It is an argument with a kink, as at rest: there terms that jump are noise, which errors that
+    are linearised do not show.
     """
     own = smooth.derived >= 0
     pace = 2.0 * np.pi / (GRID_PER_PERIOD * (smooth.time[1] - smooth.time[0]))
@@ -87,7 +91,7 @@ def _undecided(problem: Problem, smooth: Smooth) -> np.ndarray:
     return hidden
 
 
-def _bump(smooth: Smooth) -> tuple[np.ndarray, np.ndarray]:
+def _test_function(smooth: Smooth) -> tuple[np.ndarray, np.ndarray]:
     """Test function and its derivative at the grid points inside the support, times their spacing.
 
     (1 - u^2)^5, of a radius of half a period, keeps 0.68 of a sine of that period and 0.18 of half.
@@ -99,20 +103,20 @@ def _bump(smooth: Smooth) -> tuple[np.ndarray, np.ndarray]:
     return phi * spacing, slope / (radius * spacing) * spacing
 
 
-def _tested(series: np.ndarray, phi: np.ndarray) -> np.ndarray:
-    """(n_grid, m) -> (n_tests, m): integrals of the columns against every test function."""
+def _integrate_tests(series: np.ndarray, phi: np.ndarray) -> np.ndarray:
+    """Return (n_grid, m) -> (n_tests, m): integrals of the columns against every test function."""
     return sliding_window_view(series, len(phi), axis=0)[::TEST_STRIDE] @ phi
 
 
-def _covariance(
+def _row_covariance(
     problem: Problem, smooth: Smooth, coefficients: np.ndarray, usable: np.ndarray, keep: list[int]
 ) -> np.ndarray:
-    """Covariance of the rows, which are by test and then by kept equation, as lower bands.
+    """Return covariance of the rows, which are by test and then by kept equation, as lower bands.
 
     usable: (n_tests,) boolean; the rows of the other tests, all zero, get a variance of one.
     Returns (n_bands, n_tests * n_kept).
     """
-    n_tests, n_rows, width = len(usable), len(keep), len(_bump(smooth)[0])
+    n_tests, n_rows, width = len(usable), len(keep), len(_test_function(smooth)[0])
     reach = (width - 1) // TEST_STRIDE
     bands = np.zeros((n_rows * (reach + 1), n_tests, n_rows))
     batch = 4096  # whose errors are linearised at once: what they need is 3 kB each
@@ -139,11 +143,12 @@ def _covariance(
 def _noise_influence(
     problem: Problem, smooth: Smooth, points: slice, coefficients: np.ndarray
 ) -> np.ndarray:
-    """(n_tests, n_states, n_states, n_points): derivative of each row, by test and equation, by
-    unit noise of each state at each point that the test reaches. points: of the grid, all that the
-    tests reach.
+    """Return the derivatives of each row by unit noise, (n_tests, n_states, n_states, n_points).
+
+    A row is of a test and an equation, the noise of each state at each point that the test reaches.
+    points: of the grid, all that the tests reach.
     """
-    n_states, (phi, slope) = smooth.states.shape[1], _bump(smooth)
+    n_states, (phi, slope) = smooth.states.shape[1], _test_function(smooth)
     signals = problem.signals(smooth.states[points], smooth.inputs[points])
     theta = design_matrix(signals, problem.tables.monomials)
     by_states = problem.tables.jacobian(coefficients)
@@ -181,7 +186,7 @@ class WeakFit:
 
 
 def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFit:
-    """Support and coefficients from the weak form, the errors linearised about the last fit.
+    """Return support and coefficients from the weak form, the errors linearised about the last fit.
 
     penalty: worth of a term in units of chi^2. Raises IdentificationError where the covariance of
     the rows is singular, or gaps leave no row.
@@ -191,7 +196,7 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
     coefficients = None
     for _ in range(1 + 3):  # after three weighings coefficients move by less than their errors
         passing("start from the weak form")
-        *system, total, n_rows = _regression(problem, smoothed, coefficients)
+        *system, total, n_rows = _normal_equations(problem, smoothed, coefficients)
         information, right = problem.with_prior(*system)
         if coefficients is not None:
             support = problem.select(information, right, [every], penalty)
@@ -203,10 +208,10 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
     return WeakFit(free, support, information, right, max(misfit, 0.0), n_rows)
 
 
-def _regression(
+def _normal_equations(
     problem: Problem, smoothed: list[Smooth], coefficients: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, float, int]:
-    """Normal equations of the weak form, (n, n) and (n,), the sum of squares and number of rows."""
+    """Return normal equations of the weak form, (n, n) and (n,), sum of squares and row count."""
     n = len(problem.candidates)
     information, right, total, rows = np.zeros((n, n)), np.zeros(n), 0.0, 0
     for one in smoothed:
@@ -221,7 +226,7 @@ def _regression(
 
 @dataclass(frozen=True)
 class Start:
-    """Where the methods begin: recordings and smooth curves as of `prepared`, and the weak fit.
+    """What the methods start from: recordings and curves of `prepare_recordings`, and the weak fit.
 
     period: the shortest of the motion, s. penalty: 2 ln N of N samples. samples: their number in
     the recordings as they were given.
@@ -236,14 +241,15 @@ class Start:
     samples: int
 
     def with_rates(self, given: Sequence[Recording]) -> Self:
-        """The start, its recordings with the rates of the given ones, as `without_offsets`."""
+        """Return the start with the rates of the given recordings, as `without_offsets`."""
         pairs = zip(self.recordings, given, self.smoothed, strict=True)
         return replace(self, recordings=[without_offsets(*each, self.period) for each in pairs])
 
     @cached_property
     def price(self) -> Price:
-        """The price of the terms, by the rates in the equations of the weak fit: the slopes of the
-        curves hold noise, the more the faster it is.
+        """The price of the terms, by the rates in the equations of the weak fit.
+
+        The slopes of the curves contain noise, the more the faster it is.
         """
         rates = design_matrix(self._values, self.problem.terms)
         rates = rates @ self.problem.coefficients(self.fit.free).T
@@ -263,11 +269,13 @@ class Start:
         return np.concatenate([one.values[one.valid] for one in self.smoothed])
 
 
-def begin(problem: Problem, recordings: list[Recording], share: float = 1.0) -> Start:
-    """The start of an identification from recordings, at a share of their shortest period, as in
-    `prepared`. Raises IdentificationError where there is none, or a term is not finite on the way.
+def make_start(problem: Problem, recordings: list[Recording], share: float = 1.0) -> Start:
+    """Make the start of an identification from recordings.
+
+    share: of their shortest period, as in `prepare_recordings`. Raises IdentificationError if there
+    is no start, or a term is not finite on the way.
     """
-    cleaned, smoothed, period = prepared(recordings, share)
+    cleaned, smoothed, period = prepare_recordings(recordings, share)
     _check_functions(problem, smoothed)
     penalty = 2.0 * np.log(sum(recording.samples for recording in cleaned))
     fit, samples = weak_fit(problem, smoothed, penalty), sum(one.samples for one in recordings)
@@ -290,24 +298,25 @@ def _check_functions(problem: Problem, smoothed: list[Smooth]) -> None:
 
 
 def rough_fit(start: Start) -> WeakFit:
-    """The weak fit of the start; of long recordings, that of the stretch of each that tells most.
+    """Return the weak fit of the start or, of long recordings, of their most informative stretches.
 
     The longer a motion has settled, the more the errors of the weak form, small but the same in
     every period, outweigh what the rest of a recording says about other motions.
     """
-    stretches = [_telling(start.problem, one, start.period) for one in start.smoothed]
+    stretches = [
+        _most_informative_stretch(start.problem, one, start.period) for one in start.smoothed
+    ]
     if all(own is one for own, one in zip(stretches, start.smoothed, strict=True)):
         return start.fit
     return weak_fit(start.problem, stretches, start.penalty)
 
 
-def _telling(problem: Problem, smooth: Smooth, period: float) -> Smooth:
-    """The stretch of some 1,000 periods in which the moments of the library are most diverse, as
-    their determinant says (D-optimality, J. Kiefer and J. Wolfowitz, 1960).
+def _most_informative_stretch(problem: Problem, smooth: Smooth, period: float) -> Smooth:
+    """Return the stretch of some 1,000 periods in which the library moments are most diverse.
 
-    It is the whole curve where that is shorter than two stretches. Of the default line's 70
-    candidates, 14 of them true, the weak form keeps 25 over the first 1,000 periods, and over
-    40,000 63.
+    The measure is their determinant (D-optimality, J. Kiefer and J. Wolfowitz, 1960). It is the
+    whole curve if that is shorter than two stretches. Of the default line's 70 candidates, 14 of
+    them true, the weak form keeps 25 over the first 1,000 periods, and over 40,000 63.
     """
     count = round_down((smooth.time[-1] - smooth.time[0]) / (1000 * period))
     if count < 2:
@@ -325,33 +334,34 @@ def _telling(problem: Problem, smooth: Smooth, period: float) -> Smooth:
 
 
 def delayed_inputs(start: Start) -> dict[str, float]:
-    """By name, the inputs whose times are not those at which they move the system, and by how many
-    s they are late, negative where early.
+    """Find inputs whose times are not those at which they move the system.
 
-    Looked for are delays within four of the shortest periods, with all candidates, so that no model
-    is needed that nearly follows. A delay counts that takes away most of the misfit of the weak
-    form beyond the noise. Eight steps of half a period reach so far, and four halvings tell a delay
+    Returns, by name, by how many s they are late, negative where early.
+
+    Delays within four of the shortest periods are tried, with all candidates, so that no model is
+    needed that nearly follows. A delay counts that takes away most of the misfit of the weak form
+    beyond the noise. Eight steps of half a period reach so far, and four halvings determine a delay
     to a thirty-second of a period; what is later is not found, and each step costs a weak form. The
     reach was not calibrated.
     """
     problem, n = start.problem, len(start.problem.candidates)
     weighed, found = problem.coefficients(start.fit.free), {}
 
-    def misfit(k: int, late: float) -> tuple[float, int]:
+    def misfit_of_delay(k: int, late: float) -> tuple[float, int]:
         moved = []
         for recording, one in zip(start.recordings, start.smoothed, strict=True):
             inputs, own = one.inputs.copy(), recording.inputs[problem.inputs[k]]
             known = inputs_on_grid([own], one.time + late)[:, 0]
             inputs[:, k] = np.where(np.isnan(known), evaluate_extended(own, one.time + late), known)
             moved.append(replace(one, inputs=inputs))
-        information, right, total, rows = _regression(problem, moved, weighed)
+        information, right, total, rows = _normal_equations(problem, moved, weighed)
         return total - float(solve_support(information, right, np.ones(n, bool))[0] @ right), rows
 
     for k, name in enumerate(problem.inputs):
-        (now, rows), best, step = misfit(k, 0.0), 0.0, start.period / 2.0
+        (now, rows), best, step = misfit_of_delay(k, 0.0), 0.0, start.period / 2.0
         for reach in (8, 1, 1, 1, 1):
             tried = best + step * np.arange(-reach, reach + 1)
-            told = [misfit(k, late)[0] for late in tried]
+            told = [misfit_of_delay(k, late)[0] for late in tried]
             best, step = float(tried[np.argmin(told)]), step / 2.0
         if now - min(told) > max(start.penalty, (now - rows + n) / 2.0):
             found[name] = best

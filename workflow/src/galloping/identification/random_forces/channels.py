@@ -1,5 +1,6 @@
 """What of a system its recordings measure, as rows of the states."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,10 +18,12 @@ ADJACENT = 1.5
 
 @dataclass(frozen=True)
 class Channels:
-    """states: names of the n_states states. values, rates: indices of those that are measured, and
-    of those whose rate is; the n_channels are in this order. averaged: whether a rate is the mean
+    """What recordings measure of a system, as rows of its states.
+
+    states: names of the n_states states. values, rates: indices of those that are measured, and of
+    those whose rate is; the n_channels are in this order. averaged: whether a rate is the mean
     since the last sample, its force included, as of an accelerometer; else it is the rate at the
-    sample, but for white forces.
+    sample, without white forces.
     """
 
     states: tuple[str, ...]
@@ -29,7 +32,7 @@ class Channels:
     averaged: bool = False
 
     @classmethod
-    def of(cls, recordings: list[Recording]) -> "Channels":
+    def from_recordings(cls, recordings: Sequence[Recording]) -> "Channels":
         """Of recordings of one system."""
 
         def measured(name: str) -> tuple[int, ...]:
@@ -56,8 +59,10 @@ class Channels:
         return (*(self.states[i] for i in self.values), *rates)
 
     def samples(self, recording: Recording) -> np.ndarray:
-        """(n, n_channels), NaN where missing; rates without their unknown offsets, and means since
-        the last sample not where there is none, or a gap.
+        """Return the samples (n, n_channels) of a recording, NaN where missing.
+
+        Rates are without their unknown offsets. A mean since the last sample is missing if there is
+        no last sample, or a gap.
         """
         columns = [recording.values[:, i] for i in self.values]
         steps = np.diff(recording.time, prepend=-np.inf)
@@ -90,7 +95,7 @@ class Channels:
         return sensed @ np.linalg.inv(at * unit - system)
 
     def displacement(self, i: int, rates: np.ndarray, seen: np.ndarray) -> np.ndarray:
-        """(n_modes,) shapes of the coordinate `i`.
+        """Return (n_modes,) shapes of the coordinate `i`.
 
         rates: (n_modes,) eigenvalues, 1/s. seen: (n_channels, n_modes) shapes of the channels.
         Raises IdentificationError where no channel is of this coordinate.

@@ -1,13 +1,15 @@
-"""Systems that random forces move: ambient excitation, turbulence, traffic.
+"""Identify systems that random forces move: ambient excitation, turbulence, traffic.
 
-The equations that are sought have white forces of unknown strength, dx = f(x) dt + dW. Where f is
-linear, the likelihood of the samples is exact. Here is decided which motion is taken for one in
-random forces, and which of its modes are modelled; the fit itself is made in `model_in_forces`.
+The equations have white forces of unknown strength, dx = f(x) dt + dW. If f is linear, the
+likelihood of the samples is exact. This module decides which motion is interpreted as one in random
+forces, and which of its modes are modelled; `model_in_forces` makes the fit.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import chain
+from typing import TypeGuard
 
 from galloping.arrays import one_thread
 from galloping.identification.answers import (
@@ -21,19 +23,20 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import segments_with_inputs
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
-from galloping.identification.preparation.screening import prepared
+from galloping.identification.preparation.screening import prepare_recordings
 from galloping.identification.problem import Problem
 from galloping.identification.random_forces.fitting import ForcedFit
 from galloping.identification.random_forces.model_in_forces import fit_in_forces
 from galloping.identification.random_forces.several_modes import (
+    BESIDES,
     CLOSE,
-    Find,
+    ModeSelection,
     SeveralModes,
-    may_be_two,
-    with_split_mode,
+    may_have_split_mode,
+    splits_mode,
 )
-from galloping.identification.random_forces.start import wavers
-from galloping.identification.random_forces.verdict_in_forces import judged
+from galloping.identification.random_forces.start import amplitude_fluctuates
+from galloping.identification.random_forces.verdict_in_forces import assess_forced_fit
 from galloping.identification.work import MOST, limit_work
 from galloping.model.polynomial import has_functions, velocity_pairs
 from galloping.recording.samples import Recording
@@ -41,28 +44,45 @@ from galloping.recording.samples import Recording
 # s, of a trial beside inputs, and without: what takes more was mostly another motion.
 TRIAL_BESIDE_INPUTS, TRIAL = 0.15 * MOST, 0.4 * MOST
 
+Outcome = IdentifiedModel | NoModel
+Fit = Callable[[ModeSelection], Outcome]
 
-def random_forces(
+
+def fit_random_forces(
     problem: Problem, given: list[Recording], forced: Sequence[str]
 ) -> IdentifiedModel:
-    """The model that random forces move, of recordings as they came.
+    """Identify the model that random forces move, from recordings as they came.
 
-    forced: names of the coordinates or of the states in whose equations a force acts, none for all
-    that are sought.
-    Of more modes than coordinates the model is that of the slowest, and a finding says what was
-    left out. The status is `ok`, `approximate` where what is left is no white noise, or `refused`;
-    the covariance of the forces is in `forces`. Raises ValueError for a name that is none.
+    Parameters
+    ----------
+    problem : Problem
+    given : list of Recording
+    forced : sequence of str
+        Names of the coordinates or states in whose equations a force acts; empty for all equations
+        that are sought.
+
+    Returns
+    -------
+    IdentifiedModel
+        If there are more modes than coordinates, it has the slowest modes, and a finding says what
+        was left out. Its status is `ok`, `approximate` if the innovations are not white, or
+        `refused`. The covariance of the forces is in `forces`.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name.
     """
     places = forced_equations(problem, forced)
 
-    def find(recordings: list[Recording], period: float, besides: int) -> IdentifiedModel | NoModel:
-        return _identified(problem, recordings, period, places, besides)
+    def fit(selection: ModeSelection) -> Outcome:
+        return _identify_selection(problem, selection, places)
 
-    def search() -> IdentifiedModel | NoModel:
+    def search() -> Outcome:
         recordings = segments_with_inputs(given, problem.inputs)
         with limit_work(recordings) as work:
-            cleaned, _, period = prepared(recordings)
-            found = _of_some_modes(find, cleaned, period)
+            cleaned, _, period = prepare_recordings(recordings)
+            found = _identify_some_modes(fit, SeveralModes(cleaned, period))
         if isinstance(found, NoModel):
             return found
         return add_input_errors(
@@ -75,98 +95,145 @@ def random_forces(
     return found
 
 
-def _identified(problem: Problem, *question: object) -> IdentifiedModel | NoModel:
-    """The model of `fit_in_forces`, which takes no terms with functions.
-
-    question: the other arguments of that.
-    """
+def _identify_selection(
+    problem: Problem,
+    selection: ModeSelection,
+    forced: tuple[int, ...],
+    may_be_slow: bool = True,
+    doubts: Callable[[ForcedFit], Sequence[Finding]] = lambda _: (),
+) -> Outcome:
+    """Return the model of `fit_in_forces`, which takes no terms with functions."""
     polynomial, places = problem.without(has_functions), list(map(has_functions, problem.terms))
     if problem.known[:, places].any() or problem.precision[:, places].any():
         return NoModel((Finding.of(Code.FORCES_BESIDE_FUNCTIONS),))
-    found = attempt(partial(fit_in_forces, polynomial, *question))
-    return found if isinstance(found, NoModel) else expand_terms(problem, judged(found))
+    found = attempt(
+        lambda: fit_in_forces(
+            polynomial, selection.recordings, selection.period, forced, selection.n_further,
+            may_be_slow, doubts,
+        )
+    )  # fmt: skip
+    return found if isinstance(found, NoModel) else expand_terms(problem, assess_forced_fit(found))
 
 
-def _of_some_modes(
-    find: Find, recordings: list[Recording], period: float
-) -> IdentifiedModel | NoModel:
-    """The model of recordings or, where that is not `ok`, of their slowest modes or of more; where
-    none is, the one that leaves least.
+def _identify_some_modes(fit: Fit, several: SeveralModes) -> Outcome:
+    """Return the model of recordings or, if that is not `ok`, of their slowest modes or of more.
+
+    If no model is `ok`, it is the one whose innovations are predicted least.
     """
-    several, found = SeveralModes(recordings, period), find(recordings, period, 0)
+    found = fit(several.whole)
     if _is_ok(found):
-        return _sharper(found, several, find)
-    others = several.slowest(find), several.more(find), several.slowest(find, CLOSE)
+        return _with_overlapping_modes(found, several, fit)
+    others = chain(several.slowest(), several.more(), several.slowest(CLOSE))
     known = [] if isinstance(found, NoModel) else [found]
-    return _best(chain(known, *others)) or found
+    return _best_model(chain(known, _identify_selections(others, fit))) or found
 
 
-def _sharper(found: IdentifiedModel, several: SeveralModes, find: Find) -> IdentifiedModel:
-    """The model of all that was recorded or, where a mode of it is two, one that tells these."""
+def _identify_selections(
+    selections: Iterable[ModeSelection], fit: Fit
+) -> Iterator[IdentifiedModel]:
+    """Fit selections of modes one after the other, each when its model is asked for."""
+    for selection in selections:
+        found = attempt(partial(_identify_modes, selection, fit))
+        if not isinstance(found, NoModel):
+            yield found
+
+
+def _identify_modes(selection: ModeSelection, fit: Fit) -> Outcome:
+    """Return the model of the selected modes, or of one that is two."""
+    found = fit(selection)
+    if isinstance(found, NoModel) or not selection.has_modes_of(found):
+        return NoModel()
+    return selection.with_omissions(_with_split_mode(found, selection, fit))
+
+
+def _with_split_mode(found: IdentifiedModel, selection: ModeSelection, fit: Fit) -> IdentifiedModel:
+    """Return the model of a selection or, if a mode of it is two, one with a mode more."""
+    if found.status != "ok" or selection.n_further == BESIDES or not may_have_split_mode(found):
+        return found
+    split = fit(replace(selection, n_further=selection.n_further + 1))
+    return found if isinstance(split, NoModel) or not splits_mode(split, found) else split
+
+
+def _with_overlapping_modes(
+    found: IdentifiedModel, several: SeveralModes, fit: Fit
+) -> IdentifiedModel:
+    """Return the model of whole recordings or, if a mode of it is two, one that separates these."""
     if not several.channels.rates:
-        return with_split_mode(found, several.recordings, several.period, 0, find)
-    if not may_be_two(found):
+        return _with_split_mode(found, several.whole, fit)
+    if not may_have_split_mode(found):
         return found
     # accelerations show how the forces differ from white ones, unless all beyond is filtered out
-    more = _best(several.more(find))
+    more = _best_model(_identify_selections(several.more(), fit))
     return more if _is_ok(more) and more.resonances else found
 
 
-def _is_ok(found: IdentifiedModel | NoModel | None) -> bool:
+def _is_ok(found: Outcome | None) -> TypeGuard[IdentifiedModel]:
     return isinstance(found, IdentifiedModel) and found.status == "ok"
 
 
-def _best(models: Iterable[IdentifiedModel]) -> IdentifiedModel | None:
-    """The first model that is `ok`, or the one whose innovations are told least by what came
-    before; None of none.
-    """
+def _best_model(models: Iterable[IdentifiedModel]) -> IdentifiedModel | None:
+    """Return the first model that is `ok`, or the one whose innovations are predicted least."""
     others = []
     for found in models:
         if _is_ok(found):
             return found
         others.append(found)
-    return min(others, key=lambda one: one.diagnostics["innovations_told"], default=None)
+    return min(others, key=lambda one: float(one.diagnostics["innovations_told"]), default=None)
 
 
 @one_thread
-def if_moved_at_random(problem: Problem, recordings: list[Recording]) -> IdentifiedModel | None:
-    """As `random_forces` in all equations; None where the motion may be another one."""
+def identify_if_ambient(problem: Problem, recordings: list[Recording]) -> IdentifiedModel | None:
+    """Identify a model with random forces in all equations, None if the motion may be another."""
 
     def search() -> IdentifiedModel | None:
         with limit_work(recordings) as work:
-            cleaned, _, period = prepared(recordings)
-            found, is_sure = moved_at_random(problem, cleaned, period)
-            return work.doubted_if_ended(found) if is_sure else None
+            cleaned, _, period = prepare_recordings(recordings)
+            found, is_sure = try_random_forces(problem, cleaned, period)
+            return work.doubted_if_ended(found) if found and is_sure else None
 
     found = attempt(search)
     return None if isinstance(found, NoModel) else found
 
 
-def moved_at_random(
+def try_random_forces(
     problem: Problem, recordings: list[Recording], period: float
 ) -> tuple[IdentifiedModel | None, bool]:
-    """The model of recordings that random forces moved, of their slowest modes where they have more
-    of them than coordinates, or of more; and whether it is plain that these forces did.
+    """Identify a model with random forces in all equations, if they moved the recordings.
 
-    None where the motion may be another one. A model of which that is not plain is `approximate`,
-    of some modes of many, whose sizes go up and down: better than none. recordings, period: of
-    `screening.prepared`.
+    The order of the searches: the slowest modes, if there are more of them than coordinates; the
+    whole recordings; more modes than coordinates; the slowest modes, though the next one is close.
+
+    Parameters
+    ----------
+    problem : Problem
+    recordings : list of Recording
+        As of `screening.prepare_recordings`.
+    period : float
+        The shortest of the motion, s.
+
+    Returns
+    -------
+    IdentifiedModel or None
+        None if the motion may be another one.
+    bool
+        Whether it is plain that random forces moved the recordings. If not, the model is
+        `approximate`, has some modes of many, and their amplitudes fluctuate.
     """
     several = SeveralModes(recordings, period)
-    find = partial(_on_trial, problem)
-    roughly = partial(find, for_lack_of_others=True)
-    some = _best(several.slowest(roughly))
+    fit = partial(_fit_on_trial, problem)
+    fit_roughly = partial(fit, as_fallback=True)
+    some = _best_model(_identify_selections(several.slowest(), fit_roughly))
     if _is_ok(some):
         return some, True
-    found = find(recordings, period, 0)
+    found = fit(several.whole)
     if _is_ok(found):
-        return _sharper(found, several, find), True
-    at_random = wavers(recordings, period)
+        return _with_overlapping_modes(found, several, fit), True
+    at_random = amplitude_fluctuates(recordings, period)
     if several.channels.rates or at_random:
         with limit_work(recordings, TRIAL / 2.0):
-            more = _best(several.more(roughly))
+            more = _best_model(_identify_selections(several.more(), fit_roughly))
         known = [one for one in (some, more) if one]
-        some = _best(chain(known, several.slowest(roughly, CLOSE)))
+        some = _best_model(chain(known, _identify_selections(several.slowest(CLOSE), fit_roughly)))
     if _is_ok(some):
         return some, True
     if isinstance(found, IdentifiedModel):
@@ -174,39 +241,34 @@ def moved_at_random(
     return (some if at_random else None), False
 
 
-def _on_trial(
-    problem: Problem,
-    recordings: list[Recording],
-    period: float,
-    besides: int,
-    for_lack_of_others: bool = False,
-) -> IdentifiedModel | NoModel:
-    """The model in random forces of all modes; none where the motion may be another one: one that
-    repeats leaves its harmonics in the innovations.
+def _fit_on_trial(problem: Problem, selection: ModeSelection, as_fallback: bool = False) -> Outcome:
+    """Return the model in random forces of selected modes, none if the motion may be another one.
 
-    for_lack_of_others: whether a model does that explains most of the motion.
+    A motion that repeats leaves its harmonics in the innovations. as_fallback: whether a model will
+    do that explains most of the motion.
     """
+    recordings, period = selection.recordings, selection.period
     with limit_work(recordings, TRIAL_BESIDE_INPUTS if problem.inputs else TRIAL) as work:
 
         def doubts(fit: ForcedFit) -> list[Finding]:
-            channels, left = fit.posed.channels, fit.left
+            channels, left = fit.posed.channels, fit.whiteness
             unseen = set(channels.pairs) - set(channels.values)
-            if unseen and not fit.posed.tracker(fit.model).is_linear:
+            if unseen and not fit.posed.state_space_model(fit.model).is_linear:
                 # beside such terms forces imitate displacements that nothing measures
                 return [Finding.of(Code.FORCES_UNDETERMINED)]
             if work.ended:
                 return [Finding.of(Code.LIMIT_OF_WORK)]
             # beside inputs other models are near as well
-            near = left.nearly and not (problem.inputs and left.relevant)
-            will_do = near or (for_lack_of_others and left.partly)
-            return [] if will_do else [left.finding(channels.names)]
+            near = left.is_nearly_white and not (problem.inputs and left.is_relevant)
+            will_do = near or (as_fallback and left.explains_most)
+            return [] if will_do else [left.to_finding(channels.names)]
 
-        question = recordings, period, problem.unknown, besides
-        return _identified(problem, *question, wavers(recordings, period), doubts)
+        may_be_slow = amplitude_fluctuates(recordings, period)
+        return _identify_selection(problem, selection, problem.unknown, may_be_slow, doubts)
 
 
 def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]:
-    """Indices of the equations of the coordinates or states `forced`, all that are sought if none.
+    """Return the indices of the equations of `forced` coordinates or states, of all if none.
 
     Raises ValueError for a name that is none.
     """

@@ -18,7 +18,11 @@ from galloping.identification.random_forces.forced_problem import (
     Innovations,
 )
 from galloping.identification.random_forces.start import on_grid, typical_step
-from galloping.identification.random_forces.whiteness import Whiteness, function_of, whiteness
+from galloping.identification.random_forces.whiteness import (
+    Whiteness,
+    assess_whiteness,
+    find_dependence,
+)
 from galloping.identification.work import is_exhausted
 from galloping.model.modes import Modes
 from galloping.passes import passing
@@ -39,9 +43,10 @@ FAINT = 1e-3  # of the forces, as good as none
 FIRST_DAMPING = 1e-4  # of the steps (K. Levenberg, 1944), in units of the information
 
 
-def information(slopes: np.ndarray) -> np.ndarray:
-    """(n_parameters, n_parameters); one on parameters of which the data say nothing, such as the
-    noise of exact samples.
+def fisher_information(slopes: np.ndarray) -> np.ndarray:
+    """Return the Fisher information (n_parameters, n_parameters) of slopes of innovations.
+
+    It is one on parameters of which the data say nothing, such as the noise of exact samples.
     """
     flat = slopes.reshape(len(slopes), -1)
     known = flat @ flat.T
@@ -49,8 +54,8 @@ def information(slopes: np.ndarray) -> np.ndarray:
     return known
 
 
-def score(slopes: np.ndarray, filtered: Innovations) -> np.ndarray:
-    """Derivative of the log-likelihood."""
+def likelihood_score(slopes: np.ndarray, filtered: Innovations) -> np.ndarray:
+    """Return derivative of the log-likelihood."""
     error = filtered.standardised
     error = error[np.isfinite(error)]
     left = np.concatenate([-error, (error**2 - 1.0) / np.sqrt(2.0)])
@@ -59,9 +64,11 @@ def score(slopes: np.ndarray, filtered: Innovations) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Parameters:
-    """Between models of some terms and vectors of parameters: centred coefficients of the support,
-    roots of the forces, noise. correlated: whether the forces of two equations may be. start: a
-    model with the slow forces and resonances of all.
+    """Map between models of some terms and vectors of parameters.
+
+    Parameters are the centred coefficients of the support, roots of the forces, and noise.
+    correlated: whether the forces of two equations may be. start: a model with the slow forces and
+    resonances of all.
     """
 
     posed: ForcedProblem
@@ -87,16 +94,16 @@ class Parameters:
         counts = {
             "coefficients": self.support.sum(), "strengths": len(start.root),
             "shared": len(self.lower[0]), "slow": 2 * len(start.slow),
-            "swings": start.swings.own.size, "onto": start.swings.is_shared.sum(),
+            "swings": start.extra_modes.own.size, "onto": start.extra_modes.is_shared.sum(),
             "noise": len(start.noise),
         }  # fmt: skip
         ends = np.cumsum([0, *counts.values()]).tolist()
         return dict(zip(counts, map(slice, ends[:-1], ends[1:]), strict=True))
 
-    def vector(self, model: ForcedModel) -> np.ndarray:
-        """(n_parameters,) of a model."""
+    def to_vector(self, model: ForcedModel) -> np.ndarray:
+        """Return (n_parameters,) of a model."""
         scaled = self.centring @ (model.coefficients / self.posed.unit)[self.support]
-        diagonal, swings = np.diag(model.root), model.swings
+        diagonal, swings = np.diag(model.root), model.extra_modes
         least = self.posed.least_noise
         noise = np.sqrt(np.maximum(model.noise**2 - least**2, (TINY * least) ** 2))
         return np.concatenate([
@@ -105,7 +112,7 @@ class Parameters:
             swings.onto[swings.is_shared], np.log(noise),
         ])  # fmt: skip
 
-    def model(self, vector: np.ndarray) -> ForcedModel:
+    def to_model(self, vector: np.ndarray) -> ForcedModel:
         """Of parameters (n_parameters,)."""
         of = {name: vector[own] for name, own in self.places.items()}
         coefficients, root = np.zeros(len(self.support)), np.eye(len(self.start.root))
@@ -116,7 +123,7 @@ class Parameters:
         root = root * np.exp(np.maximum(of["strengths"], faintest))
         noise = np.hypot(np.exp(of["noise"]), self.posed.least_noise)
         slow, rates = np.exp(np.maximum(of["slow"], faintest)).reshape(2, -1)
-        swings, onto = self.start.swings, self.start.swings.onto.copy()
+        swings, onto = self.start.extra_modes, self.start.extra_modes.onto.copy()
         onto[swings.is_shared] = of["onto"]
         swings = replace(swings, own=np.exp(of["swings"]).reshape(-1, 2), onto=onto)
         return ForcedModel(coefficients, root, noise, tuple(slow), tuple(rates), swings)
@@ -148,22 +155,23 @@ class ForcedFit:
     @cached_property
     def modes(self) -> Modes:
         """Those of the linear part of the equations."""
-        return self.posed.tracker(self.model).modes
+        return self.posed.state_space_model(self.model).modes
 
     @cached_property
-    def regression(self) -> tuple[np.ndarray, np.ndarray]:
+    def normal_equations(self) -> tuple[np.ndarray, np.ndarray]:
         """As of `ForcedProblem`, at the model. Raises FloatingPointError as there."""
-        return self.posed.regression(self.model)
+        return self.posed.normal_equations(self.model)
 
     def covariance(self, kind: str) -> np.ndarray:
         """Of the parameters of a kind, as of `Parameters.places`."""
         own = self.parameters.places[kind]
-        return np.linalg.inv(information(self.slopes))[own, own]
+        return np.linalg.inv(fisher_information(self.slopes))[own, own]
 
     @property
     def swing_errors(self) -> np.ndarray:
         """(n_resonances, 2) standard errors of the frequencies, rad/s, and damping ratios."""
-        own, variances = self.model.swings.own, np.diag(self.covariance("swings"))  # logarithms
+        own = self.model.extra_modes.own
+        variances = np.diag(self.covariance("swings"))  # of logarithms
         return own * np.sqrt(variances).reshape(own.shape)
 
     @property
@@ -173,7 +181,7 @@ class ForcedFit:
         return away @ self.covariance("coefficients") @ away.T
 
     @cached_property
-    def left(self) -> Whiteness:
+    def whiteness(self) -> Whiteness:
         """What the innovations say."""
         recordings, begin = self.posed.recordings, 2 * len(self.posed.size)
         step = typical_step(recordings)
@@ -183,7 +191,7 @@ class ForcedFit:
             error = part.standardised
             error[:begin] = np.nan  # while the first state is found
             grids.append(on_grid(each.time, error, step))
-        left = whiteness(grids, step, self.modes.omega / (2.0 * np.pi))
+        left = assess_whiteness(grids, step, self.modes.omega / (2.0 * np.pi))
         if not (names := self.posed.problem.inputs):
             return left
         errors, before = [], []
@@ -191,61 +199,64 @@ class ForcedFit:
             inputs = inputs_at_times([each.inputs[name] for name in names], each.time)
             errors.append(part.standardised[begin + 1 :])
             before.append(np.hstack([part.means, inputs])[begin:-1])
-        k = function_of(np.concatenate(errors), np.concatenate(before))
+        k = find_dependence(np.concatenate(errors), np.concatenate(before))
         return left if k is None else replace(left, goes_with=self.posed.problem.names[k])
 
 
-def fitted(
+def maximise_likelihood(
     posed: ForcedProblem, model: ForcedModel, support: np.ndarray, correlated: bool
 ) -> ForcedFit:
-    """The most likely model of the terms `support` (n_candidates,), from one near it.
+    """Return the most likely model of the terms `support` (n_candidates,), from one near it.
 
     correlated: whether the forces of two equations may be. Terms of which the data say nothing are
     left out. Raises FloatingPointError where the start cannot be followed.
     """
     parameters = Parameters(posed, support, correlated, model)
 
-    def of(vector: np.ndarray) -> Innovations:
-        return posed.filtered(parameters.model(vector))
+    def filter_with(vector: np.ndarray) -> Innovations:
+        return posed.filter_recordings(parameters.to_model(vector))
 
-    vector = parameters.vector(model)
+    vector = parameters.to_vector(model)
     step = np.full(len(vector), FIRST_STEP)
-    here, damping = of(vector), FIRST_DAMPING
+    here, damping = filter_with(vector), FIRST_DAMPING
     if not np.isfinite(here.log_likelihood):
         if here.objection:
             raise NotConvergedError.of(here.objection)
         raise FloatingPointError("the filter of its start loses all digits")
-    slopes = _slopes(of, vector, here, step)
+    slopes = _difference_innovations(filter_with, vector, here, step)
     first = slopes[parameters.places["coefficients"]]
     told = np.einsum("ijk,ijk->i", first, first) > UNTOLD
     if not told.all():  # such as the position of rest by accelerations
         kept = support.copy()
         kept[support] = told
-        return fitted(posed, model, kept, correlated)
+        return maximise_likelihood(posed, model, kept, correlated)
     for _ in range(MOST_STEPS):
         passing("fit random forces")
-        known, rise = information(slopes), score(slopes, here)
+        known, rise = fisher_information(slopes), likelihood_score(slopes, here)
         step = STEP / np.sqrt(np.diag(known))
         for _ in range(MOST_DAMPED):
             change = np.linalg.solve(known + damping * np.diag(np.diag(known)), rise)
             with np.errstate(all="ignore"):  # a step that is too long is halved
-                tried = of(vector + change)
+                tried = filter_with(vector + change)
                 better = tried.log_likelihood >= here.log_likelihood - ROUNDING
             if better:
                 break
             damping *= 8.0
         else:
-            slopes = _slopes(of, vector, here, step)
+            slopes = _difference_innovations(filter_with, vector, here, step)
             break
         vector, here, damping = vector + change, tried, max(damping / 16.0, 1e-9)
-        slopes = _slopes(of, vector, here, step)
+        slopes = _difference_innovations(filter_with, vector, here, step)
         if 0.5 * rise @ change < CONVERGED or is_exhausted():
             break
-    return ForcedFit(parameters, parameters.model(vector), here, slopes)
+    return ForcedFit(parameters, parameters.to_model(vector), here, slopes)
 
 
-def _slopes(
-    of: Callable[[np.ndarray], Innovations], vector: np.ndarray, here: Innovations, step: np.ndarray
+def _difference_innovations(
+    filter_with: Callable[[np.ndarray], Innovations],
+    vector: np.ndarray,
+    here: Innovations,
+    step: np.ndarray,
 ) -> np.ndarray:
     known = np.isfinite(here.innovations)
     root = np.sqrt(here.variances[known])
@@ -253,7 +264,7 @@ def _slopes(
     for j, h in enumerate(step):
         unit = np.zeros(len(vector))
         unit[j] = h
-        moved = of(vector + unit)
+        moved = filter_with(vector + unit)
         if moved.objection:
             raise NotConvergedError.of(moved.objection)
         with np.errstate(all="ignore"):  # of a variance that is none
@@ -268,13 +279,13 @@ def forces_are_needed(fit: ForcedFit, penalty: float) -> bool:
     """Whether a model without its forces follows the samples less well than noise explains."""
     model = fit.model
     still = replace(model, root=FAINT * model.root, slow=tuple(FAINT * np.array(model.slow)))
-    lost = fit.filtered.log_likelihood - fit.posed.filtered(still).log_likelihood
+    lost = fit.filtered.log_likelihood - fit.posed.filter_recordings(still).log_likelihood
     return bool(2.0 * lost > penalty * (model.root.size + len(model.slow)))
 
 
 def forces_are_correlated(fit: ForcedFit, penalty: float) -> bool:
-    """Whether the forces are, by the Wald statistic of what they share."""
-    if fit.model.swings.hosts:  # a mode beside those of the coordinates is moved by the same forces
+    """Return whether the forces are, by the Wald statistic of what they share."""
+    if fit.model.extra_modes.hosts:  # which the same forces move
         return True
     root = fit.model.root
     shares = (root / np.diag(root))[fit.parameters.lower]

@@ -1,6 +1,4 @@
-"""How an identified model in random forces follows a recording of its system, whether it does, and
-where the motion then goes.
-"""
+"""Follow recordings by an identified model in random forces, and continue them."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,7 +8,12 @@ import numpy as np
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.steps import Steps
-from galloping.identification.random_forces.tracking import Data, Forces, Tracker, sizes
+from galloping.identification.random_forces.tracking import (
+    Data,
+    Forces,
+    StateSpaceModel,
+    motion_sizes,
+)
 from galloping.model.intervals import covariance_root
 from galloping.model.polynomial import PolynomialModel
 from galloping.recording.samples import Recording, mean_inputs
@@ -22,12 +25,12 @@ POINTS, MOTIONS, SEGMENTS = 1500, 8, 6  # of spectra, and what those of motions 
 MOST_MISFIT = 1.5  # mean square of standardised innovations: that of another line is far larger
 
 
-def tracker(found: IdentifiedModel, recording: Recording) -> tuple[Tracker, Data]:
+def state_space_model(found: IdentifiedModel, recording: Recording) -> tuple[StateSpaceModel, Data]:
     """Of an identified model that random forces move, and a recording of its system.
 
     Raises ValueError where the model does not know the noise of a channel.
     """
-    channels, states = Channels.of([recording]), found.model.states
+    channels, states = Channels.from_recordings([recording]), found.model.states
     averaged = bool(found.diagnostics.get("rates_averaged", False))
     channels = replace(channels, averaged=averaged and bool(channels.rates))
     noise = [found.sigma[-1, i] for i in channels.values]
@@ -38,35 +41,35 @@ def tracker(found: IdentifiedModel, recording: Recording) -> tuple[Tracker, Data
                 f"the model knows no noise of {name}: its recordings had no such sensor"
             )
     names = found.model.inputs
-    unsized = Tracker(
-        found.model, Forces.of(found), channels, np.array(noise), np.ones(len(states)),
+    unsized = StateSpaceModel(
+        found.model, Forces.from_model(found), channels, np.array(noise), np.ones(len(states)),
         mean_inputs(names, [recording]),
     )  # fmt: skip
-    size, _, _ = sizes([recording], channels, 2.0 * np.pi / unsized.modes.omega.max())
+    size, _, _ = motion_sizes([recording], channels, 2.0 * np.pi / unsized.modes.omega.max())
     recording = replace(recording, inputs={name: recording.inputs[name] for name in names})
-    return replace(unsized, size=size), Data.of(recording, channels)
+    return replace(unsized, size=size), Data.from_recording(recording, channels)
 
 
-def motions(
+def simulate_motions(
     found: IdentifiedModel,
     models: Sequence[PolynomialModel],
     recording: Recording,
     time: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """(n_models, n, n_states) at `time` (n,), s, one of each model, in forces drawn for it.
+    """Return (n_models, n, n_states) at `time` (n,), s, one of each model, in forces drawn for it.
 
     found: whose forces and noise they share. Each begins at a state drawn as the end of the
     recording tells it.
     """
-    recording = end_of(found, recording)
+    recording = recording_end(found, recording)
     inputs = [recording.inputs[name] for name in found.model.inputs]
-    drawn, ahead = [], Steps.between(np.append(recording.time[-1], time), inputs)
+    drawn, ahead = [], Steps.from_times(np.append(recording.time[-1], time), inputs)
     for model in models:
-        follow, data = tracker(replace(found, model=model), recording)
-        end = follow.over(data)
+        system_model, data = state_space_model(replace(found, model=model), recording)
+        end = system_model.filter(data)
         x = end.mean + covariance_root(end.covariance) @ rng.standard_normal(len(end.mean))
-        drawn.append(follow.motion(x, ahead, rng))
+        drawn.append(system_model.simulate(x, ahead, rng))
     return np.array(drawn)
 
 
@@ -82,9 +85,9 @@ def noise_of_means(
     return noise
 
 
-def end_of(found: IdentifiedModel, recording: Recording) -> Recording:
+def recording_end(found: IdentifiedModel, recording: Recording) -> Recording:
     """As much of the end of a recording as tells where it ends."""
-    slowest = tracker(found, recording)[0].modes.omega.min()
+    slowest = state_space_model(found, recording)[0].modes.omega.min()
     begin = recording.time[-1] - WITHIN * 2.0 * np.pi / slowest
     first = int(np.searchsorted(recording.time, begin))
     return recording[min(first, len(recording.time) - 2) :] if first else recording
@@ -92,8 +95,8 @@ def end_of(found: IdentifiedModel, recording: Recording) -> Recording:
 
 def check_followed(found: IdentifiedModel, recording: Recording) -> None:
     """Raise ValueError, in one line, where the end of a recording is not the motion of a model."""
-    follow, data = tracker(found, end_of(found, recording))
-    end = follow.over(data)
+    system_model, data = state_space_model(found, recording_end(found, recording))
+    end = system_model.filter(data)
     square = (end.innovations**2 / end.variances)[2 * len(end.mean) :]
     misfit = float(np.nanmean(square))
     if not misfit <= MOST_MISFIT:
@@ -104,10 +107,10 @@ def check_followed(found: IdentifiedModel, recording: Recording) -> None:
         )
 
 
-def followed(found: IdentifiedModel, recording: Recording) -> np.ndarray:
-    """(n, n_states) as the samples until each tell them."""
-    follow, data = tracker(found, recording)
-    return follow.over(data).means
+def filter_states(found: IdentifiedModel, recording: Recording) -> np.ndarray:
+    """Return (n, n_states) as the samples until each tell them."""
+    system_model, data = state_space_model(found, recording)
+    return system_model.filter(data).means
 
 
 def model_spectra(
@@ -120,22 +123,22 @@ def model_spectra(
     """
     from scipy.signal import welch  # slow to import
 
-    follow, data = tracker(found, recording)
+    system_model, data = state_space_model(found, recording)
     step = recording.step
-    noise = 2.0 * follow.noise**2 * step
-    if follow.is_linear:
+    noise = 2.0 * system_model.noise**2 * step
+    if system_model.is_linear:
         frequency = np.linspace(1.0 / np.ptp(recording.time), 0.5 / step, POINTS)
-        system, white = follow.whole
-        moved = follow.channels.response(system, 2.0 * np.pi * frequency)
+        system, white = system_model.augmented_system
+        moved = system_model.channels.response(system, 2.0 * np.pi * frequency)
         power = np.einsum("fci,ij,fcj->fc", moved, white, moved.conj()).real
         return frequency, 2.0 * power + noise
-    channels, powers = follow.channels, []
+    channels, powers = system_model.channels, []
     inputs = [recording.inputs[name] for name in found.model.inputs]
     time = recording.time[0] + np.arange(len(recording.time)) * step
-    steps = Steps.between(time, inputs)
-    begin = follow.over(data).mean
+    steps = Steps.from_times(time, inputs)
+    begin = system_model.filter(data).mean
     for _ in range(MOTIONS):
-        states = follow.motion(begin, steps, rng)
+        states = system_model.simulate(begin, steps, rng)
         rates = np.gradient(states[:, list(channels.rates)], step, axis=0)
         shown = np.hstack([states[:, list(channels.values)], rates])
         frequency, power = welch(shown, 1.0 / step, nperseg=len(shown) // SEGMENTS, axis=0)

@@ -18,19 +18,19 @@ from galloping.identification.oscillations import Resonance
 from galloping.identification.problem import Problem
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.start import (
-    Swings,
-    linear_systems,
+    ExtraModes,
+    estimate_spectra,
+    estimate_strengths,
+    find_linear_systems,
     on_grids,
-    shortest,
-    spectra,
-    strengths,
+    shortest_velocity_period,
 )
 from galloping.identification.random_forces.tracking import (
     Data,
     FilterResult,
     Forces,
-    Tracker,
-    sizes,
+    StateSpaceModel,
+    motion_sizes,
 )
 from galloping.identification.work import is_exhausted
 from galloping.model.modes import Modes
@@ -45,10 +45,12 @@ STEADY = 0.5  # mean of a factor of inputs, in its root mean square, from which 
 
 @dataclass(frozen=True)
 class ForcedModel:
-    """coefficients: (n_candidates,). root: lower triangular, of the equations with a force and then
-    of the resonances; root root' is the covariance of the white forces in a second. noise:
+    """A model with its forces and noise.
+
+    coefficients: (n_candidates,). root: lower triangular, of the equations with a force and then of
+    the resonances; root root' is the covariance of the white forces in a second. noise:
     (n_channels,) deviations of a sample. slow: (n_forced,) roots of the same of what drives slow
-    forces, none where there are none; rates: (n_forced,) 1/s, of those. swings: the resonances.
+    forces, empty without; rates: (n_forced,) 1/s, of those. extra_modes: the resonances.
     """
 
     coefficients: np.ndarray
@@ -56,14 +58,15 @@ class ForcedModel:
     noise: np.ndarray
     slow: tuple[float, ...]
     rates: tuple[float, ...]
-    swings: Swings
+    extra_modes: ExtraModes
 
 
 @dataclass(frozen=True)
 class Innovations:
-    """innovations, variances: (n, n_channels) of the samples of all recordings, NaN where missing.
-    parts: the filter over each recording, and what priors expect, as samples of coefficients; none
-    where the model cannot be followed, for which `objection` says why.
+    """The innovations of all recordings.
+
+    parts: the filter over each recording, and what priors expect, as samples of coefficients; empty
+    if the model cannot be followed, for which `objection` gives the reason.
     """
 
     parts: tuple[FilterResult, ...]
@@ -120,7 +123,7 @@ class ForcedProblem:
     @cached_property
     def data(self) -> tuple[Data, ...]:
         """What the channels measure of each recording."""
-        return tuple(Data.of(each, self.channels) for each in self.recordings)
+        return tuple(Data.from_recording(each, self.channels) for each in self.recordings)
 
     @property
     def penalty(self) -> float:
@@ -128,10 +131,10 @@ class ForcedProblem:
         return 2.0 * np.log(sum(int(np.isfinite(one.samples).sum()) for one in self.data))
 
     def centring(self, support: np.ndarray) -> np.ndarray:
-        """(n_support, n_support) from coefficients in their units to those of which a constant is
-        what is left of its equation, in the middle of the motion.
+        """Return the matrix (n_support, n_support) that centres coefficients, in their units.
 
-        Of a motion that is far from zero, a constant is otherwise told by the stiffness alone.
+        A constant becomes what is left of its equation in the middle of the motion: if the motion
+        is far from zero, the stiffness alone determines a constant otherwise.
         """
         places, terms = np.flatnonzero(support), self.problem.of_states
         centring, equations = np.eye(len(places)), self.problem.candidates[places, 0]
@@ -142,8 +145,8 @@ class ForcedProblem:
                 centring[n, m] = at * self.unit[places[m]] / self.unit[places[n]]
         return centring
 
-    def without(self, model: ForcedModel, support: np.ndarray) -> ForcedModel:
-        """The model less what is not in the support, as it acts in the middle of the motion."""
+    def restrict(self, model: ForcedModel, support: np.ndarray) -> ForcedModel:
+        """Restrict a model to a support, as it acts in the middle of the motion."""
         present = model.coefficients != 0.0
         scaled, kept = np.zeros((2, len(present)))
         scaled[present] = self.centring(present) @ (model.coefficients / self.unit)[present]
@@ -151,8 +154,8 @@ class ForcedProblem:
         kept[support] = own * self.unit[support]
         return replace(model, coefficients=kept)
 
-    def tracker(self, model: ForcedModel) -> Tracker:
-        """The filter of a model."""
+    def state_space_model(self, model: ForcedModel) -> StateSpaceModel:
+        """Return the filter of a model."""
         problem, n = self.problem, len(self.size)
         white, slow = np.zeros((2, n, n))
         rates, drives = np.ones(n), model.root @ model.root.T
@@ -162,37 +165,40 @@ class ForcedProblem:
             rates[list(self.forced)] = model.rates
         forces = Forces(white, slow, rates, self.resonances(model))
         full = problem.model(model.coefficients)
-        return Tracker(full, forces, self.channels, model.noise, self.size, self.held)
+        return StateSpaceModel(full, forces, self.channels, model.noise, self.size, self.held)
 
     def resonances(
         self, model: ForcedModel, errors: np.ndarray | None = None
     ) -> tuple[Resonance, ...]:
         """Of a model. errors: (n_resonances, 2), as `Resonance`."""
         n, f, drives = len(self.size), len(self.forced), model.root @ model.root.T
-        swings, found = model.swings, []
+        swings, found = model.extra_modes, []
         errors = np.full(swings.own.shape, np.nan) if errors is None else errors
         for k, swing in enumerate(swings.own):
             onto, drive = np.zeros(n), np.zeros(n + len(swings.own))
             onto[list(self.forced)], drive[list(self.forced)] = swings.onto[k], drives[f + k, :f]
             drive[n:] = drives[f + k, f:]
-            parts = (errors[k], onto, drive)
-            found.append(Resonance(*map(float, swing), *(tuple(each.tolist()) for each in parts)))
+            deviations = float(errors[k, 0]), float(errors[k, 1])
+            parts = deviations, tuple(onto.tolist()), tuple(drive.tolist())
+            found.append(Resonance(float(swing[0]), float(swing[1]), *parts))
         return tuple(found)
 
-    def regression(self, model: ForcedModel) -> tuple[np.ndarray, np.ndarray]:
-        """Information (n_candidates, n_candidates) on changes of the coefficients, in their units,
-        and half the fall of chi^2 with each, by the slopes of the innovations of a model.
+    def normal_equations(self, model: ForcedModel) -> tuple[np.ndarray, np.ndarray]:
+        """Return the normal equations of changes of the coefficients, in their units.
 
-        Raises FloatingPointError where the slopes diverge.
+        Information (n_candidates, n_candidates), and half the fall of chi^2 with each,
+        (n_candidates,), by the slopes of the innovations of a model.
+
+        Raises FloatingPointError if the slopes diverge.
         """
         terms, places = np.unique(self.problem.candidates[:, 1], return_inverse=True)
         candidates = np.column_stack([self.problem.candidates[:, 0], places])
-        tracker, n = self.tracker(model), len(self.unit)
+        system_model, n = self.state_space_model(model), len(self.unit)
         known, right = np.zeros((n, n)), np.zeros(n)
         for one in self.data:
             if is_exhausted():
                 raise NotConvergedError(Code.LIMIT_OF_WORK)
-            filtered, slopes = tracker.extended(one, candidates, terms)
+            filtered, slopes = system_model.filter_extended(one, candidates, terms)
             told = np.isfinite(filtered.innovations) & (filtered.variances > 0.0)
             root = np.sqrt(filtered.variances[told])
             own = slopes[told] * self.unit / root[:, np.newaxis]
@@ -204,16 +210,16 @@ class ForcedProblem:
         prior, pull = self.problem.with_prior(np.zeros((n, n)), np.zeros(n), model.coefficients)
         return known + prior * np.outer(self.unit, self.unit), right + pull * self.unit
 
-    def filtered(self, model: ForcedModel) -> Innovations:
-        """What a model leaves of all recordings."""
-        tracker = self.tracker(model)
-        parts = attempt(lambda: [tracker.over(one) for one in self.data])
+    def filter_recordings(self, model: ForcedModel) -> Innovations:
+        """Return what a model leaves of all recordings."""
+        system_model = self.state_space_model(model)
+        parts = attempt(lambda: [system_model.filter(one) for one in self.data])
         if isinstance(parts, NoModel):
             return Innovations((), parts.findings[0])
-        return Innovations((*parts, *self._expected(model)))
+        return Innovations((*parts, *self._prior_samples(model)))
 
-    def _expected(self, model: ForcedModel) -> list[FilterResult]:
-        """What priors of coefficients expect beyond a model, as a sample each."""
+    def _prior_samples(self, model: ForcedModel) -> list[FilterResult]:
+        """Return what priors of coefficients expect beyond a model, as a sample each."""
         problem = self.problem
         mean, precision = map(problem.of_candidates, (problem.expected, problem.precision))
         told, none = np.flatnonzero(precision), np.empty(0)
@@ -222,40 +228,45 @@ class ForcedProblem:
         return [FilterResult(error, variance, none, none, none, len(told))] if len(told) else []
 
 
-def begun(
+def make_forced_problem(
     problem: Problem, recordings: list[Recording], forced: tuple[int, ...], besides: int
 ) -> tuple[ForcedProblem, list[ForcedModel]]:
-    """The problem in units of the motion, and starts, the likeliest first.
+    """Return the problem in units of the motion, and starts, the likeliest first.
 
     Of rates that are measured at the sample or as means since the last one, what is likelier.
     Raises IdentificationError where there is no start.
     """
     passing("modes from correlations")
-    channels = Channels.of(recordings)
+    channels = Channels.from_recordings(recordings)
     pairs = channels.pairs
     if set(problem.unknown) - set(pairs.values()) or 2 * len(pairs) < len(problem.states):
         raise IdentificationError(Code.FORCES_UNDETERMINED)
     if besides and len(forced) < len(pairs):
         raise IdentificationError(Code.FORCES_UNDETERMINED)
     step, grids = on_grids(recordings)
-    period, factors = shortest(recordings), _factors(problem, recordings)
-    posed = _posed(problem, recordings, forced, period, factors)
+    period, factors = (
+        shortest_velocity_period(recordings),
+        _input_factor_moments(problem, recordings),
+    )
+    posed = _scaled_problem(problem, recordings, forced, period, factors)
     as_means = replace(posed, channels=replace(channels, averaged=True))
     kinds = [posed, as_means] if channels.rates else [posed]
-    frequencies, power = spectra(grids, step)
+    frequencies, power = estimate_spectra(grids, step)
     found = []
-    for begin in linear_systems(channels, grids, step, period, besides):
-        free = _coefficients(posed, begin.system, factors)
+    for begin in find_linear_systems(channels, grids, step, period, besides):
+        free = _initial_coefficients(posed, begin.system, factors)
         rate = SLOW * Modes.of(begin.system).omega.min()
         for kind, slow in product(kinds, (None, rate)):
-            white, driving, noise = strengths(
+            white, driving, noise = estimate_strengths(
                 begin, forced, kind.channels, frequencies, power, slow
             )
             noise = np.maximum(np.sqrt(noise / step), 2.0 * kind.least_noise)
             slowly = tuple(np.sqrt(driving))
             rates = (rate,) * len(slowly)
-            model = ForcedModel(free, np.diag(np.sqrt(white)), noise, slowly, rates, begin.swings)
-            found.append((kind.filtered(model).log_likelihood, kind, model))
+            model = ForcedModel(
+                free, np.diag(np.sqrt(white)), noise, slowly, rates, begin.extra_modes
+            )
+            found.append((kind.filter_recordings(model).log_likelihood, kind, model))
     found = sorted(filter(lambda each: np.isfinite(each[0]), found), key=lambda each: -each[0])
     if not found:
         raise IdentificationError(Code.NO_OSCILLATION)
@@ -263,33 +274,37 @@ def begun(
     return best, [model for _, kind, model in found if kind is best]
 
 
-def _posed(
+def _scaled_problem(
     problem: Problem,
     recordings: list[Recording],
     forced: tuple[int, ...],
     period: float,
     factors: tuple[np.ndarray, np.ndarray],
 ) -> ForcedProblem:
-    """Of rates at the samples. period: s, the shortest of the motion. factors: as of `_factors`."""
-    channels, (about, largest) = Channels.of(recordings), factors
-    size, mean, deviation = sizes(recordings, channels, period)
+    """Return the problem in units of the motion, with rates at the samples.
+
+    period: s, the shortest of the motion. factors: as of `_input_factor_moments`.
+    """
+    channels, (about, largest) = Channels.from_recordings(recordings), factors
+    size, mean, deviation = motion_sizes(recordings, channels, period)
     moved = np.prod(size**problem.of_states, axis=1) * largest
     unit = np.array([2.0 * np.pi / period * size[i] / moved[j] for i, j in problem.candidates])
     middle = np.zeros(len(problem.states))
     middle[list(channels.values)] = mean[: len(channels.values)]
     middle[list(channels.pairs.values())] = 0.0
     return ForcedProblem(
-        problem, channels, forced, size, unit, _always(problem, np.abs(about) > STEADY * largest),
-        middle, LEAST_NOISE * deviation, tuple(recordings), mean_inputs(problem.inputs, recordings),
+        problem, channels, forced, size, unit,
+        _linear_candidates(problem, np.abs(about) > STEADY * largest), middle,
+        LEAST_NOISE * deviation, tuple(recordings), mean_inputs(problem.inputs, recordings),
     )  # fmt: skip
 
 
-def _coefficients(
+def _initial_coefficients(
     posed: ForcedProblem, system: np.ndarray, factors: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
-    """(n_candidates,) that make a linear system (n_states, n_states) at the means of inputs.
+    """Return (n_candidates,) that make a linear system (n_states, n_states) at the means of inputs.
 
-    factors: as of `_factors`.
+    factors: as of `_input_factor_moments`.
     """
     problem, powers, (about, largest) = posed.problem, posed.problem.of_states, factors
     alike = np.all(powers[:, np.newaxis] == powers, axis=2)
@@ -301,7 +316,9 @@ def _coefficients(
     return np.where(problem.of_candidates(problem.precision) > 0.0, expected, free)
 
 
-def _factors(problem: Problem, recordings: list[Recording]) -> tuple[np.ndarray, np.ndarray]:
+def _input_factor_moments(
+    problem: Problem, recordings: list[Recording]
+) -> tuple[np.ndarray, np.ndarray]:
     """(n_terms,) mean and root mean square of what inputs bring to each term, 1 if nothing."""
     own = [inputs_at_times(tuple(each.inputs.values()), each.time) for each in recordings]
     of_inputs = tuple(term[len(problem.states) :] for term in problem.terms)
@@ -309,13 +326,14 @@ def _factors(problem: Problem, recordings: list[Recording]) -> tuple[np.ndarray,
     return factors.mean(axis=0), np.sqrt(np.mean(factors**2, axis=0))
 
 
-def _always(problem: Problem, steady: np.ndarray) -> np.ndarray:
-    """(n_candidates,) those of the linear equations, and those with a prior.
+def _linear_candidates(problem: Problem, steady: np.ndarray) -> np.ndarray:
+    """Return (n_candidates,) those of the linear equations, and those with a prior.
 
     Of terms that differ in their inputs alone, the one of the lowest powers of those that are
     mostly there: steady, (n_terms,).
     """
-    always, simplest = problem.of_candidates(problem.precision) > 0.0, {}
+    always = problem.of_candidates(problem.precision) > 0.0
+    simplest: dict[tuple[int, ...], list[tuple[int, int]]] = {}
     for k, (i, j) in enumerate(problem.candidates):
         if problem.degrees[k] <= 1 and steady[j]:
             powers = sum(map(abs, problem.terms[j][len(problem.states) :]))

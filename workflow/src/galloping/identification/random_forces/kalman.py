@@ -23,8 +23,8 @@ SETTLED = 1e-12  # relative change of the covariance of the states from sample t
 
 
 @njit(cache=True, error_model="numpy")
-def _product(a, b, out):
-    """a b into `out`, which is neither of these."""
+def _multiply_into(a, b, out):
+    """Multiply a by b into `out`, which is neither of these."""
     out[:] = 0.0
     for i in range(len(a)):
         for k in range(len(b)):
@@ -34,9 +34,9 @@ def _product(a, b, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _congruent(a, b, begin, work, out):
-    """begin + a b a' of symmetric `begin` and `b` into `out`, which may be `b`. work: as large."""
-    _product(a, b, work)
+def _add_congruence(a, b, begin, work, out):
+    """Add a b a' to `begin`, both symmetric, into `out`, which may be `b`. work: as large."""
+    _multiply_into(a, b, work)
     for i in range(len(a)):
         for j in range(i + 1):
             total = begin[i, j]
@@ -46,9 +46,10 @@ def _congruent(a, b, begin, work, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _updated(p, row, noise, gain):
-    """The variance of a sample, row x and noise of a variance; `gain` becomes that of the states by
-    it, and `p` their covariance after it.
+def _update_covariance(p, row, noise, gain):
+    """Update a covariance by a sample, row x and noise of a variance; return the sample's variance.
+
+    `gain` becomes the gain of the states, and `p` their covariance after the sample.
     """
     d, variance = len(row), noise
     for i in range(d):
@@ -67,14 +68,16 @@ def _updated(p, row, noise, gain):
 
 @njit(cache=True, error_model="numpy")
 def kalman_filter(samples, step_of, transitions, disturbances, sensing, noise, x, p):
-    """Innovations and their variances, (n, n_channels) each, NaN where samples are missing, and
-    the means of the states (n, n_states) after each sample.
+    """Filter samples by a linear system.
+
+    Returns innovations and their variances, (n, n_channels) each, NaN where samples are missing,
+    and the means of the states (n, n_states) after each sample.
 
     samples: (n, n_channels), NaN where missing. step_of: (n,) index of the step before each sample,
     negative where there is none. transitions, disturbances: (n_steps, n_states, n_states) of each
     step, x' = transition x + w, w of covariance disturbance. sensing: (n_channels, n_states).
-    noise: (n_channels,) variances. x, p: mean and covariance of the states before the first
-    sample; after the last one in return: they are changed in place.
+    noise: (n_channels,) variances. x, p: mean and covariance of the states before the first sample;
+    changed in place to those after the last one.
     """
     n, channels = samples.shape
     d = len(x)
@@ -99,7 +102,7 @@ def kalman_filter(samples, step_of, transitions, disturbances, sensing, noise, x
                     moved[i] += f[i, j] * x[j]
             x[:] = moved
             if not again:
-                _congruent(f, p, disturbances[step], work, p)
+                _add_congruence(f, p, disturbances[step], work, p)
         for c in range(channels):
             if np.isnan(samples[k, c]):
                 continue
@@ -107,7 +110,7 @@ def kalman_filter(samples, step_of, transitions, disturbances, sensing, noise, x
             for j in range(d):
                 error -= sensing[c, j] * x[j]
             if not again:
-                spread[c] = _updated(p, sensing[c], noise[c], gains[c])
+                spread[c] = _update_covariance(p, sensing[c], noise[c], gains[c])
             innovations[k, c], variances[k, c] = error, spread[c]
             for i in range(d):
                 x[i] += gains[c, i] * error
@@ -125,7 +128,7 @@ def kalman_filter(samples, step_of, transitions, disturbances, sensing, noise, x
 
 
 @njit(cache=True, error_model="numpy")
-def _monomials(x, exponents, out):
+def _evaluate_monomials(x, exponents, out):
     for j in range(len(exponents)):
         product = 1.0
         for k in range(len(x)):
@@ -135,9 +138,9 @@ def _monomials(x, exponents, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _rates(x, exponents, coefficients, terms, out):
+def _evaluate_rates(x, exponents, coefficients, terms, out):
     """x: states, and then factors of inputs. terms: room for the monomials, which stay there."""
-    _monomials(x, exponents, terms)
+    _evaluate_monomials(x, exponents, terms)
     for i in range(len(out)):
         total = 0.0
         for j in range(len(terms)):
@@ -146,8 +149,10 @@ def _rates(x, exponents, coefficients, terms, out):
 
 
 def lowered_terms(exponents: np.ndarray, n_states: int) -> np.ndarray:
-    """(n_slopes, 3 + n_signals) the derivatives of terms by states, one a row, as of
-    `polynomial.differentiate_terms`: term, state, exponent, and the exponents of what is left.
+    """Return the derivatives of terms by states, (n_slopes, 3 + n_signals).
+
+    As of `polynomial.differentiate_terms`, one a row: term, state, exponent, and the remaining
+    exponents.
     exponents: (n_terms, n_signals).
     """
     by_state = differentiate_terms(tuple(map(tuple, exponents.tolist())), n_states)
@@ -160,7 +165,7 @@ def lowered_terms(exponents: np.ndarray, n_states: int) -> np.ndarray:
 
 
 @njit(cache=True, error_model="numpy")
-def _jacobian(x, lowered, coefficients, out):
+def _evaluate_jacobian(x, lowered, coefficients, out):
     out[:] = 0.0
     for row in range(len(lowered)):
         term, state, slope = lowered[row, 0], lowered[row, 1], float(lowered[row, 2])
@@ -172,7 +177,7 @@ def _jacobian(x, lowered, coefficients, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _exponential(a, square, cube, fourth, parts, out):
+def _expand_exponential(a, square, cube, fourth, parts, out):
     """exp(a / parts) into `out`, to the fourth order; square, cube, fourth: powers of `a`."""
     second, third, last = 2.0 * parts**2, 6.0 * parts**3, 24.0 * parts**4
     for i in range(len(a)):
@@ -182,7 +187,7 @@ def _exponential(a, square, cube, fourth, parts, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _moved(x, h, force, driven, exponents, coefficients, terms, stages, middle):
+def _advance_state(x, h, force, driven, exponents, coefficients, terms, stages, middle):
     """Change `x` to `h` s later, in a constant force; `middle` to where it is half way.
 
     driven: (3, n_factors) at the begin, half way and at the end.
@@ -192,7 +197,7 @@ def _moved(x, h, force, driven, exponents, coefficients, terms, stages, middle):
     before[:] = x[:d]
     for stage in range(4):
         x[d:] = driven[(stage + 1) // 2]
-        _rates(x, exponents, coefficients, terms, stages[stage])
+        _evaluate_rates(x, exponents, coefficients, terms, stages[stage])
         for i in range(d):
             stages[stage, i] += force[i]
         ahead = h if stage == 2 else 0.5 * h
@@ -211,8 +216,10 @@ def extended_filter(
     samples, step_of, lengths, substeps, driven, exponents, lowered, coefficients, white, sensed,
     is_rate, kept, noise, x, p, candidates,
 ):  # fmt: skip
-    """Innovations and their variances, (n, n_channels) each, NaN where samples are missing or the
-    filter fails; the means of the states (n, n_states) after each sample; and the slopes of the
+    """Filter samples by a polynomial system.
+
+    Returns innovations and their variances, (n, n_channels) each, NaN where samples are missing or
+    the filter fails; the means of the states (n, n_states) after each sample; and the slopes of the
     innovations (n, n_channels, n_candidates) with coefficients, the gains held.
 
     samples, step_of, noise, x, p: as of `kalman_filter`. lengths, substeps: (n_steps,) s, and into
@@ -223,7 +230,7 @@ def extended_filter(
     each channel, and whether its rate is measured. kept: indices of the states whose mean rates
     since the last sample are measured, by the last channels; the last states are what they were
     then. candidates: (n_candidates, 2) equation and term.
-    """  # fmt: skip
+    """
     n, channels = samples.shape
     d, many, place = len(x), len(candidates), 0
     innovations = np.full((n, channels), np.nan)
@@ -249,25 +256,25 @@ def extended_filter(
                 p[:, last] = p[:, kept[j]]
             for _ in range(count):
                 now = driven[place : place + 3]
-                _moved(here, h, still, now, exponents, coefficients, terms, stages, middle)
+                _advance_state(here, h, still, now, exponents, coefficients, terms, stages, middle)
                 place += 3
-                _jacobian(middle, lowered, coefficients, jacobian)
+                _evaluate_jacobian(middle, lowered, coefficients, jacobian)
                 a[:] = h * jacobian
-                _product(a, a, square)
-                _product(square, a, cube)
-                _product(square, square, fourth)
-                _exponential(a, square, cube, fourth, 1, over)
-                _exponential(a, square, cube, fourth, 2, half)
-                _congruent(half, white, none, work, added)
+                _multiply_into(a, a, square)
+                _multiply_into(square, a, cube)
+                _multiply_into(square, square, fourth)
+                _expand_exponential(a, square, cube, fourth, 1, over)
+                _expand_exponential(a, square, cube, fourth, 2, half)
+                _add_congruence(half, white, none, work, added)
                 for i in range(d):
                     for j in range(d):
                         p[i, j] += h / 6.0 * white[i, j]
                         added[i, j] = h / 6.0 * (white[i, j] + 4.0 * added[i, j])
-                _congruent(over, p, none, work, p)
+                _add_congruence(over, p, none, work, p)
                 p += added
                 if many:
-                    _monomials(middle, exponents, terms)
-                    _product(over, told, moved)
+                    _evaluate_monomials(middle, exponents, terms)
+                    _multiply_into(over, told, moved)
                     told, moved = moved, told
                     for c in range(many):
                         for i in range(d):
@@ -276,8 +283,8 @@ def extended_filter(
         here[d:] = driven[place]
         if not np.all(np.isfinite(here)):
             break
-        _rates(here, exponents, coefficients, terms, stages[0])
-        _jacobian(here, lowered, coefficients, jacobian)
+        _evaluate_rates(here, exponents, coefficients, terms, stages[0])
+        _evaluate_jacobian(here, lowered, coefficients, jacobian)
         before[:] = here[:d]
         for c in range(channels):
             if np.isnan(samples[k, c]):
@@ -293,7 +300,7 @@ def extended_filter(
                 if is_rate[c] and not at_sample:
                     row[i] = (row[i] - unit[last, i]) / length
                 error -= row[i] * (here[i] - before[i])
-            innovations[k, c], variances[k, c] = error, _updated(p, row, noise[c], gain)
+            innovations[k, c], variances[k, c] = error, _update_covariance(p, row, noise[c], gain)
             for j in range(many):
                 seen[j] = 0.0
                 for i in range(d):
@@ -312,7 +319,7 @@ def extended_filter(
 
 @njit(cache=True, error_model="numpy")
 def random_motion(x, step_of, lengths, substeps, driven, exponents, coefficients, root, noise):
-    """(n, n_states) from `x` on, in forces whose covariance in a second is root root'.
+    """Return (n, n_states) from `x` on, in forces whose covariance in a second is root root'.
 
     All until `coefficients`: as of `extended_filter`. noise: (n_substeps of all steps, n_states) of
     unit variance.
@@ -327,7 +334,7 @@ def random_motion(x, step_of, lengths, substeps, driven, exponents, coefficients
             for _ in range(substeps[step_of[k]]):
                 force = root @ noise[place] / np.sqrt(h)
                 now = driven[3 * place : 3 * place + 3]
-                _moved(here, h, force, now, exponents, coefficients, terms, stages, middle)
+                _advance_state(here, h, force, now, exponents, coefficients, terms, stages, middle)
                 place += 1
         states[k] = here[:d]
     return states

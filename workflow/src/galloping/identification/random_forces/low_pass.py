@@ -19,21 +19,25 @@ SAME = 1e-3  # of a step between samples, that rounding makes of it
 
 
 def as_modelled(found: IdentifiedModel, recordings: list[Recording]) -> list[Recording]:
-    """Recordings without what a model leaves out. Raises ValueError as `low_passed`."""
-    if not (below := found.diagnostics.get("below")):
+    """Return recordings without what a model leaves out. Raises as `low_pass_recording`."""
+    below = float(found.diagnostics.get("below", 0.0))
+    if not below:
         return recordings
-    slowly = (1.0 - SAME) * _step(below)
+    slowly = (1.0 - SAME) * _filtered_step(below)
     if all(each.step > slowly for each in recordings):
         return recordings
-    return what_is_left(recordings, below)
+    return low_pass_recordings(recordings, below)
 
 
-def what_is_left(recordings: list[Recording], below: float) -> list[Recording]:
-    """Those of which `low_passed` leaves something. Raises as it does where there is none."""
+def low_pass_recordings(recordings: list[Recording], below: float) -> list[Recording]:
+    """Apply `low_pass_recording`, and return the recordings of which something is left.
+
+    Raises IdentificationError if nothing is left of any.
+    """
     left, errors = [], []
     for each in recordings:
         try:
-            left.append(low_passed(each, below))
+            left.append(low_pass_recording(each, below))
         except IdentificationError as error:
             errors.append(error)
     if not left:
@@ -41,13 +45,13 @@ def what_is_left(recordings: list[Recording], below: float) -> list[Recording]:
     return left
 
 
-def _step(below: float) -> float:
+def _filtered_step(below: float) -> float:
     """s, between samples after the filter."""
     return (1.0 + ROLL_OFF) / (2.0 * below)
 
 
-def low_passed(recording: Recording, below: float) -> Recording:
-    """Without what is faster than `below`, Hz, and at no more samples than then tell all.
+def low_pass_recording(recording: Recording, below: float) -> Recording:
+    """Return without what is faster than `below`, Hz, and at no more samples than then tell all.
 
     What is slower than FLAT of it stays as it is, and white noise is white again: the filter is a
     root raised cosine, and a step is half a period of the frequency in the middle of its edge (J.
@@ -55,7 +59,7 @@ def low_passed(recording: Recording, below: float) -> Recording:
     within REACH steps of the ends and of gaps. Raises ValueError where nothing is left, the samples
     are no faster, or the values are exact.
     """
-    step = _step(below)
+    step = _filtered_step(below)
     own = recording.step
     time = np.arange(recording.time[0] + REACH * step, recording.time[-1] - REACH * step, step)
     held = [each for each in (recording.values, recording.rates) if each is not None]
@@ -66,7 +70,7 @@ def low_passed(recording: Recording, below: float) -> Recording:
             known = np.isfinite(column)
             if known.any():
                 samples = recording.time[known], column[known]
-                filtered[:, k, i] = _filtered(*samples, time, step, own)
+                filtered[:, k, i] = _filter_channel(*samples, time, step, own)
     there = np.isfinite(filtered).any(axis=(1, 2))
     if there.sum() < 2:
         raise IdentificationError(
@@ -79,7 +83,7 @@ def low_passed(recording: Recording, below: float) -> Recording:
     return replace(recording, time=time[there], values=values, rates=rates, known_noise=quieter)
 
 
-def _filtered(
+def _filter_channel(
     at: np.ndarray, values: np.ndarray, time: np.ndarray, step: float, own: float
 ) -> np.ndarray:
     """(len(time),) of samples (n,) at `at`, about every `own` s; NaN where these are missing."""
@@ -97,7 +101,7 @@ def _filtered(
 
 
 def _root_raised_cosine(x: np.ndarray) -> np.ndarray:
-    """The filter (n,) at times in steps, whose limits at three points are taken beside them."""
+    """Evaluate the filter (n,) at times in steps; limits at three points are taken beside them."""
     x = np.where((x == 0.0) | (np.abs(4.0 * ROLL_OFF * x) == 1.0), x + 1e-6, x)
     edge = 4.0 * ROLL_OFF * x
     swings = np.sin(np.pi * x * (1.0 - ROLL_OFF)) + edge * np.cos(np.pi * x * (1.0 + ROLL_OFF))

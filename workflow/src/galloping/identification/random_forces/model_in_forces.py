@@ -13,22 +13,22 @@ from scipy.special import chdtri
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import MOST_DAMPING
-from galloping.identification.preparation.rate_channels import scaled, scales_told
+from galloping.identification.preparation.rate_channels import estimate_scales, with_scales
 from galloping.identification.problem import Problem
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.fitting import (
     ForcedFit,
-    fitted,
     forces_are_correlated,
     forces_are_needed,
+    maximise_likelihood,
 )
 from galloping.identification.random_forces.forced_problem import (
     SLOW,
     ForcedModel,
     ForcedProblem,
-    begun,
+    make_forced_problem,
 )
-from galloping.identification.random_forces.start import shortest, typical_step
+from galloping.identification.random_forces.start import shortest_velocity_period, typical_step
 from galloping.identification.random_forces.verdict_in_forces import FinalFit
 from galloping.identification.selection import added_deviation, select_support, solve_support
 from galloping.identification.work import is_exhausted
@@ -53,77 +53,75 @@ def fit_in_forces(
     may_be_slow: bool = True,
     doubts: Callable[[ForcedFit], Sequence[Finding]] = lambda fit: (),
 ) -> FinalFit | NoModel:
-    """The fit to recordings without outliers, whose shortest period, s, is `period`.
+    """Return the fit to recordings without outliers, whose shortest period, s, is `period`.
 
     forced: indices of the equations with a force. besides: how many modes there are more than
     coordinates. may_be_slow: whether forces may be; else a model with white ones that leaves
     plainly more than noise is none. doubts: why a fit, first to some of the samples and then to
     all, is not to be had, none where it is.
     """
-    rescaled = scaled(recordings, period)
-    some = _fitted_to_some(problem, rescaled, forced, may_be_slow, besides)
+    rescaled = with_scales(recordings, period)
+    some = _fit_some_samples(problem, rescaled, forced, may_be_slow, besides)
     if isinstance(some, NoModel):
         return some
     if objections := doubts(some):
         return NoModel(tuple(objections))
-    final = _fitted_to_all(some, rescaled, period)
+    final = _fit_all_samples(some, rescaled, period)
     if isinstance(final, NoModel):
         return final
     if objections := doubts(final.fit):
         return NoModel(tuple(objections))
-    return replace(final, scales=scales_told(recordings, rescaled))
+    return replace(final, scales=estimate_scales(recordings, rescaled))
 
 
-def _fitted_to_some(
+def _fit_some_samples(
     problem: Problem,
     recordings: list[Recording],
     forced: tuple[int, ...],
     may_be_slow: bool,
     besides: int,
 ) -> ForcedFit | NoModel:
-    """The fit of all terms that may stay, to no more samples than it needs."""
-    posed, starts = begun(problem, _thinned(recordings), forced, besides)
+    """Return the fit of all terms that may stay, to no more samples than it needs."""
+    posed, starts = make_forced_problem(problem, _thin_recordings(recordings), forced, besides)
     channels = posed.channels
     white = [each for each in starts if not each.slow]
     white = white or [replace(starts[0], slow=(), rates=())]
-    fit = _likeliest(posed, white[:1], [])
+    fit = attempt(partial(_fit_from, posed, white[0]))
     if isinstance(fit, NoModel):
         return fit
     if problem.inputs:  # what they bring is no slow force
         fit = _with_further_terms(fit, white[0].noise)
-    if besides and fit.left.nearly:
-        fit = _likeliest(posed, white[1:STARTS], [fit])
-    elif besides:
-        return NoModel((fit.left.finding(channels.names),))
+    if besides:
+        if not fit.whiteness.is_nearly_white:
+            return NoModel((fit.whiteness.to_finding(channels.names),))
+        fits = [fit, *_fits_from(posed, white[1:STARTS])]
+        fit = max(fits, key=lambda each: each.filtered.log_likelihood)
     reads_force = channels.averaged or not set(channels.rates) & set(forced)
-    if not fit.left.white and may_be_slow and reads_force:
+    if not fit.whiteness.is_white and may_be_slow and reads_force:
         fit = _with_slow_forces(fit, starts[0])
-    elif not (may_be_slow or fit.left.nearly):
-        return NoModel((fit.left.finding(channels.names),))
+    elif not (may_be_slow or fit.whiteness.is_nearly_white):
+        return NoModel((fit.whiteness.to_finding(channels.names),))
     return _with_further_terms(fit, white[0].noise)
 
 
-def _likeliest(
-    posed: ForcedProblem, starts: list[ForcedModel], known: list[ForcedFit]
-) -> ForcedFit | NoModel:
-    """The likeliest of fits that are known already and those from some starts."""
-    found = [*known, *(attempt(partial(_fit_from, posed, start)) for start in starts)]
-    fits = [each for each in found if not isinstance(each, NoModel)]
-    return max(fits, key=lambda fit: fit.filtered.log_likelihood) if fits else found[-1]
+def _fits_from(posed: ForcedProblem, starts: list[ForcedModel]) -> list[ForcedFit]:
+    """Return the fits from those starts that lead to one."""
+    found = [attempt(partial(_fit_from, posed, start)) for start in starts]
+    return [fit for fit in found if not isinstance(fit, NoModel)]
 
 
 def _fit_from(posed: ForcedProblem, start: ForcedModel) -> ForcedFit:
     with np.errstate(all="ignore"):  # one that leads nowhere overflows
-        begin = _with_shared_forces(posed, start) if start.swings.hosts else start
-        return fitted(posed, begin, posed.always, correlated=True)
+        begin = _with_shared_forces(posed, start) if start.extra_modes.hosts else start
+        return maximise_likelihood(posed, begin, posed.always, correlated=True)
 
 
 def _with_shared_forces(posed: ForcedProblem, start: ForcedModel) -> ForcedModel:
-    """A start whose resonances share their forces with others as is likeliest, one after the other.
+    """Let the resonances of a start share their forces with others as is likeliest, one by one.
 
     From forces that share nothing a fit may end where two close modes have each other's damping.
     """
-    best, most = start, posed.filtered(start).log_likelihood
+    best, most = start, posed.filter_recordings(start).log_likelihood
     for i in range(len(posed.forced), len(start.root)):
         for j in range(i):
             held, size = best, np.linalg.norm(best.root[i])
@@ -132,26 +130,26 @@ def _with_shared_forces(posed: ForcedProblem, start: ForcedModel) -> ForcedModel
                 root[i, j] = share * size
                 root[i] *= size / np.linalg.norm(root[i])
                 tried = replace(held, root=root)
-                likelihood = posed.filtered(tried).log_likelihood
+                likelihood = posed.filter_recordings(tried).log_likelihood
                 if likelihood > most:
                     best, most = tried, likelihood
     return best
 
 
-def _fitted_to_all(
+def _fit_all_samples(
     some: ForcedFit, recordings: list[Recording], period: float
 ) -> FinalFit | NoModel:
-    """The fit of the terms that stay, to all samples."""
+    """Return the fit of the terms that stay, to all samples."""
     penalty = some.posed.penalty
-    information, _ = some.regression
+    information, _ = some.normal_equations
     correlated = forces_are_correlated(some, penalty)
-    support = _chosen(some, penalty)
+    support = _select_terms(some, penalty)
     posed = replace(some.posed, recordings=tuple(recordings))
-    fit = fitted(posed, posed.without(some.model, support), support, correlated)
+    fit = maximise_likelihood(posed, posed.restrict(some.model, support), support, correlated)
     if not forces_are_needed(fit, penalty):
         return NoModel((Finding.of(Code.NO_FORCE_NEEDED),))
     if np.any(np.abs(fit.modes.damping) > MOST_DAMPING):
-        left = fit.left.finding(posed.channels.names)
+        left = fit.whiteness.to_finding(posed.channels.names)
         return NoModel((Finding.of(Code.NO_OSCILLATION), left))
     absent = added_deviation(information, support) * posed.unit
     absent[np.diag(information) == 0.0] = np.nan
@@ -159,13 +157,13 @@ def _fitted_to_all(
 
 
 def _with_slow_forces(white: ForcedFit, start: ForcedModel) -> ForcedFit:
-    """The fit with slow forces beside the white ones, where they pay."""
+    """Return the fit with slow forces beside the white ones, where they pay."""
     posed, slow = white.posed, start.slow
     if not slow or posed.problem.inputs:
         rate = SLOW * white.modes.omega.min()
         slow = tuple(rate * np.diag(white.model.root)[: len(posed.forced)])
         start = replace(white.model, slow=slow, rates=(rate,) * len(slow))
-    fit = attempt(partial(fitted, posed, start, white.support, correlated=True))
+    fit = attempt(partial(maximise_likelihood, posed, start, white.support, correlated=True))
     if isinstance(fit, NoModel):
         return white
     gain = fit.filtered.log_likelihood - white.filtered.log_likelihood
@@ -173,7 +171,7 @@ def _with_slow_forces(white: ForcedFit, start: ForcedModel) -> ForcedFit:
 
 
 def _with_further_terms(fit: ForcedFit, noise: np.ndarray) -> ForcedFit:
-    """The fit with the terms that pay, nonlinear ones and those of inputs.
+    """Return the fit with the terms that pay, nonlinear ones and those of inputs.
 
     They are chosen on the slopes of the innovations, again after each fit of those that were.
     noise: (n_channels,) of the start, from which each fit begins again: terms that were missing may
@@ -191,11 +189,12 @@ def _with_further_terms(fit: ForcedFit, noise: np.ndarray) -> ForcedFit:
 
 
 def _with_chosen_terms(fit: ForcedFit, allowed: np.ndarray, noise: np.ndarray) -> ForcedFit:
-    """The fit of the terms that pay of those allowed (n_candidates,), itself where it has these.
+    """Fit the terms that are selected of those allowed (n_candidates,).
 
-    What the data alone hardly tell stays too, so that intervals hold it: what inputs do to the
-    damping of a coordinate, and, where the motion is so large that any nonlinear term pays, its
-    cubic damping and stiffness, for the linear ones would take their place.
+    The fit itself is returned if it has these terms. Terms that the data alone hardly determine
+    stay too, so that intervals cover them: the effect of inputs on the damping of a coordinate,
+    and, if the motion is so large that any nonlinear term is selected, its cubic damping and
+    stiffness, for the linear ones would take their place.
     """
     posed, problem, unit = fit.posed, fit.posed.problem, fit.posed.unit
     pairs = {velocity: [velocity, i] for i, velocity in posed.channels.pairs.items()}
@@ -206,7 +205,7 @@ def _with_chosen_terms(fit: ForcedFit, allowed: np.ndarray, noise: np.ndarray) -
     damped = (damping == 1) & (problem.degrees == 1)
     cubic = (np.maximum(damping, stiffness) == 3) & (problem.degrees == 3)
     prices = np.where(posed.always, 0.0, problem.least_prices(posed.penalty))
-    information, right = fit.regression
+    information, right = fit.normal_equations
     about, support = fit.model.coefficients / unit, allowed.copy()
     apart = problem.chosen_about(fit.model.coefficients) / unit
     support[allowed] = select_support(
@@ -220,11 +219,11 @@ def _with_chosen_terms(fit: ForcedFit, allowed: np.ndarray, noise: np.ndarray) -
     free, _ = solve_support(information, right + information @ about, support)
     noise = np.maximum(fit.model.noise, noise)
     start = replace(fit.model, coefficients=free * unit, noise=noise)
-    return fitted(posed, start, support, correlated=True)
+    return maximise_likelihood(posed, start, support, correlated=True)
 
 
-def _chosen(fit: ForcedFit, penalty: float) -> np.ndarray:
-    """(n_candidates,) the terms that stay.
+def _select_terms(fit: ForcedFit, penalty: float) -> np.ndarray:
+    """Return (n_candidates,) the terms that stay.
 
     A coordinate's own stiffness and damping do, and a constant that pays. What couples two
     coordinates stays or goes together: of coupled modes each term bears on every damping, also one
@@ -237,14 +236,17 @@ def _chosen(fit: ForcedFit, penalty: float) -> np.ndarray:
     for k in np.flatnonzero(judged):
         equation, j = problem.candidates[k]
         moved = next((s for s, e in enumerate(problem.of_states[j]) if e), None)
-        of = sorted({own[equation], own.get(moved, moved)} - {None})
-        groups.setdefault((*of, k) if moved is None else tuple(of), []).append(k)
+        if moved is None:  # a constant, which goes alone
+            coordinates: tuple[int, ...] = (own[equation], int(k))
+        else:
+            coordinates = tuple(sorted({own[equation], own.get(moved, moved)}))
+        groups.setdefault(coordinates, []).append(int(k))
     place = np.cumsum(support) - 1
     covariance = fit.coefficient_covariance
     free = fit.model.coefficients / posed.unit
-    for of, members in groups.items():
+    for coordinates, members in groups.items():
         constant = problem.degrees[members[0]] == 0
-        if len(of) == 1 and not constant:
+        if len(coordinates) == 1 and not constant:
             continue
         at = place[members]
         square = free[members] @ np.linalg.solve(covariance[np.ix_(at, at)], free[members])
@@ -254,18 +256,20 @@ def _chosen(fit: ForcedFit, penalty: float) -> np.ndarray:
 
 
 def _first_states(fit: ForcedFit, period: float) -> np.ndarray:
-    """(n_recordings, n_states) at the first samples, from START_PERIODS after them."""
-    tracker, found = fit.posed.tracker(fit.model), []
+    """Return (n_recordings, n_states) at the first samples, from START_PERIODS after them."""
+    system_model, found = fit.posed.state_space_model(fit.model), []
     for one in fit.posed.data:
         lengths = one.steps.lengths[np.maximum(one.steps.of, 0)]
         count = int(np.searchsorted(np.cumsum(lengths), START_PERIODS * period))
-        found.append(tracker.first_state(one, max(count, 2 * len(tracker.size))))
+        found.append(system_model.first_state(one, max(count, 2 * len(system_model.size))))
     return np.array(found)
 
 
-def _thinned(recordings: list[Recording]) -> list[Recording]:
+def _thin_recordings(recordings: list[Recording]) -> list[Recording]:
     """With no more samples than a trial needs; all of rates, which may be means between them."""
-    if Channels.of(recordings).rates:
+    if Channels.from_recordings(recordings).rates:
         return recordings
-    every = max(int(shortest(recordings) / TRIED_PER_PERIOD / typical_step(recordings)), 1)
+    every = max(
+        int(shortest_velocity_period(recordings) / TRIED_PER_PERIOD / typical_step(recordings)), 1
+    )
     return [each[::every] for each in recordings]

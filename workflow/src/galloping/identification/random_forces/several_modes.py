@@ -1,9 +1,10 @@
-"""Motion in random forces that has more modes than coordinates: the slowest modes alone are
-modelled, and what is faster is taken out of the recordings before. Where the first mode too many is
-too close for that, it stays in the model, as a force that swings.
+"""Select modes of recordings that have more modes than coordinates.
+
+A selection holds the slowest modes; what is faster is filtered out of the recordings. If the next
+mode is too close for a filter, it stays in the model, as a force that oscillates.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -11,12 +12,12 @@ import numpy as np
 from scipy.special import chdtri
 
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.no_model import NoModel, attempt
+from galloping.identification.no_model import attempt
 from galloping.identification.observations import Code, Finding
-from galloping.identification.preparation.screening import prepared
+from galloping.identification.preparation.screening import prepare_recordings
 from galloping.identification.random_forces.channels import Channels
-from galloping.identification.random_forces.low_pass import FLAT, ROLL_OFF, what_is_left
-from galloping.identification.random_forces.start import on_grids, spectra
+from galloping.identification.random_forces.low_pass import FLAT, ROLL_OFF, low_pass_recordings
+from galloping.identification.random_forces.start import estimate_spectra, on_grids
 from galloping.model.modes import Modes
 from galloping.recording.samples import Recording
 
@@ -40,121 +41,151 @@ BESIDES = 3  # modes that a model has beside those of its coordinates, at most
 BROAD, LESS_WHITE, LIKELIER = 0.02, 0.75, 1e-7
 
 
-# The model of recordings whose shortest period, s, is the second argument, and which have as many
-# modes more than coordinates as the third one says.
-Find = Callable[[list[Recording], float, int], IdentifiedModel | NoModel]
+@dataclass(frozen=True)
+class ModeSelection:
+    """Recordings of some of their modes.
+
+    recordings, period: as of `prepare_recordings`, s. n_further: modes more than coordinates.
+    modes: Hz, of the model; None if any will do. faster: Hz, modes that are left out. below: Hz,
+    from which on motion is left out; None if all of it is in the recordings.
+    """
+
+    recordings: list[Recording]
+    period: float
+    n_further: int = 0
+    modes: tuple[float, ...] | None = None
+    faster: tuple[float, ...] = ()
+    below: float | None = None
+
+    def has_modes_of(self, found: IdentifiedModel) -> bool:
+        """Return whether each oscillation of the linear part of a model is at a selected mode."""
+        if self.modes is None:
+            return True
+        beside = (each.frequency for each in found.resonances if each.is_mode)
+        own = np.array([*_linear_modes(found).omega, *beside])
+        ratios = own[:, np.newaxis] / (2.0 * np.pi * np.array(self.modes))
+        return bool(np.all(np.abs(np.log(ratios)).min(axis=1) < 1.5 * np.log(APART)))
+
+    def with_omissions(self, found: IdentifiedModel) -> IdentifiedModel:
+        """Return a model with a finding of what is left out, and `below` in its diagnostics."""
+        if self.below is None:
+            return found
+        if self.faster:
+            modes = ", ".join(f"{each:.2g}" for each in self.faster)
+            left_out = Finding.of(Code.FASTER_MODES_LEFT_OUT, modes=modes, below_hz=self.below)
+        else:
+            left_out = Finding.of(Code.FASTER_LEFT_OUT, below_hz=self.below)
+        found = replace(found, diagnostics={**found.diagnostics, "below": self.below})
+        return found.with_findings(left_out)
 
 
 @dataclass(frozen=True)
 class SeveralModes:
-    """Recordings that may have more modes than coordinates; period: s, as of `screening.prepared`.
+    """Recordings, as of `prepare_recordings`, that may have more modes than coordinates.
 
-    Each model that is found swings as the modes do that it is of; there is none where random forces
-    need not have moved the recordings, and beside inputs. The diagnostic `below` says from which
-    on, Hz, motion was left out.
+    Nothing is selected beside inputs, or if random forces need not have moved the recordings.
     """
 
     recordings: list[Recording]
     period: float
 
+    @property
+    def whole(self) -> ModeSelection:
+        """The recordings as they are."""
+        return ModeSelection(self.recordings, self.period)
+
     @cached_property
     def modes(self) -> list[float]:
         """Hz, the slowest first; none beside inputs, whose frequencies are no modes."""
-        return [] if self.recordings[0].inputs else _modes(self.recordings)
+        return [] if self.recordings[0].inputs else _find_modes(self.recordings)
 
     @cached_property
     def channels(self) -> Channels:
         """What the recordings measure."""
-        return Channels.of(self.recordings)
+        return Channels.from_recordings(self.recordings)
 
-    def slowest(
-        self, find: Find, apart: tuple[float, float] = FAR_APART
-    ) -> Iterator[IdentifiedModel]:
-        """Models of as many of the slowest modes as coordinates, where there are more.
+    def slowest(self, apart: tuple[float, float] = FAR_APART) -> Iterator[ModeSelection]:
+        """Select as many of the slowest modes as coordinates, if there are more.
 
         apart: times the last of these modes, between which the next one is.
         """
         own = len(self.channels.pairs)
-        return self._of_modes(find, [own] if len(self.modes) > own else [], apart)
+        return self._selections([own] if len(self.modes) > own else [], apart)
 
-    def more(self, find: Find) -> Iterator[IdentifiedModel]:
-        """The same of more modes than coordinates: all that there are and one that is taken for
-        another of them, or the slowest. Accelerations show forces beyond all modes, where these are
-        no longer white: what is far beyond is left out, also where there are no more modes than
-        coordinates. So it is where samples are many times as fast as the modes.
+    def more(self) -> Iterator[ModeSelection]:
+        """Select more modes than coordinates: all, also as one more than seen, or the slowest.
+
+        Accelerations show forces beyond all modes, where these are no longer white. What is far
+        beyond is left out, also if there are no more modes than coordinates, and if samples are
+        many times as fast as the modes.
         """
         own, every = len(self.channels.pairs), len(self.modes)
         more = range(own + 1, min(own + BESIDES, every + 1) + 1)
         same = [own] if self.channels.rates and own >= every else []
         counts = [*same, *sorted(more, key=lambda k: (k < every, k))]
-        return self._of_modes(find, counts, (1.0, np.inf))
+        return self._selections(counts, (1.0, np.inf))
 
-    def _of_modes(
-        self, find: Find, counts: Iterable[int], apart: tuple[float, float]
-    ) -> Iterator[IdentifiedModel]:
-        """Models of as many of the slowest modes as each of `counts`; apart: as of `_edges`."""
+    def _selections(
+        self, counts: Iterable[int], apart: tuple[float, float]
+    ) -> Iterator[ModeSelection]:
+        """Select as many of the slowest modes as each of `counts`; apart: as of `_filter_edges`."""
         step = max(each.step for each in self.recordings)
         fastest = (1.0 + ROLL_OFF) / (2.2 * step)  # that a filter ends at
         for k in counts:
-            for below in _edges(self.modes, k, fastest, apart):
-                found = attempt(partial(self._below, find, k, below))
-                if not isinstance(found, NoModel):
-                    yield found
+            for below in _filter_edges(self.modes, k, fastest, apart):
+                selection = attempt(partial(self._select, k, below))
+                if isinstance(selection, ModeSelection):
+                    yield selection
 
-    def _below(self, find: Find, k: int, below: float) -> IdentifiedModel | NoModel:
-        """The model of the slowest k modes, where what is faster than `below`, Hz, is left out."""
+    def _select(self, k: int, below: float) -> ModeSelection | None:
+        """Select the slowest k modes, without what is faster than `below`, Hz."""
         recordings, modes = self.recordings, self.modes
-        besides = k - len(self.channels.pairs)
-        slow = what_is_left(recordings, below)
+        n_further, own = k - len(self.channels.pairs), tuple(modes[:k])
+        slow = low_pass_recordings(recordings, below)
         if not _size_varies(slow):
-            return NoModel()
+            return None
         before, kept = (sum(len(one.time) for one in each) for each in (recordings, slow))
         is_whole = k >= len(modes) and not (self.channels.rates or kept < MOST_KEPT * before)
-        given = (recordings, self.period) if is_whole else (slow, prepared(slow)[2])
-        found = find(*given, besides)
-        if isinstance(found, NoModel):
-            return found
-        if not _swings_at(found, modes[:k]):
-            return NoModel()
-        found = with_split_mode(found, *given, besides, find)
-        return found if is_whole else _said(found, modes[k:], below)
+        if is_whole:
+            return ModeSelection(recordings, self.period, n_further, own)
+        period = prepare_recordings(slow)[2]
+        return ModeSelection(slow, period, n_further, own, tuple(modes[k:]), below)
 
 
-def may_be_two(found: IdentifiedModel) -> bool:
-    """Whether a mode of a model is so broad that it may be two, and what it leaves less white than
-    that of most sound models. Beside inputs no further mode is sought.
+def may_have_split_mode(found: IdentifiedModel) -> bool:
+    """Whether a mode of a model is so broad that it may be two.
+
+    The innovations then are less white than those of most sound models. Beside inputs no further
+    mode is sought.
     """
     if found.model.inputs:
         return False
-    told = found.diagnostics
+    correlation, allowed, line, line_allowed = (
+        float(found.diagnostics[name])
+        for name in (
+            "innovations", "innovations_allowed", "innovations_line", "innovations_line_allowed",
+        )
+    )  # fmt: skip
     beside = (each.damping for each in found.resonances if each.is_mode)
-    return max(*_at_rest(found).damping, *beside) > BROAD and (
-        told["innovations"] > 0.5 * (1.0 + told["innovations_allowed"])
-        or told["innovations_line"] > LESS_WHITE * told["innovations_line_allowed"]
+    return max(*_linear_modes(found).damping, *beside) > BROAD and (
+        correlation > 0.5 * (1.0 + allowed) or line > LESS_WHITE * line_allowed
     )
 
 
-def with_split_mode(
-    found: IdentifiedModel, recordings: list[Recording], period: float, besides: int, find: Find
-) -> IdentifiedModel:
-    """The model that `find` has found or, where a mode of it is two, one with a mode more.
+def splits_mode(split: IdentifiedModel, found: IdentifiedModel) -> bool:
+    """Return whether a model with one mode more shows that a mode of another model is two.
 
     Of two modes that overlap, a broad one in their middle leaves innovations that are nearly white;
     the model of both is plainly likelier.
     """
-    if found.status != "ok" or besides == BESIDES or not may_be_two(found):
-        return found
-    more = find(recordings, period, besides + 1)
-    if isinstance(more, NoModel) or more.status != "ok":
-        return found
-    if not all(each.is_mode for each in more.resonances):
-        return found
-    gain = more.diagnostics["log_likelihood"] - found.diagnostics["log_likelihood"]
+    if split.status != "ok" or not all(each.is_mode for each in split.resonances):
+        return False
+    before, after = (float(one.diagnostics["log_likelihood"]) for one in (found, split))
     freedom = 3 + len(found.forces.nonzero()[0]) + len(found.resonances)
-    return more if 2.0 * gain > chdtri(freedom, LIKELIER) else found
+    return bool(2.0 * (after - before) > chdtri(freedom, LIKELIER))
 
 
-def _edges(
+def _filter_edges(
     modes: list[float], k: int, fastest: float, apart: tuple[float, float]
 ) -> Iterator[float]:
     """Where the filter may end that leaves the first k of some modes, Hz, at `fastest` at most.
@@ -170,63 +201,45 @@ def _edges(
         yield float(f"{min(FAR * modes[-1], fastest):.3g}")
 
 
-def _said(found: IdentifiedModel, faster: list[float], below: float) -> IdentifiedModel:
-    """With what was left out: modes, Hz, and all beyond a frequency, Hz."""
-    if faster:
-        modes = ", ".join(f"{each:.2g}" for each in faster)
-        left_out = Finding.of(Code.FASTER_MODES_LEFT_OUT, modes=modes, below_hz=below)
-    else:
-        left_out = Finding.of(Code.FASTER_LEFT_OUT, below_hz=below)
-    found = replace(found, diagnostics={**found.diagnostics, "below": below})
-    return found.with_findings(left_out)
-
-
-def _swings_at(found: IdentifiedModel, modes: list[float]) -> bool:
-    """Whether each oscillation of the linear part of a model is at one of some modes, Hz."""
-    beside = (each.frequency for each in found.resonances if each.is_mode)
-    own = np.array([*_at_rest(found).omega, *beside])
-    ratios = own[:, np.newaxis] / (2.0 * np.pi * np.array(modes))
-    return bool(np.all(np.abs(np.log(ratios)).min(axis=1) < 1.5 * np.log(APART)))
-
-
-def _at_rest(found: IdentifiedModel) -> Modes:
-    """Those of the linear part of a model."""
+def _linear_modes(found: IdentifiedModel) -> Modes:
+    """Return those of the linear part of a model."""
     return found.model.small_motions(np.zeros(len(found.model.states)))
 
 
 def _size_varies(recordings: list[Recording]) -> bool:
-    """Whether the size of every channel goes up and down, as that of a limit cycle does not, of
-    which the filter leaves no harmonics to tell it by.
+    """Whether the size of every channel fluctuates.
+
+    That of a limit cycle does not, of which the filter leaves no harmonics.
     """
-    channels, sizes = Channels.of(recordings), []
+    channels, sizes = Channels.from_recordings(recordings), []
     for each in recordings:  # with a little more than two samples in a period
         parts = np.array_split(channels.samples(each), max(len(each.time) // SIZED, 1))
         sizes += [np.std(part, axis=0) for part in parts if np.isfinite(part).all()]
     return bool(sizes) and bool(np.all(np.std(sizes, axis=0) > WAVERING * np.mean(sizes, axis=0)))
 
 
-def _modes(recordings: list[Recording]) -> list[float]:
-    """Where the mean spectrum of any channel has peaks, Hz, the slowest first."""
+def _find_modes(recordings: list[Recording]) -> list[float]:
+    """Return where the mean spectrum of any channel has peaks, Hz, the slowest first."""
     step, grids = on_grids(recordings)
     lengths = np.array(list(map(len, grids)))
     alike = [
         np.pad(grid, ((0, lengths.max() - len(grid)), (0, 0)), constant_values=np.nan)
         for grid in grids
     ]  # of one length, and so with spectra at the same frequencies
-    omega, powers = spectra(alike, step)
+    omega, powers = estimate_spectra(alike, step)
     powers = powers.reshape(len(grids), -1, powers.shape[1])
     power = np.average(powers, axis=0, weights=lengths)
     if not len(power):
         return []
     frequency = omega[: len(power)] / (2.0 * np.pi)
-    around = [np.median(power[own], axis=0) for own in _near(frequency, AROUND)]
+    around = [np.median(power[own], axis=0) for own in _neighbour_slices(frequency, AROUND)]
     height = np.max(power / np.maximum(around, np.finfo(float).tiny), axis=1)
-    highest = np.array([height[own].max() for own in _near(frequency, APART)])
+    highest = np.array([height[own].max() for own in _neighbour_slices(frequency, APART)])
     told = frequency * step * lengths.max() > PERIODS
     return frequency[told & (height == highest) & (height > STANDS)].tolist()
 
 
-def _near(frequency: np.ndarray, times: float) -> list[slice]:
+def _neighbour_slices(frequency: np.ndarray, times: float) -> list[slice]:
     """Of each frequency (n,), increasing, those that are less than `times` as large or as small."""
     first = np.searchsorted(frequency, frequency / times)
     last = np.searchsorted(frequency, frequency * times, side="right")

@@ -1,5 +1,4 @@
-"""Where a fit in random forces begins: modes from correlations, then forces and noise; and whether
-the size of a motion goes up and down as such forces make it.
+"""Find starts of a fit in random forces: modes from correlations, then forces and noise.
 
 The correlations of stationary motion decay as free motion does. Stochastic subspace identification
 finds its modes (P. Van Overschee and B. De Moor, 1996; B. Peeters and G. De Roeck, MSSP 13, 1999);
@@ -47,7 +46,7 @@ NOISY = 0.2
 
 
 def on_grid(time: np.ndarray, samples: np.ndarray, step: float) -> np.ndarray:
-    """The samples (n, n_channels) of the nearest of steps, s, NaN where there is none."""
+    """Return the samples (n, n_channels) of the nearest of steps, s, NaN where there is none."""
     place = np.round((time - time[0]) / step).astype(np.int64)
     grid = np.full((place[-1] + 1, samples.shape[1]), np.nan)
     grid[place] = samples
@@ -60,8 +59,8 @@ def typical_step(recordings: Sequence[Recording]) -> float:
 
 
 def on_grids(recordings: Sequence[Recording]) -> tuple[float, list[np.ndarray]]:
-    """The step, s, of all recordings, and their samples on it without their means."""
-    channels, step = Channels.of(recordings), typical_step(recordings)
+    """Return the step, s, of all recordings, and their samples on it without their means."""
+    channels, step = Channels.from_recordings(recordings), typical_step(recordings)
     samples = [channels.samples(each) for each in recordings]
     return step, [
         on_grid(each.time, own - np.nanmean(own, axis=0), step)
@@ -69,24 +68,24 @@ def on_grids(recordings: Sequence[Recording]) -> tuple[float, list[np.ndarray]]:
     ]
 
 
-def correlations(grids: list[np.ndarray], lags: int) -> np.ndarray:
+def sample_correlations(grids: list[np.ndarray], lags: int) -> np.ndarray:
     """(lags + 1, n_channels, n_channels) mean of y(t + lag) y(t)' of the samples that there are."""
-    total = sum(_lagged(np.nan_to_num(grid), lags) for grid in grids)
-    count = sum(_lagged(np.isfinite(grid).astype(float), lags) for grid in grids)
+    total = sum(_sum_lagged_products(np.nan_to_num(grid), lags) for grid in grids)
+    count = sum(_sum_lagged_products(np.isfinite(grid).astype(float), lags) for grid in grids)
     return total / np.maximum(count, 1.0)
 
 
-def _lagged(samples: np.ndarray, lags: int) -> np.ndarray:
-    """(lags + 1, n_channels, n_channels) sum of y(t + lag) y(t)'."""
+def _sum_lagged_products(samples: np.ndarray, lags: int) -> np.ndarray:
+    """Return (lags + 1, n_channels, n_channels) sum of y(t + lag) y(t)'."""
     size = 2 ** int(np.ceil(np.log2(len(samples) + lags + 1)))
     of = np.fft.rfft(samples, size, axis=0)
     return np.fft.irfft(of[:, :, None] * of[:, None].conj(), size, axis=0)[: lags + 1]
 
 
-def modes(
+def modes_from_correlations(
     correlation: np.ndarray, step: float, stride: int, count: int, further: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues (count,), 1/s, and shapes (n_channels, count) of that many oscillations.
+    """Return eigenvalues (count,), 1/s, and shapes (n_channels, count) of that many oscillations.
 
     correlation: (n_lags, n_channels, n_channels), of lags that are multiples of `stride` steps, s.
     further: how many more states the correlations may have; the oscillations that make most of
@@ -116,10 +115,11 @@ def modes(
 
 
 @dataclass(frozen=True)
-class Swings:
-    """Resonances: modes that the coordinates have no place for. own: (n_resonances, 2) frequencies,
-    rad/s, and damping ratios. onto: (n_resonances, n_forced) what each adds to the equations with a
-    force; hosts: (n_resonances,) those in which this is one.
+class ExtraModes:
+    """Resonances: modes for which the model has no coordinate.
+
+    own: (n_resonances, 2) frequencies, rad/s, and damping ratios. onto: (n_resonances, n_forced)
+    what each adds to the equations with a force; hosts: (n_resonances,) those in which this is one.
     """
 
     own: np.ndarray
@@ -139,13 +139,13 @@ class LinearStart:
     """system: (n_states, n_states), and the modes beside its own."""
 
     system: np.ndarray
-    swings: Swings
+    extra_modes: ExtraModes
 
 
-def linear_systems(
+def find_linear_systems(
     channels: Channels, grids: list[np.ndarray], step: float, period: float, besides: int
 ) -> Iterator[LinearStart]:
-    """Linear systems that may have moved so, with `besides` modes more than coordinates.
+    """Return linear systems that may have moved so, with `besides` modes more than coordinates.
 
     grids: samples on uniform steps, s, without their means. period: s, the shortest of the motion.
     Each is told from correlations of another length, of the samples or of their differences, which
@@ -163,21 +163,25 @@ def linear_systems(
             min(round_down(SPANS[-1] * period / step / stride), MOST_LAGS, longest // stride)
             * stride
         )
-        whole = correlations(own, lags)[::stride]
+        whole = sample_correlations(own, lags)[::stride]
         for span in SPANS:
             taken = whole[first : first + int(span * PER_PERIOD)]
             for further in FURTHER:
                 count = len(pairs) + besides
-                found = attempt(partial(modes, taken, step, stride, count, further))
+                found = attempt(
+                    partial(modes_from_correlations, taken, step, stride, count, further)
+                )
                 if isinstance(found, NoModel):
                     continue
                 rates, shapes = found
-                system = _system(channels, rates, size[:, np.newaxis] * shapes)
+                system = _system_with_modes(channels, rates, size[:, np.newaxis] * shapes)
                 if system is not None:
                     yield system
 
 
-def _system(channels: Channels, rates: np.ndarray, seen: np.ndarray) -> LinearStart | None:
+def _system_with_modes(
+    channels: Channels, rates: np.ndarray, seen: np.ndarray
+) -> LinearStart | None:
     """With these modes, None where their shapes are too alike.
 
     The coordinates' own are those whose shapes differ most; to these the others are forces.
@@ -186,11 +190,12 @@ def _system(channels: Channels, rates: np.ndarray, seen: np.ndarray) -> LinearSt
     damping = np.maximum(-rates.real, LEAST_DAMPING * np.abs(rates))
     rates = 1j * rates.imag - damping
     every = np.array([channels.displacement(i, rates, seen) for i in pairs])
-    own = max(
+    coordinate_modes = max(
         map(list, combinations(range(len(rates)), len(pairs))),
         key=lambda modes: abs(np.linalg.det(every[:, modes])),
     )
-    shapes, rates, others = every[:, own], rates[own], np.delete(rates, own)
+    shapes, others = every[:, coordinate_modes], np.delete(rates, coordinate_modes)
+    rates = rates[coordinate_modes]
     both, shapes = np.append(rates, rates.conj()), np.hstack([shapes, shapes.conj()])
     basis = np.vstack([shapes, shapes * both])
     alike = np.vstack([shapes, shapes * both / np.mean(np.abs(both))])
@@ -201,7 +206,7 @@ def _system(channels: Channels, rates: np.ndarray, seen: np.ndarray) -> LinearSt
     system[np.ix_(order, order)] = (basis * both @ np.linalg.inv(basis)).real
     system[list(pairs)] = 0.0
     system[list(pairs), list(pairs.values())] = 1.0
-    beside = np.delete(every, own, axis=1)
+    beside = np.delete(every, coordinate_modes, axis=1)
     states = np.zeros((len(system), len(others)), complex)
     states[list(pairs)], states[list(pairs.values())] = beside, beside * others
     moved = states[list(pairs.values())] * others - system[list(pairs.values())] @ states
@@ -209,10 +214,10 @@ def _system(channels: Channels, rates: np.ndarray, seen: np.ndarray) -> LinearSt
     hosts = np.argmax(np.abs(forces), axis=1)
     onto = (forces / forces[np.arange(len(hosts)), hosts][:, np.newaxis]).real
     own = np.array([np.abs(others), -others.real / np.abs(others)]).T
-    return LinearStart(system, Swings(own, onto, tuple(hosts.tolist())))
+    return LinearStart(system, ExtraModes(own, onto, tuple(hosts.tolist())))
 
 
-def spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, np.ndarray]:
+def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies (n,), rad/s, and two-sided spectra (n, n_channels) there, in means of BINS."""
     frequencies, powers = [], []
     for grid in grids:
@@ -227,13 +232,13 @@ def spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, np.ndarra
     return np.concatenate(frequencies), np.concatenate(powers)
 
 
-def shortest(recordings: Sequence[Recording]) -> float:
+def shortest_velocity_period(recordings: Sequence[Recording]) -> float:
     """s, the shortest period of the motion's velocities, where white noise is taken off.
 
     Raises IdentificationError where the recordings tell none.
     """
     step, grids = on_grids(recordings)
-    omega, power = spectra(grids, step)
+    omega, power = estimate_spectra(grids, step)
     if not len(omega):
         raise IdentificationError(Code.MODES_UNDETERMINED)
     order = np.argsort(omega)
@@ -247,7 +252,7 @@ def shortest(recordings: Sequence[Recording]) -> float:
     return float(2.0 * np.pi / max(fastest))
 
 
-def strengths(
+def estimate_strengths(
     begin: LinearStart,
     forced: tuple[int, ...],
     channels: Channels,
@@ -255,9 +260,10 @@ def strengths(
     power: np.ndarray,
     slow: float | None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Covariances in a second of white forces, in the equations (n_forced,) and then on the
-    resonances, and of what drives slow ones, (n_forced,), and spectra (n_channels,) of noise, whose
-    sum is nearest to spectra.
+    """Estimate the strengths of forces and noise, whose sum is nearest to spectra.
+
+    Returns covariances in a second of white forces, in the equations (n_forced,) and then on the
+    resonances, and of what drives slow ones, (n_forced,), and spectra (n_channels,) of noise.
 
     omega: (n,) rad/s, power: (n, n_channels). slow: rate of slow forces, 1/s; None: there are none.
     """
@@ -265,7 +271,7 @@ def strengths(
     response = channels.response(begin.system, omega)[:, :, list(forced)]
     moved = np.abs(response) ** 2
     columns = list(moved.transpose(2, 0, 1))
-    for (own, damping), onto in zip(begin.swings.own, begin.swings.onto, strict=True):
+    for (own, damping), onto in zip(begin.extra_modes.own, begin.extra_modes.onto, strict=True):
         swing = own**2 - omega**2 + 2j * damping * own * omega
         columns.append(np.abs(response @ onto / swing[:, np.newaxis]) ** 2)
     white = len(columns)
@@ -286,13 +292,13 @@ WINDOW = 3  # periods, in which a motion has a size
 STEADY, WAVERING, TREND = 5.0, 0.12, 3
 
 
-def wavers(recordings: Sequence[Recording], period: float) -> bool:
-    """Whether the size of the motion in every channel goes up and down about the same size.
+def amplitude_fluctuates(recordings: Sequence[Recording], period: float) -> bool:
+    """Return whether the size of the motion in every channel goes up and down about the same size.
 
     As random forces make it; a motion that grows, decays or repeats does not. period: s. Parts of
     less than half the longest recording are left aside: a few periods follow any trend.
     """
-    found, channels = [], Channels.of(list(recordings))
+    found, channels = [], Channels.from_recordings(list(recordings))
     lengths = [np.ptp(recording.time) for recording in recordings]
     for recording, length in zip(recordings, lengths, strict=True):
         if 2.0 * length < max(lengths):
@@ -310,19 +316,20 @@ def wavers(recordings: Sequence[Recording], period: float) -> bool:
     return bool(found) and all(found)
 
 
-def may_be_moved_at_random(start: Start) -> bool:
-    """Whether random forces may have moved a recording: a motion that follows from its first state
-    leaves little in the weak form, where noise does not hide what is left and the start follows the
-    swings, not what is slower.
+def is_ambient_candidate(start: Start) -> bool:
+    """Whether random forces may have moved a recording.
+
+    A motion that follows from its first state leaves little in the weak form, if noise does not
+    hide what is left and the start follows the oscillations, not what is slower.
 
     start: the start of all methods.
     """
     if start.fit.misfit >= MOST_MISFIT:
         return True
-    if not wavers(start.recordings, start.period):
+    if not amplitude_fluctuates(start.recordings, start.period):
         return False
     noises = ((one.noise, one.states[one.valid].std(axis=0)) for one in start.smoothed)
     if any(np.any(noise > NOISY * size) for noise, size in noises):
         return True
-    fastest = attempt(partial(shortest, start.recordings))
+    fastest = attempt(partial(shortest_velocity_period, start.recordings))
     return not isinstance(fastest, NoModel) and bool(fastest < start.period / SLOWER)

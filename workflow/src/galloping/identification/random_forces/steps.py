@@ -20,7 +20,9 @@ FEWEST = 1e-10  # relative determinant of the eigenvectors: fewer than n of them
 
 @dataclass(frozen=True)
 class Steps:
-    """lengths: (n_steps,) s, that occur between samples. of: (n,) index of the step before each
+    """The steps between samples.
+
+    lengths: (n_steps,) s, that occur between samples. of: (n,) index of the step before each
     sample, -1 before the first. time: (n,) s. inputs: what is known beside the motion.
     """
 
@@ -30,7 +32,7 @@ class Steps:
     inputs: tuple[Input, ...] = ()
 
     @classmethod
-    def between(cls, time: np.ndarray, inputs: Sequence[Input] = ()) -> "Steps":
+    def from_times(cls, time: np.ndarray, inputs: Sequence[Input] = ()) -> "Steps":
         """Of times (n,) s, increasing."""
         tick = np.median(np.diff(time)) / TICKS
         counts = np.diff(np.round((time - time[0]) / tick).astype(np.int64))
@@ -38,20 +40,21 @@ class Steps:
         return cls(occurring * tick, np.append(-1, index), time, tuple(inputs))
 
     def input_factors(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
-        """(3 n_substeps + 1, n_factors) factors of the inputs at the begin, half way and just
-        before the end of each of the substeps, (n_steps,) of a step, of all steps, and at the last
-        time.
+        """Return the factors of the inputs, (3 n_substeps + 1, n_factors).
+
+        They are at the begin, half way and just before the end of each of the substeps, (n_steps,)
+        of a step, of all steps, and at the last time.
 
         The last ones are kept: a fit asks for the same of nearly every model that it tries.
         """
         asked = substeps.tobytes(), tuple(factors)
-        if asked not in self._last:
-            self._last.clear()
-            self._last[asked] = self._input_factors(substeps, factors)
-        return self._last[asked]
+        if asked not in self._factor_cache:
+            self._factor_cache.clear()
+            self._factor_cache[asked] = self._input_factors(substeps, factors)
+        return self._factor_cache[asked]
 
     @cached_property
-    def _last(self) -> dict[tuple, np.ndarray]:
+    def _factor_cache(self) -> dict[tuple, np.ndarray]:
         return {}
 
     def _input_factors(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
@@ -72,10 +75,10 @@ class Steps:
         return np.ascontiguousarray(np.prod(np.array(values) ** powers, axis=1).T)
 
 
-def discretised(
+def discretise(
     system: np.ndarray, forces: np.ndarray, lengths: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Transitions and covariances (n_steps, n, n) over steps of `lengths`, s.
+    """Return transitions and covariances (n_steps, n, n) over steps of `lengths`, s.
 
     system: (n, n), A; forces: (n, n), G. Raises IdentificationError where A has too few
     eigenvectors, as at critical damping.
@@ -97,10 +100,10 @@ def discretised(
     return np.ascontiguousarray(transitions), np.ascontiguousarray(covariance.real)
 
 
-def with_means(
+def append_mean_rates(
     transitions: np.ndarray, disturbances: np.ndarray, lengths: np.ndarray, of: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same of the states and, behind them, of the mean rates of the states `of` over a step."""
+    """Append the mean rates of the states `of` over a step to transitions and covariances."""
     unit, length = np.eye(transitions.shape[1]), lengths[:, np.newaxis, np.newaxis]
     rates = (transitions[:, of] - unit[of]) / length
     moved = np.concatenate([transitions, rates], axis=1)

@@ -17,7 +17,7 @@ from galloping.identification.random_forces.kalman import (
     lowered_terms,
     random_motion,
 )
-from galloping.identification.random_forces.steps import Steps, discretised, with_means
+from galloping.identification.random_forces.steps import Steps, append_mean_rates, discretise
 from galloping.identification.work import count_work, work_limit
 from galloping.model.intervals import covariance_root
 from galloping.model.modes import Modes
@@ -45,15 +45,17 @@ class Data:
     steps: Steps
 
     @classmethod
-    def of(cls, recording: Recording, channels: Channels) -> "Data":
-        """What channels measure of a recording."""
-        steps = Steps.between(recording.time, tuple(recording.inputs.values()))
+    def from_recording(cls, recording: Recording, channels: Channels) -> "Data":
+        """Return what channels measure of a recording."""
+        steps = Steps.from_times(recording.time, tuple(recording.inputs.values()))
         return cls(channels.samples(recording), steps)
 
 
 @dataclass(frozen=True)
 class FilterResult:
-    """innovations, variances: (n, n_channels) of samples, NaN where missing. means: (n, n_states)
+    """What a filter returns of a recording.
+
+    innovations, variances: (n, n_channels) of samples, NaN where missing. means: (n, n_states)
     after each. mean, covariance: of the states, and of slow forces, after the last. count: of the
     samples, more than of the finite innovations where the filter fails.
     """
@@ -73,9 +75,11 @@ class FilterResult:
 
 @dataclass(frozen=True)
 class Forces:
-    """white: (n_states, n_states) covariance in a second of white forces in the equations. slow:
+    """The random forces of a model.
+
+    white: (n_states, n_states) covariance in a second of white forces in the equations. slow:
     (n_states, n_states) of what drives forces that decay at `rates` (n_states,), 1/s, as those of
-    gusts do; zero where there are none. resonances: forces that swing.
+    gusts do; zero where there are none. resonances: forces that oscillate.
     """
 
     white: np.ndarray
@@ -89,20 +93,21 @@ class Forces:
         return np.flatnonzero(np.diag(self.slow))
 
     @classmethod
-    def of(cls, found: IdentifiedModel) -> "Forces":
-        """Those of an identified model."""
+    def from_model(cls, found: IdentifiedModel) -> "Forces":
+        """Return those of an identified model."""
         rates = [found.diagnostics.get(f"slow_rate_{s}", 1.0) for s in found.model.states]
         return cls(found.forces, found.slow_forces, np.array(rates), found.resonances)
 
     def density(self, omega: float) -> np.ndarray:
-        """(n_states, n_states) two-sided, at a frequency, rad/s: covariance in a second of the
-        white forces that move a mode there as much.
+        """Return the two-sided density (n_states, n_states) of the forces at a frequency, rad/s.
+
+        It is the covariance in a second of the white forces that move a mode there as much.
         """
         return self.white + self.slow / (self.rates**2 + omega**2)
 
 
 @dataclass(frozen=True)
-class Tracker:
+class StateSpaceModel:
     """A model, its forces and its instruments.
 
     noise: (n_channels,) deviations of a sample. size: (n_states,) of the motion. held: means of the
@@ -140,7 +145,7 @@ class Tracker:
         return -np.linalg.solve(self.system, self.steady(np.zeros((1, len(self.size))))[0])
 
     @cached_property
-    def whole(self) -> tuple[np.ndarray, np.ndarray]:
+    def augmented_system(self) -> tuple[np.ndarray, np.ndarray]:
         """The linear system and its white forces, with those that drive other forces, (m, m)."""
         n, places, swings = len(self.rest), self.forces.places, self.forces.resonances
         p, r = n + len(places), len(swings)
@@ -169,7 +174,7 @@ class Tracker:
     @property
     def first_mean(self) -> np.ndarray:
         """(m,) before anything was measured."""
-        return np.append(self.rest, np.zeros(len(self.whole[0]) - len(self.rest)))
+        return np.append(self.rest, np.zeros(len(self.augmented_system[0]) - len(self.rest)))
 
     @property
     def first_covariance(self) -> np.ndarray:
@@ -178,7 +183,7 @@ class Tracker:
         within = (DIFFUSE if self.is_linear else NEAR) * self.size
         p, swings = len(self.size) + len(self.forces.places), self.forces.resonances
         pace = np.array([2.0 * each.damping * each.frequency for each in swings])
-        swift = np.diag(self.whole[1])[p + len(swings) :] / (2.0 * pace)
+        swift = np.diag(self.augmented_system[1])[p + len(swings) :] / (2.0 * pace)
         wide = swift / np.array([each.frequency**2 for each in swings])
         return np.diag(np.concatenate([within**2, slow[self.forces.places], wide, swift]))
 
@@ -186,53 +191,61 @@ class Tracker:
     def _tables(self) -> Tables:
         return make_tables(self.model.terms, len(self.size))
 
-    def equations(self, terms: Sequence[int] = ()) -> tuple[np.ndarray, np.ndarray]:
-        """Exponents (n_terms, m + n_factors) and coefficients (m, n_terms) of what moves the states
-        and slow forces; those of the model that are present, but for `terms`, indices that come
-        first.
+    def equations(self, terms: Sequence[int] | np.ndarray = ()) -> tuple[np.ndarray, np.ndarray]:
+        """Return exponents (n_terms, m + n_factors) and coefficients (m, n_terms) of the equations.
+
+        They move the states and slow forces, and have the terms of the model that are present,
+        after `terms`, indices that come first.
         """
-        n, m, known = len(self.size), len(self.whole[0]), self._tables
+        n, m, known = len(self.size), len(self.augmented_system[0]), self._tables
         others = np.flatnonzero(self.model.coefficients.any(axis=0))
-        own = [*terms, *(j for j in others if j not in set(terms))]
+        own = np.array([*terms, *(j for j in others if j not in set(terms))], np.int64)
         exponents = np.zeros((len(own) + m - n, m + len(known.factors)), np.int64)
         coefficients = np.zeros((m, len(exponents)))
         signals = known.exponents[known.position[own]]
         exponents[: len(own), :n], exponents[: len(own), m:] = signals[:, :n], signals[:, n:]
         coefficients[:n, : len(own)] = self.model.coefficients[:, own]
         exponents[len(own) :, n:m] = np.eye(m - n, dtype=np.int64)
-        coefficients[:, len(own) :] = self.whole[0][:, n:]
+        coefficients[:, len(own) :] = self.augmented_system[0][:, n:]
         return exponents, coefficients
 
     def substeps(self, lengths: np.ndarray) -> np.ndarray:
-        """(n_steps,) into how many a step of a length, s, is divided."""
+        """Return (n_steps,) into how many a step of a length, s, is divided."""
         fastest = self.modes.omega.max()
         return np.ceil(lengths * fastest * SUBSTEPS / (2.0 * np.pi)).astype(np.int64)
 
-    def extended(
-        self, data: Data, candidates: np.ndarray, terms: Sequence[int] = ()
+    def filter_extended(
+        self, data: Data, candidates: np.ndarray, terms: Sequence[int] | np.ndarray = ()
     ) -> tuple[FilterResult, np.ndarray]:
-        """The filter of a nonlinear system, and slopes of its innovations with coefficients, as of
-        `extended_filter`. candidates: (n_candidates, 2), of equations and of `terms`. Raises
-        IdentificationError where a pass takes more than all the work of a search, or what it
-        follows is much quicker than its samples.
+        """Filter samples by a nonlinear system, with slopes of innovations with coefficients.
+
+        As of `extended_filter`. candidates: (n_candidates, 2), of equations and of `terms`. Raises
+        IdentificationError if a pass takes more than all the work of a search, or what it follows
+        is much quicker than its samples.
         """
-        m, kept = len(self.whole[0]), np.array(self.channels.kept, int)
-        given = self.first_mean, self.first_covariance, self.whole[1]
+        m, kept = len(self.augmented_system[0]), np.array(self.channels.kept, int)
+        given = self.first_mean, self.first_covariance, self.augmented_system[1]
         x, p, white = (np.pad(each, (0, len(kept))) for each in given)
         exponents, coefficients = self.equations(terms)
         exponents = np.insert(exponents, np.full(len(kept), m), 0, axis=1)
         coefficients = np.pad(coefficients, ((0, len(kept)), (0, 0)))
-        *found, slopes = self._extended(
+        innovations, variances, means, slopes = self._run_extended_filter(
             data, exponents, coefficients, white, x, p, candidates, kept
         )
-        return self._result(data, *found, x, p), slopes
+        return self._make_result(data, innovations, variances, means, x, p), slopes
 
-    def _result(self, data: Data, innovations, variances, means, x, p) -> FilterResult:
+    def _make_result(self, data: Data, innovations, variances, means, x, p) -> FilterResult:
         """Of what a compiled filter returns; x, p: mean and covariance that it leaves."""
-        n, m, count = len(self.size), len(self.whole[0]), int(np.isfinite(data.samples).sum())
+        n, m, count = (
+            len(self.size),
+            len(self.augmented_system[0]),
+            int(np.isfinite(data.samples).sum()),
+        )
         return FilterResult(innovations, variances, means[:, :n], x[:m], p[:m, :m], count)
 
-    def _extended(self, data: Data, exponents, coefficients, white, x, p, candidates, kept):
+    def _run_extended_filter(
+        self, data: Data, exponents, coefficients, white, x, p, candidates, kept
+    ):
         channels, steps = self.channels, data.steps
         sensed = np.array([*channels.values, *channels.rates])
         is_rate = np.arange(len(sensed)) >= len(channels.values)
@@ -250,27 +263,33 @@ class Tracker:
             self.noise**2, x, p, candidates,
         )  # fmt: skip
 
-    def motion(self, x: np.ndarray, steps: Steps, rng: np.random.Generator) -> np.ndarray:
-        """(n, n_states) from states and slow forces `x` (m,) on, in forces drawn for it."""
+    def simulate(self, x: np.ndarray, steps: Steps, rng: np.random.Generator) -> np.ndarray:
+        """Return (n, n_states) from states and slow forces `x` (m,) on, in forces drawn for it."""
         counts = self.substeps(steps.lengths)
         noise = rng.standard_normal((counts[steps.of[1:]].sum(), len(x)))
         driven, root = (
             steps.input_factors(counts, self._tables.factors),
-            covariance_root(self.whole[1]),
+            covariance_root(self.augmented_system[1]),
         )
         own = steps.of[1:], steps.lengths, counts, driven, *self.equations(), root, noise
         return random_motion(x, *own)[:, : len(self.size)]
 
-    def over(self, data: Data) -> FilterResult:
-        """Filter all samples. Raises IdentificationError where the model cannot be followed."""
+    def filter(self, data: Data) -> FilterResult:
+        """Return the filter of all samples. Raises IdentificationError where the model cannot be
+        followed.
+        """
         if not self.is_linear:
-            return self.extended(data, np.zeros((0, 2), np.int64))[0]
-        transitions, disturbances = discretised(*self.whole, data.steps.lengths)
-        values, kept, m = list(self.channels.values), list(self.channels.kept), len(self.whole[0])
-        sensing = self.channels.sensing(self.whole[0])
+            return self.filter_extended(data, np.zeros((0, 2), np.int64))[0]
+        transitions, disturbances = discretise(*self.augmented_system, data.steps.lengths)
+        values, kept, m = (
+            list(self.channels.values),
+            list(self.channels.kept),
+            len(self.augmented_system[0]),
+        )
+        sensing = self.channels.sensing(self.augmented_system[0])
         at_rest = np.append(self.rest[values], np.zeros(len(self.channels.rates)))
         if kept:
-            transitions, disturbances = with_means(
+            transitions, disturbances = append_mean_rates(
                 transitions, disturbances, data.steps.lengths, kept
             )
             sensing = np.eye(len(transitions[0]))[[*values, *range(m, m + len(kept))]]
@@ -283,16 +302,19 @@ class Tracker:
         )  # fmt: skip
         x[:n] += self.rest
         means[:, :n] += self.rest
-        return self._result(data, innovations, variances, means, x, p)
+        return self._make_result(data, innovations, variances, means, x, p)
 
     def first_state(self, data: Data, count: int) -> np.ndarray:
-        """(n_states,) at the first sample, as `count` samples tell it.
+        """Return (n_states,) at the first sample, as `count` samples tell it.
 
         By the filter of the states beside what they were at first, which does not change, and of
         rates at the sample, to which mean ones come near but for the forces in them.
         """
         if self.channels.averaged:
-            force = np.diag(self.whole[1])[list(self.channels.rates)] / data.steps.lengths.min()
+            force = (
+                np.diag(self.augmented_system[1])[list(self.channels.rates)]
+                / data.steps.lengths.min()
+            )
             noise = np.append(np.zeros(len(self.channels.values)), np.sqrt(force))
             at_sample = replace(self.channels, averaged=False)
             other = replace(self, channels=at_sample, noise=np.hypot(self.noise, noise))
@@ -301,10 +323,10 @@ class Tracker:
         m, n, steps = len(coefficients), len(self.size), data.steps
         states, factors = exponents[:, :m], exponents[:, m:]
         doubled = np.zeros((2 * m, 2 * m))
-        doubled[:m, :m] = self.whole[1]
+        doubled[:m, :m] = self.augmented_system[1]
         x, p = np.tile(self.first_mean, 2), np.kron(np.ones((2, 2)), self.first_covariance)
         steps = replace(steps, of=steps.of[:count], time=steps.time[:count])
-        self._extended(
+        self._run_extended_filter(
             Data(data.samples[:count], steps), np.hstack([states, np.zeros_like(states), factors]),
             np.vstack([coefficients, np.zeros_like(coefficients)]), doubled, x, p,
             np.zeros((0, 2), np.int64), np.zeros(0, np.int64),
@@ -312,11 +334,12 @@ class Tracker:
         return x[m : m + n]
 
 
-def sizes(
+def motion_sizes(
     recordings: list[Recording], channels: Channels, period: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(n_states,) deviations of the states, told by those of the channels at a period, s; and
-    the means and deviations of the channels.
+    """Return the deviations (n_states,) of the states, and means and deviations of the channels.
+
+    Deviations of the channels determine those of the states at a period, s.
     """
     together = np.concatenate([channels.samples(each) for each in recordings])
     mean, deviation = np.nanmean(together, axis=0), np.nanstd(together, axis=0)

@@ -5,7 +5,12 @@ from scipy.ndimage import median_filter
 
 from galloping.identification.observations import Code, Finding
 from galloping.identification.random_forces.channels import Channels
-from galloping.identification.random_forces.start import ABOVE_NOISE, FLOOR, on_grids, spectra
+from galloping.identification.random_forces.start import (
+    ABOVE_NOISE,
+    FLOOR,
+    estimate_spectra,
+    on_grids,
+)
 from galloping.recording.samples import Recording
 
 BEYOND = 3.5  # times what a coordinate mostly swings at: cubic terms answer at three times that
@@ -19,14 +24,14 @@ NARROW = 0.1  # share of the faster power that is about the frequencies that are
 NAMED, APART = 3, 0.5  # frequencies that are named, and how far apart, in that of the swings
 
 
-def unmodelled(recordings: list[Recording]) -> list[Finding]:
+def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
     """Find which coordinates move much faster than they swing, a finding for each frequency."""
-    channels, found = Channels.of(recordings), []
+    channels, found = Channels.from_recordings(recordings), []
     names = channels.names
     if not names:  # a line that diverged has no motion
         return []
     step, grids = on_grids(recordings)
-    omega, power = spectra(grids, step)
+    omega, power = estimate_spectra(grids, step)
     order = np.argsort(omega)
     omega, power = omega[order], power[order]
     slowest = 2.0 * np.pi * PERIODS / (step * max(map(len, grids)))  # slower is a drift
@@ -41,7 +46,7 @@ def unmodelled(recordings: list[Recording]) -> list[Finding]:
         if not np.any(velocity):
             continue
         main = omega[np.argmax(np.where(omega < slowest, 0.0, velocity / omega))]
-        leaks = LEAKS * _of_gaps(grids, step, channel, main)[order] * omega**exponent
+        leaks = LEAKS * _leakage_of_gaps(grids, step, channel, main)[order] * omega**exponent
         faster = np.where(omega > BEYOND * main, np.maximum(velocity - leaks, 0.0), 0.0)
         if faster.sum() < MUCH * velocity.sum():
             continue
@@ -67,9 +72,11 @@ def unmodelled(recordings: list[Recording]) -> list[Finding]:
     return found
 
 
-def _of_gaps(grids: list[np.ndarray], step: float, channel: int, main: float) -> np.ndarray:
-    """(n,) what `spectra` show of a swing at `main`, rad/s, as large as the channel and with its
-    gaps.
+def _leakage_of_gaps(grids: list[np.ndarray], step: float, channel: int, main: float) -> np.ndarray:
+    """Estimate the leakage of an oscillation by the gaps of a channel.
+
+    Returns the spectrum (n,), as of `estimate_spectra`, of an oscillation at `main`, rad/s, as
+    large as the channel.
     """
     known = [np.isfinite(grid[:, [channel]]) for grid in grids]
     size = np.sqrt(2.0) * np.nanstd(np.concatenate(grids)[:, channel])
@@ -78,5 +85,5 @@ def _of_gaps(grids: list[np.ndarray], step: float, channel: int, main: float) ->
         moved = [size * np.cos(main * step * np.arange(len(own)) + phase) for own in known]
         pairs = zip(known, moved, strict=True)
         swings = [np.where(own, each[:, np.newaxis], np.nan) for own, each in pairs]
-        of_phases.append(spectra(swings, step)[1][:, 0])
+        of_phases.append(estimate_spectra(swings, step)[1][:, 0])
     return np.mean(of_phases, axis=0)

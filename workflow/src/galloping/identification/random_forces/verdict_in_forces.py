@@ -14,9 +14,10 @@ from galloping.identification.status import status_of
 
 @dataclass(frozen=True)
 class FinalFit:
-    """A fit to all samples. absent: (n_candidates,) standard errors of absent terms, were they
-    there. penalty: of a term. initial_states: (n_recordings, n_states). scales: of values that were
-    in unknown units, by name.
+    """A fit to all samples.
+
+    absent: (n_candidates,) standard errors of absent terms, were they there. penalty: of a term.
+    initial_states: (n_recordings, n_states). scales: of values that were in unknown units, by name.
     """
 
     fit: ForcedFit
@@ -26,13 +27,14 @@ class FinalFit:
     scales: Mapping[str, float] = field(default_factory=dict)
 
 
-def judged(found: FinalFit) -> IdentifiedModel:
-    """The identified model of a fit, `ok`, or `approximate` where what the fit leaves is no white
-    noise and matters.
+def assess_forced_fit(found: FinalFit) -> IdentifiedModel:
+    """Return the identified model of a fit with its status.
+
+    It is `ok`, or `approximate` if the innovations are not white and that matters.
     """
     fit, posed, support = found.fit, found.fit.posed, found.fit.support
     problem, channels, recordings = posed.problem, posed.channels, posed.recordings
-    model, left = fit.model, fit.left
+    model, left = fit.model, fit.whiteness
     unit = posed.unit[support]
     errors = np.full(len(support), np.nan)
     errors[support] = np.sqrt(np.diag(fit.coefficient_covariance)) * unit
@@ -42,13 +44,13 @@ def judged(found: FinalFit) -> IdentifiedModel:
         there = [np.isfinite(one.samples[:, c]).any() for one in posed.data]
         sigma[there, i] = model.noise[c]
     of_rates = list(zip(channels.names, model.noise, strict=True))[len(channels.values) :]
-    forces = posed.tracker(model).forces
+    forces = posed.state_space_model(model).forces
     resonances = posed.resonances(model, fit.swing_errors)
     beside = [each.frequency / (2.0 * np.pi) for each in resonances if each.is_mode]
     findings = (
         Finding.of(Code.RANDOM_FORCES),
         *(Finding.of(Code.MODE_BESIDE, frequency_hz=hertz) for hertz in beside),
-        *([] if left.white else [left.finding(channels.names)]),
+        *([] if left.is_white else [left.to_finding(channels.names)]),
     )
     return IdentifiedModel(
         model=problem.model(model.coefficients),

@@ -31,13 +31,15 @@ JUMP = 10.0
 
 @dataclass(frozen=True)
 class Whiteness:
-    """statistic, allowed: of the correlations of innovations, over their degrees of freedom.
-    told: share of their power that their past tells. frequency: Hz, at which a spectrum of theirs
+    """Tests of standardised innovations for whiteness.
+
+    statistic, allowed: of the correlations of innovations, over their degrees of freedom. told:
+    share of their power that their past predicts. frequency: Hz, at which a spectrum of theirs
     stands out most; channel: index; peak: over what surrounds it, peak_allowed: most by chance at
-    all frequencies of all channels. swings: whether that is where modes swing. largest: innovation,
-    in deviations; after: s, from the beginning of its recording, when; jumping: index of its
-    channel. goes_with: the state or input of which the innovations are a function, as of a force
-    that the library lacks; '' none.
+    all frequencies of all channels. swings: whether modes oscillate there. largest: innovation, in
+    deviations; after: s, from the beginning of its recording, when; jumping: index of its channel.
+    goes_with: the state or input of which the innovations are a function, as of a force that the
+    library lacks; '' none.
     """
 
     statistic: float
@@ -53,17 +55,17 @@ class Whiteness:
     jumping: int = 0
     goes_with: str = ""
 
-    def finding(self, channels: Sequence[str]) -> Finding:
-        """What a fit leaves that is no white noise. channels: their names."""
+    def to_finding(self, channels: Sequence[str]) -> Finding:
+        """Return what a fit leaves that is no white noise. channels: their names."""
         if self.goes_with:
             return Finding.of(Code.FORCE_MISSING, self.goes_with)
-        if self.jumps:
+        if self.has_jump:
             jump = {"after_s": self.after, "size": self.largest}
             return Finding.of(Code.INNOVATION_JUMPS, channels[self.jumping], **jump)
         if self.shows_line:
             channel = channels[self.channel]
             return Finding.of(Code.RESIDUAL_MODE, channel, frequency_hz=self.frequency)
-        severity = Severity.INEXACT if self.relevant else Severity.NOTE
+        severity = Severity.INEXACT if self.is_relevant else Severity.NOTE
         return Finding(Code.FORCES_NOT_WHITE, severity, data={"share": self.told})
 
     @property
@@ -72,64 +74,64 @@ class Whiteness:
         return self.peak > (1.0 if self.swings else APART) * self.peak_allowed
 
     @property
-    def jumps(self) -> bool:
+    def has_jump(self) -> bool:
         """Whether a single innovation is larger than random forces and noise make any."""
         return self.largest > JUMP
 
     @property
-    def white(self) -> bool:
+    def is_white(self) -> bool:
         """Whether it is white noise, for all that can be told."""
-        apart = self.shows_line or self.jumps or self.goes_with
+        apart = self.shows_line or self.has_jump or self.goes_with
         return self.statistic <= self.allowed and not apart
 
     @property
-    def nearly(self) -> bool:
+    def is_nearly_white(self) -> bool:
         """Whether it is at least not another kind of motion."""
-        return not self.relevant or (
+        return not self.is_relevant or (
             self.peak < MOST_LINE * self.peak_allowed and self.told < MOST_TOLD
         )
 
     @property
-    def partly(self) -> bool:
+    def explains_most(self) -> bool:
         """Whether random forces explain most of the motion, and nothing else plainly any of it."""
         few = self.peak < MOST_LINE * self.peak_allowed and self.told < PARTLY_TOLD
         return few and not self.goes_with
 
     @property
-    def relevant(self) -> bool:
+    def is_relevant(self) -> bool:
         """Whether what is no white noise in it bears on the model."""
-        apart = self.shows_line or self.jumps or self.goes_with
+        apart = self.shows_line or self.has_jump or self.goes_with
         return self.told > RELEVANT or bool(apart)
 
 
-def whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Whiteness:
+def assess_whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Whiteness:
     """Of standardised innovations (n, n_channels) on uniform steps, s, NaN where missing.
 
     modes: Hz, at which the model swings. Of many samples in a period each tells the noise of the
     sensor and hardly any force: sums of some are looked at as well, which are as white.
     """
-    found = _whiteness(grids, step, modes)
+    found = _assess_grids(grids, step, modes)
     many = int(1.0 / (modes.max() * step * SAMPLES))
     summed = [grid for grid in grids if len(grid) >= many]
     if many >= 2 and summed:
-        sums = _whiteness([_sums(grid, many) for grid in summed], many * step, modes)
+        sums = _assess_grids([_sum_groups(grid, many) for grid in summed], many * step, modes)
         found = max(found, sums, key=lambda each: each.told)
     sizes = [np.nan_to_num(np.abs(grid)) for grid in grids]
-    largest = max(sizes, key=np.max)
+    largest = max(sizes, key=lambda size: float(size.max()))
     row, channel = np.unravel_index(np.argmax(largest), largest.shape)
     return replace(
         found, largest=float(largest.max()), after=float(row * step), jumping=int(channel)
     )
 
 
-def _sums(grid: np.ndarray, many: int) -> np.ndarray:
+def _sum_groups(grid: np.ndarray, many: int) -> np.ndarray:
     """Of every `many` rows, of the same variance as one."""
     parts = grid[: len(grid) // many * many].reshape(-1, many, grid.shape[1])
     counts = np.isfinite(parts).sum(axis=1)
     return np.nansum(parts, axis=1) / np.sqrt(np.where(counts, counts, np.nan))
 
 
-def _whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Whiteness:
+def _assess_grids(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Whiteness:
     """By the statistic of G. Ljung and G. Box (Biometrika 65, 1978), of every pair of channels."""
     channels = grids[0].shape[1]
     lags = int(np.clip(PERIODS / modes.min() / step, 4, MOST_LAGS))
@@ -143,11 +145,11 @@ def _whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) -> White
     power = np.nanmean(np.concatenate(grids) ** 2, axis=0)
     scale = np.maximum(np.sqrt(np.outer(power, power)), np.finfo(float).tiny)
     correlation = total / np.maximum(counts, 1.0) / scale
-    freedom = np.count_nonzero(counts)
+    freedom = int(np.count_nonzero(counts))
     statistic = float(np.sum(correlation**2 * counts)) / max(freedom, 1)
     beyond = np.maximum(correlation**2 - 1.0 / np.maximum(counts, 1.0), 0.0)  # chance
     told = float(np.sum(beyond[correlation**2 * counts > chdtri(1, RATE)])) / channels
-    peak, frequency, channel = _peak(grids, step)
+    peak, frequency, channel = _find_peak(grids, step)
     bins = max(sum(len(grid) // 2 // BINS for grid in grids) * channels, 1)
     around = 2 * BINS * AROUND
     return Whiteness(
@@ -157,11 +159,12 @@ def _whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) -> White
     )  # fmt: skip
 
 
-def function_of(errors: np.ndarray, before: np.ndarray) -> int | None:
-    """Index of the column of `before` (n, m) of which standardised innovations (n, n_channels) are
-    plainly a function, as those of a right model are of nothing that was known before each.
+def find_dependence(errors: np.ndarray, before: np.ndarray) -> int | None:
+    """Return the column of `before` (n, m) of which innovations are plainly a function.
 
-    By the means of the innovations in GROUPS of equally many values; None where there is none.
+    Standardised innovations (n, n_channels) of a right model are a function of nothing that was
+    known before each. The test is on their means in GROUPS of equally many values. None if there is
+    none.
     """
     tests, most, found = errors.shape[1] * before.shape[1], 0.0, None
     for k, column in enumerate(before.T):
@@ -180,8 +183,8 @@ def function_of(errors: np.ndarray, before: np.ndarray) -> int | None:
     return found
 
 
-def _peak(grids: list[np.ndarray], step: float) -> tuple[float, float, int]:
-    """The largest ratio of BINS of a spectrum to AROUND groups of them nearby, where it is."""
+def _find_peak(grids: list[np.ndarray], step: float) -> tuple[float, float, int]:
+    """Return the largest ratio of BINS of a spectrum to AROUND groups nearby, and where it is."""
     found = (0.0, np.nan, 0)
     for grid in grids:
         power = np.abs(np.fft.rfft(np.nan_to_num(grid), axis=0)[1:]) ** 2

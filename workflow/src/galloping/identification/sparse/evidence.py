@@ -1,5 +1,7 @@
-"""What sparse regression sees of recordings: derivatives on a library, measured, or told from noisy
-states by least-squares splines, as smooth as the data ask for.
+"""Reduce recordings for sparse regression: derivatives on a library.
+
+Derivatives are measured, or come from noisy states by least-squares splines, as smooth as the data
+ask for.
 """
 
 from collections.abc import Sequence
@@ -13,13 +15,17 @@ from scipy.sparse import csr_array
 
 from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
-from galloping.identification.sparse.regression import ReducedRegression, regression, stretches
+from galloping.identification.sparse.regression import (
+    ReducedRegression,
+    block_slices,
+    reduce_blocks,
+)
 from galloping.identification.sparse.tuning import (
     TriedFilter,
     best_filter,
-    smoothings,
-    test_functions,
+    smoothing_filters,
     tried_filters,
+    weak_form_filters,
 )
 from galloping.model.polynomial import Exponents, design_matrix
 from galloping.recording.samples import Recording
@@ -33,19 +39,19 @@ ENOUGH = 1.05  # the scan stops once every channel's score is this much above it
 def differentiate(
     time: np.ndarray, values: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Smoothed states, their derivatives, and the effective number of observations.
+    """Return smoothed states, their derivatives, and the effective number of observations.
 
     time: (n,) s, increasing, regular or not; values: (n, n_channels). Returns two (n, n_channels)
     arrays and (n_channels,) counts of spline coefficients: that many independent values are left in
     a smoothed channel. Raises ValueError for samples too few for a spline.
     """
-    splines, effective = _splines(time, values)
+    splines, effective = _fit_splines(time, values)
     derivatives = [spline.derivative()(time) for spline in splines]
-    return _at(splines, time), np.column_stack(derivatives), effective
+    return _evaluate_splines(splines, time), np.column_stack(derivatives), effective
 
 
 def with_missing_samples(recording: Recording) -> Recording:
-    """A recording whose times are some of an equally spaced grid, on the whole grid.
+    """Return a recording whose times are some of an equally spaced grid, on the whole grid.
 
     Between the samples stand the values of smoothing splines, so that one algorithm serves all
     samples of a record and a random subset of them. A recording is returned as it is where its
@@ -58,13 +64,13 @@ def with_missing_samples(recording: Recording) -> Recording:
     if count == len(places) or not on_grid or count > MOST_MISSING * len(places):
         return recording
     time = np.linspace(recording.time[0], recording.time[-1], count)
-    values = _at(_splines(recording.time, recording.values)[0], time)
+    values = _evaluate_splines(_fit_splines(recording.time, recording.values)[0], time)
     values[np.rint(places).astype(int)] = recording.values
     return Recording(time, recording.states, values)
 
 
-def _splines(time: np.ndarray, values: np.ndarray) -> tuple[list[BSpline], np.ndarray]:
-    """A least-squares spline of degree 7 for each channel, and the number of its coefficients.
+def _fit_splines(time: np.ndarray, values: np.ndarray) -> tuple[list[BSpline], np.ndarray]:
+    """Fit a least-squares spline of degree 7 to each channel, and count its coefficients.
 
     It has a knot at every m-th sample; m by generalised cross-validation (Craven and Wahba 1979).
     """
@@ -72,14 +78,14 @@ def _splines(time: np.ndarray, values: np.ndarray) -> tuple[list[BSpline], np.nd
     score, effective = np.full(channels, np.inf), np.zeros(channels, dtype=int)
     chosen: dict[int, BSpline] = {}
     for every in KNOT_EVERY:
-        knots = _knots(time, every)
+        knots = _clamped_knots(time, every)
         p = len(knots) - DEGREE - 1
         if p < DEGREE + 2 or p > 0.6 * n:  # of few residuals the score is no judge; not calibrated
             continue
-        design, bands = _basis(time.tobytes(), every)
+        design, bands = _spline_basis(time.tobytes(), every)
         coefficients = cho_solve_banded((bands, False), design.T @ values)
         gcv = n * np.sum((values - design @ coefficients) ** 2, axis=0) / (n - p) ** 2
-        for channel in np.flatnonzero(gcv < score):
+        for channel in np.flatnonzero(gcv < score).tolist():
             chosen[channel] = BSpline(knots, coefficients[:, channel], DEGREE)
             score[channel], effective[channel] = gcv[channel], p
         if np.all(gcv > ENOUGH * score):
@@ -89,22 +95,24 @@ def _splines(time: np.ndarray, values: np.ndarray) -> tuple[list[BSpline], np.nd
     return [chosen[channel] for channel in range(channels)], effective
 
 
-def _at(splines: list[BSpline], time: np.ndarray) -> np.ndarray:
+def _evaluate_splines(splines: list[BSpline], time: np.ndarray) -> np.ndarray:
     return np.column_stack([spline(time) for spline in splines])
 
 
-def _knots(time: np.ndarray, every: int) -> np.ndarray:
-    """Clamped knots at every m-th sample, so that each span holds data."""
+def _clamped_knots(time: np.ndarray, every: int) -> np.ndarray:
+    """Return clamped knots at every m-th sample, so that each span holds data."""
     inner = time[every:-every:every]
     return np.r_[[time[0]] * (DEGREE + 1), inner, [time[-1]] * (DEGREE + 1)]
 
 
 @lru_cache(maxsize=len(KNOT_EVERY))  # replicates mostly share their times
-def _basis(time: bytes, every: int) -> tuple[csr_array, np.ndarray]:
+def _spline_basis(time: bytes, every: int) -> tuple[csr_array, np.ndarray]:
     """B-splines at the times, (n, p), and the banded Cholesky factor of their normal equations."""
     instants = np.frombuffer(time)
     # no sample is outside, and to look for one costs as much as the matrix
-    design = BSpline.design_matrix(instants, _knots(instants, every), DEGREE, extrapolate=True)
+    design = BSpline.design_matrix(
+        instants, _clamped_knots(instants, every), DEGREE, extrapolate=True
+    )
     gram = design.T @ design
     bands = [np.pad(gram.diagonal(k), (k, 0)) for k in range(DEGREE, -1, -1)]
     return design, cholesky_banded(np.stack(bands))
@@ -125,7 +133,7 @@ class Regressions:
 
 
 def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regressions:
-    """The regressions of recordings of one system on the candidate library `terms`.
+    """Return the regressions of recordings of one system on the candidate library `terms`.
 
     Where no derivatives were measured they come from smoothing, and so do the states: it is chosen
     where the samples are equally spaced, or some of equally spaced ones. Raises IdentificationError
@@ -140,19 +148,20 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Reg
     states, rates, observations = zip(*parts, strict=True)
     x, dx = np.concatenate(states), np.concatenate(rates)
     # block by block, so that a block's library stays in the cache
-    blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in stretches(len(x)))
-    plain = regression(blocks, sum(observations), recordings[0].states, terms)
-    tried = tried_filters(recordings, terms, smoothings)
+    blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in block_slices(len(x)))
+    counts = np.sum(observations, axis=0)
+    plain = reduce_blocks(blocks, counts, recordings[0].states, terms)
+    tried = tried_filters(recordings, terms, smoothing_filters)
     return Regressions(plain, best_filter(tried).reduced if tried else plain, tuple(tried))
 
 
 def _check_complete(recordings: Sequence[Recording]) -> None:
     for recording in recordings:
-        read = {"state": recording.values}
+        read: dict[str, np.ndarray | None] = {"state": recording.values}
         if recording.exact:
             read["derivative"] = recording.rates
         for what, samples in read.items():
-            if not np.all(np.isfinite(samples)):
+            if samples is None or not np.all(np.isfinite(samples)):
                 raise IdentificationError(Code.INCOMPLETE_SAMPLES, what)
 
 
@@ -165,7 +174,7 @@ def reduce_weakly(recordings: Sequence[Recording], terms: tuple[Exponents, ...])
     if not all(recording.is_uniform for recording in recordings):
         raise IdentificationError(Code.IRREGULAR_SAMPLES)
     _check_complete(recordings)
-    tried = tried_filters(recordings, terms, test_functions)
+    tried = tried_filters(recordings, terms, weak_form_filters)
     if not tried:
         raise IdentificationError(
             Code.RECORDING_SHORT, samples=sum(len(one.time) for one in recordings)

@@ -7,20 +7,20 @@ import numpy as np
 
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.sparse.evidence import Regressions
-from galloping.identification.sparse.regression import Scaled, judge
+from galloping.identification.sparse.regression import Scaled, judge_path
 from galloping.identification.sparse.supports import (
     NEGLIGIBLE,
+    ebic_scores,
     forward_models,
     refit,
-    scores,
     solve,
 )
 
 STEPS = 20  # the largest model of an equation
 
 
-def frols(evidence: Regressions) -> IdentifiedModel:
-    """The term that explains most is added until held-out stretches, or EBIC, ask for no more.
+def fit_frols(evidence: Regressions) -> IdentifiedModel:
+    """Add the term that explains most until held-out stretches, or EBIC, ask for no more.
 
     Terms that their successors have made NEGLIGIBLE are dropped.
     """
@@ -30,15 +30,15 @@ def frols(evidence: Regressions) -> IdentifiedModel:
     if problem.held_out is None:
         products = library.T @ library, targets.T @ library
         supports = models_along(*(each[np.newaxis] for each in products))[0] != 0
-        places = scores(library, targets, supports, problem.observations).argmin(axis=1)
+        places = ebic_scores(library, targets, supports, problem.observations).argmin(axis=1)
     else:
-        judged = judge(problem, models_along)
-        supports, places = judged.supports, judged.chosen()
+        judged = judge_path(problem.products, problem.held_out, len(problem.states), models_along)
+        supports, places = judged.supports, judged.choose_sparsest()
     support = supports[np.arange(len(places)), places]
-    return problem.model(scaled.unscaled(refit(library, targets, support[:, np.newaxis])[:, 0]))
+    return problem.model(scaled.unscale(refit(library, targets, support[:, np.newaxis])[:, 0]))
 
 
 def models_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
-    """Models (f, m, k, p) of 0 to STEPS terms, of problems with unit columns and targets."""
+    """Return models (f, m, k, p) of 0 to STEPS terms, of problems with unit columns and targets."""
     shares = forward_models(grams, moments, min(STEPS, grams.shape[1]))
     return solve(grams, moments, np.abs(shares) >= NEGLIGIBLE)

@@ -6,17 +6,17 @@ from sklearn.linear_model import LassoLars, lars_path, lars_path_gram
 
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.sparse.evidence import Regressions
-from galloping.identification.sparse.regression import Scaled, judge
-from galloping.identification.sparse.supports import NEGLIGIBLE, refit, scores, solve
+from galloping.identification.sparse.regression import Scaled, judge_path
+from galloping.identification.sparse.supports import NEGLIGIBLE, ebic_scores, refit, solve
 
 PENALTIES = np.geomspace(1, 1e-6, 45)  # of unit columns and targets, as sums over rows
 
 
-def lasso(evidence: Regressions, *, threshold: float | None) -> IdentifiedModel:
-    """The l1 penalty of each equation: cross-validated, or the kink of its path that EBIC prefers.
+def fit_lasso(evidence: Regressions, *, threshold: float | None) -> IdentifiedModel:
+    """Fit each equation with its own l1 penalty: cross-validated, or the kink that EBIC prefers.
 
-    threshold: penalty alpha on unit columns and targets, or None to choose it. Terms whose
-    refitted share is NEGLIGIBLE are dropped.
+    threshold: penalty alpha on unit columns and targets, or None to choose it. Terms whose refitted
+    share is NEGLIGIBLE are dropped.
     """
     problem = evidence.tuned
     scaled = Scaled(*problem.triangle)
@@ -24,20 +24,20 @@ def lasso(evidence: Regressions, *, threshold: float | None) -> IdentifiedModel:
     if threshold is not None:
         alphas = np.full(targets.shape[1], threshold)
     elif problem.held_out is None:
-        alphas = _informed(library, targets, problem.observations)
+        alphas = _choose_by_ebic(library, targets, problem.observations)
     else:
-        judged = judge(problem, models_along)
-        alphas = PENALTIES[judged.chosen()] / len(library)
+        judged = judge_path(problem.products, problem.held_out, len(problem.states), models_along)
+        alphas = PENALTIES[judged.choose_sparsest()] / len(library)
     rows = []
     for target, alpha in zip(targets.T[..., np.newaxis], alphas, strict=True):
         optimizer = WrappedOptimizer(LassoLars(alpha=alpha, fit_intercept=False))
         support = _prune(library, target, optimizer.fit(library, target).coef_[np.newaxis] != 0)
         rows.append(refit(library, target, support)[0, 0])
-    return problem.model(scaled.unscaled(np.stack(rows)), alphas)
+    return problem.model(scaled.unscale(np.stack(rows)), alphas)
 
 
 def models_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
-    """Models (f, m, k, p) at PENALTIES, of problems with unit columns and targets."""
+    """Return models (f, m, k, p) at PENALTIES, of problems with unit columns and targets."""
     supports = np.zeros((*moments.shape[:2], len(PENALTIES), moments.shape[2]), dtype=bool)
     for f, m in np.ndindex(moments.shape[:2]):
         kinks, _, path = lars_path_gram(
@@ -52,18 +52,20 @@ def models_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
     return solve(grams, moments, np.abs(shares) >= NEGLIGIBLE)
 
 
-def _informed(library: np.ndarray, targets: np.ndarray, observations: np.ndarray) -> np.ndarray:
-    """The kink of each target's path that EBIC prefers."""
+def _choose_by_ebic(
+    library: np.ndarray, targets: np.ndarray, observations: np.ndarray
+) -> np.ndarray:
+    """Return the kink of each target's path that EBIC prefers."""
     alphas = []
     for i in range(targets.shape[1]):
         target = targets[:, [i]]
         kinks, _, path = lars_path(library, target[:, 0], method="lasso")
         supports = _prune(library, target, (path.T != 0)[np.newaxis])
-        judged = scores(library, target, supports, observations[[i]])
+        judged = ebic_scores(library, target, supports, observations[[i]])
         alphas.append(kinks[np.argmin(judged[0])])
     return np.array(alphas)
 
 
 def _prune(library: np.ndarray, target: np.ndarray, supports: np.ndarray) -> np.ndarray:
-    """Supports without the terms that least squares finds negligible."""
+    """Return supports without the terms that least squares finds negligible."""
     return supports & (np.abs(refit(library, target, supports)) >= NEGLIGIBLE)

@@ -48,7 +48,7 @@ class ReducedRegression:
     def model(
         self, coefficients: np.ndarray, thresholds: np.ndarray | None = None
     ) -> IdentifiedModel:
-        """What a method makes of it: (n_states, n_terms) coefficients, without a verdict."""
+        """Return what a method makes of it: (n_states, n_terms) coefficients, without a verdict."""
         model = PolynomialModel(self.states, self.terms, coefficients)
         return IdentifiedModel(model, "unjudged", thresholds=thresholds)
 
@@ -66,40 +66,45 @@ class ReducedRegression:
         Raises IdentificationError where a column is zero.
         """
         triangle = np.linalg.qr(np.hstack([self.library, self.targets]), mode="r")
-        nonzero(np.linalg.norm(triangle, axis=0))
-        return tuple(np.hsplit(triangle, [len(self.terms)]))
+        check_nonzero(np.linalg.norm(triangle, axis=0))
+        library, targets = np.hsplit(triangle, [len(self.terms)])
+        return library, targets
 
 
-def nonzero(lengths: np.ndarray) -> np.ndarray:
-    """The lengths of columns. Raises IdentificationError where one has none to be scaled by."""
+def check_nonzero(lengths: np.ndarray) -> np.ndarray:
+    """Return the lengths of columns. Raises IdentificationError where one has none to be scaled
+    by.
+    """
     if not np.all(lengths > 0):
         raise IdentificationError(Code.STATE_ZERO)
     return lengths
 
 
 class Scaled:
-    """Columns of unit length: library (rows, p) and targets (rows, m) over their `lengths` (p,)
-    and `scale` (m,). Raises IdentificationError where a column is zero.
+    """Columns of unit length.
+
+    library (rows, p) and targets (rows, m) are those over their `lengths` (p,) and `scale` (m,).
+    Raises IdentificationError if a column is zero.
     """
 
     def __init__(self, library: np.ndarray, targets: np.ndarray) -> None:
         self.lengths, self.scale = (
-            nonzero(np.linalg.norm(each, axis=0)) for each in (library, targets)
+            check_nonzero(np.linalg.norm(each, axis=0)) for each in (library, targets)
         )
         self.library, self.targets = library / self.lengths, targets / self.scale
 
-    def unscaled(self, shares: np.ndarray) -> np.ndarray:
-        """Coefficients (m, p) from those of the scaled columns."""
+    def unscale(self, shares: np.ndarray) -> np.ndarray:
+        """Return coefficients (m, p) from those of the scaled columns."""
         return shares * self.scale[:, np.newaxis] / self.lengths
 
 
-def stretches(n: int) -> list[slice]:
-    """The rows of each block: at most BLOCKS contiguous stretches of n rows."""
+def block_slices(n: int) -> list[slice]:
+    """Return the rows of each block: at most BLOCKS contiguous stretches of n rows."""
     edges = np.linspace(0, n, min(BLOCKS, n) + 1).astype(int)
     return [slice(a, b) for a, b in pairwise(edges)]
 
 
-def regression(
+def reduce_blocks(
     blocks: Iterable[tuple[np.ndarray, np.ndarray]],
     observations: np.ndarray,
     states: tuple[str, ...],
@@ -107,25 +112,26 @@ def regression(
     held_out: np.ndarray | None = None,
 ) -> ReducedRegression:
     """Reduce blocks of rows, each a library (n, n_terms) and targets (n, n_states)."""
-    factors = np.concatenate([_triangle(np.column_stack(block)) for block in blocks])
+    factors = np.concatenate([_triangular_factor(np.column_stack(block)) for block in blocks])
     library, targets = map(np.ascontiguousarray, np.hsplit(factors, [len(terms)]))
     return ReducedRegression(library, targets, observations, states, terms, held_out)
 
 
-def _triangle(rows: np.ndarray) -> np.ndarray:
+def _triangular_factor(rows: np.ndarray) -> np.ndarray:
     """R of the QR factorisation, square; in cache-sized panels first, three times faster."""
     columns = rows.shape[1]
     panel = 8 * columns
     whole = len(rows) // panel
     if whole > 1:
         tops = np.linalg.qr(rows[: whole * panel].reshape(whole, panel, columns), mode="r")
-        rows = np.concatenate([tops.reshape(-1, columns), rows[whole * panel :]])
+        tops = tops.reshape(-1, columns)  # type: ignore[attr-defined]  # the stubs know no mode r
+        rows = np.concatenate([tops, rows[whole * panel :]])
     factor = np.linalg.qr(rows, mode="r")
     return np.pad(factor, ((0, columns - len(factor)), (0, 0)))
 
 
 @dataclass(frozen=True)
-class Judged:
+class HeldOutErrors:
     """Models along a path, fitted to all stretches, with the errors of their like elsewhere.
 
     supports: (m, k, p) of the m state derivatives. errors: (FOLDS, m, k) squared errors on held-out
@@ -140,9 +146,11 @@ class Judged:
         """(m,) the lowest error of each state derivative."""
         return self.errors.sum(axis=0).min(axis=1)
 
-    def chosen(self) -> np.ndarray:
-        """(m,) the place on the path of each model chosen: the sparsest of all within one
-        standard error of the best (the one-standard-error rule; Breiman et al. 1984).
+    def choose_sparsest(self) -> np.ndarray:
+        """Return the place on the path of each model chosen, (m,).
+
+        It is the sparsest of all within one standard error of the best (the one-standard-error
+        rule; Breiman et al. 1984).
         """
         total, sizes = self.errors.sum(axis=0), self.supports.sum(axis=2)
         rows = np.arange(len(total))
@@ -154,22 +162,31 @@ class Judged:
         return np.array([np.lexsort(keys)[0] for keys in zip(total, sizes, strict=True)])
 
 
-def judge(problem: ReducedRegression, path: Path) -> Judged:
-    """Fits along a path to all stretches of a problem, and to all but each fold of them."""
-    blocks = problem.products
-    p = blocks.shape[1] - len(problem.states)
-    fold = np.arange(len(blocks)) % FOLDS
-    whole = blocks.sum(axis=0)
-    scale = nonzero(np.sqrt(np.diagonal(whole)))
+def judge_path(
+    products: np.ndarray, held_out: np.ndarray, n_states: int, path: Path
+) -> HeldOutErrors:
+    """Judge the models along a path by the stretches that they are not fitted to.
+
+    Parameters
+    ----------
+    products, held_out : (n_blocks, n_terms + n_states, n_terms + n_states) arrays
+        As of `ReducedRegression`.
+    n_states : int
+    path : callable
+    """
+    p = products.shape[1] - n_states
+    fold = np.arange(len(products)) % FOLDS
+    whole = products.sum(axis=0)
+    scale = check_nonzero(np.sqrt(np.diagonal(whole)))
     unit = np.outer(scale, scale)
-    trained = [whole - blocks[fold == f].sum(axis=0) for f in range(FOLDS)]
-    products = np.stack([*trained, whole]) / unit
-    *models, model = path(products[:, :p, :p], products[:, p:, :p])
+    trained = [whole - products[fold == f].sum(axis=0) for f in range(FOLDS)]
+    scaled = np.stack([*trained, whole]) / unit
+    *models, model = path(scaled[:, :p, :p], scaled[:, p:, :p])
     errors = []
     for f, c in enumerate(models):
-        held_out = problem.held_out[fold == f].sum(axis=0) / unit
-        squares = np.einsum("mkp,mkp->mk", c @ held_out[:p, :p], c)
-        cross = np.einsum("mkp,mp->mk", c, held_out[p:, :p])
-        total = np.diagonal(held_out)[p:, np.newaxis]
+        other = held_out[fold == f].sum(axis=0) / unit
+        squares = np.einsum("mkp,mkp->mk", c @ other[:p, :p], c)
+        cross = np.einsum("mkp,mp->mk", c, other[p:, :p])
+        total = np.diagonal(other)[p:, np.newaxis]
         errors.append(np.maximum(total - 2 * cross + squares, ROUNDING * total))
-    return Judged(model != 0, np.stack(errors) * scale[p:, np.newaxis] ** 2)
+    return HeldOutErrors(model != 0, np.stack(errors) * scale[p:, np.newaxis] ** 2)

@@ -1,5 +1,6 @@
-"""Sequentially thresholded least squares (pysindy's STLSQ), normalised, as printed, or of many
-bootstrapped samples.
+"""Sequentially thresholded least squares (pysindy's STLSQ).
+
+The columns are normalised, as printed, or of many bootstrapped samples.
 """
 
 from functools import lru_cache, partial
@@ -11,12 +12,12 @@ from sklearn import config_context
 
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.sparse.evidence import Regressions
-from galloping.identification.sparse.regression import ReducedRegression, Scaled, judge
+from galloping.identification.sparse.regression import ReducedRegression, Scaled, judge_path
 from galloping.identification.sparse.supports import (
     NEGLIGIBLE,
     best_threshold,
+    ebic_scores,
     refit,
-    scores,
     solve,
     threshold_path,
     thresholded_supports,
@@ -29,42 +30,42 @@ from galloping.results import IDENTIFIED, KNOWN
 RIDGES = (0.0, 1e-4)
 
 
-def normalised(
+def fit_normalised(
     evidence: Regressions, *, threshold: float | None, path_length: int
 ) -> IdentifiedModel:
-    """Thresholds act on each term's share of the state derivative.
+    """Fit STLSQ whose thresholds act on each term's share of the state derivative.
 
-    threshold: share in (0, 1), or None to choose one for each equation out of `path_length`
-    between NEGLIGIBLE and 1: by cross-validation, or where nothing is held out by EBIC.
+    threshold: share in (0, 1), or None to choose one for each equation out of `path_length` between
+    NEGLIGIBLE and 1: by cross-validation, or where nothing is held out by EBIC.
     """
     problem = evidence.tuned
     scaled = Scaled(*problem.triangle)
-    chosen, ridges = choose(problem, threshold, path_length)
+    chosen, ridges = choose_thresholds(problem, threshold, path_length)
     shares = np.zeros((len(scaled.scale), len(scaled.lengths)))
     for ridge in np.unique(ridges):
         rows = ridges == ridge
         shares[rows] = fit(scaled.library, scaled.targets[:, rows], chosen[rows], ridge)
-    return problem.model(scaled.unscaled(shares), chosen)
+    return problem.model(scaled.unscale(shares), chosen)
 
 
-def raw(
+def fit_raw(
     evidence: Regressions,
     *,
     threshold: float | None,
     path_length: int,
     kinematics: str = IDENTIFIED,
 ) -> IdentifiedModel:
-    """Thresholds act on the coefficients as they are, in SI units, as the paper did.
+    """Fit STLSQ whose thresholds act on the coefficients in SI units, as the paper did.
 
-    threshold: in the coefficients' units, or None to choose one for each equation by EBIC out
-    of `path_length` from NEGLIGIBLE times the largest coefficient of least squares up to it.
+    threshold: in the coefficients' units, or None to choose one for each equation by EBIC out of
+    `path_length` from NEGLIGIBLE times the largest coefficient of least squares up to it.
     kinematics: KNOWN puts in place of an identified rate of a displacement its velocity.
     """
     library, targets = evidence.plain.triangle
     if threshold is None:
         largest = np.abs(np.linalg.lstsq(library, targets, rcond=None)[0]).max(axis=0)
         candidates = largest[:, np.newaxis] * threshold_path(path_length)
-        chosen = _scan(library, targets, candidates, evidence.plain.observations)
+        chosen = _scan_thresholds(library, targets, candidates, evidence.plain.observations)
     else:
         chosen = np.full(targets.shape[1], threshold)
     coefficients = fit(library, targets, chosen)
@@ -86,40 +87,44 @@ def models_along(path: np.ndarray, grams: np.ndarray, moments: np.ndarray) -> np
 
 
 @lru_cache(maxsize=1)  # ensembles ask again
-def choose(
+def choose_thresholds(
     problem: ReducedRegression, threshold: float | None, path_length: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The threshold and the ridge of each equation, as `normalised` has them."""
+    """Return the threshold and the ridge of each equation, as `fit_normalised` has them."""
     path, ridges = threshold_path(path_length), np.zeros(len(problem.states))
     if threshold is not None:
         return np.full(len(ridges), threshold), ridges
     if problem.held_out is None:
         scaled = Scaled(*problem.triangle)
         candidates = np.tile(path, (len(ridges), 1))
-        return _scan(scaled.library, scaled.targets, candidates, problem.observations), ridges
-    judged = judge(problem, partial(models_along, path))
-    ridges, places = np.divmod(judged.chosen(), len(path))
+        return _scan_thresholds(
+            scaled.library, scaled.targets, candidates, problem.observations
+        ), ridges
+    judged = judge_path(
+        problem.products, problem.held_out, len(problem.states), partial(models_along, path)
+    )
+    ridges, places = np.divmod(judged.choose_sparsest(), len(path))
     supports = judged.supports.reshape(len(ridges), len(RIDGES), len(path), -1)
     supports = supports[np.arange(len(ridges)), ridges]
     thresholds = [best_threshold(path, *each) for each in zip(supports, places, strict=True)]
     return np.array(thresholds), np.array(RIDGES)[ridges]
 
 
-def _scan(
+def _scan_thresholds(
     library: np.ndarray, targets: np.ndarray, candidates: np.ndarray, observations: np.ndarray
 ) -> np.ndarray:
-    """The threshold of each equation, of (m, k) candidates, that EBIC prefers."""
+    """Return the threshold of each equation, of (m, k) candidates, that EBIC prefers."""
     lengths = np.linalg.norm(library, axis=0)
     unit = library / lengths  # the same supports and fits, better conditioned
     supports = thresholded_supports(unit.T @ unit, targets.T @ unit, candidates, 1 / lengths)
-    judged = scores(unit, targets, supports, observations).argmin(axis=1)
+    judged = ebic_scores(unit, targets, supports, observations).argmin(axis=1)
     return np.array(list(map(best_threshold, candidates, supports, judged)))
 
 
 def fit(
     library: np.ndarray, targets: np.ndarray, thresholds: np.ndarray, ridge: float = 0
 ) -> np.ndarray:
-    """pysindy's STLSQ of each target at its own threshold: (m, p) coefficients.
+    """Fit pysindy's STLSQ to each target at its own threshold: (m, p) coefficients.
 
     Targets in units of their threshold let one threshold of 1 serve them all. Without a ridge
     STLSQ's last step is least squares already, there is no bias to remove.
@@ -130,7 +135,7 @@ def fit(
     return scaled * thresholds[:, np.newaxis]
 
 
-def ensemble(
+def fit_ensemble(
     evidence: Regressions,
     *,
     threshold: float | None,
@@ -138,25 +143,29 @@ def ensemble(
     models: int,
     rng: np.random.Generator,
 ) -> IdentifiedModel:
-    """Ensemble SINDy (Fasel et al. 2022): the median of models of bootstrapped rows, all fitted at
-    once, as pysindy's EnsembleOptimizer does; a term stays if most of `models` have it.
+    """Fit ensemble SINDy (Fasel et al. 2022): the median of models of bootstrapped rows.
 
-    threshold: share, or None to take what STLSQ chooses for each equation. The rows of a
-    block's factor are exchangeable once an orthogonal transform has mixed them.
+    They are all fitted at once, as pysindy's EnsembleOptimizer does; a term stays if most of
+    `models` have it.
+
+    threshold: share, or None to take what STLSQ chooses for each equation. The rows of a block's
+    factor are exchangeable once an orthogonal transform has mixed them.
     """
     problem = evidence.tuned
     scaled = Scaled(problem.library, problem.targets)
-    thresholds, _ = choose(problem, threshold, path_length)
+    thresholds, _ = choose_thresholds(problem, threshold, path_length)
     size = len(scaled.lengths) + len(scaled.scale)  # rows of a block
-    targets = _mixed(scaled.targets, size) / thresholds  # in units of their threshold, as in `fit`
-    medians = bagged_medians(_mixed(scaled.library, size), targets, models, rng)
+    targets = (
+        _mix_rows(scaled.targets, size) / thresholds
+    )  # in units of their threshold, as in `fit`
+    medians = bagged_medians(_mix_rows(scaled.library, size), targets, models, rng)
     medians = medians * thresholds[:, np.newaxis]
     support = (np.abs(medians) >= NEGLIGIBLE)[:, np.newaxis]
     shares = refit(scaled.library, scaled.targets, support)[:, 0]
-    return problem.model(scaled.unscaled(shares), thresholds)
+    return problem.model(scaled.unscale(shares), thresholds)
 
 
-def _mixed(rows: np.ndarray, size: int) -> np.ndarray:
+def _mix_rows(rows: np.ndarray, size: int) -> np.ndarray:
     """Rows of each block of `size` mixed by an orthogonal transform: (rows, columns) again."""
     blocks = rows.reshape(-1, size, rows.shape[1])
     return dct(blocks, axis=1, norm="ortho").reshape(rows.shape)
@@ -165,7 +174,7 @@ def _mixed(rows: np.ndarray, size: int) -> np.ndarray:
 def bagged_medians(
     library: np.ndarray, targets: np.ndarray, models: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """(n_targets, n_terms) medians over models whose terms stay while |coefficient| >= 1.
+    """Return (n_targets, n_terms) medians over models whose terms stay while |coefficient| >= 1.
 
     library: (rows, n_terms); targets: (rows, n_targets), in units of their threshold. The rows are
     those that pysindy draws with NumPy's global generator seeded by `rng`.

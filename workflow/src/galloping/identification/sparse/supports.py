@@ -7,14 +7,14 @@ COLLINEAR = 1e-12  # of a unit column's square: what rounding leaves of one that
 
 
 def threshold_path(length: int) -> np.ndarray:
-    """(length,) thresholds to try, in equal ratios, as shares of the largest coefficient."""
+    """Return (length,) thresholds to try, in equal ratios, as shares of the largest coefficient."""
     return np.geomspace(NEGLIGIBLE, 1, length)
 
 
 def ebic(
     rss: np.ndarray, terms: np.ndarray, observations: np.ndarray | int, candidates: int
 ) -> np.ndarray:
-    """Extended Bayesian information criterion with gamma = 1 (Chen and Chen 2008).
+    """Compute the extended Bayesian information criterion with gamma = 1 (Chen and Chen 2008).
 
     rss: residual sums of squares, terms: numbers of terms, of `candidates` in the library.
     """
@@ -23,7 +23,7 @@ def ebic(
 
 
 def solve(gram: np.ndarray, moments: np.ndarray, supports: np.ndarray) -> np.ndarray:
-    """Normal equations on many supports at once.
+    """Solve normal equations on many supports at once.
 
     gram: (..., p, p) of columns of similar length; moments: (..., m, p); supports: (..., m, k, p)
     boolean. Returns (..., m, k, p) coefficients, zero off the support.
@@ -65,7 +65,7 @@ def refit(library: np.ndarray, targets: np.ndarray, supports: np.ndarray) -> np.
 def thresholded_supports(
     gram: np.ndarray, moments: np.ndarray, thresholds: np.ndarray, weights: np.ndarray | float = 1
 ) -> np.ndarray:
-    """Fixed points of sequentially thresholded least squares (Brunton et al. 2016).
+    """Return fixed points of sequentially thresholded least squares (Brunton et al. 2016).
 
     gram (..., p, p) and moments (..., m, p) as in `solve`, a ridge on the diagonal if there is one.
     thresholds: (m, k), or (k,) for all targets; weights: (p,), a term stays while |coefficient| *
@@ -115,7 +115,7 @@ def forward_models(grams: np.ndarray, moments: np.ndarray, steps: int) -> np.nda
     return models
 
 
-def scores(
+def ebic_scores(
     library: np.ndarray, targets: np.ndarray, supports: np.ndarray, observations: np.ndarray
 ) -> np.ndarray:
     """EBIC of supports (m, k, p) of the m targets: (m, k)."""
@@ -126,7 +126,7 @@ def scores(
 
 
 def best_threshold(thresholds: np.ndarray, supports: np.ndarray, place: int) -> float:
-    """Geometric middle of the thresholds that give the same support as the one at `place`.
+    """Return geometric middle of the thresholds that give the same support as the one at `place`.
 
     thresholds: (k,), supports: (k, p). The middle, because at either end of the range a rounding
     error or a resampled row changes the support.

@@ -18,9 +18,9 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from galloping.identification.sparse.regression import (
     ReducedRegression,
-    judge,
-    regression,
-    stretches,
+    block_slices,
+    judge_path,
+    reduce_blocks,
 )
 from galloping.identification.sparse.supports import forward_models
 from galloping.model.polynomial import Exponents, design_matrix
@@ -54,22 +54,24 @@ class TriedFilter:
     def reduced(self) -> ReducedRegression:
         """Least squares with this filter."""
         observations = np.full(len(self.states), sum(len(library) for library, _ in self.blocks))
-        return regression(self.blocks, observations, self.states, self.terms, self.held_out)
+        return reduce_blocks(self.blocks, observations, self.states, self.terms, self.held_out)
 
 
 def best_filter(tried: Sequence[TriedFilter]) -> TriedFilter:
-    """The filter whose models, grown term by term, err least on held-out stretches.
+    """Return the filter whose models, grown term by term, err least on held-out stretches.
 
     Errors of each state derivative in units of the least of all filters, added up.
     """
     path = partial(forward_models, steps=STEPS)
-    errors = np.stack([judge(each, path).best for each in tried])
+    errors = np.stack(
+        [judge_path(each.products, each.held_out, len(each.states), path).best for each in tried]
+    )
     return tried[np.sum(errors / errors.min(axis=0), axis=1).argmin()]
 
 
 @lru_cache(maxsize=64)
 def savitzky_golay(window: int, order: int, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Kernels (window,) of the smoothed state and of its slope.
+    """Return kernels (window,) of the smoothed state and of its slope.
 
     window: odd number of samples, order: of the local polynomial, step: between samples, s.
     The state is that of SmoothedFiniteDifference, the slope that of SINDyDerivative.
@@ -93,7 +95,7 @@ def savitzky_golay(window: int, order: int, step: float) -> tuple[np.ndarray, np
 
 @lru_cache(maxsize=64)
 def weak_form(half: int, order: int, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Kernels (2 half + 1,) of the integrals of a library and of a state's derivative.
+    """Return kernels (2 half + 1,) of the integrals of a library and of a state's derivative.
 
     half: of the test function's length, in samples; order: of its ends. Both are WeakPDELibrary's
     weights of one test function, which are the same wherever it stands.
@@ -122,7 +124,7 @@ class Convolution:
         self._spectrum = rfft(np.ascontiguousarray(columns.T), self._length)
 
     def __call__(self, kernel: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """The convolution with a kernel of odd length, centred on `rows`: (len(rows), m)."""
+        """Return the convolution with a kernel of odd length, centred on `rows`: (len(rows), m)."""
         full = irfft(self._spectrum * rfft(kernel, self._length), self._length)
         return full[:, rows + len(kernel) // 2].T
 
@@ -142,30 +144,32 @@ class _Frame:
         self.samples, self.terms = max(period / self.step, SMALLEST), terms
         margin, stride = int(self.samples / 2) + 2, max(1, n // KEPT)
         self.rows = np.arange(margin, n - margin, stride)
-        self.stretches = stretches(len(self.rows))
+        self.stretches = block_slices(len(self.rows))
         half = max(2, round(JUDGE[0] * self.samples / stride))
         self.centres = [
             np.arange(each.start + half, each.stop - half, half // 2) for each in self.stretches
         ]
-        self.weights = _bump(half, stride * self.step)[0]
-        self.slopes = _bump(half * stride, self.step)[1]
+        self.weights = _test_function(half, stride * self.step)[0]
+        self.slopes = _test_function(half * stride, self.step)[1]
 
     @cached_property
     def _raw(self) -> list[np.ndarray]:
-        return [-_integrals(self.values, self.slopes, self.rows[c]) for c in self.centres]
+        return [-_weighted_sums(self.values, self.slopes, self.rows[c]) for c in self.centres]
 
     def held_out(self, library: np.ndarray) -> np.ndarray:
         """Inner products of the integrals of a library (r, p), and of the raw samples' slopes."""
         stretches = zip(self.centres, self._raw, strict=True)
-        return _products((_integrals(library, self.weights, c), raw) for c, raw in stretches)
+        return _inner_products(
+            (_weighted_sums(library, self.weights, c), raw) for c, raw in stretches
+        )
 
-    def tried(
+    def try_filter(
         self, library: np.ndarray, targets: np.ndarray, held_out: np.ndarray | None = None
     ) -> TriedFilter:
-        """The filter that makes these of the rows. held_out: where it is known."""
+        """Return the filter that makes these of the rows. held_out: where it is known."""
         held_out = self.held_out(library) if held_out is None else held_out
         blocks = [(library[each], targets[each]) for each in self.stretches]
-        return TriedFilter(self.states, self.terms, _products(blocks), held_out, blocks)
+        return TriedFilter(self.states, self.terms, _inner_products(blocks), held_out, blocks)
 
 
 def tried_filters(
@@ -173,32 +177,34 @@ def tried_filters(
     terms: tuple[Exponents, ...],
     applied: Callable[[_Frame], Iterator[TriedFilter]],
 ) -> list[TriedFilter]:
-    """Filters tried on all recordings together. applied: `smoothings` or `test_functions`.
+    """Try filters on all recordings together.
+
+    applied: `smoothing_filters` or `weak_form_filters`.
 
     Empty where derivatives were measured, samples are not equally spaced, or the stretches of a
     recording are too short to be held out.
     """
     if not all(not r.exact and r.is_uniform for r in recordings):
         return []
-    period = min(map(_period, recordings))
+    period = min(map(_shortest_line_period, recordings))
     frames = [_Frame(recording, period, terms) for recording in recordings]
     if not all(frame.centres and all(map(len, frame.centres)) for frame in frames):
         return []
-    return [_joined(parts) for parts in zip(*map(applied, frames), strict=True)]
+    return [_join_filters(parts) for parts in zip(*map(applied, frames), strict=True)]
 
 
-def smoothings(frame: _Frame) -> Iterator[TriedFilter]:
-    """A filter for each window and order of Savitzky and Golay, of states and slopes."""
+def smoothing_filters(frame: _Frame) -> Iterator[TriedFilter]:
+    """Return a filter for each window and order of Savitzky and Golay, of states and slopes."""
     windows = 2 * (np.geomspace(SMALLEST, frame.samples, WINDOWS) / 2).astype(int) + 1
     filtered = Convolution(frame.values, windows[-1])
     for window, order in product(windows.tolist(), ORDERS):
         kernels = savitzky_golay(window, order, frame.step)
         states, slopes = (filtered(kernel, frame.rows) for kernel in kernels)
-        yield frame.tried(design_matrix(states, frame.terms), slopes)
+        yield frame.try_filter(design_matrix(states, frame.terms), slopes)
 
 
-def test_functions(frame: _Frame) -> Iterator[TriedFilter]:
-    """A filter for each length and order of the weak form's test functions."""
+def weak_form_filters(frame: _Frame) -> Iterator[TriedFilter]:
+    """Return a filter for each length and order of the weak form's test functions."""
     raw = design_matrix(frame.values, frame.terms)
     halves = [max(2, int(share * frame.samples)) for share in HALF_WIDTHS]
     longest = 2 * halves[-1] + 1
@@ -206,11 +212,11 @@ def test_functions(frame: _Frame) -> Iterator[TriedFilter]:
     held_out = frame.held_out(raw[frame.rows])
     for half, order in product(halves, ENDS):
         weights, slopes = weak_form(half, order, frame.step)
-        yield frame.tried(library(weights, frame.rows), states(slopes, frame.rows), held_out)
+        yield frame.try_filter(library(weights, frame.rows), states(slopes, frame.rows), held_out)
 
 
-def _joined(parts: Sequence[TriedFilter]) -> TriedFilter:
-    """One filter on all recordings."""
+def _join_filters(parts: Sequence[TriedFilter]) -> TriedFilter:
+    """Return one filter on all recordings."""
     return replace(
         parts[0],
         products=np.concatenate([part.products for part in parts]),
@@ -219,26 +225,26 @@ def _joined(parts: Sequence[TriedFilter]) -> TriedFilter:
     )
 
 
-def _products(blocks: Iterable[Block]) -> np.ndarray:
-    """Inner products of all columns, of each of some blocks: (blocks, p + m, p + m)."""
+def _inner_products(blocks: Iterable[Block]) -> np.ndarray:
+    """Return inner products of all columns, of each of some blocks: (blocks, p + m, p + m)."""
     return np.stack([rows.T @ rows for rows in map(np.hstack, blocks)])
 
 
-def _period(recording: Recording) -> float:
-    """The shortest period, s, of the strongest spectral lines of the channels."""
+def _shortest_line_period(recording: Recording) -> float:
+    """Return the shortest period, s, of the strongest spectral lines of the channels."""
     n = len(recording.time)
     spectrum = np.abs(rfft(recording.values - recording.values.mean(axis=0), axis=0))
     line = 1 + spectrum[1:].argmax(axis=0).max()
     return float(recording.time[-1] - recording.time[0]) * n / (n - 1) / line
 
 
-def _bump(half: int, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Weights (2 half + 1,) of int phi f and int phi' f for phi = (1 - u^2)^order."""
+def _test_function(half: int, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return weights (2 half + 1,) of int phi f and int phi' f for phi = (1 - u^2)^order."""
     order, u = JUDGE[1], np.arange(-half, half + 1) / half
     inside = 1 - u**2
     return step * inside**order, -2 * order * u * inside ** (order - 1) / half
 
 
-def _integrals(columns: np.ndarray, weights: np.ndarray, centres: np.ndarray) -> np.ndarray:
-    """Sums of weights times columns (n, m) around each centre: (len(centres), m)."""
+def _weighted_sums(columns: np.ndarray, weights: np.ndarray, centres: np.ndarray) -> np.ndarray:
+    """Return sums of weights times columns (n, m) around each centre: (len(centres), m)."""
     return sliding_window_view(columns, len(weights), axis=0)[centres - len(weights) // 2] @ weights
