@@ -6,6 +6,7 @@ from functools import reduce
 from pathlib import Path
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from galloping.configuration.schema import allowed, child, item, leaves, names, schema
 from galloping.configuration.settings import Settings
@@ -102,7 +103,7 @@ def ordered(mapping: dict, files: Sequence[dict]) -> dict:
     }
 
 
-def _line(mapping: dict, fault: dict) -> str:
+def _line(mapping: dict, fault: ErrorDetails) -> str:
     """One line about one fault that pydantic found."""
     kind, location = fault["type"], fault["loc"]
     if kind in ("extra_forbidden", "invalid_key"):

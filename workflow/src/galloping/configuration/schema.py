@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from galloping.configuration.settings import Settings
 
@@ -165,7 +166,7 @@ def schema_for_editors() -> str:
     return json.dumps(head | node | {"title": "A study of galloping lines"}, indent=1) + "\n"
 
 
-def _for_editors(node: object) -> object:
+def _for_editors(node: Any) -> Any:
     if isinstance(node, list):
         return [_for_editors(each) for each in node]
     if not isinstance(node, dict):

@@ -4,7 +4,7 @@ from inspect import signature
 from itertools import pairwise
 from math import inf
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationInfo, create_model, field_validator, model_validator
 
@@ -18,14 +18,21 @@ from galloping.line.gusts import SPECTRA
 from galloping.recording.measurement import PROTOCOLS
 
 LineSection = keys("line", "The span and how it hangs.")
-InitialStateSection = keys("initial_state", "Where the trajectory starts.")
+INITIAL_STATE_KEYS: Any = keys("initial_state")
 GUSTS = keys(
     "gusts", "The wind about its mean, the same along the span.", spectrum=one_of(tuple(SPECTRA))
 )
 LARGEST_SAG = 0.25  # of the span: beyond, the parabola is off by more than a tenth of the tension
 
 
-class SpacersSection(keys("spacers")):
+class InitialStateSection(INITIAL_STATE_KEYS):
+    """Where the trajectory starts."""
+
+
+SPACERS_KEYS: Any = keys("spacers")
+
+
+class SpacersSection(SPACERS_KEYS):
     """Point masses along the span."""
 
     @field_validator("positions")
@@ -39,7 +46,10 @@ class SpacersSection(keys("spacers")):
         return positions
 
 
-class IceSection(keys("ice")):
+ICE_KEYS: Any = keys("ice")
+
+
+class IceSection(ICE_KEYS):
     """Aerodynamic coefficients of the iced section."""
 
     @field_validator("vertical", "horizontal")
@@ -58,7 +68,10 @@ class IceSection(keys("ice")):
         return value
 
 
-class TruthSection(keys("truth", gusts=GUSTS)):
+TRUTH_KEYS: Any = keys("truth", gusts=GUSTS)
+
+
+class TruthSection(TRUTH_KEYS):
     """What moves, and where it is observed."""
 
     @model_validator(mode="after")
@@ -74,21 +87,22 @@ class TruthSection(keys("truth", gusts=GUSTS)):
         return self
 
 
-class CaseSection(
-    keys(
-        "case",
-        conductor=keys("conductor", "One sub-conductor."),
-        bundle=keys("bundle", "How many sub-conductors there are, and the size the wind sees."),
-        line=LineSection,
-        spacers=SpacersSection,
-        ice=IceSection,
-        wind=keys("wind", "The steady wind across the line."),
-        damping=keys("damping", "Structural damping, as ratios to critical."),
-        initial_state=InitialStateSection,
-        releases=dict[Name, InitialStateSection],
-        truth=TruthSection,
-    )
-):
+CASE_KEYS: Any = keys(
+    "case",
+    conductor=keys("conductor", "One sub-conductor."),
+    bundle=keys("bundle", "How many sub-conductors there are, and the size the wind sees."),
+    line=LineSection,
+    spacers=SpacersSection,
+    ice=IceSection,
+    wind=keys("wind", "The steady wind across the line."),
+    damping=keys("damping", "Structural damping, as ratios to critical."),
+    initial_state=InitialStateSection,
+    releases=dict[Name, InitialStateSection],
+    truth=TruthSection,
+)
+
+
+class CaseSection(CASE_KEYS):
     """One line in one wind."""
 
     @model_validator(mode="after")
@@ -137,7 +151,10 @@ SWEPT = one_of(tuple(PARAMETERS))
 MOST_VALUES = 1000  # of a sweep
 
 
-class SimulationSection(keys("simulation")):
+SIMULATION_KEYS: Any = keys("simulation")
+
+
+class SimulationSection(SIMULATION_KEYS):
     """The record that is simulated for each case."""
 
     @property
@@ -175,12 +192,13 @@ class SimulationSection(keys("simulation")):
         return window
 
 
-class MeasurementSection(
-    keys(
-        "measurement",
-        subsets=keys("subsets", "Random subsets of the record, to see how much data is needed."),
-    )
-):
+MEASUREMENT_KEYS: Any = keys(
+    "measurement",
+    subsets=keys("subsets", "Random subsets of the record, to see how much data is needed."),
+)
+
+
+class MeasurementSection(MEASUREMENT_KEYS):
     """What a recording keeps of the trajectory."""
 
     protocols: selection(ProtocolName) = setting(
@@ -190,7 +208,10 @@ class MeasurementSection(
     )
 
 
-class LibrarySection(keys("library")):
+LIBRARY_KEYS: Any = keys("library")
+
+
+class LibrarySection(LIBRARY_KEYS):
     """What models are found of, and how."""
 
     methods: selection(MethodName) = setting(
@@ -211,9 +232,12 @@ Identification = create_model(
 )
 
 
-class RecordingsSection(
-    keys("recordings", files=FolderPath, mapping=FolderPath, known=str, case=Name)
-):
+RECORDINGS_KEYS: Any = keys(
+    "recordings", files=FolderPath, mapping=FolderPath, known=str, case=Name
+)
+
+
+class RecordingsSection(RECORDINGS_KEYS):
     """Recordings of one system, in files of its instruments."""
 
     @field_validator("publish")
@@ -227,9 +251,12 @@ class RecordingsSection(
         return publish
 
 
-class TrialSection(
-    keys("trial", kind=one_of(tuple(KINDS)), cases=str, methods=MethodName, protocols=ProtocolName)
-):
+TRIAL_KEYS: Any = keys(
+    "trial", kind=one_of(tuple(KINDS)), cases=str, methods=MethodName, protocols=ProtocolName
+)
+
+
+class TrialSection(TRIAL_KEYS):
     """Fits to many recordings whose truth is known."""
 
     @model_validator(mode="after")
@@ -259,7 +286,10 @@ class TrialSection(
         return self
 
 
-class SweepSection(keys("sweep", parameter=SWEPT, second=SWEPT)):
+SWEEP_KEYS: Any = keys("sweep", parameter=SWEPT, second=SWEPT)
+
+
+class SweepSection(SWEEP_KEYS):
     """One parameter of every line over a range, or two."""
 
     @field_validator("values", "second_values")
@@ -287,7 +317,10 @@ class SweepSection(keys("sweep", parameter=SWEPT, second=SWEPT)):
         return self
 
 
-class MeasureSection(keys("measure", kind=one_of(tuple(measures.KINDS)))):
+MEASURE_KEYS: Any = keys("measure", kind=one_of(tuple(measures.KINDS)))
+
+
+class MeasureSection(MEASURE_KEYS):
     """One measure against galloping."""
 
     @model_validator(mode="after")
@@ -308,16 +341,17 @@ class MeasureSection(keys("measure", kind=one_of(tuple(measures.KINDS)))):
         return self.positions or (() if self.position is None else (self.position,))
 
 
-class AssessmentSection(
-    keys(
-        "assessment",
-        open_parameters=keys(
-            "open_parameters",
-            "What the paper leaves open of its first line: values at which its claims are judged.",
-        ),
-        measures=dict[Name, MeasureSection],
-    )
-):
+ASSESSMENT_KEYS: Any = keys(
+    "assessment",
+    open_parameters=keys(
+        "open_parameters",
+        "What the paper leaves open of its first line: values at which its claims are judged.",
+    ),
+    measures=dict[Name, MeasureSection],
+)
+
+
+class AssessmentSection(ASSESSMENT_KEYS):
     """What a line engineer asks of the lines: how far they gallop, and what stops them."""
 
 
@@ -326,22 +360,23 @@ def _sweeps() -> dict[str, SweepSection]:
     return {"wind": SweepSection(), "resonance": SweepSection(values=(4, 24, 2), **second)}
 
 
-class Settings(
-    keys(
-        "study",
-        results=FolderName,
-        reference=FolderPath,
-        cases=(dict[Name, CaseSection], paper_cases),
-        simulation=SimulationSection,
-        measurement=MeasurementSection,
-        identification=Identification,
-        recordings=dict[Name, RecordingsSection],
-        sweeps=(dict[Name, SweepSection], _sweeps),
-        assessment=AssessmentSection,
-        trials=dict[Name, TrialSection],
-        figures=keys("figures", "How figures are drawn."),
-    )
-):
+SETTINGS_KEYS: Any = keys(
+    "study",
+    results=FolderName,
+    reference=FolderPath,
+    cases=(dict[Name, CaseSection], paper_cases),
+    simulation=SimulationSection,
+    measurement=MeasurementSection,
+    identification=Identification,
+    recordings=dict[Name, RecordingsSection],
+    sweeps=(dict[Name, SweepSection], _sweeps),
+    assessment=AssessmentSection,
+    trials=dict[Name, TrialSection],
+    figures=keys("figures", "How figures are drawn."),
+)
+
+
+class Settings(SETTINGS_KEYS):
     """A study."""
 
     @field_validator("results")

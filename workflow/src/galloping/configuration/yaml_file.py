@@ -55,7 +55,7 @@ def refuse_endless(content: object) -> None:
         depth, values = depth + 1, values + len(level)
         if depth > MOST_LEVELS or values > MOST_VALUES:
             raise ConfigurationError(ENDLESS)
-        inner = []
+        inner: list[object] = []
         for value in level:
             if isinstance(value, dict):
                 inner += value.values()

@@ -50,13 +50,15 @@ class Equations:
 class BranchProblem(Protocol):
     """What is continued: solutions of the models of a family.
 
-    metric: (n,) the square of a change of a vector is the sum of its squares times these; a step of
-    one is as long as steps may be. sought: the solutions in words, for messages.
+    sought: the solutions in words, for messages.
     """
 
     family: Family
-    metric: np.ndarray
     sought: ClassVar[str]
+
+    @property
+    def metric(self) -> np.ndarray:
+        """(n,) weights of the squares of a change; a step of length one is the longest."""
 
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
         """(m + 1,) of a solution with this vector (n,)."""
@@ -188,7 +190,8 @@ def first(problem: BranchProblem, guess: np.ndarray, border: np.ndarray) -> Poin
 
 def follow(problem: BranchProblem, start: Point, span: Range) -> Branch:
     """The branch from `start` in the direction of its tangent."""
-    points, bifurcations = [start], []
+    points: list[Point] = [start]
+    bifurcations: list[Bifurcation] = []
     step = FIRST_STEP
 
     def ended(complete: bool, reason: str) -> Branch:

@@ -94,6 +94,10 @@ def hopf_points(branch: Branch) -> list[Bifurcation]:
     return [b for b in branch.bifurcations if b.name == HOPF and b.located]
 
 
+def _follow_hopf(family: Family, hopf: Bifurcation, span: Range) -> tuple[Branch]:
+    return (limit_cycles.from_hopf(family, hopf, span),)
+
+
 # --- the diagram ---
 
 
@@ -126,13 +130,14 @@ def diagram(
     """
     equilibria = equilibrium_branch(family, rest, span)
     queue = [
-        _Start(f"Hopf {k}", 0, lambda at=hopf: (limit_cycles.from_hopf(family, at, span),))
+        _Start(f"Hopf {k}", 0, partial(_follow_hopf, family, hopf, span))
         for k, hopf in enumerate(hopf_points(equilibria), start=1)
     ]
     if not queue and motion is not None:
         follow = partial(limit_cycles.from_motion, family, *motion, span)
         queue = [_Start(f"from {motion[0]:g}", 0, follow)]
-    cycles, failures = {}, []
+    cycles: dict[str, Branch] = {}
+    failures: list[str] = []
     while queue:
         start = queue.pop(0)
         if _passed(cycles.values(), start.value, start.period):
@@ -176,10 +181,10 @@ def _leaving(
     for kind in (limit_cycles.PERIOD_DOUBLING, limit_cycles.BRANCH_POINT):
         places = [b for b in branch.bifurcations if b.name == kind]
         for k, at in enumerate(places, start=1):
-            follow = partial(limit_cycles.from_branching, family, at, span)
+            branch_off = partial(limit_cycles.from_branching, family, at, span)
             orbit = at.point.solution
             known = (orbit.value, 2 * orbit.period) if kind == limit_cycles.PERIOD_DOUBLING else ()
-            yield _Start(f"{name}, {kind} {k}", level + 1, follow, *known)
+            yield _Start(f"{name}, {kind} {k}", level + 1, branch_off, *known)
 
 
 def _passed(branches: Iterable[Branch], value: float, period: float) -> bool:

@@ -6,6 +6,7 @@ Their columns are those of `report/tables.csv`.
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -53,7 +54,7 @@ def line_diagram(
 
 def settled_line(case: Mapping, simulator: Simulator, watch: Watch = SPAN) -> Settled:
     """What a case settles to from its initial state."""
-    return settle(simulator, line_model(case), initial_state(case), watch)
+    return settle(simulator, line_model(case), np.array(initial_state(case)), watch)
 
 
 def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:
@@ -82,7 +83,7 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
     """Bifurcations in the order of their branches, and how each branch ended."""
     rows = []
 
-    def row(branch: str, value: float, what: str, **further: object) -> None:
+    def row(branch: str, value: float, what: str, **further: Any) -> None:
         place = _place(label, name, along.family.unit, value) | {"branch": branch, "name": what}
         nothing = {"located": True, "closed_form": np.nan, "v_m": 0.0, "w_m": 0.0}
         rows.append(place | nothing | {"period_s": np.nan, "note": ""} | further)
@@ -93,7 +94,7 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
         row(of, last, "end", v_m=np.nan, w_m=np.nan, note=f"{verdict}{branch.reason}")
 
     for b in along.equilibria.bifurcations:
-        further = {"located": b.located}
+        further: dict[str, Any] = {"located": b.located}
         if b.name == HOPF:
             further["period_s"] = 2 * np.pi / b.point.stability.critical()[0]
             if name == "wind_speed":

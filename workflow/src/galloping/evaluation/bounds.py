@@ -39,10 +39,12 @@ def sensitivities(
     start = np.asarray(initial_state, float)
     diverges = "the solution of the model diverges, or its time scale is too short"
     if model.inputs:
-        own = list(check_inputs(model, inputs or {}, time).values())
+        measured = list(check_inputs(model, inputs or {}, time).values())
         most = EQUAL_STEPS * max_steps(time)
         try:
-            states, moved, _ = solve_driven(model, own, start, time, first_step(own), most, free)
+            states, moved, _ = solve_driven(
+                model, measured, start, time, first_step(measured), most, free
+            )
         except FloatingPointError:
             raise ValueError(diverges) from None
     else:
@@ -96,7 +98,8 @@ def state_bound(model: PolynomialModel, free: np.ndarray, experiments: list[Expe
     state of each is unknown. The information is the sum over samples of S^T S / sigma^2.
     Raises ValueError where the model's solution diverges.
     """
-    return bound_of(model, free, sum(information(model, free, one) for one in experiments))
+    total = sum((information(model, free, one) for one in experiments), np.zeros(()))
+    return bound_of(model, free, total)
 
 
 def information(model: PolynomialModel, free: np.ndarray, experiment: Experiment) -> np.ndarray:
@@ -232,7 +235,10 @@ def bounds_of(
         for motion, noise, rate in zip(motions, noises, rates, strict=True)
     ]
     totals = (
-        sum(fisher_information(each[k], len(free)) for each, k in zip(whole, rows, strict=True))
+        sum(
+            (fisher_information(s[k], len(free)) for s, k in zip(whole, rows, strict=True)),
+            np.zeros(()),
+        )
         for rows in samplings
     )
     return [bound_of(model, free, total) for total in totals]

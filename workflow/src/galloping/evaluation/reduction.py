@@ -96,7 +96,8 @@ def reduction(case: Mapping, motions: Mapping[str, tuple[np.ndarray, np.ndarray]
     model = _motion(continuous.continuous_line(case, 0), np.array(initial_state(case)))
     of_model, tables = _described(*model), []
     for name, motion in {"two modes": model, **motions}.items():
-        own, row = _described(*motion), {"line": name, "direction": DIRECTIONS}
+        own = _described(*motion)
+        row: dict[str, object] = {"line": name, "direction": DIRECTIONS}
         for quantity in ("amplitude_m", "frequency_hz", "limit_cycle_m"):
             ratio = of_model[quantity] / own[quantity]
             common = np.all((ratio >= 1 / COMMON) & (ratio <= COMMON))

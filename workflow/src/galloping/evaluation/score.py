@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -80,7 +81,7 @@ def _on_terms_of(truth: Truth, values: np.ndarray, absent: float) -> np.ndarray:
 
 def score(
     truth: Truth, result: IdentifiedModel, motion: Trajectory, bound: np.ndarray
-) -> dict[str, float | str]:
+) -> dict[str, Any]:
     """All metrics of one replicate; failures score inf (errors) or -inf (R2), never nothing.
 
     bound: (n_states, n_terms) Cramer-Rao standard deviations, NaN without noise. What the

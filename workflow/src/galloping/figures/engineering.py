@@ -4,6 +4,7 @@ stops it.
 
 import os
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -27,7 +28,7 @@ ELLIPSES = {
     "CIGRE 322": ("#e69f00", "-."),
 }
 SHOWN = 4000  # places at the end of an orbit, some twenty rounds: more would lie over each other
-LEVEL = {"color": TRUE, "lw": 0.8, "ls": (0, (6, 3))}
+LEVEL: dict[str, Any] = {"color": TRUE, "lw": 0.8, "ls": (0, (6, 3))}
 MEASURED = {
     "v_m": "vertical amplitude, m",
     "critical_wind_m_s": "critical wind, m/s",

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
 from galloping.figures import parts
 from galloping.figures.style import PAPER, QUIET, SERIES, SHADE, SINGLE, method_style, spoken
@@ -48,7 +49,7 @@ class Quantity:
         low, high = (values.min(), values.max()) if values.size else DECADES
         return float(10 ** np.floor(np.log10(low))), float(10 ** np.ceil(np.log10(high)))
 
-    def place(self, values: np.ndarray) -> np.ndarray:
+    def place(self, values: ArrayLike) -> np.ndarray:
         """Where values are drawn; R2 below zero is beyond the axis."""
         values = np.asarray(values, float)
         if not self.is_r2:
@@ -215,7 +216,7 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
         return figure
     places = parts.LogAxis.of(errors["level"])
     places.prepare(axes, settings["label"])
-    said = {PAPER_METHOD: "", best_of_pysindy(errors): "best of pysindy: ",
+    said = {PAPER_METHOD: "", best_of_pysindy(errors) or "": "best of pysindy: ",
             ORACLES: "pysindy as the truth would set it: ", OURS: "ours: ", BOUND: ""}  # fmt: skip
     present = set(errors["method"])
     names = {k: text + method_style(k).label for k, text in said.items() if k in present}

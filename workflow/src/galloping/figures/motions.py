@@ -3,6 +3,7 @@ over two, and as identified models predict it at other wind speeds.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -19,8 +20,8 @@ from galloping.results import Reconstruction
 LAST = 0.1  # of the record, at its end, where single periods can be seen
 HEADROOM = 1.5  # of the true motion: what goes beyond is cut
 ROW = 0.68  # inches
-TRUE_LINE = {"color": style.TRUE, "lw": 2.0, "ls": "-"}
-MODEL_LINE = {"color": style.MODEL, "lw": 0.9, "ls": (0, (3, 1.5))}
+TRUE_LINE: dict[str, Any] = {"color": style.TRUE, "lw": 2.0, "ls": "-"}
+MODEL_LINE: dict[str, Any] = {"color": style.MODEL, "lw": 0.9, "ls": (0, (3, 1.5))}
 CASE_DASHES = ("-", (0, (4, 1.5)), (0, (1, 1)), "-.")
 
 
@@ -160,10 +161,10 @@ def draw_limit_cycles(
     figure, grids = parts.case_grids(list(settings["cases"]), 1, len(STATES), 0.9, 1.9)
     for row, (case, grid) in enumerate(grids.items()):
         own = {"case": case, "parameter": settings["parameter"]}
-        of_case = [parts.where(table, **own) for table in (cycles, bifurcations)]
+        of_case, its_bifurcations = (parts.where(each, **own) for each in (cycles, bifurcations))
         for column, (axes, direction) in enumerate(zip(grid[0], STATES, strict=True)):
             _title(axes, row * len(STATES) + column, STATES[direction])
-            _branches(axes, *of_case, direction)
+            _branches(axes, of_case, its_bifurcations, direction)
             axes.set(xlabel=settings["label"], xlim=(0, 1.03 * cycles["value"].max()))
         grid[0, 0].set_ylabel("amplitude, m")
         if settings["cases"][case]:
@@ -194,19 +195,21 @@ def _branches(axes: Axes, cycles: pd.DataFrame, bifurcations: pd.DataFrame, dire
         x, y = branch["value"].to_numpy(float), branch[name].to_numpy(float)
         stable = branch["stable"].astype(bool).to_numpy()
         looks = ((stable, "-", "stable"), (~stable, (0, (3, 1.5)), "unstable"))
-        for kept, look, label in looks:
+        for kept, line, label in looks:
             reached = kept | np.append(False, kept[:-1])  # up to the first point beyond a change
             if kept.any():
                 y_kept = np.where(reached, y, np.nan)
-                axes.plot(x, y_kept, color=style.MODEL, ls=look, lw=1.2, zorder=2, label=label)
+                axes.plot(x, y_kept, color=style.MODEL, ls=line, lw=1.2, zorder=2, label=label)
     simulated = cycles[is_simulated]
     irregular = simulated[simulated["kind"] == "irregular"]
     if len(irregular):
         ends = (irregular[f"{direction}_{end}_m"] for end in ("low", "high"))
         label = "its range, not repeating"
         axes.vlines(irregular["value"], *ends, color=style.PAPER, lw=1.2, label=label)
-    look = {"ls": "", "ms": 3, "mfc": "white", "mec": style.PAPER, "mew": 0.8, "zorder": 3}
-    axes.plot(simulated["value"], simulated[name], marker="o", label="long simulation", **look)
+    look: dict[str, Any] = {"ls": "", "ms": 3, "mfc": "white", "mec": style.PAPER, "mew": 0.8}
+    axes.plot(
+        simulated["value"], simulated[name], marker="o", label="long simulation", zorder=3, **look
+    )
     for kind, marker in MARKS.items():
         at = bifurcations[bifurcations["name"] == kind]
         if len(at):

@@ -3,14 +3,17 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib import rcParams
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter, NullLocator
+from numpy.typing import ArrayLike
 
 from galloping.figures.style import BAND, DOUBLE, FAINT, QUIET, STATE_LABELS, method_style, spoken
 
@@ -33,14 +36,19 @@ class ShownFigure(Figure):
 
 def nothing(axes: Axes, reason: str) -> None:
     """An empty panel that says why."""
-    hidden = {"bottom": False, "left": False, "labelbottom": False, "labelleft": False}
+    hidden: dict[str, Any] = {
+        "bottom": False,
+        "left": False,
+        "labelbottom": False,
+        "labelleft": False,
+    }
     axes.tick_params(which="both", **hidden)  # others may share the ticks themselves
     axes.spines[:].set_visible(False)
     axes.text(0.5, 0.5, reason, transform=axes.transAxes, ha="center", va="center", color=QUIET)
 
 
 def panels(
-    height: float, rows: int = 1, columns: int = 1, width: float = DOUBLE, **options: object
+    height: float, rows: int = 1, columns: int = 1, width: float = DOUBLE, **options: Any
 ) -> tuple[Figure, np.ndarray]:
     """A figure, its size in inches, and its panels (rows, columns)."""
     figure = ShownFigure(figsize=(width, height), layout="constrained")
@@ -155,7 +163,7 @@ def prepare_r2(
     axes: Axes, label: str, vertical: bool = True, ticks: Sequence[float] = R2_TICKS
 ) -> None:
     """An axis of `r2_place`, labelled in R2; vertical: the y axis, else the x axis."""
-    low, high = map(r2_place, R2_LIMITS)
+    low, high = (float(r2_place(each)) for each in R2_LIMITS)
     names = {R2_LIMITS[0]: f"≤ {R2_LIMITS[0]:g}", R2_LIMITS[1]: f"≥ {R2_LIMITS[1]:g}"}
     labels, limits = [names.get(r, f"{r:g}") for r in ticks], (low - 0.25, high + 0.25)
     axis = axes.yaxis if vertical else axes.xaxis
@@ -181,41 +189,42 @@ def series(
     its line alone.
     """
     style, look = method_style(method), line_look(method)
-    x, values = np.asarray(x, float), np.asarray(values, float)
-    inside, low, high = np.clip(values, *limits)
+    heights = np.asarray(values, float)
+    inside, low, high = np.clip(heights, *limits)
     if not style.marker:
         dash = "_" if len(x) == 1 else ""  # a line needs two points
         axes.plot(x, inside, **look | {"markersize": 14}, marker=dash, zorder=4.5)
         return
     axes.vlines(x, low, high, color=style.color, lw=0.9)
     axes.plot(x, inside, **look, zorder=2 + style.weight)
-    points(axes, x, values[0], limits, style.color, style.marker, look["markersize"])
+    points(axes, x, heights[0], limits, style.color, style.marker, look["markersize"])
 
 
 def points(
-    axes: Axes, x: Sequence[float], y: Sequence[float], limits: tuple[float, float],
+    axes: Axes, x: ArrayLike, y: ArrayLike, limits: tuple[float, float],
     color: str, marker: str, size: float,
 ) -> None:  # fmt: skip
     """Markers, those beyond the limits at the limit as open triangles."""
-    x, y = np.asarray(x, float), np.asarray(y, float)
-    look = {"ls": "", "mec": color, "mew": 0.7, "ms": size, "zorder": 5}
+    across, up = np.asarray(x, float), np.asarray(y, float)
+    look: dict[str, Any] = {"ls": "", "mec": color, "mew": 0.7, "ms": size, "zorder": 5}
     for chosen, own, face, label in (
-        ((y >= limits[0]) & (y <= limits[1]), marker, color, None),
-        (y < limits[0], "v", "white", BEYOND),
-        (y > limits[1], "^", "white", BEYOND),
+        ((up >= limits[0]) & (up <= limits[1]), marker, color, None),
+        (up < limits[0], "v", "white", BEYOND),
+        (up > limits[1], "^", "white", BEYOND),
     ):
         if chosen.any():
-            clipped = np.clip(y[chosen], *limits)
-            axes.plot(x[chosen], clipped, marker=own, mfc=face, label=label, **look)
+            clipped = np.clip(up[chosen], *limits)
+            axes.plot(across[chosen], clipped, marker=own, mfc=face, label=label, **look)
 
 
 def band(
-    axes: Axes, x: Sequence[float], low: Sequence[float], high: Sequence[float], label: str,
-    **look: object,
+    axes: Axes, x: ArrayLike, low: ArrayLike, high: ArrayLike, label: str | None,
+    **look: Any,
 ) -> None:  # fmt: skip
     """What lies between two curves, and dashes at their places where there is one place alone."""
-    axes.fill_between(x, low, high, **{"color": BAND, "lw": 0, "zorder": 1} | look, label=label)
-    if len(x) == 1:
+    ground: dict[str, Any] = {"color": BAND, "lw": 0, "zorder": 1}
+    axes.fill_between(x, low, high, **ground | look, label=label)
+    if np.size(x) == 1:
         axes.vlines(x, low, high, color=BAND, lw=8, zorder=1)
 
 
@@ -238,7 +247,7 @@ def dot(
     """
     median, low, high = np.clip(values, *limits)
     head = "<" if values[0] < limits[0] else ">" if values[0] > limits[1] else ""
-    axes.hlines(y, low, high, **{"color": color, "lw": 0.8} | (bar or {}))
+    axes.hlines(y, low, high, **{"color": color, "lw": 0.8, **(bar or {})})
     axes.plot(
         median, y, ls="", marker=head or marker, ms=size, mec=color, mew=0.7, zorder=4,
         mfc="white" if head else color, clip_on=not head,
@@ -282,9 +291,9 @@ def where(table: pd.DataFrame, **values: object) -> pd.DataFrame:
     return table
 
 
-def key(label: str, **look: object) -> Line2D:
+def key(label: str, **look: Any) -> Line2D:
     """An entry of a legend: a marker alone unless the look has a line."""
-    return Line2D([], [], **{"ls": ""} | look, label=label)
+    return Line2D([], [], label=label, **{"ls": "", **look})
 
 
 def method_keys(names: Sequence[str] | Mapping[str, str]) -> list[Line2D]:
@@ -297,16 +306,18 @@ def method_keys(names: Sequence[str] | Mapping[str, str]) -> list[Line2D]:
 
 
 def legend(
-    figure: Figure, *keys: object, columns: int = 5, loc: str = "outside upper center",
-    **options: object,
+    figure: Figure, *keys: Artist, columns: int = 5, loc: str = "outside upper center",
+    **options: Any,
 ) -> None:  # fmt: skip
     """The keys, and all that is labelled in any panel, each once."""
-    named = {entry.get_label(): entry for entry in keys}
+    named: dict[str, Any] = {str(entry.get_label()): entry for entry in keys}
     for axes in figure.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             named.setdefault(label, handle)
     if named.pop(BEYOND, None):
         named[BEYOND] = key(BEYOND, marker="v", mfc="white", mec="k", mew=0.7)
-    look = {"columnspacing": 1.4, "handlelength": 2.4} | options
+    look: dict[str, Any] = {"columnspacing": 1.4, "handlelength": 2.4} | options
     if named:
-        figure.legend(named.values(), named, loc=loc, ncols=columns, **look)
+        figure.legend(
+            handles=list(named.values()), labels=list(named), loc=loc, ncols=columns, **look
+        )

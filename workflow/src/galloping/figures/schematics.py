@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from math import comb
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -46,7 +47,7 @@ def arrow(
     )  # fmt: skip
 
 
-def _say(axes: Axes, *texts: tuple[float, float, str, str, str], **look: object) -> None:
+def _say(axes: Axes, *texts: tuple[float, float, str, str, str], **look: Any) -> None:
     """Texts, each by its place, its words and how they are aligned, across and upright."""
     for x, y, words, ha, va in texts:
         axes.text(x, y, words, ha=ha, va=va, **look)

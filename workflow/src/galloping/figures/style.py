@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import matplotlib.style
 from matplotlib.figure import Figure
@@ -31,7 +32,7 @@ STATE_LABELS = {"q_v": "$q_v$", "q_w": "$q_w$"}
 DIRECTIONS = {"q_v": "vertical", "q_w": "horizontal"}
 
 # Without the date and the version of the library. A PNG is packed in half the usual time.
-WRITTEN = {
+WRITTEN: dict[str, dict[str, Any]] = {
     "svg": {"metadata": {"Date": None, "Creator": None}},
     "png": {"metadata": {"Software": None}, "pil_kwargs": {"compress_level": 3}},
 }

@@ -2,6 +2,8 @@
 methods, and on lines that are not their own model.
 """
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -14,13 +16,18 @@ from galloping.results import OURS
 from galloping.tables.trial_summaries import METHODS
 
 STATUSES = ("ok", "not identifiable", "approximate", "refused")
-WHOLE = {"facecolor": "white", "edgecolor": QUIET, "linewidth": 0.7, "hatch": "////"}
-OTHERS = {  # published methods
+WHOLE: dict[str, Any] = {
+    "facecolor": "white",
+    "edgecolor": QUIET,
+    "linewidth": 0.7,
+    "hatch": "////",
+}
+OTHERS: dict[str, dict[str, Any]] = {  # published methods
     "odr_bindy": {"color": "#000000", "ls": "--", "marker": "s", "ms": 2.5},
     "jsindy": {"color": "#1f78b4", "ls": ":", "marker": "D", "ms": 2.5},
     "ensemble_weak_sindy": {"color": "#e69f00", "ls": "-.", "marker": "P", "ms": 2.5},
 }
-NOMINAL = {"color": "#8a8a8a", "lw": 0.8, "ls": ":"}
+NOMINAL: dict[str, Any] = {"color": "#8a8a8a", "lw": 0.8, "ls": ":"}
 ERRORS = {
     "frequency_v": "frequency, vertical",
     "amplitude_v": "amplitude, vertical",
@@ -48,7 +55,7 @@ def draw_trust(table: pd.DataFrame) -> Figure:
         places, shares = np.arange(len(STATUSES)), 100.0 / len(fits) * of_status.astype(float)
         axes.barh(places, shares["all"], height=0.6, **WHOLE)
         axes.barh(places, shares["right"], height=0.6, color=MODEL)
-        for place, row in zip(places, of_status.itertuples(), strict=True):
+        for place, row in zip(places.tolist(), of_status.itertuples(), strict=True):
             text = f"{row.right:d} of {row.all}" if row.all else "none"
             end = 100.0 / len(fits) * row.all + 1.5
             axes.text(end, place, text, va="center", size="small")

@@ -345,14 +345,17 @@ def observed(
     """
     load = {"aerodynamic": truth["aerodynamics"], "drag": truth["drag"]}
     line = continuous_line(case, truth["modes"], **load)
-    begun = [start[state] for state in STATES]
-    begun = release(line, begun[:2], begun[2:], antisymmetric=truth["antisymmetric"])
+    initial = [start[state] for state in STATES]
+    released = release(line, initial[:2], initial[2:], antisymmetric=truth["antisymmetric"])
     speed = wind(line, truth["gusts"], time, rng)
-    states = simulate(line, begun, time, speed)
+    states = simulate(line, released, time, speed)
     if not np.all(np.isfinite(states)):
         nowhere = np.full((len(time), len(STATES)), np.nan)
         return Motion(STATES, time, nowhere, nowhere, "diverged: not finite")
     winds = np.full(len(time), line.speed) if speed is None else speed
     rates = np.array([line.rates(*each) for each in zip(states, winds, strict=True)])
-    seen = (sensor_readings(line, each, truth["sensors"]) for each in (states, rates))
-    return Motion(STATES, time, *(first_modes(line, each, truth["sensors"])[:, 0] for each in seen))
+    seen, seen_rates = (
+        first_modes(line, sensor_readings(line, each, truth["sensors"]), truth["sensors"])[:, 0]
+        for each in (states, rates)
+    )
+    return Motion(STATES, time, seen, seen_rates)

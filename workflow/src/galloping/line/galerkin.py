@@ -7,7 +7,7 @@ from typing import Self
 
 import numpy as np
 
-from galloping.model.polynomial import PolynomialModel, term_name
+from galloping.model.polynomial import Exponents, PolynomialModel, term_name
 from galloping.results import Derived
 
 # --- the hanging line: sag, Irvine parameter, modes of a shallow cable ---
@@ -157,7 +157,7 @@ TERMS = {
     "kappa_9": (3, (0, 0, 3, 0)),
     "kappa_10": (3, (1, 2, 0, 0)),
 }
-SYMBOLS = {place: symbol for symbol, place in TERMS.items()}
+SYMBOLS: dict[tuple[int, Exponents], str] = {place: symbol for symbol, place in TERMS.items()}
 EQUATIONS = {2: "vertical", 3: "horizontal"}
 
 
@@ -172,7 +172,7 @@ def model(values: Mapping[str, float]) -> PolynomialModel:
     return PolynomialModel(STATES, terms, matrix)
 
 
-def symbol_of(row: int, exponents: tuple[int, ...]) -> str:
+def symbol_of(row: int, exponents: Exponents) -> str:
     """gamma_i or kappa_i of a term, or its name where the paper has no symbol for it."""
     return SYMBOLS.get((row, exponents)) or term_name(exponents, STATES)
 
@@ -227,7 +227,8 @@ def _linear(line: Line, own: ModeShape, strain: float) -> LinearMode:
     stiffness = line.tension * slope + line.bending_stiffness * curvature
     stiffness += line.axial_stiffness * line.span * strain**2
     quadratic = slope / (2 * line.span)
-    return LinearMode(*vars(own).values(), mass, sqrt(stiffness / mass), strain, quadratic)
+    shapes = own.shape, own.slope, own.curvature, own.at_spacers
+    return LinearMode(*shapes, mass, sqrt(stiffness / mass), strain, quadratic)
 
 
 def coefficients(case: Mapping) -> dict[str, float]:

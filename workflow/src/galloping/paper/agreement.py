@@ -31,7 +31,9 @@ STEADY_CHANGE = 0.01  # standard deviation of the relative change of a motion ca
 # What is printed of draws with noise. Bounds that others imply are left to the table of claims.
 PRINTED = tuple(c for c in CLAIMS if c.case == CASE and c.level > 0 and c.is_counted)
 NUMBERS = tuple(claim for claim in PRINTED if claim.is_number)
-GROUPS = {  # what is left out together to be predicted, by what columns of scores begin with
+GROUPS: dict[
+    str, str | tuple[str, ...]
+] = {  # what is left out together to be predicted, by what columns of scores begin with
     "coefficients": "mean_error",
     "amplitudes": "amplitude_error",
     "fits": "r2",

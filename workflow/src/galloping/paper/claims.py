@@ -18,7 +18,7 @@ import csv
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -125,7 +125,7 @@ class Claim:
 
 
 def _read_claims() -> tuple[Claim, ...]:
-    with files(__package__).joinpath("printed.csv").open(encoding="utf-8", newline="") as lines:
+    with Path(__file__).with_name("printed.csv").open(encoding="utf-8", newline="") as lines:
         rows = [
             {"name" if key == "claim" else key: value for key, value in row.items() if value}
             for row in csv.DictReader(lines)
@@ -178,7 +178,7 @@ def judge(claim: Claim, scores: pd.DataFrame) -> dict:
             )
         )
         return {**nothing, "draws": 0, "verdict": "not run", "reason": "the study lacks the draws"}
-    median, low, high = median_and_interval(values)
+    median, low, high = median_and_interval(values.tolist())
     number = claim.is_number
     with np.errstate(divide="ignore", invalid="ignore"):
         found = {

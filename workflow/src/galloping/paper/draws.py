@@ -5,9 +5,10 @@ what least squares sees of them. Where states are exact, the noise of the deriva
 through its projections on the library's columns: 35 normal numbers for each equation.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,7 +22,13 @@ from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import ReducedRegression
 from galloping.line.galerkin import coefficients, model
-from galloping.model.polynomial import Exponents, design_matrix, extend_library, polynomial_library
+from galloping.model.polynomial import (
+    Exponents,
+    PolynomialModel,
+    design_matrix,
+    extend_library,
+    polynomial_library,
+)
 from galloping.recording.measurement import Motion, channel_scale
 from galloping.results import IDENTIFIED, NOISE, SUBSET
 from galloping.streams import make_generator
@@ -163,7 +170,7 @@ class VelocityNoise(_Noise):
 
 
 # by name: how noise comes into the regression, and which of `channel_scale` a level is in units of
-PROTOCOLS = {
+PROTOCOLS: dict[str, tuple[Callable[..., DerivativeNoise | VelocityNoise], int]] = {
     "derivative": (DerivativeNoise, 1),
     "velocity": (VelocityNoise, 0),
     "smoothed velocity": (partial(VelocityNoise, has_smooth_rates=True), 0),
@@ -196,7 +203,9 @@ class Amounts:
         return cells + [(SUBSET, self.subset_level, points) for points in self.points]
 
 
-def line_motion(case: Mapping, duration: float, sampling_rate: float) -> tuple[Motion, object]:
+def line_motion(
+    case: Mapping, duration: float, sampling_rate: float
+) -> tuple[Motion, PolynomialModel]:
     """The motion of a case from its release, and the model that it is of."""
     line = model(coefficients(case))
     time = time_grid(duration, sampling_rate)
@@ -245,7 +254,7 @@ def paper_draws(
     return pd.DataFrame(rows).drop(columns=["method", "replicate"], errors="ignore")
 
 
-def identified(reduced: ReducedRegression, **options: object) -> IdentifiedModel:
+def identified(reduced: ReducedRegression, **options: Any) -> IdentifiedModel:
     """The paper's method on a regression. options: threshold and kinematics, as of `stlsq.raw`."""
     try:
         return stlsq.fit_raw(Regressions(reduced, reduced), path_length=PATH_LENGTH, **options)

@@ -8,6 +8,7 @@ amplitude.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numba
 import numpy as np
@@ -66,11 +67,12 @@ class QuickStudy:
         if method.kinematics == KNOWN:
             rows = [row for row in range(found.shape[1]) if row not in score.UNKNOWN]
             found[:, rows] = self.true.coefficients[rows]
-        columns = {
+        columns: dict[str, Any] = {
             name: np.repeat([cell[k] for cell in cells], count)
             for k, name in enumerate(("kind", "level", "points"))
         }
-        columns |= {"draw": np.tile(range(count), len(cells)), **self._errors(found)}
+        columns["draw"] = np.tile(range(count), len(cells))
+        columns.update(self._errors(found))
         is_whole = columns["points"] >= len(self.motion.time)
         moved = ~(is_whole & np.isin(columns["level"], unmoved_levels))
         table = pd.DataFrame(columns)

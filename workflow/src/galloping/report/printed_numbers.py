@@ -124,11 +124,11 @@ def rows(paper: pd.DataFrame) -> dict[str, list[PaperCell]]:
 
 def merged(cells: list[PaperCell]) -> PaperCell:
     """Return one cell for both directions of a statement, with what they have in common once."""
-    names = ("printed", "ours", "verdict", "reason")
-    return PaperCell(
-        *("; ".join(dict.fromkeys(getattr(cell, name) for cell in cells)) for name in names),
-        held=all(cell.holds for cell in cells),
-    )
+    texts = {
+        name: "; ".join(dict.fromkeys(getattr(cell, name) for cell in cells))
+        for name in ("printed", "ours", "verdict", "reason")
+    }
+    return PaperCell(**texts, held=all(cell.holds for cell in cells))
 
 
 def unheld(paper: pd.DataFrame) -> list[str]:

@@ -86,7 +86,7 @@ def _parse(path: Path) -> _Module:
     for node in (tree, *_statements(tree)):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):  # absolute: ruff refuses others; or of a module
+        elif isinstance(node, ast.ImportFrom) and node.module:  # absolute: ruff refuses others
             names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
         elif isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
             del node.body[0]

@@ -304,8 +304,8 @@ class Study:
 
     @cached_property
     def trials(self) -> tuple[Trial, ...]:
-        is_exam = self.settings.exam
-        return tuple(configured_trial(*each, is_exam) for each in self.settings.trials.items())
+        is_exam, trials = self.settings.exam, self.settings.trials
+        return tuple(configured_trial(name, of, is_exam) for name, of in trials.items())
 
     def trial(self, name: str) -> Trial:
         return next(each for each in self.trials if each.name == name)

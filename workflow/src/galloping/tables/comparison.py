@@ -230,7 +230,10 @@ def compare_study(
     summary: one row each for settings, processor and the tables, with `SUMMARY_COLUMNS`.
     differences: one row a difference beyond its tolerance, with `DIFFERENCE_COLUMNS`.
     """
-    parts, counts = {}, {name: {"verdict": NO_REFERENCE} for name in (SETTINGS, PROCESSOR, *tables)}
+    parts: dict[str, pd.DataFrame] = {}
+    counts: dict[str, dict[str, object]] = {
+        name: {"verdict": NO_REFERENCE} for name in (SETTINGS, PROCESSOR, *tables)
+    }
     if made is not None:
         for name in REASONS:
             sides = (each.settings if name == SETTINGS else {"name": each.processor}

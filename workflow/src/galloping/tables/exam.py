@@ -7,6 +7,7 @@ sqrt(sum(difference^2)) (R. A. Fisher's randomisation test; of yes and no Q. McN
 
 import json
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -133,7 +134,7 @@ def _sum_differences(rows: pd.DataFrame, measure: str) -> dict[str, float]:
     }
 
 
-def is_worse(difference: Mapping[str, object]) -> bool:
+def is_worse(difference: Mapping[str, Any]) -> bool:
     """Whether a row of `compare_measures` is significantly worse; work never is."""
     better = MEASURES[difference["measure"]]
     worse = difference["difference"] * better < 0.0
@@ -156,7 +157,7 @@ def find_changes(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(found, columns=[*KEYS, "change"])
 
 
-def _describe_changes(row: Mapping[str, object]) -> Iterator[str]:
+def _describe_changes(row: Mapping[str, Any]) -> Iterator[str]:
     """In words, of an answer and the same column with `_now`."""
     if row["status"] != row["status_now"]:
         yield f"{row['status']} -> {row['status_now']}"

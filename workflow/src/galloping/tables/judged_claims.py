@@ -64,14 +64,14 @@ def claims_table(
             if claim.case not in ("", case):
                 continue
             if claim.column.startswith((STEADY, ATTACK)):
-                if case in (trajectories or {}):
+                if trajectories and case in trajectories:
                     motion = trajectories[case][0]
                     wind = settings["winds"][case]
                     found = _measure_motion(motion, settings["steady_window"], wind)
                     rows.append(_row(claim, case, LINE, found))
                 continue
             for pair in map(tuple, settings["pairs"]):
-                if pair == PAPER and case in (draws or {}):
+                if pair == PAPER and draws and case in draws:
                     rows.append(_row(claim, case, pair, draws[case]))
                 elif claim.cell_kind in set(_of(scores, pair)["kind"]):  # else it cannot use them
                     own = _of(scores, pair)
@@ -203,7 +203,7 @@ def variation_rows(
             sides = (
                 [*coefficients(each).values(), *initial_state(each)] for each in (case, varied)
             )
-            is_own = np.allclose(*sides, rtol=1e-8, atol=1e-12)
+            is_own = np.allclose(next(sides), next(sides), rtol=1e-8, atol=1e-12)
         found = drawn
         if not is_own:
             found = paper_draws(varied, name=(name,), amounts=amounts, **other)

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from functools import reduce
 from operator import getitem
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -29,7 +30,9 @@ def conductor(settings: dict, region: pd.DataFrame | None = None) -> pd.DataFram
     ice = (row for name, case in study.cases.items() for row in _aerodynamic(name, plain(case.ice)))
     table = pd.concat([table, _table(ice)])
     table = table.sort_values("case", key=lambda of: of.map(list(study.cases).index), kind="stable")
-    for place, row in enumerate([] if region is None else table.to_dict("records")):
+    if region is None:
+        return table.reset_index(drop=True)
+    for place, row in enumerate(table.to_dict("records")):
         found = region[(region["key"] == row["key"]) & region["best"].notna()]
         value = np.nan if isinstance(row["value"], str) else float(row["value"])
         for low, high in found[["low", "high"]].to_numpy()[:1]:
@@ -74,7 +77,7 @@ def _of_case(name: str, values: dict) -> Iterator[tuple]:
                 yield name, key, symbol, item, node["unit"], *_source(node, i, item)
 
 
-def _source(node: dict, i: int, value: float | int | str) -> tuple[str, str]:
+def _source(node: dict, i: int, value: Any) -> tuple[str, str]:
     """Provenance and note of a value: a changed one is ours, and says what it stands in for."""
     default = node["default"]
     if isinstance(default, list):

@@ -166,8 +166,8 @@ def identifiability(
         table = pd.DataFrame({key: columns[key] for key in BOUNDED}, index=range(len(i)))
         parts.append(
             table.assign(
-                equation=[EQUATIONS[row] for row in i],
-                term=[model.term_names[column] for column in j],
+                equation=[EQUATIONS[row] for row in i.tolist()],
+                term=[model.term_names[column] for column in j.tolist()],
                 true=-model.coefficients[i, j],
                 bound=typical[i, j],
             )

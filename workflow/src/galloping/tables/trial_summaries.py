@@ -111,7 +111,7 @@ def published_intervals(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def _summed(
-    fits: pd.DataFrame, keys: list[str], summary: Callable[[pd.DataFrame], Mapping]
+    fits: pd.DataFrame, keys: list[str], summary: Callable[[pd.DataFrame], dict[str, object]]
 ) -> pd.DataFrame:
     return pd.DataFrame(
         dict(zip(keys, names, strict=True)) | summary(group)

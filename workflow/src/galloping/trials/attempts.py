@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import process_time
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ class Attempt:
     recording.
     """
 
-    columns: Mapping[str, object]
+    columns: Mapping[str, Any]
     true: PolynomialModel
     recording: Recording
     deviations: np.ndarray | None = None
@@ -40,7 +41,7 @@ class Attempt:
 
 
 def measured(
-    columns: Mapping[str, object], true: PolynomialModel, time: np.ndarray, states: np.ndarray
+    columns: Mapping[str, Any], true: PolynomialModel, time: np.ndarray, states: np.ndarray
 ) -> Attempt:
     """A motion (n, n_states) of a system, measured once as its columns say.
 
@@ -144,7 +145,7 @@ def counted_cost(recordings: Sequence[Recording]) -> Iterator[dict[str, float]]:
     cost |= {"work": work.spent, "seconds": process_time() - began}
 
 
-def describe_answer(found: IdentifiedModel) -> dict[str, str]:
+def describe_answer(found: IdentifiedModel) -> dict[str, object]:
     """Describe a model by columns of a table: status, findings, path and coefficients.
 
     findings: their codes. coefficients: see `coefficients_as_text`.
@@ -160,7 +161,8 @@ def coefficients_as_text(found: IdentifiedModel) -> str:
 
     An error that is not stated is null. A refused model has no equations.
     """
-    model, equations = found.model, {}
+    model = found.model
+    equations: dict[str, dict[str, list[float | None]]] = {}
     for i, j in np.argwhere(found.support):
         value, error = model.coefficients[i, j], found.standard_errors[i, j]
         stated = float(f"{error:.4g}") if np.isfinite(error) else None

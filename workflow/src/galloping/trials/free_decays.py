@@ -83,7 +83,8 @@ class FreeDecay:
 
 
 def _log_uniform(rng: np.random.Generator, ends: tuple[float, float], size: int | None = None):
-    return np.exp(rng.uniform(*np.log(ends), size))
+    low, high = np.log(ends)
+    return np.exp(rng.uniform(low, high, size))
 
 
 def _bound(time: np.ndarray, poles: np.ndarray, amplitudes: np.ndarray, noise: float) -> np.ndarray:

@@ -20,6 +20,7 @@ and the release over the amplitude that the motion ends with.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
@@ -29,6 +30,7 @@ from scipy.stats import multivariate_t
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
 from galloping.line.galerkin import coefficients
+from galloping.model.polynomial import PolynomialModel
 from galloping.paper import agreement
 from galloping.paper.draws import Amounts, line_motion
 from galloping.paper.quick import FARTHEST, SHARING, QuickStudy
@@ -214,6 +216,8 @@ def _judge(
 ) -> dict[str, float]:
     """A setting with its likelihood from fresh draws."""
     found = estimate(reading, {name: values[name] for name in NAMES}, draws, rng)
+    if found is None:
+        raise ValueError("the conditions of the reading exclude the setting")
     found.pop("draws")
     return {**{name: values[name] for name in NAMES}, **found}
 
@@ -258,7 +262,8 @@ def _try_settings(
     reading: Reading, proposal: Proposal, count: int, draws: int, rng: np.random.Generator
 ) -> tuple[list[dict], int]:
     """Settings of a proposal until `count` of them can be drawn from; how many were proposed."""
-    found, proposed = [], 0
+    found: list[dict] = []
+    proposed = 0
     while len(found) < count:
         proposed += 1
         point = proposal.draw(rng)
@@ -320,7 +325,7 @@ def _case(reading: Reading, values: Mapping[str, float], name: str) -> dict:
 
 def estimate(
     reading: Reading, values: Mapping[str, float], draws: int, rng: np.random.Generator
-) -> dict[str, object] | None:
+) -> dict[str, Any] | None:
     """Return the likelihood of a setting estimated from draws; None where a condition excludes it.
 
     log_likelihood: of all that is printed. without_NAME: of all but one of `agreement.GROUPS`. By
@@ -336,13 +341,13 @@ def estimate(
     attack = float(np.abs(motion.states[:, 2]).max() / values["wind_speed"])
     if attack > reading.attack_limit or (reading.steady and not max(changes) < MOST_CHANGE):
         return None
-    steady = agreement.log_steadiness(changes) if reading.steady else 0.0
+    steady = agreement.log_steadiness(np.array(changes)) if reading.steady else 0.0
     method = reading.method_at(values)
     study = QuickStudy(motion, line, AMOUNTS)
     scores = study.draw_scores(method, draws, rng, unmoved_levels=agreement.UNMOVED_LEVELS)
     claims = agreement.scores_by_claim(scores)
     factors = agreement.log_likelihoods(claims)
-    row = {
+    row: dict[str, Any] = {
         "change": max(changes),
         "attack": attack,
         "log_likelihood": sum(factors.values()) + steady,
@@ -357,7 +362,9 @@ def estimate(
     return row
 
 
-def _motion(reading: Reading, values: Mapping[str, float], case: str) -> tuple[Motion, object]:
+def _motion(
+    reading: Reading, values: Mapping[str, float], case: str
+) -> tuple[Motion, PolynomialModel]:
     return line_motion(_case(reading, values, case), AMOUNTS.duration, AMOUNTS.sampling_rate)
 
 

@@ -14,6 +14,7 @@ quadratic coefficient is zero or small, with noise of known size.
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -133,7 +134,9 @@ def exact_terms(
     system, step = SETTINGS[case]
     true = system.model
     time = step * np.arange(round(LONGEST[case] / step))
-    motion = Simulator(true.states, true.terms)(true, np.array(system.start, float), time).states
+    motion = Simulator(true.states, true.terms)(
+        true, np.array(system.start, np.float64), time
+    ).states
     for duration in durations:
         rows = slice(round(duration / step))
         for level in levels:
@@ -192,7 +195,7 @@ def relaxation_intervals(
                 }
 
 
-def _drawn(columns: Mapping[str, object]) -> tuple[int, str]:
+def _drawn(columns: Mapping[str, Any]) -> tuple[int, str]:
     """What the noise of a recording is drawn from: the seed and the names of the rest."""
     names = [f"{key} {value}" for key, value in columns.items() if key != "seed"]
     return columns["seed"], "/".join(names)

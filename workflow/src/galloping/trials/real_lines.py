@@ -5,7 +5,7 @@ along the span projected on the first modes, one at mid-span, or the modal state
 judged by what it says of the line: amplitude, frequencies, net damping, and forecasts.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -21,7 +21,7 @@ from galloping.model.polynomial import PolynomialModel, polynomial_library
 from galloping.model.terms import parse_library
 from galloping.recording.samples import Input, Recording
 from galloping.streams import make_generator
-from galloping.trajectory.simulation import Simulator
+from galloping.trajectory.simulation import Simulator, Trajectory
 from galloping.trials.attempts import identified_by
 
 CASE = "internal_resonance"
@@ -160,7 +160,10 @@ def answer(
 
 
 def forecast_r2(
-    model: PolynomialModel, states: np.ndarray, time: np.ndarray, simulator: Simulator
+    model: PolynomialModel,
+    states: np.ndarray,
+    time: np.ndarray,
+    simulator: Callable[..., Trajectory],
 ) -> float:
     """R2 of forecasts over FORECAST s from points along a motion (n, 4), mean over q_v and q_w."""
     length = round(FORECAST / (time[1] - time[0]))
@@ -200,7 +203,7 @@ def trial(
         rng = make_generator(seed, "model_error", case, *name)
         gusts = {**parameters["truth"]["gusts"], "intensity": truth.intensity}
         speed = continuous.wind(line, gusts, time, rng)
-        measured = {SPEED: Input(time, speed)} if truth.wind else {}
+        measured = {SPEED: Input(time, speed)} if truth.wind and speed is not None else {}
         return motion(parameters, line, truth, time, speed), measured, rng
 
     steady = combined(line, truth, motion(parameters, line, truth, time))

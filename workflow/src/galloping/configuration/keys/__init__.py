@@ -16,6 +16,7 @@ from typing import Any
 
 import yaml
 from pydantic import Field, create_model
+from pydantic.config import JsonDict
 
 from galloping import fields
 
@@ -33,7 +34,7 @@ with Path(__file__).with_name("keys.csv").open(encoding="utf-8", newline="") as 
     ROWS = list(csv.DictReader(file))
 
 
-def keys(section: str, doc: str | None = None, **types: Any) -> type[fields.Section]:
+def keys(section: str, doc: str | None = None, **types: Any) -> Any:
     """A section of the settings with the keys that the table has for it.
 
     doc: what the section is, where it needs no class with checks of its own. types: of the keys
@@ -41,11 +42,12 @@ def keys(section: str, doc: str | None = None, **types: Any) -> type[fields.Sect
     that is neither in the table nor what the type makes of nothing.
     """
     rows = [row for row in ROWS if row["section"] == section]
+    named_fields: dict[str, Any] = {row["key"]: _field(row, types) for row in rows}
     return create_model(
         f"{section.title().replace('_', '')}Section",
         __base__=fields.Section,
         __doc__=doc,
-        **{row["key"]: _field(row, types) for row in rows},
+        **named_fields,
     )
 
 
@@ -55,7 +57,8 @@ def _field(row: dict[str, str], types: dict[str, Any]) -> tuple[Any, Any]:
     if row["type"] == "section":
         return item, Field(default_factory=factory)
     kind = LISTS[row["list"]](item)
-    facts = {"unit": row["unit"]} | {name: row[name] for name in FACTS if row[name]}
+    facts: JsonDict = {"unit": row["unit"]}
+    facts |= {name: row[name] for name in FACTS if row[name]}
     default = {"default": yaml.safe_load(row["default"])} if row["default"] else {}
     return kind | None if row["null"] else kind, Field(
         **default or {"default_factory": factory},
