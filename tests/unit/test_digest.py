@@ -61,8 +61,8 @@ def package(tmp_path, monkeypatch):
 
 def forget():
     """As in another process."""
-    for cached in (digest.code, digest._parse, deferred.file_of, digest._with_requirements,
-                   digest._distribution):  # fmt: skip
+    for cached in (digest.code, digest._parse_module, deferred.file_of, digest._with_requirements,
+                   digest._find_distribution):  # fmt: skip
         cached.cache_clear()
     importlib.invalidate_caches()
 

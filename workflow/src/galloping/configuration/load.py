@@ -41,7 +41,7 @@ def load(mapping: dict) -> Settings:
     # A name that is not allowed is the one problem there is, whatever stands below it.
     bad_names = {location[:-1] for location in faults if location[-1:] == ("[key]",)}
     lines = dict.fromkeys(
-        _line(mapping, fault)
+        _describe_fault(mapping, fault)
         for location, fault in faults.items()
         if location[-1:] == ("[key]",)
         or not any(location[: len(name)] == name for name in bad_names)
@@ -63,13 +63,13 @@ def configured(configfiles: Iterable[str | Path]) -> Settings:
     Raises ConfigurationError for a mistake anywhere in them.
     """
     files = [read(file) for file in configfiles]
-    return load(merged(reduce(_overridden, files), files))
+    return load(merged(reduce(_override_sections, files), files))
 
 
-def _overridden(mapping: dict, over: dict) -> dict:
+def _override_sections(mapping: dict, over: dict) -> dict:
     """Sections merged and all else replaced, as Snakemake does."""
     both = {
-        key: _overridden(section, value)
+        key: _override_sections(section, value)
         for key, value in over.items()
         if isinstance(section := mapping.get(key), dict) and isinstance(value, dict)
     }
@@ -103,7 +103,7 @@ def ordered(mapping: dict, files: Sequence[dict]) -> dict:
     }
 
 
-def _line(mapping: dict, fault: ErrorDetails) -> str:
+def _describe_fault(mapping: dict, fault: ErrorDetails) -> str:
     """One line about one fault that pydantic found."""
     kind, location = fault["type"], fault["loc"]
     if kind in ("extra_forbidden", "invalid_key"):
@@ -112,19 +112,19 @@ def _line(mapping: dict, fault: ErrorDetails) -> str:
         return _bad_name(location[:-1])
     if kind == "missing":  # an item of a list of fixed length
         location = location[:-1]
-    path, value = _walk(mapping, location, default=fault["input"])
+    path, value = _locate_value(mapping, location, default=fault["input"])
     if kind == "invalid":
-        return f"{_dotted(path + fault['ctx']['below'])}: {fault['ctx']['text']}"
+        return f"{_join_keys(path + fault['ctx']['below'])}: {fault['ctx']['text']}"
 
-    node = _node(path)
+    node = _find_node(path)
     is_item = path != location
     limits = item(node) | {"unit": node["unit"]} if is_item else node
     if "enum" in limits:
         noun = str(path[-1]).removesuffix("s" if is_item else "").replace("_", " ")
         options = limits["enum"]
         return (
-            f"{_dotted(path)}: unknown {noun} {show(value)}{_hint(value, options) or ';'} "
-            f"allowed: {', '.join(options)}"
+            f"{_join_keys(path)}: unknown {noun} {show(value)}"
+            f"{_suggest_name(value, options) or ';'} allowed: {', '.join(options)}"
         )
     what = FAULTS.get(kind, "is not allowed")
     if isinstance(fault["input"], str) and kind in ("float_type", "int_type"):
@@ -132,41 +132,41 @@ def _line(mapping: dict, fault: ErrorDetails) -> str:
     if value is None and what == FAULTS["dict_type"]:
         what += " (write {} for its defaults)"
     must = "each must be" if is_item else "must be"
-    return f"{_dotted(path) or 'configuration'}: {show(value)} {what}; {must} {allowed(limits)}"
+    return f"{_join_keys(path) or 'configuration'}: {show(value)} {what}; {must} {allowed(limits)}"
 
 
 def _unknown_key(location: tuple) -> str:
     *parents, key = location
-    siblings = names(_node(parents))
+    siblings = names(_find_node(parents))
     elsewhere = {
         ".".join(parts[: parts.index(key) + 1])
         for parts in (path.split(".") for path, _ in leaves())
         if key in parts
     }
-    hint = _hint(key, siblings) or (
+    hint = _suggest_name(key, siblings) or (
         f"; did you mean {' or '.join(map(repr, sorted(elsewhere)))}?"
         if elsewhere
         else f"; allowed: {', '.join(siblings)}"
     )
-    return f"{_dotted(location)}: unknown key{hint}"
+    return f"{_join_keys(location)}: unknown key{hint}"
 
 
 def _bad_name(location: tuple) -> str:
     """A name that the user chose in a mapping of names."""
     *parents, name = location
-    node = _node(parents)
+    node = _find_node(parents)
     if options := names(node):
-        hint = _hint(name, options) or ";"
-        return f"{_dotted(location)}: unknown name{hint} allowed: {', '.join(options)}"
-    return f"{_dotted(location)}: {show(name)} is not allowed as a name; must be {node['rule']}"
+        hint = _suggest_name(name, options) or ";"
+        return f"{_join_keys(location)}: unknown name{hint} allowed: {', '.join(options)}"
+    return f"{_join_keys(location)}: {show(name)} is not allowed as a name; must be {node['rule']}"
 
 
-def _hint(name: object, options: list[str]) -> str:
+def _suggest_name(name: object, options: list[str]) -> str:
     near = get_close_matches(str(name).lower(), options, n=1)
     return f"; did you mean {near[0]!r}?" if near else ""
 
 
-def _walk(value: object, location: tuple, default: object) -> tuple[tuple, object]:
+def _locate_value(value: object, location: tuple, default: object) -> tuple[tuple, object]:
     """The keys of a location without list positions, and the value there as the user wrote it."""
     path = []
     for key in location:
@@ -178,13 +178,13 @@ def _walk(value: object, location: tuple, default: object) -> tuple[tuple, objec
     return tuple(path), value
 
 
-def _node(path: Iterable) -> dict:
+def _find_node(path: Iterable) -> dict:
     node = schema()
     for key in path:
         node = child(node, key)
     return node
 
 
-def _dotted(path: Iterable) -> str:
+def _join_keys(path: Iterable) -> str:
     keys = map(str, path)
     return ".".join(key if key and key.isprintable() else repr(key) for key in keys)

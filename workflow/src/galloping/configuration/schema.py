@@ -69,34 +69,38 @@ def leaves(node: dict | None = None, path: str = "") -> Iterator[tuple[str, dict
 def allowed(node: dict, with_unit: bool = True) -> str:
     """What a value may be, in words: `> 0 m`, `a whole number 1..10000`, `one of irvine, sine`."""
     unit = node.get("unit", "") if with_unit else ""
-    text = _type(node, "" if unit in ("", "1") else unit)
+    text = _describe_type(node, "" if unit in ("", "1") else unit)
     text = f"null or {text}" if "optional" in node else text
     return ", ".join(filter(None, (text, node.get("rule"))))
 
 
-def _type(node: dict, unit: str) -> str:
+def _describe_type(node: dict, unit: str) -> str:
     match node:
         case {"enum": options}:
             return f"one of {', '.join(options)}"
         case {"type": "array"}:
-            return f"a list of {_items(node)} {unit}".strip()
+            return f"a list of {_describe_items(node)} {unit}".strip()
         case {"type": "object", "additionalProperties": dict(value)}:
-            return f"a mapping of {', '.join(names(node))} to {_type(value, unit)}"
+            return f"a mapping of {', '.join(names(node))} to {_describe_type(value, unit)}"
         case {"type": "object", "properties": keys}:
             return f"a mapping of {', '.join(keys)}"
         case {"type": "object"}:
             return "a mapping of one or more names"
         case {"type": "integer"}:
-            return f"a whole number {_bounds(node)} {unit}".strip()
+            return f"a whole number {_describe_bounds(node)} {unit}".strip()
         case {"type": "number"}:
             in_unit = f" in {unit}" if unit else ""
-            return f"{bounds} {unit}".strip() if (bounds := _bounds(node)) else f"a number{in_unit}"
+            return (
+                f"{bounds} {unit}".strip()
+                if (bounds := _describe_bounds(node))
+                else f"a number{in_unit}"
+            )
         case {"type": "boolean"}:
             return "true or false"
     return "" if "rule" in node else "text"  # a rule says it all
 
 
-def _items(node: dict) -> str:
+def _describe_items(node: dict) -> str:
     one = item(node)
     if "enum" in one:
         return f"one or more of {', '.join(one['enum'])}"
@@ -104,10 +108,10 @@ def _items(node: dict) -> str:
     if "prefixItems" in node:
         count = f"{node['minItems']} "
     kind = {"integer": "whole numbers", "string": "texts"}.get(one["type"], "numbers")
-    return f"{count}{kind} {_bounds(one)}".strip()
+    return f"{count}{kind} {_describe_bounds(one)}".strip()
 
 
-def _bounds(node: dict) -> str:
+def _describe_bounds(node: dict) -> str:
     if "minimum" in node and "maximum" in node:
         return f"{node['minimum']:.12g}..{node['maximum']:.12g}"
     signs = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
@@ -128,12 +132,12 @@ def with_key_table(text: str) -> str:
     _, end, after = below.partition(END)
     if not (begin and end):
         raise ValueError(f"needs the two lines\n{BEGIN}\n{END}")
-    rows = [HEADER, ["---"] * len(HEADER), *(_cells(path, node) for path, node in leaves())]
+    rows = [HEADER, ["---"] * len(HEADER), *(_table_cells(path, node) for path, node in leaves())]
     table = "\n".join(f"| {' | '.join(cells)} |" for cells in rows)
     return f"{before}{BEGIN}\n\n{table}\n\n{END}{after}"
 
 
-def _cells(path: str, node: dict) -> list[str]:
+def _table_cells(path: str, node: dict) -> list[str]:
     default = json.dumps(node["default"]).replace('"', "")
     provenance = node.get("provenance", "")
     if note := node.get("note"):

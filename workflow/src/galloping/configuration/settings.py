@@ -37,7 +37,7 @@ class SpacersSection(SPACERS_KEYS):
 
     @field_validator("positions")
     @classmethod
-    def _increasing(cls, positions: tuple[float, ...]) -> tuple[float, ...]:
+    def _check_increasing(cls, positions: tuple[float, ...]) -> tuple[float, ...]:
         for before, after in pairwise(positions):
             if after <= before:
                 raise make_error(
@@ -355,7 +355,7 @@ class AssessmentSection(ASSESSMENT_KEYS):
     """What a line engineer asks of the lines: how far they gallop, and what stops them."""
 
 
-def _sweeps() -> dict[str, SweepSection]:
+def _default_sweeps() -> dict[str, SweepSection]:
     second = {"second": "tension", "second_values": (15000, 45000, 3000)}
     return {"wind": SweepSection(), "resonance": SweepSection(values=(4, 24, 2), **second)}
 
@@ -369,7 +369,7 @@ SETTINGS_KEYS: Any = keys(
     measurement=MeasurementSection,
     identification=Identification,
     recordings=dict[Name, RecordingsSection],
-    sweeps=(dict[Name, SweepSection], _sweeps),
+    sweeps=(dict[Name, SweepSection], _default_sweeps),
     assessment=AssessmentSection,
     trials=dict[Name, TrialSection],
     figures=keys("figures", "How figures are drawn."),
@@ -393,7 +393,7 @@ class Settings(SETTINGS_KEYS):
         return results
 
     @model_validator(mode="after")
-    def _whole(self) -> Self:
+    def _check_whole_study(self) -> Self:
         """Sections that are right in themselves must fit together."""
         if not (self.cases or self.trials):
             raise make_error(

@@ -201,7 +201,7 @@ def follow(problem: BranchProblem, start: Point, span: Range) -> Branch:
         last = points[-1]
         problem = problem.moved(last.solution)
         try:
-            point = _next(problem, last, step)
+            point = _next_point(problem, last, step)
         except NotConverged as failure:
             step /= 2
             if step < SMALLEST_STEP:
@@ -216,10 +216,10 @@ def follow(problem: BranchProblem, start: Point, span: Range) -> Branch:
                 return ended(False, f"continuation failed at the bound {bound:g}: {failure}")
         reason = problem.ended(point.solution)
         if not reason:
-            bifurcations += _bifurcations(problem, last, point, step)
+            bifurcations += _find_bifurcations(problem, last, point, step)
             if beyond:
                 reason = f"reached {bound:g}"
-            elif len(points) > 3 and _returned(start.solution, last.solution, point.solution):
+            elif len(points) > 3 and _has_returned(start.solution, last.solution, point.solution):
                 reason = "returned to its start"
         points.append(point)
         if reason:
@@ -228,7 +228,7 @@ def follow(problem: BranchProblem, start: Point, span: Range) -> Branch:
     return ended(False, f"stopped after {len(points)} points")
 
 
-def _next(problem: BranchProblem, last: Point, step: float) -> Point:
+def _next_point(problem: BranchProblem, last: Point, step: float) -> Point:
     """The point one step ahead. Raises NotConverged."""
     border = problem.metric * last.tangent
     guess = last.solution.vector + step * last.tangent
@@ -248,7 +248,7 @@ def _at_value(problem: BranchProblem, near: Point, value: float) -> Point:
     return point_at(problem, at, problem.metric * near.tangent)
 
 
-def _bifurcations(
+def _find_bifurcations(
     problem: BranchProblem, last: Point, point: Point, step: float
 ) -> list[Bifurcation]:
     """Bifurcations between two points, in order, each located along the step."""
@@ -256,7 +256,7 @@ def _bifurcations(
     for name, before in last.tests.items():
         if before * point.tests[name] < 0:
             try:
-                place, at = _located(problem, last, name, step)
+                place, at = _locate_zero(problem, last, name, step)
             except (NotConverged, ValueError):  # ValueError: the test jumps on the way
                 between.append((step, Bifurcation(name, point, located=False)))
             else:
@@ -265,14 +265,16 @@ def _bifurcations(
     return [bifurcation for _, bifurcation in sorted(between, key=lambda pair: pair[0])]
 
 
-def _located(problem: BranchProblem, last: Point, name: str, step: float) -> tuple[float, Point]:
+def _locate_zero(
+    problem: BranchProblem, last: Point, name: str, step: float
+) -> tuple[float, Point]:
     """Length along the last tangent and the point where a test vanishes."""
-    ahead = cache(lambda s: _next(problem, last, s) if s else last)
+    ahead = cache(lambda s: _next_point(problem, last, s) if s else last)
     root = brentq(lambda s: ahead(s).tests[name], 0.0, step, xtol=1e-9, rtol=1e-12, maxiter=60)
     return root, ahead(root)
 
 
-def _returned(start: Any, last: Any, now: Any) -> bool:
+def _has_returned(start: Any, last: Any, now: Any) -> bool:
     """Whether the branch passes its start between two solutions."""
     begin, end = last.value, now.value
     if begin == end or not min(begin, end) <= start.value <= max(begin, end):

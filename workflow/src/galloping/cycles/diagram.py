@@ -140,7 +140,7 @@ def diagram(
     failures: list[str] = []
     while queue:
         start = queue.pop(0)
-        if _passed(cycles.values(), start.value, start.period):
+        if _is_passed(cycles.values(), start.value, start.period):
             continue
         try:
             branches = start.follow()
@@ -150,7 +150,7 @@ def diagram(
         for side, branch in enumerate(branches, start=1):
             name = start.name if len(branches) == 1 else f"{start.name}, side {side}"
             cycles[name] = branch
-            queue += _leaving(family, branch, name, start.level, depth, span)
+            queue += _leaving_branches(family, branch, name, start.level, depth, span)
     return Diagram(family, equilibria, cycles, tuple(failures))
 
 
@@ -165,7 +165,7 @@ class _Start:
     period: float = np.nan
 
 
-def _leaving(
+def _leaving_branches(
     family: Family, branch: Branch, name: str, level: int, depth: int, span: Range
 ) -> Iterator[_Start]:
     """Branches that leave a branch, and the one on which a doubled branch ends."""
@@ -187,7 +187,7 @@ def _leaving(
             yield _Start(f"{name}, {kind} {k}", level + 1, branch_off, *known)
 
 
-def _passed(branches: Iterable[Branch], value: float, period: float) -> bool:
+def _is_passed(branches: Iterable[Branch], value: float, period: float) -> bool:
     """Whether a branch goes by an orbit of this period at this value of the parameter."""
     for branch in branches:
         for before, after in pairwise(branch.points):

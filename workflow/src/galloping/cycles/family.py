@@ -66,7 +66,7 @@ class Parameter:
         return own
 
 
-def _span(case: Mapping, value: float) -> dict:
+def _set_span(case: Mapping, value: float) -> dict:
     """The spacers keep their place relative to the span."""
     share = value / case["line"]["span"]
     positions = [share * position for position in case["spacers"]["positions"]]
@@ -77,7 +77,7 @@ def _span(case: Mapping, value: float) -> dict:
     }
 
 
-def _ice(direction: str, power: int, case: Mapping, value: float) -> dict:
+def _set_ice(direction: str, power: int, case: Mapping, value: float) -> dict:
     both = map(list, galerkin.ice_coefficients(case["ice"]))
     ice = dict(zip(("vertical", "horizontal"), both, strict=True))
     ice[direction][power - 1] = value
@@ -91,13 +91,13 @@ PARAMETERS = {
     "damping_ratio": Parameter("structural damping ratio", "1", _DAMPING),
     "damping_vertical": Parameter("vertical damping ratio", "1", _DAMPING[:1]),
     "damping_horizontal": Parameter("horizontal damping ratio", "1", _DAMPING[1:]),
-    "span": Parameter("span", "m", change=_span),
+    "span": Parameter("span", "m", change=_set_span),
     "spacer_mass": Parameter("mass of a spacer", "kg", (("spacers", "mass"),)),
     "bundle_dimension": Parameter("dimension of the bundle", "m", (("bundle", "dimension"),)),
     **{
         f"ice_{direction}_{power}": Parameter(
             f"{direction} aerodynamic coefficient of order {power}", "1",
-            change=partial(_ice, direction, power),
+            change=partial(_set_ice, direction, power),
         )
         for direction in ("vertical", "horizontal")
         for power in (1, 2, 3)

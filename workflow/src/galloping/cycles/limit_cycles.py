@@ -186,7 +186,9 @@ class CycleProblem(continuation.BranchProblem):
         # from derivatives by the parameter, where anything depends on it, and by the start
         chosen = np.vstack([np.eye(n + 2)[-1:][: len(free)], np.eye(n, n + 2)])
         while True:
-            states, moved, end, end_moved, truncation = _turn(compiled, unknowns[:n], period, steps)
+            states, moved, end, end_moved, truncation = _integrate_period(
+                compiled, unknowns[:n], period, steps
+            )
             if truncation < ACCURACY:
                 break
             steps *= 2
@@ -234,7 +236,7 @@ class CycleProblem(continuation.BranchProblem):
         return "ended at an equilibrium" if orbit.spread < VANISHED * self.largest else ""
 
 
-def _turn(compiled, start: np.ndarray, period: float, steps: int) -> tuple:
+def _integrate_period(compiled, start: np.ndarray, period: float, steps: int) -> tuple:
     """One period from `start` (n,): states at even phases, their derivatives by the parameter
     and the start, the same of the end, and the truncation error."""
     n, places = len(start), np.arange(max(1, PHASES // steps))
@@ -276,9 +278,9 @@ def from_branching(family: Family, at: Bifurcation, span: Range) -> tuple[Branch
     doubled = at.name == PERIOD_DOUBLING
     if doubled:
         states, change = (v[:-2].reshape(PHASES, -1) for v in (orbit.vector, tangent))
-        tangent = np.append(_twice(change).ravel(), tangent[-2:] * (2, 1))
+        tangent = np.append(_repeat_orbit(change).ravel(), tangent[-2:] * (2, 1))
         orbit = replace(
-            orbit, states=_twice(states), period=2 * orbit.period, steps=2 * orbit.steps
+            orbit, states=_repeat_orbit(states), period=2 * orbit.period, steps=2 * orbit.steps
         )
     problem = CycleProblem.about(family, orbit, span.longest, span.ceiling)
     linearised = problem.linearise(problem.unknowns(orbit.vector))
@@ -293,7 +295,7 @@ def from_branching(family: Family, at: Bifurcation, span: Range) -> tuple[Branch
     return tuple(branches)
 
 
-def _twice(states: np.ndarray) -> np.ndarray:
+def _repeat_orbit(states: np.ndarray) -> np.ndarray:
     """Two turns of an orbit at as many phases (PHASES, n_states)."""
     return np.tile(states[::2], (2, 1))
 
@@ -318,22 +320,22 @@ def settled(
 ) -> Point:
     """The limit cycle on which a motion has settled, as in `from_motion`."""
     orbit = _last_turn(time, states, value, family.sizes)
-    point = _corrected(family, orbit, resolution)
-    if (turns := _turns(point.solution)) <= 1:
+    point = _correct_orbit(family, orbit, resolution)
+    if (turns := _count_turns(point.solution)) <= 1:
         return point
     orbit = point.solution
     once = orbit.at(np.arange(PHASES) / PHASES / turns)
     orbit = replace(orbit, states=once, period=orbit.period / turns, value=value)
-    return _corrected(family, orbit, resolution)
+    return _correct_orbit(family, orbit, resolution)
 
 
-def _corrected(family: Family, orbit: Orbit, resolution: float) -> Point:
+def _correct_orbit(family: Family, orbit: Orbit, resolution: float) -> Point:
     """The limit cycle near an orbit, at its value of the parameter."""
     problem = CycleProblem.about(family, orbit, resolution)
     return continuation.first(problem, orbit.vector, problem.along_parameter())
 
 
-def _turns(orbit: Orbit) -> int:
+def _count_turns(orbit: Orbit) -> int:
     """How often an orbit goes round in its period: what all its harmonics are multiples of; zero
     where it rests.
 

@@ -115,7 +115,7 @@ def split(
     fixed = np.where(support, 0.0, first.coefficients)
     for state, ratio in (damping or {}).items():
         i = first.states.index(state)
-        fixed[i, own[i]] = -2 * ratio * np.sqrt(_stiffness(identified, i))
+        fixed[i, own[i]] = -2 * ratio * np.sqrt(_squared_frequency(identified, i))
     entries, powers = [], []
     for i, j in np.argwhere(support).tolist():
         # only equations of motion hold loads; d(q)/dt = dq does not depend on the wind
@@ -128,7 +128,7 @@ def split(
     return _least_squares(identified, winds, fixed, np.array(entries), np.array(powers, float))
 
 
-def _stiffness(identified: Sequence[Identified], equation: int) -> float:
+def _squared_frequency(identified: Sequence[Identified], equation: int) -> float:
     """Square of the natural frequency of an equation of motion, rad^2/s^2."""
     model = identified[0].model
     position = model.states.index(model.states[equation][1:])
@@ -278,11 +278,11 @@ def near(
             change = model.coefficients - best.coefficients
             ways = [[replace(best, coefficients=best.coefficients + share * change)
                      for share in shares] for shares in WAY]  # fmt: skip
-        found.append(next((end for way in ways if (end := _followed(way, orbit))), None))
+        found.append(next((end for way in ways if (end := _follow_models(way, orbit))), None))
     return [end for end in found if end]
 
 
-def _followed(models: Sequence[PolynomialModel], orbit: Orbit) -> Orbit | None:
+def _follow_models(models: Sequence[PolynomialModel], orbit: Orbit) -> Orbit | None:
     """The limit cycle of the last model, from one model's to the next; None where it has none."""
     found = orbit
     with suppress(NotConverged):

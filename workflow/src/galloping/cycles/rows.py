@@ -60,9 +60,9 @@ def settled_line(case: Mapping, simulator: Simulator, watch: Watch = SPAN) -> Se
 def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:
     """Every limit cycle of a diagram; label: of the case, name: of the parameter."""
     return [
-        _place(label, name, along.family.unit, point.solution.value)
+        _place_columns(label, name, along.family.unit, point.solution.value)
         | {"branch": branch, "point": k, "stable": point.stability.stable}
-        | _size(point.solution)
+        | _size_columns(point.solution)
         | {"largest_multiplier": point.stability.largest}
         | {"trivial_defect": point.stability.trivial_defect}
         for branch, cycles in along.cycles.items()
@@ -70,12 +70,12 @@ def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:
     ]
 
 
-def _size(orbit: Orbit) -> dict:
+def _size_columns(orbit: Orbit) -> dict:
     v, w = orbit.half_range()[:2]
     return {"v_m": float(v), "w_m": float(w), "period_s": float(orbit.period)}
 
 
-def _place(label: str, name: str, unit: str, value: float) -> dict:
+def _place_columns(label: str, name: str, unit: str, value: float) -> dict:
     return {"case": label, "parameter": name, "unit": unit, "value": float(value)}
 
 
@@ -84,7 +84,10 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
     rows = []
 
     def row(branch: str, value: float, what: str, **further: Any) -> None:
-        place = _place(label, name, along.family.unit, value) | {"branch": branch, "name": what}
+        place = _place_columns(label, name, along.family.unit, value) | {
+            "branch": branch,
+            "name": what,
+        }
         nothing = {"located": True, "closed_form": np.nan, "v_m": 0.0, "w_m": 0.0}
         rows.append(place | nothing | {"period_s": np.nan, "note": ""} | further)
 
@@ -104,7 +107,7 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
     for branch, cycles in along.cycles.items():
         for b in cycles.bifurcations:
             orbit = b.point.solution
-            row(branch, orbit.value, b.name, located=b.located, **_size(orbit))
+            row(branch, orbit.value, b.name, located=b.located, **_size_columns(orbit))
         end(branch, cycles)
     for failure in along.failures:
         row(failure.partition(":")[0], np.nan, "end", located=False, note=failure)
@@ -117,14 +120,14 @@ def simulation_rows(
     """The long simulation of a case from its initial state at each value of a parameter."""
     varied = parameter(name)
     return [
-        _place(label, name, varied.unit, value)
+        _place_columns(label, name, varied.unit, value)
         | {"branch": SIMULATION}
-        | _motion(settled_line(varied.at(case, value), simulator))
+        | _motion_columns(settled_line(varied.at(case, value), simulator))
         for value in values
     ]
 
 
-def _motion(motion: Settled) -> dict:
+def _motion_columns(motion: Settled) -> dict:
     v, w = motion.half_range[:2]
     ends = {
         f"{axis}_{end}_m": float(of[k])
@@ -155,7 +158,7 @@ def map_rows(
             "case": label, "x_parameter": x_name, "x_unit": x_parameter.unit, "x": x,
             "y_parameter": y_name, "y_unit": y_parameter.unit, "y": y,
             "frequency_ratio": vertical.frequency / horizontal.frequency,
-            **_motion(settled_line(varied, simulator)),
+            **_motion_columns(settled_line(varied, simulator)),
         })  # fmt: skip
     return rows
 

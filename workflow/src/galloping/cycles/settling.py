@@ -60,10 +60,10 @@ def settle(
     count = round(watch.window * watch.rate)
     times = watch.duration - watch.window + np.arange(1, count + 1) / watch.rate
     trajectory = simulator(model, np.asarray(x0, float), np.append(0.0, times))
-    return _judged(trajectory.time[1:], trajectory.states[1:], trajectory.status, watch)
+    return _judge_window(trajectory.time[1:], trajectory.states[1:], trajectory.status, watch)
 
 
-def _judged(time: np.ndarray, states: np.ndarray, status: str, watch: Watch) -> Settled:
+def _judge_window(time: np.ndarray, states: np.ndarray, status: str, watch: Watch) -> Settled:
     """What a window of a motion is. status: of its simulation."""
     pieces = np.array_split(states, max(1, round(watch.window / watch.piece)))
     ranges = np.array([np.ptp(piece, axis=0) / 2 for piece in pieces])
@@ -193,7 +193,7 @@ def settle_in_periods(
             moved = np.ptp(trajectory.states[: len(pieces[0]) + 1], axis=0) / 2.0
             size = np.maximum(sizes, np.nan_to_num(moved)) + np.finfo(float).tiny
         watch = Watch(window, window, PIECE * pace.slow, rate, DIED_OUT * size)
-        motion = _judged(trajectory.time[1:], states, status, watch)
+        motion = _judge_window(trajectory.time[1:], states, status, watch)
         grows = bool(np.any(last > np.maximum((1.0 + STEADY) * first, ROUNDING * size)))
         settled = motion.kind == "cycle" and number >= TRANSIENT
         if motion.kind == "rest" and grows:

@@ -101,7 +101,10 @@ def ranked_releases(
         return []
     simulator = Simulator(line.states, line.terms)
     free = cramer_rao.free_terms(line, tuple(EQUATIONS))
-    before, rows = cramer_rao.information(line, free, _noisy(first.time, first.states, level)), []
+    before, rows = (
+        cramer_rao.information(line, free, _noisy_states(first.time, first.states, level)),
+        [],
+    )
     for state, height in product(("q_v", "q_w"), heights):
         start = first.states[0].copy()
         start[line.states.index(state)] = height
@@ -109,7 +112,9 @@ def ranked_releases(
         if motion.status != "ok":
             continue
         try:
-            added = cramer_rao.information(line, free, _noisy(first.time, motion.states, level))
+            added = cramer_rao.information(
+                line, free, _noisy_states(first.time, motion.states, level)
+            )
         except ValueError:  # the line diverges
             continue
         bound = cramer_rao.bound_of(line, free, before + added)
@@ -125,5 +130,5 @@ def ranked_releases(
     return sorted(rows, key=lambda row: -row["weakest_t"])
 
 
-def _noisy(time: np.ndarray, states: np.ndarray, level: float) -> Experiment:
+def _noisy_states(time: np.ndarray, states: np.ndarray, level: float) -> Experiment:
     return Experiment(states[0], time, level * states.std(axis=0))

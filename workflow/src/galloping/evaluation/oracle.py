@@ -31,7 +31,7 @@ def oracles(true: PolynomialModel, models: Sequence[np.ndarray]) -> tuple[np.nda
     finds them, with the lowest error among those.
     """
     least, right = np.empty_like(true.coefficients), np.empty_like(true.coefficients)
-    for i, (candidates, weights) in enumerate(zip(models, _weights(true), strict=True)):
+    for i, (candidates, weights) in enumerate(zip(models, _error_weights(true), strict=True)):
         errors = np.abs(candidates - true.coefficients[i]) @ weights
         exact = np.all((candidates != 0) == true.support[i], axis=1)
         least[i] = candidates[np.argmin(errors)]
@@ -39,7 +39,7 @@ def oracles(true: PolynomialModel, models: Sequence[np.ndarray]) -> tuple[np.nda
     return least, right
 
 
-def _weights(true: PolynomialModel) -> np.ndarray:
+def _error_weights(true: PolynomialModel) -> np.ndarray:
     """(n_states, n_terms) of each absolute error in the mean over orders of relative errors."""
     degree = np.array([sum(term) for term in true.terms])
     judged = true.support.copy()
@@ -68,7 +68,7 @@ def oracle_rows(
     regressed = {"stlsq": thresholds, "frols": frols.models_along}
     ways = ((evidence.reduce, regressed), (evidence.reduce_weakly, {"weak": thresholds}))
     for (replicate, recordings), (make, paths) in product(enumerate(replicates), ways):
-        for method, chosen in _chosen(truth.model, recordings, make, paths):
+        for method, chosen in _choose_candidates(truth.model, recordings, make, paths):
             for choice, model in zip(CHOICES, chosen, strict=True):
                 named.append({"choice": choice, "method": method, "replicate": replicate})
                 models.append(model)
@@ -80,7 +80,7 @@ def oracle_rows(
     ]
 
 
-def _chosen(
+def _choose_candidates(
     true: PolynomialModel,
     recordings: Sequence[Recording],
     make: Callable[..., Regressions],

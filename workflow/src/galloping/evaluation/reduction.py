@@ -66,18 +66,20 @@ def variant_motion(
     start = initial_state(case)
     state = continuous.release(line, start[:2], start[2:], antisymmetric=variant.antisymmetric)
     gusts = {"intensity": variant.intensity, "length_scale": length_scale, "spectrum": spectrum}
-    speed = continuous.wind(line, gusts, _time(), make_generator(seed, "reduction", "gusts"))
-    return _motion(line, state, speed)
+    speed = continuous.wind(
+        line, gusts, _sample_times(), make_generator(seed, "reduction", "gusts")
+    )
+    return _simulate_release(line, state, speed)
 
 
-def _time() -> np.ndarray:
+def _sample_times() -> np.ndarray:
     return np.arange(LIMIT_CYCLE[1] * RATE + 1) / RATE
 
 
-def _motion(
+def _simulate_release(
     line: continuous.Span, start: np.ndarray, speed: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    states = continuous.simulate(line, start, _time(), speed, STEP)
+    states = continuous.simulate(line, start, _sample_times(), speed, STEP)
     displacements = continuous.sensor_readings(line, states, continuous.QUARTERS)[..., :2]
     left, middle, right = np.moveaxis(displacements, 1, 0)
     return middle, (left - right) / 2.0
@@ -93,10 +95,10 @@ def reduction(case: Mapping, motions: Mapping[str, tuple[np.ndarray, np.ndarray]
     falls out of step. antisymmetric_m, the amplitude of the limit cycle at a quarter of the span
     in antisymmetric modes, is what the two-mode model cannot see.
     """
-    model = _motion(continuous.continuous_line(case, 0), np.array(initial_state(case)))
-    of_model, tables = _described(*model), []
+    model = _simulate_release(continuous.continuous_line(case, 0), np.array(initial_state(case)))
+    of_model, tables = _describe_motion(*model), []
     for name, motion in {"two modes": model, **motions}.items():
-        own = _described(*motion)
+        own = _describe_motion(*motion)
         row: dict[str, object] = {"line": name, "direction": DIRECTIONS}
         for quantity in ("amplitude_m", "frequency_hz", "limit_cycle_m"):
             ratio = of_model[quantity] / own[quantity]
@@ -105,19 +107,19 @@ def reduction(case: Mapping, motions: Mapping[str, tuple[np.ndarray, np.ndarray]
             error = f"{quantity.rsplit('_', 1)[0]}_error_percent"
             row[error] = 100.0 * (ratio - 1.0) if common else np.nan
         for begin, end in WINDOWS:
-            part = _between(begin, end)
+            part = _samples_between(begin, end)
             row[f"r2_{begin}_{end}_s"] = r_squared(motion[0][part], model[0][part])
         tables.append(pd.DataFrame({**row, "antisymmetric_m": own["antisymmetric_m"]}))
     return pd.concat(tables, ignore_index=True)
 
 
-def _between(begin: float, end: float) -> np.ndarray:
-    return (_time() >= begin) & (_time() <= end)
+def _samples_between(begin: float, end: float) -> np.ndarray:
+    return (_sample_times() >= begin) & (_sample_times() <= end)
 
 
-def _described(mid_span: np.ndarray, antisymmetric: np.ndarray) -> dict[str, np.ndarray]:
+def _describe_motion(mid_span: np.ndarray, antisymmetric: np.ndarray) -> dict[str, np.ndarray]:
     """Amplitude, frequency, limit cycle and antisymmetric motion, (2,) each."""
-    steady, settled = _between(*STEADY), _between(*LIMIT_CYCLE)
+    steady, settled = _samples_between(*STEADY), _samples_between(*LIMIT_CYCLE)
     return {
         "amplitude_m": steady_amplitude(mid_span[steady]),
         "frequency_hz": steady_frequency(mid_span[steady], 1.0 / RATE),

@@ -61,15 +61,15 @@ class Truth:
     @cached_property
     def amplitude(self) -> np.ndarray:
         """Steady amplitude of each displacement, m; NaN where the line does not gallop."""
-        return np.where(gallops(self.model), steady_amplitude(self._steady), np.nan)
+        return np.where(gallops(self.model), steady_amplitude(self._steady_rows), np.nan)
 
     @cached_property
     def frequency(self) -> np.ndarray:
         """Steady frequency of each displacement, Hz."""
-        return steady_frequency(self._steady, self.step)
+        return steady_frequency(self._steady_rows, self.step)
 
     @property
-    def _steady(self) -> np.ndarray:
+    def _steady_rows(self) -> np.ndarray:
         return self.states[self.steady_rows][:, list(DISPLACEMENT_COLUMNS.values())]
 
 
@@ -108,8 +108,8 @@ def score(
     )
     whole = r_squared(true, moved)
     steady = r_squared(true[truth.steady_rows], steady_moved)
-    amplitude = _relative(steady_amplitude, truth.amplitude, steady_moved)
-    frequency = _relative(
+    amplitude = _relative_error(steady_amplitude, truth.amplitude, steady_moved)
+    frequency = _relative_error(
         lambda states: steady_frequency(states, truth.step), truth.frequency, steady_moved
     )
     for k, name in enumerate(DISPLACEMENT_COLUMNS):
@@ -122,7 +122,7 @@ def score(
     return {"motion": motion.status, "verdict": result.verdict, **numbers}
 
 
-def _relative(measure, expected: np.ndarray, model: np.ndarray) -> np.ndarray:
+def _relative_error(measure, expected: np.ndarray, model: np.ndarray) -> np.ndarray:
     """Relative error of a steady quantity, inf where the motion ended early."""
     if not np.all(np.isfinite(model)):
         return np.where(np.isnan(expected), np.nan, np.inf)

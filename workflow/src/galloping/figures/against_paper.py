@@ -51,7 +51,7 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
         if row.high > limits[1]:
             left.plot(limits[1], k, ">", color=OURS, ms=4, clip_on=False)
         left.plot(row.printed, k, "*", color=style.PAPER, ms=8, mew=0, zorder=5)
-    parts.rows(left, [_short(name) for name in numbers["claim"]], lines=False)
+    parts.rows(left, [_shorten_claim(name) for name in numbers["claim"]], lines=False)
     parts.letter(right, 1, "share that keeps a bound")
     columns = ["share_of_draws", "share_low", "share_high"]
     shares, low, high = 100 * bounds[columns].to_numpy(float).T
@@ -63,7 +63,7 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
     right.set(xlim=(0, 112), xticks=[0, 25, 50, 75, 100], xlabel="share of the realisations, %")
     names = zip(bounds["claim"], bounds["printed"], strict=True)
     parts.rows(
-        right, [_short(name.replace("R2", f"R2 ≥ {bound:g}", 1)) for name, bound in names],
+        right, [_shorten_claim(name.replace("R2", f"R2 ≥ {bound:g}", 1)) for name, bound in names],
         lines=False,
     )  # fmt: skip
     star = parts.key("printed in the paper", marker="*", color=style.PAPER, ms=8, mew=0)
@@ -82,7 +82,7 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
     return figure
 
 
-def _short(name: str) -> str:
+def _shorten_claim(name: str) -> str:
     for long, short in (("mean error of ", ""), ("amplitude error", "amplitude"),
                         (" (first abstract)", ", abstract")):  # fmt: skip
         name = name.replace(long, short)
@@ -120,7 +120,7 @@ def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:
         end = powers[k] + 2 * row.standard_error
         right.text(end + 0.15, k, row.verdict, va="center", size="small",
                    bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5})  # fmt: skip
-    parts.rows(right, list(map(_symbols, readings["reading"])), lines=False)
+    parts.rows(right, list(map(_typeset_reading, readings["reading"])), lines=False)
     right.set(xlim=(min(LEAST_SHOWN, powers.min() - 1), max(2.0, powers.max() + 4.0)),
               xlabel="$\\log_{10}$ of the relative evidence")  # fmt: skip
     parts.legend(figure)
@@ -131,6 +131,6 @@ def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:
     return figure
 
 
-def _symbols(reading: str) -> str:
+def _typeset_reading(reading: str) -> str:
     """The name of a reading with its coefficients as symbols: `beta2 minus 0.1` as beta_2 -0.1."""
     return re.sub(r"\b(beta|eta)(\d)", r"$\\\1_\2$", reading.replace("minus ", "\N{MINUS SIGN}"))

@@ -20,7 +20,7 @@ WIDEST = (-0.5, 2.5)  # of identified / true
 APART = 0.3  # between the symbols of one term
 
 
-def _greek(symbol: str) -> str:
+def _typeset_symbol(symbol: str) -> str:
     """gamma_10 as a symbol."""
     letter, _, number = symbol.partition("_")
     return f"$\\{letter}_{{{number}}}$"
@@ -59,19 +59,19 @@ def draw_coefficients(
     figure, ((above,), (below,)) = parts.panels(3.0, 2, width=SINGLE, height_ratios=(1, 1.2))
     possible = len(EQUATIONS) * len(terms) - len(true)
     realisations = replace_cells(table, draws, settings)
-    _false_terms(above, realisations, possible, settings["label"])
-    reach = 1.1 * max(0.02, *(np.nanmax(np.abs(_ratio(each) - 1)) for each in found))
+    _draw_false_terms(above, realisations, possible, settings["label"])
+    reach = 1.1 * max(0.02, *(np.nanmax(np.abs(_divide_by_truth(each) - 1)) for each in found))
     limits = max(WIDEST[0], 1 - reach), min(WIDEST[1], 1 + reach)
     parts.letter(below, 1, "coefficients over their true values")
     below.axhline(1, color=TRUE, lw=0.8)
     for k, (level, each) in enumerate(zip(levels, found, strict=True)):
         x = np.arange(len(true)) + APART * (k - (len(levels) - 1) / 2)
-        _ratios(below, x, each, limits, *SERIES[2 * k % len(SERIES)], f"noise {level:g}")
+        _draw_ratios(below, x, each, limits, *SERIES[2 * k % len(SERIES)], f"noise {level:g}")
     vertical = (true["equation"] == EQUATIONS[min(EQUATIONS)]).sum()
     below.axvline(vertical - 0.5, color=QUIET, lw=0.6)
     margin = 0.06 * (limits[1] - limits[0])
     below.set(ylim=(limits[0] - margin, limits[1] + margin), ylabel="identified / true")
-    below.set_xticks(range(len(true)), list(map(_greek, true["symbol"])), fontsize="small")
+    below.set_xticks(range(len(true)), list(map(_typeset_symbol, true["symbol"])), fontsize="small")
     parts.legend(figure, columns=3, title="coefficients in (b)")
     medians = realisations.groupby("level")["spurious"].median()
     medians = medians[medians.index > 0]
@@ -80,7 +80,7 @@ def draw_coefficients(
     return figure
 
 
-def _false_terms(axes: Axes, scores: pd.DataFrame, possible: int, label: str) -> None:
+def _draw_false_terms(axes: Axes, scores: pd.DataFrame, possible: int, label: str) -> None:
     """Median and 5th to 95th percentile of the number of false terms against the noise level."""
     parts.letter(axes, 0, f"false terms, of {possible} possible ones")
     noisy = scores[scores["level"] > 0]
@@ -94,7 +94,7 @@ def _false_terms(axes: Axes, scores: pd.DataFrame, possible: int, label: str) ->
     axes.set(ylim=(-0.04 * possible, 1.08 * possible), ylabel="false terms")
 
 
-def _ratio(table: pd.DataFrame) -> np.ndarray:
+def _divide_by_truth(table: pd.DataFrame) -> np.ndarray:
     """Median and interval over the true value, sorted: (n_terms, 3)."""
     true = table[table["true"] != 0]
     ratio = true[["identified", "low", "high"]].to_numpy(float) / true[["true"]].to_numpy(float)
@@ -102,12 +102,12 @@ def _ratio(table: pd.DataFrame) -> np.ndarray:
     return ratio
 
 
-def _ratios(
+def _draw_ratios(
     axes: Axes, x: np.ndarray, terms: pd.DataFrame, limits: tuple, color: str, marker: str,
     label: str,
 ) -> None:  # fmt: skip
     """terms: of both equations, over all realisations at one level."""
-    _, lows, highs = np.clip(_ratio(terms), *limits).T
+    _, lows, highs = np.clip(_divide_by_truth(terms), *limits).T
     axes.vlines(x, lows, highs, color=color, lw=1.2)
-    parts.points(axes, x, _ratio(terms)[:, 0], limits, color, marker, 3.5)
+    parts.points(axes, x, _divide_by_truth(terms)[:, 0], limits, color, marker, 3.5)
     axes.plot([], [], ls="-", color=color, marker=marker, label=label)

@@ -53,7 +53,7 @@ def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapp
     reach = 1.35 * max(np.max(np.abs(each[:, 0])) for each in drawn)
     for k, (axes, name) in enumerate(zip(grid, names, strict=True)):
         parts.letter(axes, k, spoken(name))
-        _orbits(axes, settings["cases"][name], orbits[name], reach)
+        _draw_orbits_of_case(axes, settings["cases"][name], orbits[name], reach)
         axes.set_ylabel("" if k % columns else "vertical, m from rest")
     parts.legend(figure, columns=6, loc="outside lower center")
     outside = {
@@ -76,7 +76,9 @@ def _first_outside(case: Mapping, orbits: Mapping[float, np.ndarray]) -> float |
     return None
 
 
-def _orbits(axes: Axes, case: Mapping, orbits: Mapping[float, np.ndarray], reach: float) -> None:
+def _draw_orbits_of_case(
+    axes: Axes, case: Mapping, orbits: Mapping[float, np.ndarray], reach: float
+) -> None:
     sag = Line.from_case(case).sag
     for what, ellipse in design_ellipses(case).items():
         color, line = ELLIPSES[what]
@@ -127,7 +129,7 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
                     limits = (-np.inf, np.inf)
                     parts.dot(axes, place, value, limits, MODEL, "o", 3.5, bar={"lw": 1.6})
                 axes.annotate(
-                    _said(value[0]), (np.nanmax(value) if is_known else 0.0, place), (5, 0),
+                    _format_value(value[0]), (np.nanmax(value) if is_known else 0.0, place), (5, 0),
                     textcoords="offset points", va="center", size="small",
                     color=MODEL if is_known else PAPER,
                 )  # fmt: skip
@@ -150,7 +152,7 @@ def _most_useful(of_case: pd.DataFrame) -> str:
     )
 
 
-def _said(value: float) -> str:
+def _format_value(value: float) -> str:
     """A value with three digits, or why there is none."""
     if np.isfinite(value):
         return f"{value:.3g}"
@@ -178,7 +180,7 @@ def write_animation(
     """
     step = max(1, round(1 / (RATE * (time[1] - time[0]))))
     with styled(8):
-        figure, update = _scene(case, states, title)
+        figure, update = _prepare_scene(case, states, title)
         _write_gif(path, figure, update, range(0, len(time), step))
 
 
@@ -207,7 +209,7 @@ def _write_gif(
         animation.save(partial, writer=PillowWriter(fps=RATE), dpi=DPI)
 
 
-def _scene(case: Mapping, states: np.ndarray, title: str) -> tuple:
+def _prepare_scene(case: Mapping, states: np.ndarray, title: str) -> tuple:
     line = Line.from_case(case)
     phi, psi = modes(case, line)
     s = positions(line.span)

@@ -131,14 +131,14 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
         if not columns:
             parts.nothing(axes, "this line has no such values")
             continue
-        by_place = {name: _interval(chosen, x, name) for name in columns}
+        by_place = {name: _tabulate_interval(chosen, x, name) for name in columns}
         stars = [claim.printed for name in columns for claim in printed(name, case)]
         limits = quantity.limits(np.concatenate([stars, *map(np.ravel, by_place.values())]))
         quantity.prepare(axes, limits)
         for k, (name, values) in enumerate(by_place.items()):
             shift = APART * (k - (len(by_place) - 1) / 2)
             at = {value: places.position(value, shift) for value in values.index}
-            _series(axes, list(at.values()), quantity.place(values.T), limits, k)
+            _draw_series(axes, list(at.values()), quantity.place(values.T), limits, k)
             label = quantity.columns[name]
             axes.plot([], [], color=SERIES[k][0], marker=SERIES[k][1], ls=DASHES[k], label=label)
             for claim in printed(name, case):
@@ -148,11 +148,11 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
                     look = STAR if claim.is_number else BAR
                     axes.plot(*place, ls="", color=PAPER, **look)
     parts.legend(figure, columns=2)
-    figure.set_label(_trend(chosen, x, quantities[-1]))
+    figure.set_label(_describe_trend(chosen, x, quantities[-1]))
     return figure
 
 
-def _series(
+def _draw_series(
     axes: Axes, x: Sequence[float], values: np.ndarray, limits: tuple[float, float], index: int
 ) -> None:
     """Medians on a line, with bars. values: (3, n) median, low and high, places on the axis."""
@@ -162,12 +162,12 @@ def _series(
     parts.points(axes, x, values[0], limits, color, marker, 4)
 
 
-def _trend(chosen: pd.DataFrame, x: str, quantity: Quantity) -> str:
+def _describe_trend(chosen: pd.DataFrame, x: str, quantity: Quantity) -> str:
     """Say the median of the quantity's first column at both ends of the axis."""
     name, label = next(iter(quantity.columns.items()))
     if chosen.get(name, NONE).isna().all():
         return ""
-    medians = _interval(chosen, x, name)["median"]
+    medians = _tabulate_interval(chosen, x, name)["median"]
     ends = dict.fromkeys([medians.index[0], medians.index[-1]])
     said = [f"{quantity.say(medians[end])} {AT[x].format(end)}" for end in ends]
     return f"{quantity.in_words.format(label)}: {', '.join(said)}"
@@ -190,7 +190,7 @@ def replace_cells(
     return pd.concat([more.rename(columns={"draw": "replicate"}), kept], ignore_index=True)
 
 
-def _interval(table: pd.DataFrame, x: str, name: str) -> pd.DataFrame:
+def _tabulate_interval(table: pd.DataFrame, x: str, name: str) -> pd.DataFrame:
     """Median, low and high of a column at each x, the index."""
     return table.dropna(subset=name).groupby(x).agg(**spread(name)).astype(float)
 
@@ -210,7 +210,7 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
     """
     case, protocol = settings["case"], settings["protocol"]
     figure, ((axes,),) = parts.panels(3.7, width=SINGLE)
-    errors = _errors(table, peers, case, protocol)
+    errors = _tabulate_errors(table, peers, case, protocol)
     if errors.empty:
         parts.nothing(axes, "this study has no noisy recordings to show")
         return figure
@@ -244,11 +244,11 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
     axes.set_title("\n".join(title), fontsize="small")
     keys = parts.method_keys(names)
     parts.legend(figure, *keys, columns=1, loc="outside upper left", handlelength=3)
-    figure.set_label(_compared(errors, names))
+    figure.set_label(_compare_methods(errors, names))
     return figure
 
 
-def _compared(errors: pd.DataFrame, names: Mapping[str, str]) -> str:
+def _compare_methods(errors: pd.DataFrame, names: Mapping[str, str]) -> str:
     """Say the median error of each drawn method at the level in the middle, the least first."""
     levels = np.unique(errors["level"])
     middle = levels[(len(levels) - 1) // 2]
@@ -286,7 +286,9 @@ def beaten_at(table: pd.DataFrame) -> str:
     return ", ".join(f"{level:g}" for level in medians.index[medians[ORACLES] < medians[OURS]])
 
 
-def _errors(scores: pd.DataFrame, peers: pd.DataFrame, case: str, protocol: str) -> pd.DataFrame:
+def _tabulate_errors(
+    scores: pd.DataFrame, peers: pd.DataFrame, case: str, protocol: str
+) -> pd.DataFrame:
     """method, level, median, low, high of the fits with a model, count and failures, at the levels
     above zero; of the oracle the lowest of STLSQ, FROLS and the weak form.
     """

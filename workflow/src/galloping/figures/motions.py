@@ -39,7 +39,7 @@ def draw_recovery(
     figure, grid = parts.panels(2.8, 3, width=style.SINGLE, height_ratios=(1, 1, 1.3))
     *upper, lower = grid[:, 0]
     true, motion = trajectories[cases[0]][0], reconstructions[cases[0]][method]
-    span = _last(true)
+    span = _last_window(true)
     for j, (axes, (state, name)) in enumerate(zip(upper, style.STATE_LABELS.items(), strict=True)):
         axes.plot(true.time, true.states[:, j], **TRUE_LINE, label="true")
         label = "reconstructed"
@@ -50,7 +50,7 @@ def draw_recovery(
     parts.letter(lower, len(upper), "largest distance so far")
     largest = []
     for k, case in enumerate(cases):
-        time, distance = _distance(trajectories[case][0], reconstructions[case][method])
+        time, distance = _largest_distance(trajectories[case][0], reconstructions[case][method])
         color, dashes = style.SERIES[k % len(style.SERIES)][0], CASE_DASHES[k % len(CASE_DASHES)]
         shown = np.where(distance > 0, distance, np.nan)
         lower.plot(time, shown, color=color, ls=dashes, lw=1.2, label=style.spoken(case))
@@ -65,13 +65,13 @@ def draw_recovery(
     return figure
 
 
-def _last(true: Motion) -> tuple[float, float]:
+def _last_window(true: Motion) -> tuple[float, float]:
     """The last part of a motion, s."""
     begin, end = true.time[0], true.time[-1]
     return end - LAST * (end - begin), end
 
 
-def _distance(true: Motion, motion: Reconstruction) -> tuple[np.ndarray, np.ndarray]:
+def _largest_distance(true: Motion, motion: Reconstruction) -> tuple[np.ndarray, np.ndarray]:
     """Times, and the largest distance of the displacements up to each; NaN once a motion ended."""
     count = len(style.STATE_LABELS)
     expected = np.column_stack(
@@ -101,7 +101,7 @@ def draw_histories(
     )
     spreads = {}
     for k, ((cell, label), axes) in enumerate(zip(cells.items(), grid[:, 0], strict=True)):
-        spread = _history(axes, true, reconstructions[cell][settings["method"]])
+        spread = _draw_history(axes, true, reconstructions[cell][settings["method"]])
         lost = "" if np.isfinite(spread) else "; some realisations diverge"
         parts.letter(axes, k, label + lost)
         axes.set_ylabel(f"{style.STATE_LABELS['q_v']}, m")
@@ -116,9 +116,9 @@ def draw_histories(
     return figure
 
 
-def _history(axes: Axes, true: Motion, motion: Reconstruction) -> float:
+def _draw_history(axes: Axes, true: Motion, motion: Reconstruction) -> float:
     """Draw the end of q_v, and return the mean width of the band over the true range."""
-    span = _last(true)
+    span = _last_window(true)
     inside, shown = ((each.time >= span[0]) & (each.time <= span[1]) for each in (true, motion))
     time, states = motion.time[shown], true.states[inside, 0]
     curves = motion.representative, motion.low, motion.high
@@ -144,7 +144,7 @@ MARKS = {
 }
 
 
-def _title(axes: Axes, index: int, state: str, more: str = "") -> None:
+def _set_title(axes: Axes, index: int, state: str, more: str = "") -> None:
     parts.letter(axes, index, f"{style.DIRECTIONS[state]}, {style.STATE_LABELS[state]}{more}")
 
 
@@ -163,8 +163,8 @@ def draw_limit_cycles(
         own = {"case": case, "parameter": settings["parameter"]}
         of_case, its_bifurcations = (parts.where(each, **own) for each in (cycles, bifurcations))
         for column, (axes, direction) in enumerate(zip(grid[0], STATES, strict=True)):
-            _title(axes, row * len(STATES) + column, STATES[direction])
-            _branches(axes, of_case, its_bifurcations, direction)
+            _set_title(axes, row * len(STATES) + column, STATES[direction])
+            _draw_branches(axes, of_case, its_bifurcations, direction)
             axes.set(xlabel=settings["label"], xlim=(0, 1.03 * cycles["value"].max()))
         grid[0, 0].set_ylabel("amplitude, m")
         if settings["cases"][case]:
@@ -189,7 +189,9 @@ def _beyond_small_angles(panels: Sequence[Axes], case: Mapping) -> None:
         axes.set_ylim(low, high)
 
 
-def _branches(axes: Axes, cycles: pd.DataFrame, bifurcations: pd.DataFrame, direction: str) -> None:
+def _draw_branches(
+    axes: Axes, cycles: pd.DataFrame, bifurcations: pd.DataFrame, direction: str
+) -> None:
     name, is_simulated = f"{direction}_m", cycles["branch"] == SIMULATION
     for _, branch in cycles[~is_simulated].groupby("branch", sort=False):
         x, y = branch["value"].to_numpy(float), branch[name].to_numpy(float)
@@ -233,7 +235,7 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
     ratio = table.pivot(index="y", columns="x", values="frequency_ratio")
     dark = [withStroke(linewidth=3.0, foreground="black")]  # seen upon any colour, and upon none
     for k, (axes, direction) in enumerate(zip(panels, STATES, strict=True)):
-        _title(axes, k, STATES[direction])
+        _set_title(axes, k, STATES[direction])
         grid = table.pivot(index="y", columns="x", values=f"{direction}_m")
         shown = axes.pcolormesh(
             grid.columns, grid.index, grid.to_numpy(), cmap="cividis", vmin=0, vmax=HIGHEST,
@@ -278,9 +280,9 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
     methods = [method for method in (settings["method"], settings.get("peer")) if method]
     figure, panes = parts.panels(4.0, len(STATES), width=style.SINGLE, sharex=True)
     for k, (axes, direction) in enumerate(zip(panes[:, 0], STATES, strict=True)):
-        _title(axes, k, STATES[direction])
+        _set_title(axes, k, STATES[direction])
         lines = {m: parts.where(chosen, method=m, direction=direction) for m in methods}
-        _predicted(axes, lines)
+        _draw_predictions(axes, lines)
         axes.axvline(settings["recorded"], color=style.TRUE, lw=0.8, ls=":",
                      label="wind of the recording")  # fmt: skip
         axes.set_ylabel("amplitude, m")
@@ -297,14 +299,14 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
     return figure
 
 
-def _predicted(axes: Axes, lines: Mapping[str, pd.DataFrame]) -> None:
+def _draw_predictions(axes: Axes, lines: Mapping[str, pd.DataFrame]) -> None:
     """lines: rows by method, of which the first has an interval."""
     first = next(iter(lines.values()))
     axes.plot(first["wind_m_s"], first["true_m"], color=style.TRUE, lw=4, zorder=0.9, label="truth")
     axes.vlines(first["wind_m_s"], first["low_m"], first["high_m"], color="k", lw=1.6, zorder=5,
                 label="95 % interval")  # fmt: skip
     for method, line in lines.items():
-        look, doubt = parts.line_look(method) | {"lw": 1.0}, _doubt(line)
+        look, doubt = parts.line_look(method) | {"lw": 1.0}, _describe_doubt(line)
         own = style.method_style(method)
         axes.plot(line["wind_m_s"], line["predicted_m"], marker=own.marker,
                   label=own.label + doubt, **look)  # fmt: skip
@@ -314,7 +316,7 @@ def _predicted(axes: Axes, lines: Mapping[str, pd.DataFrame]) -> None:
                   ms=6, label=label)  # fmt: skip
 
 
-def _doubt(line: pd.DataFrame) -> str:
+def _describe_doubt(line: pd.DataFrame) -> str:
     """The status of a method that judges its models, if it is not ok, to stand behind its name."""
     doubtful = sorted(set(line["verdict"]) - {"ok", "unjudged"})
     return f" ({doubtful[0].partition(':')[0]})" if doubtful else ""

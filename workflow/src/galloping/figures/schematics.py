@@ -47,7 +47,7 @@ def arrow(
     )  # fmt: skip
 
 
-def _say(axes: Axes, *texts: tuple[float, float, str, str, str], **look: Any) -> None:
+def _add_texts(axes: Axes, *texts: tuple[float, float, str, str, str], **look: Any) -> None:
     """Texts, each by its place, its words and how they are aligned, across and upright."""
     for x, y, words, ha, va in texts:
         axes.text(x, y, words, ha=ha, va=va, **look)
@@ -62,12 +62,12 @@ def draw_line(model: Derived, settings: Mapping) -> Figure:
     figure = Figure(figsize=(SINGLE, HEIGHT))
     ratio = model.quantities["omega_v_rad_s"] / model.quantities["omega_w_rad_s"]
     figure.set_label(f"The vertical natural frequency is {ratio:.2f} times the horizontal one")
-    _elevation(figure.add_axes(ELEVATION), case, model.quantities, settings["case"])
-    _section(figure.add_axes(SECTION), case["bundle"]["subconductors"])
+    _draw_elevation(figure.add_axes(ELEVATION), case, model.quantities, settings["case"])
+    _draw_section(figure.add_axes(SECTION), case["bundle"]["subconductors"])
     return figure
 
 
-def _elevation(axes: Axes, case: Mapping, derived: Mapping, name: str) -> None:
+def _draw_elevation(axes: Axes, case: Mapping, derived: Mapping, name: str) -> None:
     span, sag = case["line"]["span"], derived["sag_m"]
     low, high, left, right = -2.1 * sag, 1.35 * sag, -0.08 * span, 1.06 * span
     axes.set(xlim=(left, right), ylim=(low, high), yticks=sorted({0.0, -round(sag, 2)}),
@@ -101,7 +101,7 @@ def _elevation(axes: Axes, case: Mapping, derived: Mapping, name: str) -> None:
     arrow(axes, (x, y), (x, y + up))
     axes.plot(x, y, "o", ms=7, mfc="white", mec=INK, mew=0.9)
     axes.plot(x, y, "o", ms=2, color=INK)
-    _say(
+    _add_texts(
         axes,
         (0.84 * span, rest(0.84 * span) - 0.05 * sag, "at rest", "left", "top"),
         (0.98 * span, 1.4 * sag, numbers, "right", "top"),
@@ -112,13 +112,13 @@ def _elevation(axes: Axes, case: Mapping, derived: Mapping, name: str) -> None:
           for k, place in enumerate(spacers, start=1)),
     )  # fmt: skip
     first = r"first mode, $V=\phi_v(s)\,q_v$"
-    _say(axes, (0.5 * span, -1.45 * sag, first, "center", "top"), color=MODEL)
+    _add_texts(axes, (0.5 * span, -1.45 * sag, first, "center", "top"), color=MODEL)
     ground = {"facecolor": "white", "edgecolor": "none", "pad": 1}
     where = middle - 0.01 * span, -0.35 * sag
-    _say(axes, (*where, f"sag {sag:.2f} m", "right", "center"), bbox=ground)
+    _add_texts(axes, (*where, f"sag {sag:.2f} m", "right", "center"), bbox=ground)
 
 
-def _section(axes: Axes, count: int) -> None:
+def _draw_section(axes: Axes, count: int) -> None:
     """Sub-conductors on a regular polygon around the reference curve."""
     turn = np.pi / count + 2 * np.pi * np.arange(count) / count
     ring = 0.0 if count == 1 else 1.0
@@ -131,9 +131,9 @@ def _section(axes: Axes, count: int) -> None:
         arrow(axes, (0, 0), end)
     for height in (-0.35, 0, 0.35):
         arrow(axes, (-1.75, height), (-1.25, height), color=MODEL)
-    _say(axes, (0.06, 0.52, "$V$", "left", "center"), (0.58, 0.0, "$W$", "left", "center"))
-    _say(axes, (-1.62, 0.45, "wind $U$", "center", "bottom"), color=MODEL)
-    _say(axes, (-0.05, -0.12, "reference\ncurve", "center", "top"),
+    _add_texts(axes, (0.06, 0.52, "$V$", "left", "center"), (0.58, 0.0, "$W$", "left", "center"))
+    _add_texts(axes, (-1.62, 0.45, "wind $U$", "center", "bottom"), color=MODEL)
+    _add_texts(axes, (-0.05, -0.12, "reference\ncurve", "center", "top"),
          (0.0, -1.08, "spacer frame, ice to windward", "center", "top"),
          fontsize="x-small")  # fmt: skip
     axes.set(xlim=(-1.9, 1.15), ylim=(-1.35, 1.25), aspect="equal")
@@ -152,12 +152,12 @@ def draw_aerodynamic_load(trajectory: Sequence[Motion], settings: Mapping) -> Fi
         velocity = np.zeros(1)  # of a line that diverges no angle is shown
     figure = Figure(figsize=(SINGLE, 2.85), layout="constrained")
     above, below = figure.subfigures(2, 1, height_ratios=(1.2, 1))
-    _vectors(above.subplots())
+    _draw_vectors(above.subplots())
     attack = velocity / case["wind"]["speed"]
     left, right = below.subplots(1, 2)
     vertical, horizontal = ice_coefficients(case["ice"])
-    _curve(left, vertical, attack, "-")
-    _curve(right, horizontal, attack, "--")
+    _draw_force_curve(left, vertical, attack, "-")
+    _draw_force_curve(right, horizontal, attack, "--")
     parts.letter(left, 1, "vertical, $C_Y$")
     parts.letter(right, 2, "horizontal, $C_Z$")
     largest = np.max(np.abs(attack))
@@ -166,7 +166,7 @@ def draw_aerodynamic_load(trajectory: Sequence[Motion], settings: Mapping) -> Fi
     return figure
 
 
-def _curve(axes: Axes, values: tuple[float, ...], attack: np.ndarray, line: str) -> None:
+def _draw_force_curve(axes: Axes, values: tuple[float, ...], attack: np.ndarray, line: str) -> None:
     """Draw a force coefficient without its static part, and shade the angles of the motion."""
     reach = 1.3 * max(float(np.max(np.abs(attack))), 0.05)
     alpha = np.linspace(-reach, reach, 201)
@@ -178,7 +178,7 @@ def _curve(axes: Axes, values: tuple[float, ...], attack: np.ndarray, line: str)
     axes.set(xlim=(-reach, reach), xlabel="attack angle $\\alpha$, rad")
 
 
-def _vectors(axes: Axes) -> None:
+def _draw_vectors(axes: Axes) -> None:
     """The section moves up: the relative wind meets it from above, at the angle alpha."""
     iced_conductor(axes, 0, 0, 0.3)
     tip, start, above = (-0.62, 0.0), (-2.17, 0.0), (-2.17, 0.62)
@@ -190,14 +190,18 @@ def _vectors(axes: Axes) -> None:
     arrow(axes, (0.3, 0), (1.2, 0), width=1.8)
     angle = np.degrees(np.arctan2(above[1], tip[0] - above[0]))
     axes.add_patch(Arc(tip, 1.7, 1.7, theta1=180 - angle, theta2=180, color=INK, lw=0.8))
-    _say(axes, (-1.5, -0.08, "wind $U$", "center", "top"),
+    _add_texts(axes, (-1.5, -0.08, "wind $U$", "center", "top"),
          (start[0] - 0.06, 0.31, r"$-\dot V$", "right", "center"),
          (0.62, 0.65, r"velocity $\dot V$", "left", "center"), color=MODEL)  # fmt: skip
-    _say(axes, (-2.1, 0.68, "relative wind $U_r$", "left", "bottom"), color=PAPER)
+    _add_texts(axes, (-2.1, 0.68, "relative wind $U_r$", "left", "bottom"), color=PAPER)
     law = (r"$\alpha \approx \dot V / U$,   $F_{Y,Z} = \frac{1}{2}\rho D U^2\,"
            r"C_{Y,Z}(\alpha)$")  # fmt: skip
-    _say(axes, (0.07, 1.13, "$F_Y$", "left", "center"), (1.15, 0.12, "$F_Z$", "center", "bottom"))
-    _say(axes, (-1.6, 0.17, r"$\alpha$", "center", "center"), (-0.5, -0.62, law, "center", "top"))
+    _add_texts(
+        axes, (0.07, 1.13, "$F_Y$", "left", "center"), (1.15, 0.12, "$F_Z$", "center", "bottom")
+    )
+    _add_texts(
+        axes, (-1.6, 0.17, r"$\alpha$", "center", "center"), (-0.5, -0.62, law, "center", "top")
+    )
     axes.set(xlim=(-2.65, 1.5), ylim=(-1.05, 1.35), aspect="equal", anchor="N")
     axes.axis("off")
     parts.letter(axes, 0, "section with crescent-shaped ice")
@@ -214,15 +218,15 @@ def draw_flow(settings: Mapping) -> Figure:
     axes.set(xlim=(0, SINGLE), ylim=(0, CHART))
     axes.axis("off")
     width, height = BOX
-    for (column, row), (title, text) in zip(PATH, _boxes(settings), strict=True):
+    for (column, row), (title, text) in zip(PATH, _describe_boxes(settings), strict=True):
         x, y = COLUMNS[column], ROWS[row]
         axes.add_patch(FancyBboxPatch(
             (x - width / 2, y - height / 2), width, height, facecolor=COLORS[row], edgecolor=INK,
             boxstyle="round,pad=0,rounding_size=0.07", lw=0.8,
         ))  # fmt: skip
         top = y + height / 2
-        _say(axes, (x, top - 0.07, title, "center", "top"), weight="bold")
-        _say(axes, (x, top - 0.24, text, "center", "top"), fontsize="small")
+        _add_texts(axes, (x, top - 0.07, title, "center", "top"), weight="bold")
+        _add_texts(axes, (x, top - 0.24, text, "center", "top"), fontsize="small")
     for (column, row), (next_column, next_row) in pairwise(PATH):
         side, down = next_column - column, next_row - row
         arrow(
@@ -236,12 +240,12 @@ def draw_flow(settings: Mapping) -> Figure:
               ls=(0, (4, 2)))  # fmt: skip
     arrow(axes, (margin, ROWS[2]), (right, ROWS[2]), color=PAPER)
     where = margin - 0.05, (ROWS[1] + ROWS[2]) / 2
-    _say(axes, (*where, "the truth", "right", "center"), color=PAPER, fontsize="small")
+    _add_texts(axes, (*where, "the truth", "right", "center"), color=PAPER, fontsize="small")
     figure.set_label("Identification sees the recordings alone")
     return figure
 
 
-def _boxes(settings: Mapping) -> list[tuple[str, str]]:
+def _describe_boxes(settings: Mapping) -> list[tuple[str, str]]:
     """Title and text of each box, in the order of `PATH`."""
     degree = settings["degree"]
     candidates = comb(len(STATES) + degree, degree)

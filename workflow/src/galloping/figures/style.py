@@ -132,10 +132,10 @@ def write_figure(
             with replacing(path) as partial:
                 figure.savefig(partial, format=form, dpi=dpi, **options | {"metadata": metadata})
                 if form == "svg":
-                    _shorten(partial)
+                    _shorten_paths(partial)
 
 
-def _shorten(svg: Path) -> None:
+def _shorten_paths(svg: Path) -> None:
     """Paths of an SVG without needless blanks, to a tenth of a point (720 dpi), in place."""
     text = re.sub(r"\n +(?=<)", "\n", svg.read_text(encoding="utf-8"))
     text = PATHS.sub(lambda path: BLANKS.sub(r"\1", DIGITS.sub(r"\1", path[0])), text)

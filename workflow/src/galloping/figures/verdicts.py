@@ -45,7 +45,7 @@ def draw_trust(table: pd.DataFrame) -> Figure:
 
     table: fits.csv.
     """
-    table = table.assign(right=_right(table))
+    table = table.assign(right=_is_right(table))
     groups = list(table.groupby("group", sort=False))
     figure, grid = parts.wrapped_grid(len(groups), 2, 0.5 + 1.5 * -(-len(groups) // 2))
     for k, (axes, (group, fits)) in enumerate(zip(grid, groups, strict=True)):
@@ -72,7 +72,7 @@ def draw_trust(table: pd.DataFrame) -> Figure:
     return figure
 
 
-def _right(fits: pd.DataFrame) -> pd.Series:
+def _is_right(fits: pd.DataFrame) -> pd.Series:
     """Whether the status of each fit is right: a claim that holds, or a doubt that is due.
 
     It is due where the terms found are not exactly the true ones, or where the recording has a

@@ -64,7 +64,7 @@ class Span:
     def rates(self, state: np.ndarray, speed: float) -> np.ndarray:
         """d(q, p, dq, dp)/dt, (4 n,), in a wind of `speed` m/s."""
         rate = np.empty_like(state)
-        _rates(state, speed, self.arrays, rate, np.empty((2, self.arrays.shapes.shape[1])))
+        _fill_rates(state, speed, self.arrays, rate, np.empty((2, self.arrays.shapes.shape[1])))
         return rate
 
 
@@ -100,7 +100,7 @@ def continuous_line(
     stretch = line.axial_stiffness * line.span
     sag = np.zeros_like(stiffness)
     sag[0] = stretch * np.outer(strain, strain)
-    omega, normal = _modes(masses, stiffness + sag)
+    omega, normal = _solve_modes(masses, stiffness + sag)
     ratios = np.array([[case["damping"]["vertical"]], [case["damping"]["horizontal"]]])
     inverse = np.linalg.inv(masses)
     arrays = Arrays(
@@ -119,7 +119,7 @@ def continuous_line(
     return Span(line, float(case["wind"]["speed"]), masses, arrays)
 
 
-def _modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _solve_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies (..., n), rad/s, increasing, and mode shapes normalised by mass, in columns, of
     matrices (..., n, n).
     """
@@ -145,7 +145,7 @@ def natural_modes(line: Span) -> tuple[np.ndarray, np.ndarray]:
     """
     stiffness = line.masses @ line.arrays.stiffness
     stiffness[0] += line.masses[0] @ np.outer(line.arrays.pull, line.arrays.strain)
-    omega, coordinates = _modes(line.masses, stiffness)
+    omega, coordinates = _solve_modes(line.masses, stiffness)
     middle, quarter = shapes_at(line, (0.5, 0.25)).swapaxes(0, 1)[:, :, np.newaxis] @ coordinates
     scale = np.where(symmetric(line, coordinates)[:, np.newaxis], middle, quarter)
     return omega, coordinates / scale
@@ -237,7 +237,7 @@ def wind(
 
 
 @njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
-def _rates(state, speed, line, rate, load):
+def _fill_rates(state, speed, line, rate, load):
     """Fill `rate` (4 n,) for `state` in a wind of `speed`; load: (2, n_nodes), room to work in."""
     n, nodes = len(line.strain), line.shapes.shape[1]
     shapes, coefficients, loading = line.shapes, line.coefficients, line.loading
@@ -297,7 +297,7 @@ def _runge_kutta(start, step, substeps, wind, line):
                 for j in range(len(x)):
                     moved[j] = x[j] + ahead * step * rate[j]
                 speed = wind[i - 1] + share * (wind[i] - wind[i - 1])
-                _rates(moved, speed, line, rate, load)
+                _fill_rates(moved, speed, line, rate, load)
                 weight = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
                 for j in range(len(x)):
                     total[j] += weight * rate[j]

@@ -216,10 +216,10 @@ def at_rest(case: Mapping) -> tuple[Line, LinearMode, LinearMode]:
     line = Line.from_case(case)
     phi, psi = modes(case, line)
     strain = -line.static_curvature() * integrate(phi.shape, line.span) / line.span
-    return line, _linear(line, phi, strain), _linear(line, psi, 0.0)
+    return line, _linear_mode(line, phi, strain), _linear_mode(line, psi, 0.0)
 
 
-def _linear(line: Line, own: ModeShape, strain: float) -> LinearMode:
+def _linear_mode(line: Line, own: ModeShape, strain: float) -> LinearMode:
     shape, slope, curvature = (
         integrate(values**2, line.span) for values in (own.shape, own.slope, own.curvature)
     )

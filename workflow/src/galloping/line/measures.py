@@ -201,7 +201,7 @@ def clearance(first: np.ndarray, second: np.ndarray, distance: tuple[float, floa
     second at rest, m.
     """
     second = second + np.asarray(distance, float)
-    if _cross(first, second):
+    if _has_crossing(first, second):
         return 0.0
     return min(_to_edges(first, second), _to_edges(second, first))
 
@@ -214,7 +214,7 @@ def _to_edges(points: np.ndarray, polygon: np.ndarray) -> float:
     return float(np.min(np.linalg.norm(offset - along[..., np.newaxis] * edge, axis=2)))
 
 
-def _cross(first: np.ndarray, second: np.ndarray) -> bool:
+def _has_crossing(first: np.ndarray, second: np.ndarray) -> bool:
     """Whether an edge of one closed polygon crosses an edge of the other."""
 
     def side(start, end, point):

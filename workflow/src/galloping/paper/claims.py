@@ -220,13 +220,13 @@ def _judge_number(
 ) -> tuple[str, str]:
     finite, printed = np.mean(np.isfinite(values)), claim.printed
     if finite < HALF:
-        return "undecided", f"only {_percent(finite)} of the draws give a number"
+        return "undecided", f"only {_format_percent(finite)} of the draws give a number"
     paper = f"where the paper errs by {printed:g} %"
     if printed > found["high"]:
         return "better", f"95 % of the draws err by less than {found['high']:.3g} %, {paper}"
     if printed < found["low"]:
         return "worse", f"95 % of the draws err by more than {found['low']:.3g} %, {paper}"
-    text = f"{_percent(found['share_of_draws'])} of the draws err less than the paper"
+    text = f"{_format_percent(found['share_of_draws'])} of the draws err less than the paper"
     if not found["spread"] < WIDE:
         text += (
             f", but the draws spread from {found['low']:.2g} to {found['high']:.3g} %: nearly any "
@@ -242,7 +242,7 @@ def _judge_bound(
     if found["draws"] == 1:
         return verdict, "there is no noise to draw"
     shares = [found[name] for name in ("share_of_draws", "share_low", "share_high")]
-    text = "{} of the draws ({} to {})".format(*map(_percent, shares))
+    text = "{} of the draws ({} to {})".format(*map(_format_percent, shares))
     missed = ~claim.is_met(values)
     if not np.any(missed):
         return verdict, text
@@ -253,7 +253,9 @@ def _judge_bound(
         "run away": others["motion"] != "ok",
     }
     causes = [
-        f"{_percent(np.mean(which))} {fault}" for fault, which in faults.items() if any(which)
+        f"{_format_percent(np.mean(which))} {fault}"
+        for fault, which in faults.items()
+        if any(which)
     ]
     if not causes:
         text += "; the others have exactly the true terms, with coefficients that are off"
@@ -274,5 +276,5 @@ def find_joint_draws(claims: Sequence[Claim], scores: pd.DataFrame) -> np.ndarra
     return np.all([np.resize(each, draws) for each in kept], axis=0)
 
 
-def _percent(share: float) -> str:
+def _format_percent(share: float) -> str:
     return f"{100 * share:.0f} %"

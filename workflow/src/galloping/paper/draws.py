@@ -75,7 +75,7 @@ class _Noise:
     unit: np.ndarray
 
     @cached_property
-    def _lengths(self) -> np.ndarray:
+    def _column_lengths(self) -> np.ndarray:
         return np.linalg.norm(design_matrix(self.motion.states, self.terms), axis=0)
 
 
@@ -84,16 +84,19 @@ class DerivativeNoise(_Noise):
 
     def draw(self, level: float, points: int, rng: np.random.Generator, draws: int = 1) -> Products:
         """Recordings of the same `points` samples, all or at random, with noise at `level`."""
-        n, p = self._theta.shape
-        gram, moments = self._whole
+        n, p = self._design_matrix.shape
+        gram, moments = self._whole_products
         if points < n:
             kept = np.zeros(n, bool)
             kept[rng.choice(n, size=points, replace=False)] = True
             if points <= n / 2:
-                gram, moments = self._products(kept)
+                gram, moments = self._products_of_rows(kept)
             else:
                 gram, moments = (
-                    a - b for a, b in zip(self._whole, self._products(~kept), strict=True)
+                    a - b
+                    for a, b in zip(
+                        self._whole_products, self._products_of_rows(~kept), strict=True
+                    )
                 )
         sigma = level * self.unit
         shape = draws, len(sigma), p
@@ -101,20 +104,20 @@ class DerivativeNoise(_Noise):
         across = sigma * np.sqrt(rng.chisquare(points - p, size=shape[:2]))
         moments = moments.T + sigma[:, np.newaxis] * noise
         return Products(
-            self._lengths, np.broadcast_to(gram, (draws, p, p)), moments, across, points
+            self._column_lengths, np.broadcast_to(gram, (draws, p, p)), moments, across, points
         )
 
     @cached_property
-    def _theta(self) -> np.ndarray:
-        theta = design_matrix(self.motion.states, self.terms) / self._lengths
+    def _design_matrix(self) -> np.ndarray:
+        theta = design_matrix(self.motion.states, self.terms) / self._column_lengths
         return np.ascontiguousarray(theta)
 
     @cached_property
-    def _whole(self) -> tuple[np.ndarray, np.ndarray]:
-        return self._products(slice(None))
+    def _whole_products(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._products_of_rows(slice(None))
 
-    def _products(self, rows: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
-        theta = self._theta[rows]
+    def _products_of_rows(self, rows: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
+        theta = self._design_matrix[rows]
         return theta.T @ theta, theta.T @ self.motion.rates[rows]
 
 
@@ -136,8 +139,8 @@ class VelocityNoise(_Noise):
 
     def draw(self, level: float, points: int, rng: np.random.Generator, draws: int = 1) -> Products:
         """Draw recordings of `points` samples each, all or at random, with noise at `level`."""
-        parts = [self._draw(level, points, rng) for _ in range(draws)]
-        lengths = self._lengths
+        parts = [self._draw_products(level, points, rng) for _ in range(draws)]
+        lengths = self._column_lengths
         grams, moments, squares = (np.stack(each) for each in zip(*parts, strict=True))
         grams, moments = grams / lengths / lengths[:, np.newaxis], moments / lengths
         explained = np.sum(
@@ -146,7 +149,7 @@ class VelocityNoise(_Noise):
         across = np.sqrt(np.maximum(squares - explained, 0))
         return Products(lengths, grams, moments, across, points)
 
-    def _draw(
+    def _draw_products(
         self, level: float, points: int, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         motion, n = self.motion, len(self.motion.time)

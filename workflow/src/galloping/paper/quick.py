@@ -72,7 +72,7 @@ class QuickStudy:
             for k, name in enumerate(("kind", "level", "points"))
         }
         columns["draw"] = np.tile(range(count), len(cells))
-        columns.update(self._errors(found))
+        columns.update(self._coefficient_scores(found))
         is_whole = columns["points"] >= len(self.motion.time)
         moved = ~(is_whole & np.isin(columns["level"], unmoved_levels))
         table = pd.DataFrame(columns)
@@ -88,7 +88,7 @@ class QuickStudy:
     def true(self) -> PolynomialModel:
         return self.line.on_library(self.terms)
 
-    def _errors(self, models: np.ndarray) -> dict[str, list[float]]:
+    def _coefficient_scores(self, models: np.ndarray) -> dict[str, list[float]]:
         """Scores of the coefficients of models (draws, n_states, n_terms)."""
         errors = [score.mean_error_by_order(self.true, model, score.UNKNOWN) for model in models]
         found = [score.support_scores(self.true, model) for model in models]
@@ -99,8 +99,8 @@ class QuickStudy:
         return columns | {name: [each[name] for each in found] for name in ("missing", "spurious")}
 
     def _motion_scores(self, models: np.ndarray) -> dict[str, np.ndarray]:
-        quality, amplitudes = self._motions(models)
-        off = np.abs(amplitudes - self._own) / self._own
+        quality, amplitudes = self._simulate_models(models)
+        off = np.abs(amplitudes - self._own_amplitudes) / self._own_amplitudes
         columns = {}
         for k, name in enumerate(score.DISPLACEMENT_COLUMNS):
             columns[f"r2_{name}"] = quality[:, k]
@@ -108,11 +108,11 @@ class QuickStudy:
         return columns
 
     @cached_property
-    def _own(self) -> np.ndarray:
+    def _own_amplitudes(self) -> np.ndarray:
         """(2,) amplitudes of the line itself, as simulated here."""
-        return self._motions(self.true.coefficients[np.newaxis])[1][0]
+        return self._simulate_models(self.true.coefficients[np.newaxis])[1][0]
 
-    def _motions(self, models: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _simulate_models(self, models: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """R2 (draws, 2), -inf for a model that diverges, and amplitude (draws, 2), inf for it."""
         # the first monomial is the constant: nothing makes it, and -1 stands for it
         made = [(0, 0), *factor_monomials(self.terms)[1:]]
@@ -129,7 +129,7 @@ class QuickStudy:
             lanes = models[np.resize(some, LANES)]
             rows, columns = np.nonzero((lanes != 0).any(axis=0))
             values = np.ascontiguousarray(lanes[:, rows, columns].T)
-            moved = _move(values, rows, columns, lower, last, self.motion.states[0], step,
+            moved = _move_lanes(values, rows, columns, lower, last, self.motion.states[0], step,
                           true, first)  # fmt: skip
             found[some] = moved[: len(some)]
         total = np.sum((true - true.mean(axis=0)) ** 2, axis=0)
@@ -173,7 +173,7 @@ def found_coefficients(drawn: Products, method: MethodReading) -> np.ndarray:
 
 
 @numba.njit(fastmath=FAST, cache=True)
-def _rates(x, values, rows, columns, lower, last, monomials, rates):
+def _fill_rates(x, values, rows, columns, lower, last, monomials, rates):
     """State derivatives of all lanes: x, rates (n_states, LANES), values (terms, LANES)."""
     for j in range(1, len(lower)):
         for lane in range(LANES):
@@ -185,7 +185,7 @@ def _rates(x, values, rows, columns, lower, last, monomials, rates):
 
 
 @numba.njit(fastmath=FAST, cache=True)
-def _move(values, rows, columns, lower, last, start, step, true, first):
+def _move_lanes(values, rows, columns, lower, last, start, step, true, first):
     """Lanes side by side, classical Runge-Kutta: (LANES, 4) of squares and amplitudes.
 
     true: (n, 2), every step of the motion that their displacements are compared with. first: the
@@ -199,7 +199,7 @@ def _move(values, rows, columns, lower, last, start, step, true, first):
     lost = np.zeros(LANES)
     squares = np.zeros((2, LANES))
     least, most = np.full((2, LANES), np.inf), np.full((2, LANES), -np.inf)
-    _rates(x, values, rows, columns, lower, last, monomials, k1)
+    _fill_rates(x, values, rows, columns, lower, last, monomials, k1)
     for n in range(len(true)):
         for i in range(2):
             for lane in range(LANES):
@@ -208,13 +208,13 @@ def _move(values, rows, columns, lower, last, start, step, true, first):
             least, most = np.minimum(least, x[:2]), np.maximum(most, x[:2])
         if n == len(true) - 1:
             break
-        _rates(x + 0.5 * step * k1, values, rows, columns, lower, last, monomials, k2)
-        _rates(x + 0.5 * step * k2, values, rows, columns, lower, last, monomials, k3)
-        _rates(x + step * k3, values, rows, columns, lower, last, monomials, k4)
+        _fill_rates(x + 0.5 * step * k1, values, rows, columns, lower, last, monomials, k2)
+        _fill_rates(x + 0.5 * step * k2, values, rows, columns, lower, last, monomials, k3)
+        _fill_rates(x + step * k3, values, rows, columns, lower, last, monomials, k4)
         y = x + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         lost = np.where(np.abs(y).sum(axis=0) > FARTHEST, 1.0, lost)
         y *= 1.0 - lost
-        _rates(y, values, rows, columns, lower, last, monomials, k2)
+        _fill_rates(y, values, rows, columns, lower, last, monomials, k2)
         if n >= first:
             between = 0.5 * (x[:2] + y[:2]) + step / 8 * (k1[:2] - k2[:2])
             least, most = np.minimum(least, between), np.maximum(most, between)

@@ -234,7 +234,7 @@ def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[s
                 raise NotRestorable("\n".join([*lines, why]))
         made = published_receipts(folder)
         digests = {path: receipt.sha256 for path, receipt in made.items()}
-        others = [path for path in _present(plan) if digests.get(path) != digest(path)]
+        others = [path for path in _present_files(plan) if digests.get(path) != digest(path)]
         if others and not replacing:
             more = f" and {len(others) - 1} more" if others[1:] else ""
             told = "not as in the archive; REPLACE=yes sets what differs aside"
@@ -251,7 +251,7 @@ def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[s
             if path in placed or not (Path(path).exists() and read_receipt(path)):
                 write_receipt(replace(receipt, kept=Path(path).exists()))
     now = time.time_ns()
-    for path in _present(plan):
+    for path in _present_files(plan):
         os.utime(path, ns=(now, now))  # none is newer than what was made from it
     if others:
         yield f"{len(others)} other files set aside in {results}/set_aside"
@@ -259,7 +259,7 @@ def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[s
     yield from adopt(plan)
 
 
-def _present(plan: Plan) -> list[str]:
+def _present_files(plan: Plan) -> list[str]:
     """The files of the study that are in place: planned, or made."""
     known = {*plan.maker, *receipts(plan.results)}
     return sorted(path for path in known if Path(path).exists())

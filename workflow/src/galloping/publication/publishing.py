@@ -70,16 +70,16 @@ def write_crate(
     root["datePublished"] = commit.date if commit else str(citation["date-released"])
     root["keywords"] = ", ".join(citation["keywords"])
     licence = f"https://spdx.org/licenses/{citation['license']}"
-    root["license"] = _add(crate, licence, "CreativeWork", name=citation["license"])
+    root["license"] = _add_entity(crate, licence, "CreativeWork", name=citation["license"])
     authors = []
     for author in citation["authors"]:  # persons or, with the key `name`, organisations
         name = author.get("name") or f"{author['given-names']} {author['family-names']}"
         identifier = author.get("orcid") or f"#{name.lower().replace(' ', '-')}"
         kind = "Organization" if "name" in author else "Person"
-        authors.append(_add(crate, identifier, kind, name=name))
+        authors.append(_add_entity(crate, identifier, kind, name=name))
     root["author"] = authors[0] if len(authors) == 1 else authors  # 1.1 wants no list of one
     root["conformsTo"] = [
-        _add(crate, uri, "CreativeWork", name=name, version=uri.rsplit("/", 1)[1])
+        _add_entity(crate, uri, "CreativeWork", name=name, version=uri.rsplit("/", 1)[1])
         for uri, name in PROFILES.items()
     ]
     crate.metadata["conformsTo"] = [
@@ -92,18 +92,18 @@ def write_crate(
         main=True,
         lang="snakemake",
         lang_version=versions["packages"]["snakemake"],
-        properties=_properties(folder, WORKFLOW),
+        properties=_file_properties(folder, WORKFLOW),
     )
     workflow["name"] = citation["title"]
     workflow["version"] = commit.described if commit else citation["version"]
     files = {
-        path: crate.add_file(folder / path, path, properties=_properties(folder, path))
+        path: crate.add_file(folder / path, path, properties=_file_properties(folder, path))
         for path in files_of(folder)
         if path not in (WORKFLOW, METADATA)
     }
     files["README.md"]["about"] = root
     shown = tuple(f"{results}/{part}" for part in ("tables/", "figures/", "report.html"))
-    root["mentions"] = _add(
+    root["mentions"] = _add_entity(
         crate,
         "#run",
         "CreateAction",
@@ -118,7 +118,7 @@ def write_crate(
     write_json(folder / METADATA, crate.metadata.generate())
 
 
-def _properties(folder: Path, path: str) -> dict[str, str]:
+def _file_properties(folder: Path, path: str) -> dict[str, str]:
     """Name, description (the caption in the report, if it has one), format, size and digest."""
     file = folder / path
     text = DESCRIPTIONS.get(path) or DESCRIPTIONS.get(file.name) or file.stem
@@ -136,7 +136,7 @@ def _properties(folder: Path, path: str) -> dict[str, str]:
     }
 
 
-def _add(crate: ROCrate, identifier: str, kind: str, **properties: object) -> Entity:
+def _add_entity(crate: ROCrate, identifier: str, kind: str, **properties: object) -> Entity:
     entity = ContextEntity(crate, identifier, {"@type": kind})
     for name, value in properties.items():
         entity[name] = value

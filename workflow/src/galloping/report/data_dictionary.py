@@ -22,7 +22,7 @@ WHOLE = ""  # column
 
 
 @cache
-def _dictionary() -> list[dict[str, str]]:
+def _read_dictionary() -> list[dict[str, str]]:
     with Path(__file__).with_name("tables.csv").open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
@@ -32,18 +32,18 @@ def columns(settings: Mapping) -> pd.DataFrame:
     import pandas as pd
 
     shown = {EVERY, *settings["tables"]}
-    rows = (row for row in _dictionary() if row["column"] != WHOLE and row["table"] in shown)
+    rows = (row for row in _read_dictionary() if row["column"] != WHOLE and row["table"] in shown)
     return pd.DataFrame(rows)
 
 
 def captions() -> dict[str, str]:
     """What each table shows, in reStructuredText, by its name."""
-    return {row["table"]: row["meaning"] for row in _dictionary() if row["column"] == WHOLE}
+    return {row["table"]: row["meaning"] for row in _read_dictionary() if row["column"] == WHOLE}
 
 
 def meaning(table: str, column: str) -> str:
     """In words, with the unit behind; '' for a column that the dictionary lacks."""
-    rows = [r for r in _dictionary() if r["column"] == column and r["table"] in (EVERY, table)]
+    rows = [r for r in _read_dictionary() if r["column"] == column and r["table"] in (EVERY, table)]
     if not rows:
         return ""
     own = max(rows, key=lambda row: row["table"])  # of this table, if there is one

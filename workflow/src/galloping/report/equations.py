@@ -22,7 +22,7 @@ def side_by_side(table: pd.DataFrame, labels: Mapping[str, str]) -> dict[str, di
     found = {}
     for equation, of_equation in table.groupby("equation", sort=False):
         fits = {
-            _head(method, level, labels): rows
+            _format_head(method, level, labels): rows
             for (_, method, level), rows in of_equation.groupby(FIT, sort=False)
         }
         own = true[true["equation"] == equation].drop_duplicates("term")
@@ -30,7 +30,7 @@ def side_by_side(table: pd.DataFrame, labels: Mapping[str, str]) -> dict[str, di
             "heads": list(fits),
             "rows": [
                 [as_symbols(row["term"]), f"{row['true']:.4g}".replace("-", "\N{MINUS SIGN}")]
-                + [_value(rows[rows["term"] == row["term"]]) for rows in fits.values()]
+                + [_format_coefficient(rows[rows["term"] == row["term"]]) for rows in fits.values()]
                 for row in own.to_dict("records")
             ],
             "false_terms": [
@@ -41,11 +41,11 @@ def side_by_side(table: pd.DataFrame, labels: Mapping[str, str]) -> dict[str, di
     return found
 
 
-def _head(method: str, level: float, labels: Mapping[str, str]) -> str:
+def _format_head(method: str, level: float, labels: Mapping[str, str]) -> str:
     return f"{labels.get(method, method)}, {f'noise {level:g}' if level else 'no noise'}"
 
 
-def _value(rows: pd.DataFrame) -> str:
+def _format_coefficient(rows: pd.DataFrame) -> str:
     """A coefficient with its standard error, where there is one, both to the digits of that."""
     if rows.empty or pd.isna(rows["identified"].iloc[0]):
         return "not found"

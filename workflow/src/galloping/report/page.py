@@ -46,7 +46,7 @@ class Item:
     @property
     def title(self) -> str:
         """What a figure shows, as its file says, else its label; with its number in the paper."""
-        found = TITLE.search(self._svg)
+        found = TITLE.search(self._svg_text)
         text = unescape(found[1]) if found else self.label
         number = OF_PAPER.fullmatch(self.name)
         text = text[:1].upper() + text[1:]
@@ -57,23 +57,25 @@ class Item:
         return as_html(self.caption)
 
     @property
-    def _svg(self) -> str:
+    def _svg_text(self) -> str:
         return self.path.read_text(encoding="utf-8") if self.path.suffix == ".svg" else ""
 
     @property
-    def _points(self) -> float:
+    def _width_in_points(self) -> float:
         """Printed width of an SVG in pt, infinite of other files."""
-        found = re.search(r'<svg[^>]* width="([\d.]+)pt"', self._svg)
+        found = re.search(r'<svg[^>]* width="([\d.]+)pt"', self._svg_text)
         return float(found[1]) if found else inf
 
     @property
     def is_wide(self) -> bool:
-        return self._points > COLUMN
+        return self._width_in_points > COLUMN
 
     @property
     def width(self) -> str:
         """Of an SVG on the page, its printed size enlarged for a screen; '' of other files."""
-        return f"{ENLARGED * self._points:.0f}px" if isfinite(self._points) else ""
+        return (
+            f"{ENLARGED * self._width_in_points:.0f}px" if isfinite(self._width_in_points) else ""
+        )
 
     @property
     def uri(self) -> Markup:

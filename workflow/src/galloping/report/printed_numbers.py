@@ -76,7 +76,7 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
     if len(joint):
         first = joint[joint["case"] == joint["case"].iloc[0]].to_dict("records")
         shares = ", ".join(
-            f"{_percent(row['share_of_draws'])} keep "
+            f"{_format_percent(row['share_of_draws'])} keep "
             + row["claim"].removesuffix(" in the same draw")
             for row in first
         )
@@ -118,7 +118,7 @@ def rows(paper: pd.DataFrame) -> dict[str, list[PaperCell]]:
         claim = row["claim"].replace(f" of {state}", "") if state else row["claim"]
         if row["case"] != first:
             claim += f" ({row['case'].replace('_', '-')})"
-        found.setdefault(claim, []).append(_cell(row))
+        found.setdefault(claim, []).append(_as_cell(row))
     return found
 
 
@@ -164,40 +164,40 @@ def by_settings(varied: pd.DataFrame) -> str:
     )
 
 
-def _cell(row: dict) -> PaperCell:
+def _as_cell(row: dict) -> PaperCell:
     claim = BY_NAME.get(row["claim"])
-    printed = _printed(claim) if claim else "in one draw"
+    printed = _describe_printed(claim) if claim else "in one draw"
     if row["verdict"] in ("not judged", "not run"):
         return PaperCell(printed, "", row["verdict"], row["reason"])
-    return PaperCell(printed, _ours(row, claim), row["verdict"], row["reason"])
+    return PaperCell(printed, _describe_ours(row, claim), row["verdict"], row["reason"])
 
 
-def _printed(claim: Claim) -> str:
+def _describe_printed(claim: Claim) -> str:
     """What the paper says, in its words where it prints no number."""
     if claim.words:
         return claim.words
     return f"{SIGNS.get(claim.kind, '')}{claim.printed:g} {claim.unit}".rstrip()
 
 
-def _ours(row: dict, claim: Claim | None) -> str:
+def _describe_ours(row: dict, claim: Claim | None) -> str:
     """What the draws say: a median with its range, a value, or in which share of them it is so."""
-    share = _percent(row["share_of_draws"])
+    share = _format_percent(row["share_of_draws"])
     if claim is None or claim.is_yes_or_no:
         if claim and row["share_low"] == row["share_high"]:  # no noise, one draw
             return "yes" if row["share_of_draws"] == 1 else "no"
         return f"in {share} of the draws" if claim is None else f"yes in {share} of the draws"
-    median, low, high = (_number(row[name]) for name in ("median", "low", "high"))
+    median, low, high = (_format_number(row[name]) for name in ("median", "low", "high"))
     if claim.is_r2:
         return f"{row['median']:.3f}, kept in {share}"
     value = f"{median} {claim.unit}".rstrip()
     return value if low == high else f"{value} ({low} to {high})"
 
 
-def _percent(share: float) -> str:
+def _format_percent(share: float) -> str:
     return f"{100 * share:.0f} %"
 
 
-def _number(value: float) -> str:
+def _format_number(value: float) -> str:
     if not np.isfinite(value):
         return "no model" if pd.isna(value) else ("∞" if value > 0 else "−∞")
     return f"{value:.3g}" if abs(value) >= 1e-3 or value == 0 else f"{value:.0e}"

@@ -23,9 +23,9 @@ def on_methods(tables: Mapping[str, pd.DataFrame], case: str, protocol: str) -> 
         sentences.append(_from_sensors(efficiency, tables["noise_coefficients"], **about))
         sentences.append(_least_data(efficiency, **about))
     if "noise_r2" in tables:
-        sentences.append(_reconstructed(tables["noise_r2"], **about))
+        sentences.append(_describe_reconstruction(tables["noise_r2"], **about))
     if "identifiability" in tables:
-        sentences.append(_identifiable(tables["identifiability"], protocol))
+        sentences.append(_describe_identifiability(tables["identifiability"], protocol))
     if "trust" in tables:
         sentences += verdicts(tables["trust"])
     return list(filter(None, sentences))
@@ -35,9 +35,9 @@ def on_engineering(tables: Mapping[str, pd.DataFrame], case: str, protocol: str)
     """Return sentences on the galloping itself. Parameters as of `on_methods`."""
     sentences: list[str] = []
     if {"limit_cycles", "bifurcations"} <= set(tables):
-        sentences.append(_galloping(tables["limit_cycles"], tables["bifurcations"], case))
+        sentences.append(_describe_galloping(tables["limit_cycles"], tables["bifurcations"], case))
     if "limit_cycle_ahead" in tables:
-        sentences.append(_ahead(tables["limit_cycle_ahead"], case, protocol))
+        sentences.append(_describe_prediction(tables["limit_cycle_ahead"], case, protocol))
     if "reduction" in tables:
         sentences.append(_two_modes(tables["reduction"], case))
     return list(filter(None, sentences))
@@ -75,7 +75,7 @@ def inferred(region: pd.DataFrame) -> list[str]:
 def _from_sensors(efficiency: pd.DataFrame, errors: pd.DataFrame, case: str, protocol: str) -> str:
     rows = efficiency[(efficiency["case"] == case) & (efficiency["protocol"] == protocol)]
     rows = rows[(rows["method"] == OURS) & (rows["points"] == rows["points"].max())]
-    rows = _nearest(rows)
+    rows = _rows_at_level(rows)
     if rows.empty:
         return ""
     row = rows.iloc[0]
@@ -87,8 +87,9 @@ def _from_sensors(efficiency: pd.DataFrame, errors: pd.DataFrame, case: str, pro
     peers = medians.drop([OURS, "bound", "weak_gls"], errors="ignore")
     beside = f", against {peers.min():.2g} % by {peers.idxmin()}" if len(peers) else ""
     return (
-        f"From {protocol} measurements of {_spoken(case)} with {100 * row['level']:g} % noise, "
-        f"maximum likelihood finds exactly the true terms in {row['exact_support']} of "
+        f"From {protocol} measurements of {_case_in_words(case)} with "
+        f"{100 * row['level']:g} % noise, maximum likelihood finds exactly the true terms "
+        f"in {row['exact_support']} of "
         f"{row['replicates']} recordings, with a mean coefficient error of "
         f"{medians[OURS]:.2g} %{beside}; its error is {row['efficiency']:.2f} times the "
         f"Cramér-Rao bound."
@@ -108,7 +109,7 @@ def _least_data(efficiency: pd.DataFrame, case: str, protocol: str) -> str:
     )
 
 
-def _galloping(cycles: pd.DataFrame, bifurcations: pd.DataFrame, case: str) -> str:
+def _describe_galloping(cycles: pd.DataFrame, bifurcations: pd.DataFrame, case: str) -> str:
     if cycles.empty or bifurcations.empty:  # of a study without sweeps: they have no parameter
         return ""
     along = (bifurcations["case"] == case) & (bifurcations["parameter"] == "wind_speed")
@@ -119,13 +120,13 @@ def _galloping(cycles: pd.DataFrame, bifurcations: pd.DataFrame, case: str) -> s
         return ""
     strongest = steady.loc[steady["value"].idxmax()]
     return (
-        f"{_spoken(case).capitalize()} gallops from a wind of {onset.min():.2f} m/s. Up to "
+        f"{_case_in_words(case).capitalize()} gallops from a wind of {onset.min():.2f} m/s. Up to "
         f"{strongest['value']:.3g} m/s it settles to a limit cycle, there with amplitudes of "
         f"{strongest['v_m']:.2f} m (vertical) and {strongest['w_m']:.2f} m (horizontal)."
     )
 
 
-def _nearest(table: pd.DataFrame) -> pd.DataFrame:
+def _rows_at_level(table: pd.DataFrame) -> pd.DataFrame:
     """The rows at the noise level of the sentences."""
     levels = table.loc[table["level"] > 0, "level"]
     if levels.empty:
@@ -133,7 +134,7 @@ def _nearest(table: pd.DataFrame) -> pd.DataFrame:
     return table[table["level"] == levels.loc[(levels - LEVEL).abs().idxmin()]]
 
 
-def _reconstructed(r2: pd.DataFrame, case: str, protocol: str) -> str:
+def _describe_reconstruction(r2: pd.DataFrame, case: str, protocol: str) -> str:
     rows = r2[(r2["case"] == case) & (r2["protocol"] == protocol) & (r2["level"] > 0)]
     worst = rows.groupby(["method", "level"])["r2_median"].min().unstack("level")
     if OURS not in worst.index:
@@ -154,13 +155,13 @@ def _rounded_down(r2: float) -> str:
     return f"{floor(1e4 * r2) / 1e4:.4f}".replace("-", "\N{MINUS SIGN}") if isfinite(r2) else "none"
 
 
-def _identifiable(table: pd.DataFrame, protocol: str) -> str:
-    rows = _nearest(table[(table["protocol"] == protocol) & table["t"].notna()])
+def _describe_identifiability(table: pd.DataFrame, protocol: str) -> str:
+    rows = _rows_at_level(table[(table["protocol"] == protocol) & table["t"].notna()])
     rows = rows[rows["points"] == rows["points"].max()] if len(rows) else rows
     said = []
     for (case, recordings), of in rows.groupby(["case", "recordings"], sort=False):
         known = (of["verdict"] == "identifiable").sum()
-        text = f"{known} of {len(of)} terms of {_spoken(case)}"
+        text = f"{known} of {len(of)} terms of {_case_in_words(case)}"
         said.append(text + (f" from {recordings} recordings together" if recordings > 1 else ""))
     if not said:
         return ""
@@ -170,8 +171,8 @@ def _identifiable(table: pd.DataFrame, protocol: str) -> str:
     )
 
 
-def _ahead(table: pd.DataFrame, case: str, protocol: str) -> str:
-    rows = _nearest(table[(table["case"] == case) & (table["protocol"] == protocol)])
+def _describe_prediction(table: pd.DataFrame, case: str, protocol: str) -> str:
+    rows = _rows_at_level(table[(table["case"] == case) & (table["protocol"] == protocol)])
     rows = rows.dropna(subset=["recorded_m", "true_m", "predicted_m"])
     if rows.empty:
         return ""
@@ -181,8 +182,8 @@ def _ahead(table: pd.DataFrame, case: str, protocol: str) -> str:
         for row in rows.to_dict("records")
     ]
     return (
-        f"A model identified from the record of {_spoken(case)} predicts the limit cycle to which "
-        f"the motion goes on. Amplitudes of {'; '.join(said)}."
+        f"A model identified from the record of {_case_in_words(case)} predicts the limit cycle to "
+        f"which the motion goes on. Amplitudes of {'; '.join(said)}."
     )
 
 
@@ -197,10 +198,10 @@ def _two_modes(table: pd.DataFrame, case: str) -> str:
     if small.any():
         said.append(f"less than 1 % ({', '.join(changes.index[small])})")
     return (
-        f"What the two-mode model of {_spoken(case)} leaves out changes the vertical amplitude "
-        f"over 200 to 300 s: {', '.join(said)}."
+        f"What the two-mode model of {_case_in_words(case)} leaves out changes the vertical "
+        f"amplitude over 200 to 300 s: {', '.join(said)}."
     )
 
 
-def _spoken(case: str) -> str:
+def _case_in_words(case: str) -> str:
     return f"the {case.replace('_', '-')} line"

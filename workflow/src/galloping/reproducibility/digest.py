@@ -37,36 +37,36 @@ def code(*roots: str | Path) -> dict:
     roots: script files, and functions that they import by name, as `deferred` gives them.
     Raises ValueError for a module that is not in the package.
     """
-    files = _closure(roots)
+    files = _import_closure(roots)
     texts = []
     for path in files:  # named as wherever the repository lies and a script is called
         is_own = path.is_relative_to(deferred.SOURCE)
         name = path.relative_to(deferred.SOURCE).as_posix() if is_own else "script"
-        texts.append(f"{name}\n{_parse(path).content}\n")
+        texts.append(f"{name}\n{_parse_module(path).content}\n")
         if is_own:
             beside = (path.parent.glob(f"*.{suffix}") for suffix in ("jinja", "csv", "mplstyle"))
             texts += [data.read_text("utf-8") for found in beside for data in found]
-    libraries = frozenset().union(*(_parse(path).libraries for path in files))
+    libraries = frozenset().union(*(_parse_module(path).libraries for path in files))
     return {
         "digest": hashlib.sha256("".join(sorted(texts)).encode()).hexdigest()[:16],
         "libraries": versions(libraries),
     }
 
 
-def _closure(roots: tuple[str | Path, ...]) -> set[Path]:
+def _import_closure(roots: tuple[str | Path, ...]) -> set[Path]:
     """Files of the package that `roots` import, and those of `roots`."""
     seen: set[Path] = set()
     waiting: list[Path] = []
     for root in roots:
         module = str(root).partition(":")[0]
-        waiting += [Path(root)] if Path(root).suffix == ".py" else _files(module)
+        waiting += [Path(root)] if Path(root).suffix == ".py" else _module_files(module)
         if Path(root).suffix != ".py" and not deferred.file_of(module):
             raise ValueError(f"{module}: no such module")
     while waiting:
         path = waiting.pop()
         if path not in seen:
             seen.add(path)
-            waiting += _parse(path).modules
+            waiting += _parse_module(path).modules
     return seen
 
 
@@ -80,10 +80,10 @@ class _Module:
 
 
 @cache
-def _parse(path: Path) -> _Module:
+def _parse_module(path: Path) -> _Module:
     tree = ast.parse(path.read_text(encoding="utf-8"))
     names: set[str] = set()
-    for node in (tree, *_statements(tree)):
+    for node in (tree, *_walk_statements(tree)):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:  # absolute: ruff refuses others
@@ -91,7 +91,9 @@ def _parse(path: Path) -> _Module:
         elif isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
             del node.body[0]
     tops = {name.partition(".")[0] for name in names}
-    files = {file for name in names if name.partition(".")[0] == PACKAGE for file in _files(name)}
+    files = {
+        file for name in names if name.partition(".")[0] == PACKAGE for file in _module_files(name)
+    }
     return _Module(
         content=ast.dump(tree),
         modules=tuple(sorted(files)),
@@ -99,15 +101,15 @@ def _parse(path: Path) -> _Module:
     )
 
 
-def _statements(node: ast.AST) -> Iterator[ast.AST]:
+def _walk_statements(node: ast.AST) -> Iterator[ast.AST]:
     """All statements below a node: a small part of what `ast.walk` goes through."""
     for child in ast.iter_child_nodes(node):
         if isinstance(child, (ast.stmt, ast.excepthandler, ast.match_case)):
             yield child
-            yield from _statements(child)
+            yield from _walk_statements(child)
 
 
-def _files(name: str) -> list[Path]:
+def _module_files(name: str) -> list[Path]:
     """Files that importing a module of the package runs: its own and those of its parents."""
     parts = name.split(".")
     names = (".".join(parts[: k + 1]) for k in range(len(parts)))
@@ -137,7 +139,7 @@ def _with_requirements(distribution: str) -> dict[str, str]:
     waiting = [distribution]
     while waiting:
         name = waiting.pop()
-        if name not in found and (described := _distribution(name)):
+        if name not in found and (described := _find_distribution(name)):
             found[name] = described["Version"]
             required = map(Requirement, described.get_all("Requires-Dist") or [])
             waiting += [
@@ -149,7 +151,7 @@ def _with_requirements(distribution: str) -> dict[str, str]:
 
 
 @cache
-def _distribution(name: str) -> metadata.PackageMetadata | None:
+def _find_distribution(name: str) -> metadata.PackageMetadata | None:
     try:
         return metadata.distribution(name).metadata
     except metadata.PackageNotFoundError:
@@ -173,9 +175,9 @@ class Commit:
 def commit() -> Commit | None:
     """The commit checked out in the working folder, or None if git does not know of one."""
     try:
-        digest, date = _git("show", "--no-patch", "--format=%H %cI", "HEAD").split()
-        described = _git("describe", "--tags", "--always", "--dirty").strip()
-        status = _git("status", "--porcelain", "--untracked-files=all").splitlines()
+        digest, date = _run_git("show", "--no-patch", "--format=%H %cI", "HEAD").split()
+        described = _run_git("describe", "--tags", "--always", "--dirty").strip()
+        status = _run_git("status", "--porcelain", "--untracked-files=all").splitlines()
     except (OSError, subprocess.CalledProcessError):
         return None
     return Commit(digest, date, described, tuple(line[3:] for line in status))
@@ -196,5 +198,5 @@ def environment() -> dict:
     }
 
 
-def _git(*arguments: str) -> str:
+def _run_git(*arguments: str) -> str:
     return subprocess.check_output(["git", *arguments], stderr=subprocess.DEVNULL, text=True)

@@ -46,16 +46,16 @@ def run(function: Callable[..., None], job) -> None:
         with log.open("w", encoding="utf-8") as file:
             try:
                 with redirect_stdout(file), redirect_stderr(file):
-                    seconds = _run(function, job)
+                    seconds = _run_function(function, job)
                 print(f"{FINISHED}{seconds:.3f} s of work", file=file)
             except Exception as error:
                 traceback.print_exc(file=file)
-                print(f"{FAILED}{_line(error)}", file=file)
+                print(f"{FAILED}{_error_line(error)}", file=file)
                 raise
     except KeyboardInterrupt:  # Ctrl-C, which is told once, where the run began
         sys.exit(130)
     except Exception as error:
-        sys.exit(f"{_line(error)} (details: {log})")
+        sys.exit(f"{_error_line(error)} (details: {log})")
 
 
 def failures(results: str, since: int) -> list[str]:
@@ -93,7 +93,7 @@ def _storage_prefix(job) -> str:
     return str(job.log[0]).rpartition(f"{results}/logs/")[0]
 
 
-def _run(function: Callable[..., None], job) -> float:
+def _run_function(function: Callable[..., None], job) -> float:
     """Check the inputs, call the function, write receipts; the seconds of work."""
     inputs = {str(path): digest(path) for path in job.input}
     for path, present in inputs.items():
@@ -122,7 +122,7 @@ def _run(function: Callable[..., None], job) -> float:
     return seconds
 
 
-def _line(error: Exception) -> str:
+def _error_line(error: Exception) -> str:
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
         return f"The disk is full: {error.filename or error}; free some space and run again"
     return f"{type(error).__name__}: {error}"

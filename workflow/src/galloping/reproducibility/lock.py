@@ -47,14 +47,14 @@ def locked(results: str, repair: str, *, repairing: bool = False) -> Iterator[in
     check_places(results)
     check_disk(results)
     if others := snakemakes(Path.cwd()):
-        raise Obstacle(_busy(others[0].pid))
+        raise Obstacle(_describe_holder(others[0].pid))
     Path(results).mkdir(parents=True, exist_ok=True)
     with Path(results, MARK).open("a+", encoding="ascii") as mark:
         mark.seek(0)
         try:
             fcntl.flock(mark, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise Obstacle(_busy(mark.read())) from None
+            raise Obstacle(_describe_holder(mark.read())) from None
         if mark.read() and not repairing:  # with the lock: another run may have ended just now
             raise Obstacle(killed(repair))
         mark.truncate(0)
@@ -135,5 +135,5 @@ def clear_unfinished(results: str) -> Iterator[str]:
         yield f"removed the unfinished {path}"
 
 
-def _busy(process: object) -> str:
+def _describe_holder(process: object) -> str:
     return f"Process {process} is running a study in this folder: wait for it, or stop it."

@@ -185,15 +185,16 @@ def outlook(plan: Plan, known: Mapping[str, Receipt], cores: int | None) -> Iter
     jobs = [job for job in plan.jobs if not kept.issuperset(job.outputs)]
     if not jobs:
         return
-    yield f"{len(jobs)} of {len(plan.jobs)} jobs will run, {_duration(plan, jobs, known, cores)}"
+    duration = _expected_duration(plan, jobs, known, cores)
+    yield f"{len(jobs)} of {len(plan.jobs)} jobs will run, {duration}"
     report = known.get(f"{plan.results}/report.html")  # holds the settings of the last whole run
     before = report.settings.get("study", {}).get("study") if report else None
-    if edits := list(_edits(before or plan.settings, plan.settings)):
-        yield f"Edited since they last ran: {_first(edits)}."
+    if edits := list(_describe_edits(before or plan.settings, plan.settings)):
+        yield f"Edited since they last ran: {_list_first(edits)}."
     made = ((job, known[path]) for job in jobs for path in job.outputs if path in known)
     codes = {job.rule for job, old in made if old.settings.get("code") != job.settings.get("code")}
     if codes:
-        yield f"Code or libraries changed behind: {_first(sorted(codes))}."
+        yield f"Code or libraries changed behind: {_list_first(sorted(codes))}."
 
 
 def duration_in_words(seconds: float) -> str:
@@ -204,7 +205,7 @@ def duration_in_words(seconds: float) -> str:
     return f"{seconds:.0f} s"
 
 
-def _duration(
+def _expected_duration(
     plan: Plan, jobs: list[PlannedJob], known: Mapping[str, Receipt], cores: int | None
 ) -> str:
     """By how long the same jobs took before, or others of their rule; at first, the reference."""
@@ -233,19 +234,19 @@ def _duration(
     return f"{least}about {duration_in_words(share)} on {cores} core{'s' if cores > 1 else ''}"
 
 
-def _first(items: list[str]) -> str:
+def _list_first(items: list[str]) -> str:
     more = f" and {len(items) - MOST} more" if len(items) > MOST else ""
     return ", ".join(items[:MOST]) + more
 
 
-def _edits(before: object, now: object, key: str = "") -> Iterator[str]:
+def _describe_edits(before: object, now: object, key: str = "") -> Iterator[str]:
     if isinstance(before, dict) and isinstance(now, dict):
         for name in [*before, *(name for name in now if name not in before)]:
             below = f"{key}.{name}" if key else str(name)
             if name not in now or name not in before:
                 yield f"{below} {'added' if name in now else 'removed'}"
             else:
-                yield from _edits(before[name], now[name], below)
+                yield from _describe_edits(before[name], now[name], below)
     elif before != now:
         yield f"{key} from {before} to {now}"
 
@@ -273,7 +274,7 @@ class Executor(AbstractExecutor):
         self.report_job_submission(submitted)
         self.report_job_success(submitted)
 
-    def _nothing(self, *_) -> None:
+    def _do_nothing(self, *_) -> None:
         """For what comes of jobs that were run."""
 
-    handle_job_success = handle_job_error = get_exec_mode = cancel = shutdown = _nothing
+    handle_job_success = handle_job_error = get_exec_mode = cancel = shutdown = _do_nothing

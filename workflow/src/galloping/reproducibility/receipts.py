@@ -150,8 +150,8 @@ def inspect(results: str, known: Mapping[str, Receipt], *, thorough: bool = Fals
     known: receipts by path. thorough: read every file, also those whose size and times are as when
     last read.
     """
-    states = {path: state for path in known if (state := _state(path))}
-    seen = _seen().get(results, {})
+    states = {path: state for path in known if (state := _file_state(path))}
+    seen = _read_seen().get(results, {})
     read = [p for p, state in states.items() if thorough or seen.get(p, [None])[:-1] != state]
     with ThreadPoolExecutor() as pool:
         digests = dict(zip(read, pool.map(digest, read), strict=True))
@@ -167,13 +167,13 @@ def inspect(results: str, known: Mapping[str, Receipt], *, thorough: bool = Fals
 
 def remember(results: str, findings: Deviations) -> None:
     """Note what is here, which the next inspection need not read again."""
-    seen = _seen()
+    seen = _read_seen()
     if (now := seen | {results: findings.present}) != seen:
         with suppress(OSError):  # only costs time: a full disk is told by what must write to it
             write_json(SEEN, now)
 
 
-def _state(path: str) -> list[int] | None:
+def _file_state(path: str) -> list[int] | None:
     """What changes when a file is written, even if its time is set back."""
     try:
         status = Path(path).stat()
@@ -182,7 +182,7 @@ def _state(path: str) -> list[int] | None:
     return [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
 
 
-def _seen() -> dict[str, dict[str, list]]:
+def _read_seen() -> dict[str, dict[str, list]]:
     """By study, which may lie in the folder of another, and path. What is damaged is left out."""
     try:
         content = read_json(SEEN)
@@ -197,6 +197,6 @@ def _seen() -> dict[str, dict[str, list]]:
 
 
 def _is_state(state: object) -> bool:
-    """Whether a value is what `_state` gives, with a digest."""
+    """Whether a value is what `_file_state` gives, with a digest."""
     types = [type(each) for each in state] if isinstance(state, list) else []
     return types == [int, int, int, int, str]

@@ -61,7 +61,7 @@ class Sweep:
         return {f"{self.second}_{value:.12g}": value for value in self.second_values}
 
 
-def _values(first: float, last: float, step: float) -> tuple[float, ...]:
+def _spaced_values(first: float, last: float, step: float) -> tuple[float, ...]:
     count = int((last - first) / step + 1e-9) + 1
     return tuple(round(first + k * step, 12) for k in range(count))
 
@@ -255,7 +255,7 @@ class Study:
             cell
             for case in self.cases
             for protocol in self.protocols
-            for cell in self._cells(case, protocol)
+            for cell in self._cells_of_protocol(case, protocol)
             if cell.methods
         )
 
@@ -266,7 +266,7 @@ class Study:
     def _by_name(self) -> dict[tuple[str, ...], Cell]:
         return {tuple(cell.wildcards.values()): cell for cell in self.cells}
 
-    def _cells(self, case: Case, protocol: Protocol) -> Iterator[Cell]:
+    def _cells_of_protocol(self, case: Case, protocol: Protocol) -> Iterator[Cell]:
         measurement, whole = self.settings.measurement, self.settings.simulation.samples
         subsets, joint = measurement.subsets, len(case.releases)
         described = [(NOISE, level, level, whole, 1) for level in measurement.levels]
@@ -294,8 +294,8 @@ class Study:
     @cached_property
     def sweeps(self) -> tuple[Sweep, ...]:
         return tuple(
-            Sweep(name, of.parameter, _values(*of.values), of.second,
-                  _values(*of.second_values) if of.second_values else ())
+            Sweep(name, of.parameter, _spaced_values(*of.values), of.second,
+                  _spaced_values(*of.second_values) if of.second_values else ())
             for name, of in self.settings.sweeps.items()
         )  # fmt: skip
 

@@ -122,7 +122,9 @@ def write_recordings(path: str | os.PathLike, replicates: Sequence[Sequence[Reco
     for release, copies in enumerate(zip(*replicates, strict=True)):
         for channel in CHANNELS:
             if getattr(copies[0], channel) is not None:
-                arrays[f"{channel}_{release}"] = _stack([getattr(c, channel) for c in copies])
+                arrays[f"{channel}_{release}"] = _stack_replicates(
+                    [getattr(c, channel) for c in copies]
+                )
     write_arrays(path, **arrays)
 
 
@@ -145,7 +147,7 @@ def read_recordings(path: str | os.PathLike) -> list[tuple[Recording, ...]]:
     return [tuple(recording(r, i) for i in range(releases)) for r in range(replicates)]
 
 
-def _stack(arrays: list[np.ndarray]) -> np.ndarray:
+def _stack_replicates(arrays: list[np.ndarray]) -> np.ndarray:
     """All replicates, or one in place of all that are equal."""
     shared = all(np.array_equal(arrays[0], a, equal_nan=True) for a in arrays[1:])
     return arrays[0][np.newaxis] if shared else np.stack(arrays)

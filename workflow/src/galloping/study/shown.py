@@ -42,10 +42,12 @@ def departures(settings: Settings) -> dict[str, str]:
     can: what the paper prints of the line is unchanged, whatever the rest is.
     """
     cases = settings.cases
-    return {name: _departure(cases.get(name), case) for name, case in paper_cases().items()}
+    return {
+        name: _describe_departure(cases.get(name), case) for name, case in paper_cases().items()
+    }
 
 
-def _departure(case: CaseSection | None, paper: CaseSection) -> str:
+def _describe_departure(case: CaseSection | None, paper: CaseSection) -> str:
     if case is None:
         return "the study does not have it"
     if case.truth.model != "two_mode":
@@ -96,25 +98,25 @@ def equations_beside(study: Study) -> list[tuple[Cell, Method]]:
     found = {least_noise(study, first).id: (least_noise(study, first), papers[1])}
     ours = [(sensor_protocol(study), m) for m in study.methods if m.name == OURS]
     for pair in (papers, *ours):
-        cells = _cells(study, first, pair, NOISE)
+        cells = _cells_of_pair(study, first, pair, NOISE)
         found |= {cell.id: (cell, pair[1]) for cell in cells if cell.level == level}
     return list(found.values())
 
 
 def least_noise(study: Study, case: Case) -> Cell:
     """The whole record at the lowest level, as the paper's pair has it."""
-    return _cells(study, case, paper_pair(study), NOISE)[0]
+    return _cells_of_pair(study, case, paper_pair(study), NOISE)[0]
 
 
 def noise_cells(study: Study, pair: Pair, wanted: Iterable[float]) -> list[Cell]:
     """Those of the wanted noise levels that the study has, else its three lowest above zero."""
-    cells = [cell for cell in _cells(study, study.cases[0], pair, NOISE) if cell.level > 0]
+    cells = [cell for cell in _cells_of_pair(study, study.cases[0], pair, NOISE) if cell.level > 0]
     return [cell for cell in cells if cell.level in wanted] or cells[:3]
 
 
 def amount_cells(study: Study, pair: Pair) -> list[Cell]:
     """Subsets of the first case that a pair can use, the smallest first."""
-    return _cells(study, study.cases[0], pair, SUBSET)
+    return _cells_of_pair(study, study.cases[0], pair, SUBSET)
 
 
 def assessed_cell(study: Study, case: str) -> Cell | None:
@@ -155,7 +157,7 @@ def families_of(cell: Cell) -> list[str]:
 
 def ahead_cells(study: Study) -> list[Cell]:
     """Whole records of the first case that ours can use."""
-    return [cell for cell in _ours(study, study.cases[0]) if cell.kind == NOISE]
+    return [cell for cell in _own_cells(study, study.cases[0]) if cell.kind == NOISE]
 
 
 def oracle_cells(study: Study) -> list[Cell]:
@@ -169,7 +171,7 @@ def oracle_cells(study: Study) -> list[Cell]:
     ]  # fmt: skip
 
 
-def _ours(study: Study, case: Case) -> list[Cell]:
+def _own_cells(study: Study, case: Case) -> list[Cell]:
     """The cells of a case that ours can use."""
     used = (cell for cell in study.cells if OURS in [method.name for method in cell.methods])
     return [cell for cell in used if cell.case == case]
@@ -178,10 +180,10 @@ def _ours(study: Study, case: Case) -> list[Cell]:
 def _at_one_level(study: Study, case: str) -> list[Cell]:
     """Those at the noise level of the subsets; none of a continuous line."""
     of, level = study.case(case), study.settings.measurement.subsets.level
-    return [c for c in _ours(study, of) if c.level == level and not of.is_continuous]
+    return [c for c in _own_cells(study, of) if c.level == level and not of.is_continuous]
 
 
-def _cells(study: Study, case: Case, pair: Pair, kind: str) -> list[Cell]:
+def _cells_of_pair(study: Study, case: Case, pair: Pair, kind: str) -> list[Cell]:
     protocol, method = pair
     cells = [
         cell

@@ -46,15 +46,19 @@ def compare_tables(reference: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame
     column "(row)"; a missing or new column has the row "(column)". Rows with the same keys are told
     apart by their order. Raises ValueError where the tables have no key.
     """
-    return _compared(reference, found)[0]
+    return _compare_values(reference, found)[0]
 
 
-def _compared(reference: pd.DataFrame, found: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+def _compare_values(
+    reference: pd.DataFrame, found: pd.DataFrame
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """What differs, and every value that both tables have, with a column `agrees` (bool)."""
     left, right = _by_row(reference, found)
-    present = [(HEADING, n, *sides) for n, *sides in _presence(reference.columns, found.columns)]
-    present += [(n, WHOLE, *sides) for n, *sides in _presence(left.index, right.index)]
-    values = _values(left, right)
+    present = [
+        (HEADING, n, *sides) for n, *sides in _compare_presence(reference.columns, found.columns)
+    ]
+    present += [(n, WHOLE, *sides) for n, *sides in _compare_presence(left.index, right.index)]
+    values = _merge_values(left, right)
     apart = values.loc[~values["agrees"], list(COLUMNS)]
     return pd.DataFrame([*present, *apart.itertuples(index=False)], columns=COLUMNS), values
 
@@ -99,10 +103,12 @@ def table_differences(
         elif name not in there:
             yield f"{name}: not in the archive"
         else:
-            yield from (f"{name}: {line}" for line in _differences(there[name], here[name]))
+            yield from (
+                f"{name}: {line}" for line in _describe_differences(there[name], here[name])
+            )
 
 
-def _differences(*files: Path) -> Iterator[str]:
+def _describe_differences(*files: Path) -> Iterator[str]:
     try:
         rows = compare_tables(*(pd.read_csv(f, dtype=str, keep_default_na=False) for f in files))
     except ValueError as error:
@@ -121,27 +127,29 @@ def _by_row(*tables: pd.DataFrame) -> Iterator[pd.DataFrame]:
         raise ValueError(f"no column says what a row is about: {', '.join(first)}")
     for table in tables:
         text = table.astype(object).where(table.notna(), "").astype(str)
-        names = text[keys].apply(_key).agg(", ".join, axis=1) if len(text) else text[keys[0]]
+        names = (
+            text[keys].apply(_key_as_text).agg(", ".join, axis=1) if len(text) else text[keys[0]]
+        )
         again = names.groupby(names).cumcount() + 1  # such as points along a branch
         names = names.where(again == 1, names + ", row " + again.astype(str))
         yield text.drop(columns=[*keys, *MEASURED], errors="ignore").set_axis(names)
 
 
-def _key(column: pd.Series) -> pd.Series:
+def _key_as_text(column: pd.Series) -> pd.Series:
     """The keys of a column as text: 5, 5.0 and "5" are the same key."""
     numbers = pd.to_numeric(column, errors="coerce")
     text = column.where(numbers.isna(), numbers.map("{:.12g}".format))
     return f"{column.name}=" + text
 
 
-def _presence(reference: pd.Index, found: pd.Index) -> Iterator[tuple]:
+def _compare_presence(reference: pd.Index, found: pd.Index) -> Iterator[tuple]:
     for name in reference.difference(found, sort=False):
         yield name, "present", "absent", np.nan, np.nan
     for name in found.difference(reference, sort=False):
         yield name, "absent", "present", np.nan, np.nan
 
 
-def _values(*sides: pd.DataFrame) -> pd.DataFrame:
+def _merge_values(*sides: pd.DataFrame) -> pd.DataFrame:
     """All values of rows and columns that both tables have, column by column."""
     left, right = (  # value_name: that of no column, which `found` is of some tables
         side.rename_axis("row")
@@ -238,11 +246,11 @@ def compare_study(
         for name in REASONS:
             sides = (each.settings if name == SETTINGS else {"name": each.processor}
                      for each in (made, present))  # fmt: skip
-            parts[name], counts[name] = _origins(*(dict(flat(side)) for side in sides))
+            parts[name], counts[name] = _compare_origins(*(dict(flat(side)) for side in sides))
         reason = next((why for name, why in REASONS.items() if len(parts[name])), DIFFERS)
         for name in tables.keys() & reference.keys():
             try:
-                parts[name], counts[name] = _tables(reference[name], tables[name], reason)
+                parts[name], counts[name] = _compare_table(reference[name], tables[name], reason)
             except ValueError as error:  # columns that are new or gone
                 counts[name] = {"verdict": f"cannot be compared: {error}"}
     summary = pd.DataFrame([{"table": name, **each} for name, each in counts.items()])
@@ -257,7 +265,7 @@ def compare_study(
     )
 
 
-def _origins(
+def _compare_origins(
     made: Mapping[str, str], present: Mapping[str, str]
 ) -> tuple[pd.DataFrame, dict[str, object]]:
     """The differences in what two studies were made with, and their numbers of the summary."""
@@ -277,11 +285,11 @@ def _origins(
     }
 
 
-def _tables(
+def _compare_table(
     reference: pd.DataFrame, table: pd.DataFrame, reason: str
 ) -> tuple[pd.DataFrame, dict[str, object]]:
     """The differences in one table, and its numbers of the summary. reason: why it may differ."""
-    found, values = _compared(reference, table)
+    found, values = _compare_values(reference, table)
     rows = found[found["column"] == WHOLE]
     parts = (values["difference"].abs() / values["tolerance"]).fillna(0)
     largest = values.loc[parts.idxmax()] if parts.any() else None

@@ -109,7 +109,12 @@ def compare_measures(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
     both answers are judged so; difference, the sum of now - before over the pairs; standard_error
     of it; is_significant: whether the difference is more than SIGNIFICANT standard errors.
     """
-    both = _measure(before).add_suffix(" before").join(_measure(now), how="inner").reset_index()
+    both = (
+        _measure_answers(before)
+        .add_suffix(" before")
+        .join(_measure_answers(now), how="inner")
+        .reset_index()
+    )
     rows = pd.concat([both, both.assign(stratum=ALL)])
     return pd.DataFrame(
         {"stratum": stratum, "method": method, "measure": measure, **_sum_differences(own, measure)}
@@ -118,7 +123,7 @@ def compare_measures(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def _measure(answers: pd.DataFrame) -> pd.DataFrame:
+def _measure_answers(answers: pd.DataFrame) -> pd.DataFrame:
     status = {name: (answers["status"] == name).astype(float) for name in ("ok", "refused")}
     return answers.assign(**status).set_index(KEYS)[list(MEASURES)]
 

@@ -50,14 +50,16 @@ def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
         of, (log_evidence, error) = found[name], evidence[name]
         power = (log_evidence - first) / np.log(10)
         error = np.hypot(error, first_error * (name != FIRST_READING.name)) / np.log(10)
-        losses = _means(of, factors) - _means(found[FIRST_READING.name], factors)
+        losses = _posterior_means(of, factors) - _posterior_means(
+            found[FIRST_READING.name], factors
+        )
         best = judged[judged["reading"] == name].nlargest(1, "log_likelihood").iloc[0]
         table.append({
             "reading": name, "changes": BY_NAME[name].kind, "settings_tried": len(of),
             "settings_proposed": int(of["proposed"].sum()),
             "effective_settings": _effective_number(of["log_weight"]),
             "power_of_ten": power, "standard_error": error,
-            "verdict": "first" if name == FIRST_READING.name else _verdict(power, error),
+            "verdict": "first" if name == FIRST_READING.name else _judge_reading(power, error),
             "loses_most_by": losses.idxmin() if losses.min() < 0 else "",
             "loss_power_of_ten": losses.min() / np.log(10),
             **{unknown: best[unknown] for unknown in NAMES},
@@ -67,7 +69,7 @@ def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def _verdict(power: float, error: float) -> str:
+def _judge_reading(power: float, error: float) -> str:
     low, high = power - SURE * error, power + SURE * error
     if high < RULED_OUT:
         return "ruled out as tried"
@@ -92,18 +94,18 @@ def _log_evidence(tried: pd.DataFrame) -> tuple[float, float]:
 
 
 def _effective_number(log_weights: pd.Series) -> float:
-    weights = _normalised(log_weights)
+    weights = _normalise_weights(log_weights)
     return float(1 / np.sum(weights**2))
 
 
-def _normalised(log_weights: pd.Series) -> np.ndarray:
+def _normalise_weights(log_weights: pd.Series) -> np.ndarray:
     weights = np.exp(log_weights.to_numpy(float) - log_weights.max())
     return weights / weights.sum()
 
 
-def _means(tried: pd.DataFrame, columns: list[str]) -> pd.Series:
+def _posterior_means(tried: pd.DataFrame, columns: list[str]) -> pd.Series:
     """Means over the posterior of the logarithms of the factors."""
-    weights = _normalised(tried["log_weight"])
+    weights = _normalise_weights(tried["log_weight"])
     return pd.Series(weights @ tried[columns].clip(lower=-30.0).to_numpy(float), columns)
 
 
@@ -124,7 +126,7 @@ def region_samples(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     for group in (ALL, *GROUPS):
         known = tried["log_likelihood"] if group == ALL else tried[f"without_{group}"]
         logs = tried["log_weight"] - tried["log_likelihood"] + known
-        weights = pd.Series(_normalised(logs), tried.index)
+        weights = pd.Series(_normalise_weights(logs), tried.index)
         shared = rows["setting"].map(weights / draws)
         table = table.assign(
             **{f"weight_{group}": np.where(is_setting, rows["setting"].map(weights), shared)}
@@ -142,7 +144,7 @@ def region_table(samples: pd.DataFrame, readings: pd.DataFrame) -> pd.DataFrame:
     best = tried.loc[tried[f"weight_{ALL}"].idxmax()]
     table = []
     for unknown in UNKNOWNS:
-        low, _, high = _quantiles(tried[unknown.name], tried[f"weight_{ALL}"])
+        low, _, high = _weighted_quantiles(tried[unknown.name], tried[f"weight_{ALL}"])
         factor = high / low
         table.append({
             "unknown": unknown.name, "key": ".".join(unknown.path), "unit": unknown.unit,
@@ -169,7 +171,7 @@ def region_table(samples: pd.DataFrame, readings: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def _quantiles(values: pd.Series, weights: pd.Series) -> np.ndarray:
+def _weighted_quantiles(values: pd.Series, weights: pd.Series) -> np.ndarray:
     """5th, 50th and 95th percentile of weighted values."""
     return np.quantile(
         values, (QUANTILES_90[0], 0.5, QUANTILES_90[1]), weights=weights, method="inverted_cdf"
@@ -201,7 +203,7 @@ def predictions(samples: pd.DataFrame) -> pd.DataFrame:
                 f"{name}_effective_settings": effective,
             }
             if claim.is_number:
-                low, median, high = _quantiles(values, weights)
+                low, median, high = _weighted_quantiles(values, weights)
                 row |= {f"{name}_median": median, f"{name}_low": low, f"{name}_high": high}
         table.append(row)
     return pd.DataFrame(table)

@@ -68,18 +68,20 @@ def claims_table(
                     motion = trajectories[case][0]
                     wind = settings["winds"][case]
                     found = _measure_motion(motion, settings["steady_window"], wind)
-                    rows.append(_row(claim, case, LINE, found))
+                    rows.append(_claim_row(claim, case, LINE, found))
                 continue
             for pair in map(tuple, settings["pairs"]):
                 if pair == PAPER and draws and case in draws:
-                    rows.append(_row(claim, case, pair, draws[case]))
-                elif claim.cell_kind in set(_of(scores, pair)["kind"]):  # else it cannot use them
-                    own = _of(scores, pair)
-                    rows.append(_row(claim, case, pair, own[own["case"] == case]))
+                    rows.append(_claim_row(claim, case, pair, draws[case]))
+                elif claim.cell_kind in set(
+                    _scores_of_pair(scores, pair)["kind"]
+                ):  # else it cannot use them
+                    own = _scores_of_pair(scores, pair)
+                    rows.append(_claim_row(claim, case, pair, own[own["case"] == case]))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _of(scores: pd.DataFrame, pair: tuple[str, str]) -> pd.DataFrame:
+def _scores_of_pair(scores: pd.DataFrame, pair: tuple[str, str]) -> pd.DataFrame:
     protocol, method = pair
     return scores[(scores["protocol"] == protocol) & (scores["method"] == method)]
 
@@ -101,25 +103,25 @@ def paper_table(
         about = [claim for claim in CLAIMS if claim.case in ("", case)]
         if departure:
             why = {"case": case, "verdict": "not judged", "reason": departure}
-            rows += [{**_cell(claim), **why, "paper_value": claim.printed,
+            rows += [{**_cell_columns(claim), **why, "paper_value": claim.printed,
                       "direction": claim.direction} for claim in about]  # fmt: skip
             continue
         of_case = own[own["case"] == case].set_index("claim").to_dict("index")
-        rows += [{**of_case[c.name], **_cell(c)} for c in about if c.name in of_case]
-        rows += _joint(about, case, draws[case])
-    rows += [{**_cell(claim), "role": BEYOND, "case": "", "verdict": "beyond judgement",
+        rows += [{**of_case[c.name], **_cell_columns(c)} for c in about if c.name in of_case]
+        rows += _joint_rows(about, case, draws[case])
+    rows += [{**_cell_columns(claim), "role": BEYOND, "case": "", "verdict": "beyond judgement",
               "reason": claim.note} for claim in BEYOND_JUDGEMENT]  # fmt: skip
     table = pd.DataFrame(rows, columns=[NAMES.get(name, name) for name in PAPER_COLUMNS])
     return table.set_axis(PAPER_COLUMNS, axis=1).astype({"points": "Int64"})
 
 
-def _cell(claim: Claim) -> dict:
+def _cell_columns(claim: Claim) -> dict:
     level = None if claim.minus_level is not None else claim.level  # one that compares two levels
     return {"claim": claim.name, "statement": claim.statement, "role": claim.role,
             "noise_level": level, "points": claim.points}  # fmt: skip
 
 
-def _joint(claims: Sequence[Claim], case: str, draws: pd.DataFrame) -> list[dict]:
+def _joint_rows(claims: Sequence[Claim], case: str, draws: pd.DataFrame) -> list[dict]:
     """Rows of the shares of the draws that keep the bounds of R2, or all bounds, at once."""
     bounds = [
         claim
@@ -168,7 +170,7 @@ def _measure_motion(motion: Motion, window: tuple[float, float], wind: float) ->
     })  # fmt: skip
 
 
-def _row(claim: Claim, case: str, pair: tuple[str, str], scores: pd.DataFrame) -> dict:
+def _claim_row(claim: Claim, case: str, pair: tuple[str, str], scores: pd.DataFrame) -> dict:
     about = {name: getattr(claim, name) for name in ("source", "direction", "quantity")}
     found = {NAMES.get(name, name): value for name, value in judge(claim, scores).items()}
     return {

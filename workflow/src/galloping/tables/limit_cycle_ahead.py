@@ -53,11 +53,11 @@ def limit_cycles_ahead(
         known |= {"method": settings["method"], "replicates": len(models), "answered": len(cycles)}
         for k, state in enumerate(first.names[: len(first.names) // 2]):
             place = {"state": state, "recorded_m": recorded[k], "true_m": true[k]}
-            rows.append(known | place | _summary(cycles, k, true[k]))
+            rows.append(known | place | _summarise_cell(cycles, k, true[k]))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _summary(cycles: Sequence, k: int, true: float) -> dict[str, float]:
+def _summarise_cell(cycles: Sequence, k: int, true: float) -> dict[str, float]:
     """Medians of what one cell's models predict of a displacement, and how often they hold it."""
     predicted, low, high = np.reshape([[of[k] for of in cycle] for cycle in cycles], (-1, 3)).T
     stated = np.isfinite(low)

@@ -25,10 +25,14 @@ def conductor(settings: dict, region: pd.DataFrame | None = None) -> pd.DataFram
     paper's printed numbers: a value in its interval there is `inferred`, and the interval noted.
     """
     study = load({"cases": settings["cases"]})
-    table = _parameters(study)
+    table = _tabulate_parameters(study)
     table = table[~table["key"].str.startswith("spacers.")]
-    ice = (row for name, case in study.cases.items() for row in _aerodynamic(name, plain(case.ice)))
-    table = pd.concat([table, _table(ice)])
+    ice = (
+        row
+        for name, case in study.cases.items()
+        for row in _aerodynamic_rows(name, plain(case.ice))
+    )
+    table = pd.concat([table, _as_table(ice)])
     table = table.sort_values("case", key=lambda of: of.map(list(study.cases).index), kind="stable")
     if region is None:
         return table.reset_index(drop=True)
@@ -44,7 +48,7 @@ def conductor(settings: dict, region: pd.DataFrame | None = None) -> pd.DataFram
 
 def spacers(settings: dict) -> pd.DataFrame:
     """Table 2: mass and positions of the spacers, one position a row."""
-    table = _parameters(load({"cases": settings["cases"]}))
+    table = _tabulate_parameters(load({"cases": settings["cases"]}))
     return table[table["key"].str.startswith("spacers.")].reset_index(drop=True)
 
 
@@ -53,13 +57,15 @@ def readings() -> pd.DataFrame:
     return pd.read_csv(Path(paper.__path__[0], "readings.csv"), keep_default_na=False)
 
 
-def _table(rows: Iterator[tuple]) -> pd.DataFrame:
+def _as_table(rows: Iterator[tuple]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS, dtype=object)
 
 
-def _parameters(study: Settings) -> pd.DataFrame:
+def _tabulate_parameters(study: Settings) -> pd.DataFrame:
     """Every value of every case; `key` is its path below the case."""
-    return _table(row for name, case in study.cases.items() for row in _of_case(name, plain(case)))
+    return _as_table(
+        row for name, case in study.cases.items() for row in _of_case(name, plain(case))
+    )
 
 
 def _of_case(name: str, values: dict) -> Iterator[tuple]:
@@ -74,10 +80,10 @@ def _of_case(name: str, values: dict) -> Iterator[tuple]:
         for i, item in enumerate(value if isinstance(value, list) else [value]):
             if item is not None:
                 symbol = node["symbol"].format(i + 1)
-                yield name, key, symbol, item, node["unit"], *_source(node, i, item)
+                yield name, key, symbol, item, node["unit"], *_describe_source(node, i, item)
 
 
-def _source(node: dict, i: int, value: Any) -> tuple[str, str]:
+def _describe_source(node: dict, i: int, value: Any) -> tuple[str, str]:
     """Provenance and note of a value: a changed one is ours, and says what it stands in for."""
     default = node["default"]
     if isinstance(default, list):
@@ -87,7 +93,7 @@ def _source(node: dict, i: int, value: Any) -> tuple[str, str]:
     return "assumed", "" if default is None else f"default {default} ({node['provenance']})"
 
 
-def _aerodynamic(case: str, ice: dict) -> Iterator[tuple]:
+def _aerodynamic_rows(case: str, ice: dict) -> Iterator[tuple]:
     if ice["reading"] == "custom":
         return  # configured one by one, and listed as such
     names = (("vertical", "beta"), ("horizontal", "eta"))

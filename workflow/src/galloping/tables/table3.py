@@ -46,11 +46,11 @@ def identified_terms(
             true=0.0 - true.coefficients[row, present],
             found=np.mean(values != 0, axis=0),
         )
-        parts.append(part.sort_values("symbol", key=_number, kind="stable"))
+        parts.append(part.sort_values("symbol", key=_symbol_number, kind="stable"))
     return pd.concat(parts, ignore_index=True)[TERMS]
 
 
-def _number(symbols: pd.Series) -> pd.Series:
+def _symbol_number(symbols: pd.Series) -> pd.Series:
     """Of gamma_10 10; NaN, which is sorted to the end, of a term without a symbol."""
     return symbols.str.extract(r"_(\d+)$")[0].astype(float)
 
@@ -137,11 +137,13 @@ def as_printed(table3: pd.DataFrame) -> pd.DataFrame:
             values = {(row["letter"], int(row["k"])): row[name] for _, row in of_case.iterrows()}
             row = {"case": case, "coefficients": name}
             for k in range(1, 11):
-                gamma, kappa = (_short(values.get((letter, k))) for letter in ("gamma", "kappa"))
+                gamma, kappa = (
+                    _format_short(values.get((letter, k))) for letter in ("gamma", "kappa")
+                )
                 row[str(k)] = f"{gamma} ({kappa})" if kappa else gamma
             rows.append(row)
     return pd.DataFrame(rows)
 
 
-def _short(value: float | None) -> str:
+def _format_short(value: float | None) -> str:
     return "" if value is None or np.isnan(value) else f"{value:.4g}"

@@ -33,7 +33,7 @@ METHODS = {
 }
 
 
-def _shares() -> dict[str, dict[tuple[float, float], float]]:
+def _read_shares() -> dict[str, dict[tuple[float, float], float]]:
     """By method, and (duration, level)."""
     shares: dict = {method: {} for method in METHODS}
     with Path(__file__).with_name("exact_terms.csv").open(encoding="utf-8", newline="") as file:
@@ -43,7 +43,7 @@ def _shares() -> dict[str, dict[tuple[float, float], float]]:
     return shares
 
 
-EXACT = {"lorenz": _shares()}  # by system
+EXACT = {"lorenz": _read_shares()}  # by system
 INTERVALS = pd.read_csv(
     Path(__file__).with_name("published_intervals.csv"), index_col=["case", "samples"]
 )
@@ -58,7 +58,7 @@ def trust(fits: pd.DataFrame) -> pd.DataFrame:
     """
     sure = fits[(fits["group"] == "random lines") & (fits["weakest_t"] > EVERY_TERM)]
     rows = pd.concat([fits, sure.assign(case=f"every t > {EVERY_TERM:g}")])
-    return _summed(rows, ["group", "case", "protocol", "level"], _trust)
+    return _summarise_groups(rows, ["group", "case", "protocol", "level"], _summarise_trust)
 
 
 def systems(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -68,12 +68,14 @@ def systems(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     the right terms.
     """
     keys = ["system", "states", "samples", "level", "method"]
-    return _summed(together(parts), keys, _systems)
+    return _summarise_groups(together(parts), keys, _summarise_systems)
 
 
 def model_error(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """One row for each truth, sensors and method: fits of `galloping.trials.real_lines`."""
-    return _summed(together(parts), ["truth", "sensors", "method"], _model_error)
+    return _summarise_groups(
+        together(parts), ["truth", "sensors", "method"], _summarise_model_error
+    )
 
 
 def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
@@ -86,7 +88,7 @@ def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
     fits = together({name: part.assign(group=kinds[name]) for name, part in parts.items()})
     asked = fits.reindex(columns=["exact", "ok_and_wrong"]).astype(float)
     fits = fits.assign(**asked).fillna({"path": ""})
-    table = _summed(fits, ["group", "method", "path"], lambda own: {
+    table = _summarise_groups(fits, ["group", "method", "path"], lambda own: {
         "fits": len(own), **status_counts(own), "seconds_median": own["seconds"].median(),
     })  # fmt: skip
     order = ["group", "method", "fits"]
@@ -99,7 +101,7 @@ def published_terms(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     parts: fits of `galloping.trials.published.exact_terms`.
     """
     keys = ["system", "duration", "level", "method"]
-    return _summed(together(parts), keys, _exact)
+    return _summarise_groups(together(parts), keys, _summarise_exact_terms)
 
 
 def published_intervals(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -107,10 +109,10 @@ def published_intervals(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
     parts: fits of `galloping.trials.published.relaxation_intervals`.
     """
-    return _summed(together(parts), ["case", "samples", "method"], _intervals)
+    return _summarise_groups(together(parts), ["case", "samples", "method"], _summarise_intervals)
 
 
-def _summed(
+def _summarise_groups(
     fits: pd.DataFrame, keys: list[str], summary: Callable[[pd.DataFrame], dict[str, object]]
 ) -> pd.DataFrame:
     return pd.DataFrame(
@@ -132,24 +134,24 @@ def status_counts(fits: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def _trust(fits: pd.DataFrame) -> dict[str, object]:
+def _summarise_trust(fits: pd.DataFrame) -> dict[str, object]:
     stating = fits[fits["status"].isin(["ok", "not identifiable"])]
     return {
         "fits": len(fits),
         **status_counts(fits),
-        "coverage_given_terms": _share(fits["holding_given_terms"], fits["terms_found"]),
-        "coverage_unconditional": _share(stating["holding_unconditional"], stating["terms"]),
+        "coverage_given_terms": _percentage(fits["holding_given_terms"], fits["terms_found"]),
+        "coverage_unconditional": _percentage(stating["holding_unconditional"], stating["terms"]),
         "width_ratio": fits["width_ratio"].median(),
         "cause_named": fits["cause_named"].sum(min_count=1),
         "seconds_median": fits["seconds"].median(),
     }
 
 
-def _share(part: pd.Series, whole: pd.Series) -> float:
+def _percentage(part: pd.Series, whole: pd.Series) -> float:
     return part.sum() / whole.sum() if whole.sum() else np.nan
 
 
-def _systems(fits: pd.DataFrame) -> dict[str, object]:
+def _summarise_systems(fits: pd.DataFrame) -> dict[str, object]:
     counts = status_counts(fits)
     return {
         "replicates": len(fits),
@@ -159,7 +161,7 @@ def _systems(fits: pd.DataFrame) -> dict[str, object]:
     }
 
 
-def _model_error(fits: pd.DataFrame) -> dict[str, object]:
+def _summarise_model_error(fits: pd.DataFrame) -> dict[str, object]:
     answered = fits[fits["status"] != "refused"]
     errors = answered[[name for name in fits if name.endswith("_error_percent")]].abs()
     over_bound = [
@@ -180,7 +182,7 @@ def _model_error(fits: pd.DataFrame) -> dict[str, object]:
     }
 
 
-def _exact(fits: pd.DataFrame) -> dict[str, object]:
+def _summarise_exact_terms(fits: pd.DataFrame) -> dict[str, object]:
     system, duration, level = fits.iloc[0][["system", "duration", "level"]]
     shares, cell = EXACT.get(system, {}), (duration, round(level, 6))
     ok = fits["status"] == "ok"
@@ -196,7 +198,7 @@ def _exact(fits: pd.DataFrame) -> dict[str, object]:
     }
 
 
-def _intervals(fits: pd.DataFrame) -> dict[str, object]:
+def _summarise_intervals(fits: pd.DataFrame) -> dict[str, object]:
     case, samples = fits.iloc[0][["case", "samples"]]
     published = INTERVALS.reindex([(case, samples)]).iloc[0]
     return {

@@ -52,7 +52,7 @@ class RandomMotion:
         system[2:, 2:] = -shapes * (2.0 * damping * omega) @ inverse
         root = shapes * np.sqrt(4.0 * damping * omega**3)  # modes that move as much as each other
         forces[2:, 2:] = root @ root.T
-        stationary, step, moved = _discrete(system, forces, 1.0 / rate)
+        stationary, step, moved = _discretise_process(system, forces, 1.0 / rate)
         root = np.linalg.cholesky(moved)
         states = np.empty((round(duration * rate), 4))
         states[0] = np.linalg.cholesky(stationary) @ rng.standard_normal(4)
@@ -76,7 +76,7 @@ class RandomMotion:
             system, forces = self.system.copy(), np.zeros((4, 4))
             system[2:] = parameters[:8].reshape(2, 4)
             forces[2:, 2:] = parameters[[8, 9, 9, 10]].reshape(2, 2)
-            _, moves, moved = _discrete(system, forces, step)
+            _, moves, moved = _discretise_process(system, forces, step)
             response = np.linalg.inv(turned - moves)[:, :2]
             return response @ moved @ response.conj().swapaxes(1, 2) + np.diag(parameters[11:])
 
@@ -93,7 +93,7 @@ class RandomMotion:
         return np.sqrt(np.einsum("mi,ij,mj->m", told, covariance, told))
 
 
-def _discrete(
+def _discretise_process(
     system: np.ndarray, forces: np.ndarray, step: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Stationary covariance, transition over `step` s, and covariance of what forces add."""

@@ -49,7 +49,7 @@ def measured(
     that measure states, and `seed`; the noise follows from all of them.
     """
     ((recording,),) = recordings_of(
-        [_motion(true, time, states)], protocol=columns["protocol"], level=columns["level"],
+        [_as_motion(true, time, states)], protocol=columns["protocol"], level=columns["level"],
         relative=True, samples=len(time), recordings=1, replicates=1, seed=columns["seed"],
         name=[str(value) for value in columns.values()],
     )  # fmt: skip
@@ -62,7 +62,7 @@ def deviations_at_the_bound(attempt: Attempt, states: np.ndarray) -> np.ndarray:
     NaN throughout where the motion is too sensitive for a bound.
     """
     true, columns = attempt.true, attempt.columns
-    motion = _motion(true, attempt.recording.time, states)
+    motion = _as_motion(true, attempt.recording.time, states)
     noises = noises_of([motion], columns["protocol"], columns["level"], True)
     equations = sorted(set(range(len(true.states))) - set(velocity_pairs(true.states)))
     try:
@@ -72,7 +72,7 @@ def deviations_at_the_bound(attempt: Attempt, states: np.ndarray) -> np.ndarray:
     return on_library(true, found)
 
 
-def _motion(true: PolynomialModel, time: np.ndarray, states: np.ndarray) -> Motion:
+def _as_motion(true: PolynomialModel, time: np.ndarray, states: np.ndarray) -> Motion:
     return Motion(true.states, time, states, rates_along(true, states))
 
 

@@ -79,7 +79,7 @@ class FreeDecay:
             rates[:, 1] = samples
             offsets = np.array([False, True])
             recording = Recording(time, STATES, values, rates=rates, unknown_offsets=offsets)
-        return cls(poles, sensor, _bound(elapsed, poles, amplitudes, noise), recording)
+        return cls(poles, sensor, _decay_bound(elapsed, poles, amplitudes, noise), recording)
 
 
 def _log_uniform(rng: np.random.Generator, ends: tuple[float, float], size: int | None = None):
@@ -87,7 +87,9 @@ def _log_uniform(rng: np.random.Generator, ends: tuple[float, float], size: int 
     return np.exp(rng.uniform(low, high, size))
 
 
-def _bound(time: np.ndarray, poles: np.ndarray, amplitudes: np.ndarray, noise: float) -> np.ndarray:
+def _decay_bound(
+    time: np.ndarray, poles: np.ndarray, amplitudes: np.ndarray, noise: float
+) -> np.ndarray:
     """(2,) the Cramér-Rao bound of growth and frequency of the first mode, all else unknown."""
     waves = np.exp(np.outer(time, poles))
     moved = time[:, np.newaxis] * waves * amplitudes
@@ -117,16 +119,16 @@ def trial(
                 "truth": case, "sensors": decay.sensor, "replicate": replicate, "seed": seed,
                 **answer, **dict.fromkeys(JUDGEMENTS, np.nan),
             }  # fmt: skip
-            yield row | (_judged(decay, found) if found.status != "refused" else {})
+            yield row | (_judge_decay(decay, found) if found.status != "refused" else {})
 
 
-def _judged(decay: FreeDecay, found: IdentifiedModel) -> dict[str, float]:
+def _judge_decay(decay: FreeDecay, found: IdentifiedModel) -> dict[str, float]:
     """Errors and intervals of what is told of both modes."""
     first, second = decay.poles
     pole, errors = told(found)
     row = {
         "terms": int(found.support.sum()),
-        **_errors("v", pole, first),
+        **_pole_errors("v", pole, first),
         "damping_v_bound_percent": -100.0 * decay.bound[0] / first.real,
     }
     if np.all(errors > 0.0):
@@ -134,7 +136,7 @@ def _judged(decay: FreeDecay, found: IdentifiedModel) -> dict[str, float]:
         row["intervals_held"] = float(np.mean(off <= NORMAL_95 * errors))
     further = {complex(mode.growth, mode.frequency) for mode in found.further_modes}
     if further:
-        row |= _errors("w", min(further, key=lambda each: abs(each - second)), second)
+        row |= _pole_errors("w", min(further, key=lambda each: abs(each - second)), second)
     return row
 
 
@@ -157,7 +159,7 @@ def told(found: IdentifiedModel) -> tuple[complex, np.ndarray]:
     return complex(growth, omega), np.sqrt(np.diag(slopes.T @ found.covariance @ slopes))
 
 
-def _errors(direction: str, pole: complex, true: complex) -> dict[str, float]:
+def _pole_errors(direction: str, pole: complex, true: complex) -> dict[str, float]:
     return {
         f"damping_{direction}_error_percent": 100.0 * (pole.real / true.real - 1.0),
         f"frequency_{direction}_error_percent": 100.0 * (pole.imag / true.imag - 1.0),

@@ -72,7 +72,7 @@ SHIFTED = [name in FIRST_ROUND for name in NAMES]
 
 
 @cache
-def _line(name: str) -> dict:
+def _default_case(name: str) -> dict:
     return plain(load({}))["cases"][name]
 
 
@@ -92,7 +92,7 @@ class Proposal:
         """Draw one setting."""
         if self.centre is None or rng.random() < self.uniform:
             return rng.uniform(*_first_box())
-        return np.atleast_1d(self._t.rvs(random_state=rng))
+        return np.atleast_1d(self._t_density.rvs(random_state=rng))
 
     def log_density(self, points: np.ndarray) -> np.ndarray:
         """Return the logarithm of the density at points, (k, n_unknowns) -> (k,)."""
@@ -103,10 +103,10 @@ class Proposal:
             return flat
         with np.errstate(divide="ignore"):
             shares = np.log([1.0 - self.uniform, self.uniform])
-        return np.logaddexp(shares[0] + self._t.logpdf(points), shares[1] + flat)
+        return np.logaddexp(shares[0] + self._t_density.logpdf(points), shares[1] + flat)
 
     @property
-    def _t(self):
+    def _t_density(self):
         return multivariate_t(self.centre, self.covariance, df=TAILS)
 
     @classmethod
@@ -177,10 +177,12 @@ def trial(
             motion = {name: row[name] for name in ("change", "attack")}
             yield from ({**named, "stage": "draw", **motion, **values} for values in drawn)
         best = sorted(tried, key=lambda row: -row["log_likelihood"])[:REFINED]
-        again = [_judge(reading, row, draws, rng) for row in best]
+        again = [_judge_setting(reading, row, draws, rng) for row in best]
         if reading == FIRST_READING and climb:
             top = max(again, key=lambda row: row["log_likelihood"])
-            again.append(_judge(reading, _climb(reading, top, climb, rng), JUDGED, rng))
+            again.append(
+                _judge_setting(reading, _climb_likelihood(reading, top, climb, rng), JUDGED, rng)
+            )
         yield from ({**named, "stage": "judged", **row} for row in again)
 
 
@@ -211,7 +213,7 @@ def _log_weights(
     return log_prior + log_likelihoods - logsumexp(shares + densities, axis=0)
 
 
-def _judge(
+def _judge_setting(
     reading: Reading, values: Mapping[str, float], draws: int, rng: np.random.Generator
 ) -> dict[str, float]:
     """A setting with its likelihood from fresh draws."""
@@ -222,7 +224,7 @@ def _judge(
     return {**{name: values[name] for name in NAMES}, **found}
 
 
-def _climb(
+def _climb_likelihood(
     reading: Reading, start: Mapping[str, float], settings: int, rng: np.random.Generator
 ) -> dict[str, float]:
     """The most probable setting near another one (J. A. Nelder and R. Mead 1965).
@@ -235,7 +237,7 @@ def _climb(
         if np.any((point < LOW) | (point > HIGH)):
             return np.inf
         values = dict(zip(NAMES, np.exp(point), strict=True))
-        smallest = _smallest(_coefficients(reading, values))
+        smallest = _smallest_coefficient(_line_coefficients(reading, values))
         if reading.has_threshold_in_units and values["threshold"] > smallest:
             return np.inf
         found = estimate(reading, values, CLIMB_DRAWS, np.random.default_rng(seed))
@@ -248,12 +250,12 @@ def _climb(
     return dict(zip(NAMES, np.exp(end.x), strict=True))
 
 
-def _coefficients(reading: Reading, values: Mapping[str, float]) -> list[dict[str, float]]:
+def _line_coefficients(reading: Reading, values: Mapping[str, float]) -> list[dict[str, float]]:
     """Of both of the paper's lines."""
-    return [coefficients(_case(reading, values, name)) for name in (agreement.CASE, OTHER_CASE)]
+    return [coefficients(_case_at(reading, values, name)) for name in (agreement.CASE, OTHER_CASE)]
 
 
-def _smallest(lines: Sequence[Mapping[str, float]]) -> float:
+def _smallest_coefficient(lines: Sequence[Mapping[str, float]]) -> float:
     """The smallest coefficient of all lines, which a larger threshold loses without noise."""
     return min(abs(value) for line in lines for value in line.values() if value)
 
@@ -287,26 +289,26 @@ def setting_at(reading: Reading, point: np.ndarray) -> dict[str, float] | None:
     values = ratios | {"damping_vertical": 0.0, "release_vertical": 1.0, "release_horizontal": 1.0}
     if not _is_in_range(values, [name for name in NAMES if name not in FIRST_ROUND]):
         return None
-    undamped = coefficients(_case(reading, values, agreement.CASE))
+    undamped = coefficients(_case_at(reading, values, agreement.CASE))
     critical = -undamped["gamma_1"] / (2 * np.sqrt(undamped["gamma_2"]))
     values["damping_vertical"] = ratios["damping_vertical"] * critical
     if not _is_in_range(values, ["damping_vertical"]):
         return None
-    lines = _coefficients(reading, values)
+    lines = _line_coefficients(reading, values)
     if any(line["gamma_1"] >= 0 for line in lines):
         return None
-    values["threshold"] = ratios["threshold"] * _smallest(lines)
+    values["threshold"] = ratios["threshold"] * _smallest_coefficient(lines)
     if reading.has_threshold_in_units and ratios["threshold"] > 1:
         return None
     if not _is_in_range(values, ["threshold"]):
         return None
     started = {**values, "release_vertical": 0.5, "release_horizontal": 0.5}
     settled, _ = line_motion(
-        _case(reading, started, agreement.CASE), AMOUNTS.duration, SETTLED_RATE
+        _case_at(reading, started, agreement.CASE), AMOUNTS.duration, SETTLED_RATE
     )
     last = settled.states[-round(AMOUNTS.duration * SETTLED_RATE / 6) :]
     amplitude = steady_amplitude(last[:, :2])
-    if not amplitude.min() > SMALLEST or not _stays(settled):
+    if not amplitude.min() > SMALLEST or not _is_in_reach(settled):
         return None
     if np.abs(last[:, 2]).max() > reading.attack_limit * values["wind_speed"]:
         return None
@@ -319,8 +321,8 @@ def _is_in_range(values: Mapping[str, float], names: Sequence[str]) -> bool:
     return all(u.low <= values[u.name] <= u.high for u in UNKNOWNS if u.name in names)
 
 
-def _case(reading: Reading, values: Mapping[str, float], name: str) -> dict:
-    return reading.case_at(values, _line(name))
+def _case_at(reading: Reading, values: Mapping[str, float], name: str) -> dict:
+    return reading.case_at(values, _default_case(name))
 
 
 def estimate(
@@ -332,12 +334,12 @@ def estimate(
     the name of each factor: its logarithm. change: of the amplitudes, of the lines that are read as
     steady. attack: largest |dq_v| / U. draws: what each draw gives for each claim.
     """
-    motion, line = _motion(reading, values, agreement.CASE)
-    if not _stays(motion):
+    motion, line = _simulate_line(reading, values, agreement.CASE)
+    if not _is_in_reach(motion):
         return None
     changes = [steadiness(motion.states)[1]]
     if reading.steady == BOTH_LINES:
-        changes.append(steadiness(_motion(reading, values, OTHER_CASE)[0].states)[1])
+        changes.append(steadiness(_simulate_line(reading, values, OTHER_CASE)[0].states)[1])
     attack = float(np.abs(motion.states[:, 2]).max() / values["wind_speed"])
     if attack > reading.attack_limit or (reading.steady and not max(changes) < MOST_CHANGE):
         return None
@@ -362,13 +364,13 @@ def estimate(
     return row
 
 
-def _motion(
+def _simulate_line(
     reading: Reading, values: Mapping[str, float], case: str
 ) -> tuple[Motion, PolynomialModel]:
-    return line_motion(_case(reading, values, case), AMOUNTS.duration, AMOUNTS.sampling_rate)
+    return line_motion(_case_at(reading, values, case), AMOUNTS.duration, AMOUNTS.sampling_rate)
 
 
-def _stays(motion: Motion) -> bool:
+def _is_in_reach(motion: Motion) -> bool:
     """Whether a line moves no farther than `quick` follows a model."""
     return bool(np.abs(motion.states).sum(axis=1).max() < FARTHEST)
 

@@ -92,7 +92,7 @@ def systems(
             raise ValueError(f"{case}: {trajectory.status}")
         x = trajectory.states
         for level in levels:
-            deviations = _deviations(system, true, time, x, level)
+            deviations = _bound_deviations(system, true, time, x, level)
             for replicate in replicates:
                 columns = {
                     "system": case, "states": len(true.states), "samples": count,
@@ -101,7 +101,7 @@ def systems(
                 yield replace(measured(columns, true, time, x), deviations=deviations)
 
 
-def _deviations(
+def _bound_deviations(
     system: PublishedSystem, true: PolynomialModel, time: np.ndarray, x: np.ndarray, level: float
 ) -> np.ndarray:
     """(n_states, n_terms) at the Cramer-Rao bound, NaN for absent terms."""
@@ -148,7 +148,7 @@ def exact_terms(
             bound = state_bound(true, np.argwhere(true.support), [experiment])
             for replicate in replicates:
                 named = columns | {"replicate": replicate}
-                rng = make_generator(*_drawn(named))
+                rng = make_generator(*_noise_seed(named))
                 noise = sigma * rng.standard_normal(motion[rows].shape)
                 recording = Recording(time[rows], true.states, motion[rows] + noise)
                 yield Attempt(named, true, recording, on_library(true, bound))
@@ -176,7 +176,7 @@ def relaxation_intervals(
         motion = simulator(true, np.array([RELAXATION_START]), time).states
         for replicate in replicates:
             columns = {"case": case, "samples": count, "seed": seed, "replicate": replicate}
-            rng = make_generator(*_drawn(columns))
+            rng = make_generator(*_noise_seed(columns))
             values = motion + RELAXATION_NOISE * rng.standard_normal(motion.shape)
             noise = np.array([[RELAXATION_NOISE], [np.nan]])
             recording = Recording(time, true.states, values, known_noise=noise)
@@ -195,7 +195,7 @@ def relaxation_intervals(
                 }
 
 
-def _drawn(columns: Mapping[str, Any]) -> tuple[int, str]:
+def _noise_seed(columns: Mapping[str, Any]) -> tuple[int, str]:
     """What the noise of a recording is drawn from: the seed and the names of the rest."""
     names = [f"{key} {value}" for key, value in columns.items() if key != "seed"]
     return columns["seed"], "/".join(names)

@@ -230,13 +230,15 @@ def trial(
             if identified.status != "refused":
                 draws = make_generator(seed, "model_error", case, replicate, method)
                 held = identified.at(dict.fromkeys(inputs, line.speed))
-                row |= _judged(*answer(held, steady[0], time, simulator, draws), true)
+                row |= _judge_values(*answer(held, steady[0], time, simulator, draws), true)
                 row["terms"] = int(identified.support.sum())
                 forecasts = partial(driven, inputs=unseen_wind)
                 row["forecast_r2"] = forecast_r2(identified.model, unseen, time, forecasts)
                 if others:
                     row["other_winds_error_percent"] = max(
-                        _missed(identified.model.at({SPEED: speed}), steady[0], time, amplitude)
+                        _amplitude_error(
+                            identified.model.at({SPEED: speed}), steady[0], time, amplitude
+                        )
                         for speed, amplitude in others.items()
                     )
             yield row
@@ -256,7 +258,7 @@ def _other_winds(
     return found
 
 
-def _missed(
+def _amplitude_error(
     model: PolynomialModel, start: np.ndarray, time: np.ndarray, amplitude: np.ndarray
 ) -> float:
     """Largest error of the amplitudes of a motion, %."""
@@ -265,7 +267,7 @@ def _missed(
     return float(100.0 * np.max(np.abs(said / amplitude - 1.0)))
 
 
-def _judged(values: np.ndarray, widths: np.ndarray, true: np.ndarray) -> dict[str, float]:
+def _judge_values(values: np.ndarray, widths: np.ndarray, true: np.ndarray) -> dict[str, float]:
     """Errors and intervals in percent, and the share of the judged intervals that hold."""
     held = (np.abs(values - true) <= widths)[:JUDGED]
     row = {"intervals_held": np.mean(held) if np.all(np.isfinite(widths)) else np.nan}

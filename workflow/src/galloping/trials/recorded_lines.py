@@ -183,7 +183,7 @@ def of_long_and_steady_motions(
         yield measured(columns, true, time, states)
 
 
-def _settled(
+def _settled_motion(
     simulator: Simulator, true: PolynomialModel, motion: np.ndarray, time: np.ndarray
 ) -> np.ndarray | None:
     """The motion on the limit cycle of a line, None where it has none."""
@@ -191,7 +191,7 @@ def _settled(
     return simulator(true, settled.states[-1], time).states if settled.kind == "cycle" else None
 
 
-def _sensitive(
+def _sensitive_motion(
     simulator: Simulator, true: PolynomialModel, motion: np.ndarray, time: np.ndarray
 ) -> np.ndarray | None:
     """The motion of a line that forgets its start, None where it does not."""
@@ -199,7 +199,10 @@ def _sensitive(
     return motion if np.max(np.abs(beside - motion)) > SENSITIVE * APART else None
 
 
-CHOSEN = {"limit cycle, random lines": _settled, "sensitive lines": _sensitive}  # first of its kind
+CHOSEN = {
+    "limit cycle, random lines": _settled_motion,
+    "sensitive lines": _sensitive_motion,
+}  # first of its kind
 
 
 GROUP = "sensor faults"
@@ -207,50 +210,50 @@ FORCE_RATE = 10.0  # Hz, of the values between which a random force is linear
 SUBSTEPS = 2  # of the integration between two such values; a fortieth of the shortest period
 
 
-def _none(line, size, noise, rng):
+def _add_no_fault(line, size, noise, rng):
     return line.time, line.states + noise
 
 
-def _clock(line, size, noise, rng):
+def _stretch_clock(line, size, noise, rng):
     """The clock gains or loses the share `size`."""
     return line.time * (1.0 + size * rng.choice([-1.0, 1.0])), line.states + noise
 
 
-def _scale(line, size, noise, rng):
+def _scale_velocity(line, size, noise, rng):
     """One velocity is read `size` times too large."""
     values = line.states + noise
     values[:, rng.choice([2, 3])] *= size
     return line.time, values
 
 
-def _delay(line, size, noise, rng):
+def _delay_channels(line, size, noise, rng):
     """Both horizontal channels are `size` s late."""
     values = line.states
     values[:, [1, 3]] = line.motion(np.maximum(line.time - size, 0.0))[:, [1, 3]]
     return line.time, values + noise
 
 
-def _jitter(line, size, noise, rng):
+def _add_jitter(line, size, noise, rng):
     """Every sample is taken at random, with a deviation of `size` sampling steps."""
     late = line.time + size / RATE * rng.standard_normal(len(line.time))
     return line.time, line.motion(np.clip(late, 0.0, DURATION + MARGIN)) + noise
 
 
-def _multiplicative(line, size, noise, rng):
+def _add_multiplicative_noise(line, size, noise, rng):
     """The noise is the share `size` of the signal, and there is no other."""
     return line.time, line.states * (1.0 + size * rng.standard_normal(noise.shape))
 
 
-def _forced(line, size, noise, rng):
+def _add_random_force(line, size, noise, rng):
     """White random accelerations, of `size` times the motion's."""
     knots = np.arange(0.0, DURATION + 1.0, 1.0 / FORCE_RATE)
     rms = np.sqrt(np.mean(line.model(line.states)[:, 2:] ** 2, axis=0))
     force = size * rms * rng.standard_normal((len(knots), 2))
     still = PolynomialModel(line.model.states, line.model.terms, 0.0 * line.model.coefficients)
-    return line.time, _driven(line, still, knots, np.zeros(len(knots)), force) + noise
+    return line.time, _simulate_driven(line, still, knots, np.zeros(len(knots)), force) + noise
 
 
-def _gusts(line, size, noise, rng):
+def _add_gusts(line, size, noise, rng):
     """The wind speed has a turbulence intensity of `size`."""
     mean = line.case["wind"]["speed"]
     knots = np.arange(0.0, DURATION + 1.0, 1.0 / FORCE_RATE)
@@ -264,10 +267,10 @@ def _gusts(line, size, noise, rng):
     slope = (at[1].coefficients - at[0].coefficients) / (2.0 * step)
     change = PolynomialModel(line.model.states, line.model.terms, slope)
     no_force = np.zeros((len(knots), 2))
-    return line.time, _driven(line, change, knots, speed / mean - 1.0, no_force) + noise
+    return line.time, _simulate_driven(line, change, knots, speed / mean - 1.0, no_force) + noise
 
 
-def _driven(
+def _simulate_driven(
     line: MovingLine,
     change: PolynomialModel,
     knots: np.ndarray,
@@ -314,14 +317,14 @@ DELAYS = (
 # codes of which a finding must have one, the range from which the size is drawn, and what is
 # recorded of (line, size, noise (n, 4), rng): times (n,) and values (n, 4)
 FAULTS = {
-    "none": ((), (0.0, 0.0), _none),
-    "clock": (CLOCKS, (0.001, 0.005), _clock),
-    "velocity scale": (RATES, (1.005, 1.005), _scale),
-    "late channels": (DELAYS, (0.02, 0.2), _delay),
-    "random force": (FORCES, (0.005, 0.02), _forced),
-    "gusts": (FORCES, (0.001, 0.005), _gusts),
-    "jitter": ((Code.TIMES_JITTER,), (4.0, 4.0), _jitter),
-    "multiplicative noise": ((Code.NOISE_GROWS,), (0.01, 0.01), _multiplicative),
+    "none": ((), (0.0, 0.0), _add_no_fault),
+    "clock": (CLOCKS, (0.001, 0.005), _stretch_clock),
+    "velocity scale": (RATES, (1.005, 1.005), _scale_velocity),
+    "late channels": (DELAYS, (0.02, 0.2), _delay_channels),
+    "random force": (FORCES, (0.005, 0.02), _add_random_force),
+    "gusts": (FORCES, (0.001, 0.005), _add_gusts),
+    "jitter": ((Code.TIMES_JITTER,), (4.0, 4.0), _add_jitter),
+    "multiplicative noise": ((Code.NOISE_GROWS,), (0.01, 0.01), _add_multiplicative_noise),
 }
 
 

@@ -42,7 +42,7 @@ def keys(section: str, doc: str | None = None, **types: Any) -> Any:
     that is neither in the table nor what the type makes of nothing.
     """
     rows = [row for row in ROWS if row["section"] == section]
-    named_fields: dict[str, Any] = {row["key"]: _field(row, types) for row in rows}
+    named_fields: dict[str, Any] = {row["key"]: _make_field(row, types) for row in rows}
     return create_model(
         f"{section.title().replace('_', '')}Section",
         __base__=fields.Section,
@@ -51,8 +51,8 @@ def keys(section: str, doc: str | None = None, **types: Any) -> Any:
     )
 
 
-def _field(row: dict[str, str], types: dict[str, Any]) -> tuple[Any, Any]:
-    item = types[row["key"]] if row["key"] in types else _item(row["type"], row["range"])
+def _make_field(row: dict[str, str], types: dict[str, Any]) -> tuple[Any, Any]:
+    item = types[row["key"]] if row["key"] in types else _item_type(row["type"], row["range"])
     item, factory = item if isinstance(item, tuple) else (item, item)
     if row["type"] == "section":
         return item, Field(default_factory=factory)
@@ -67,7 +67,7 @@ def _field(row: dict[str, str], types: dict[str, Any]) -> tuple[Any, Any]:
     )
 
 
-def _item(kind: str, limits: str) -> Any:
+def _item_type(kind: str, limits: str) -> Any:
     if kind == "bool":
         return bool
     if kind not in ("real", "whole"):
