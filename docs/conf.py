@@ -41,7 +41,7 @@ plot_rcparams = {"figure.figsize": (7, 3.2), "figure.constrained_layout.use": Tr
 
 
 def _prepare_examples() -> None:
-    """A copy of the examples for the commands of the pages, $EXAMPLES, and `galloping` itself."""
+    """Make $EXAMPLES, a copy of the examples for the commands of the pages, and `galloping`."""
     folder = Path(tempfile.mkdtemp())
     shutil.copytree(ROOT / "examples", folder / "examples")
     command = folder / "galloping"

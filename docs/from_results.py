@@ -40,7 +40,7 @@ def percent(part: float, whole: float) -> str:
 
 
 def claims() -> Table:
-    """What is claimed of the statuses, the aim, and what was found."""
+    """Return what is claimed of the statuses, the aim, and what was found."""
     found = table_of("trust/trust")
     group = found.groupby("group")
     lines = group.get_group("random lines").set_index("case")
@@ -226,7 +226,7 @@ BLOCKS: dict[str, Callable[[], Table]] = {
 
 
 def with_tables(text: str) -> str:
-    """The text of a page, its marked tables made from the results."""
+    """Return the text of a page with its marked tables made from the results."""
 
     def made(match: re.Match) -> str:
         head, *rows = BLOCKS[match[2]]()

@@ -57,7 +57,7 @@ def row(quantity: str, value: float, unit: str, peer: str = "", ratio: float = n
 
 
 def simulation(results: Path) -> list[dict]:
-    """A re-simulation of an identified model against pysindy's: its time and its error."""
+    """Compare the re-simulation of an identified model with pysindy's: its time and its error."""
     line = read_model(results / f"models/{CASE}.json").model
     motion = read_trajectories(results / f"trajectories/{CASE}.npz")[0]
     grid, exact, terms = motion.time, motion.states, polynomial_library(len(line.states), 3)
@@ -87,7 +87,7 @@ def simulation(results: Path) -> list[dict]:
 
 
 def integration(results: Path) -> list[dict]:
-    """The motion of the default line, and its derivatives, against heyoka where it is installed."""
+    """Time the motion of the default line and its derivatives, against heyoka if installed."""
     line = read_model(results / f"models/{CASE}.json").model
     motion = read_trajectories(results / f"trajectories/{CASE}.npz")[0]
     time, start, free = motion.time, motion.states[0], np.argwhere(line.support)
@@ -112,7 +112,7 @@ def integration(results: Path) -> list[dict]:
 def heyoka_peers(
     line: PolynomialModel, free: np.ndarray, start: np.ndarray, time: np.ndarray
 ) -> Iterator[Callable]:
-    """What does the same as `integration`, compiled: first the states, then their derivatives."""
+    """Yield compiled equivalents of `integration`: first the states, then their derivatives."""
     import heyoka as hy
 
     x, values = hy.make_vars(*line.states), [hy.par[k] for k in range(len(free))]
@@ -171,7 +171,7 @@ def limit(results: Path) -> list[dict]:
 
 
 def command() -> list[dict]:
-    """What the README's example costs a core, with the default threads and with one."""
+    """Return what the README's example costs a core, with the default threads and with one."""
     example, threads = ROOT / "examples/span", ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
     default = {name: value for name, value in os.environ.items() if name not in threads}
 
@@ -212,7 +212,7 @@ def costs(results: Path) -> pd.DataFrame:
 
 
 def jobs(results: Path, older: Path | None) -> list[dict]:
-    """Sums of job seconds, by rule, and largest resident set of a job; beside an older study."""
+    """Sum job seconds by rule, with the largest resident set of a job, beside an older study."""
     now, before = costs(results), costs(older) if older else None
     rows, peer = [row("memory of the largest job", now["max_rss"].max(), "MiB", bar="<= 1024")], {}
     for study, when in ((now, ""), (before, " before")):

@@ -25,7 +25,7 @@ UNREACHABLE = ("Failed to fetch", "error sending request", "dns error", "Could n
 
 
 def resolved(lock: Path, system: str, python: str) -> subprocess.CompletedProcess:
-    """What uv says of a lock for a system and a Python; nothing is installed."""
+    """Return what uv says of a lock for a system and a Python; nothing is installed."""
     built = (option for name in BUILT[python] for option in ("--no-binary", name))
     with tempfile.TemporaryDirectory() as folder:
         return subprocess.run(

@@ -27,7 +27,7 @@ Graph = dict[str, set[str]]  # by rule, those that it reads from
 
 
 def build_graph(jobs: Iterable[PlannedJob]) -> Graph:
-    """The rules that each rule reads from, without those that it also reads by way of others."""
+    """Return the rules that each rule reads from directly."""
     jobs = list(jobs)
     rule_of = {path: job.rule for job in jobs for path in job.outputs}
     reads: Graph = {job.rule: set() for job in jobs}

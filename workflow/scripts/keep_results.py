@@ -71,7 +71,7 @@ def main() -> None:
 
 @contextmanager
 def planned(configfile):
-    """The plan of a study that no other process works on."""
+    """Return the plan of a study that no other process works on."""
     plan = planning(configfile)
     with locked(plan.results, make_command(configfile, "repair")):
         yield plan

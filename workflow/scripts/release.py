@@ -24,7 +24,7 @@ DATED = re.compile(r"^## (\S+) - \d{4}-\d{2}-\d{2}$", re.MULTILINE)
 
 
 def objections(root: Path) -> Iterator[str]:
-    """What speaks against releasing the project in a folder, a line each."""
+    """Yield what speaks against releasing the project in a folder, a line each."""
     text = (root / "pyproject.toml").read_text(encoding="utf-8")
     project = tomllib.loads(text)["project"]
     citation, security = (
@@ -50,7 +50,7 @@ def objections(root: Path) -> Iterator[str]:
 
 
 def with_full_links(readme: str, source: str, version: str) -> str:
-    """A README whose relative links lead to the repository, and its pictures to their bytes."""
+    """Make links of a README absolute and embed its pictures."""
 
     def full(match: re.Match) -> str:
         picture, before, target = match.groups()

@@ -118,7 +118,7 @@ def announced(
 
 
 def tell(results: str, made: int, seconds: float) -> None:
-    """What was made, where the report is, and how many of the paper's claims hold."""
+    """Return what was made, where the report is, and how many of the paper's claims hold."""
     from galloping.reproducibility.plan import duration_in_words
 
     files = f"{made} files made in {duration_in_words(seconds)}"
@@ -135,7 +135,7 @@ def tell(results: str, made: int, seconds: float) -> None:
 
 
 def check_cores(text: str | None) -> None:
-    """A line for what Snakemake would not take for a number of cores."""
+    """Return a line for what Snakemake would not take for a number of cores."""
     if text not in (None, "all") and not (text.isdecimal() and int(text) > 0):
         sys.exit(f"CORES: {text!r} is not a number of cores; must be all or a whole number >= 1")
 

@@ -84,7 +84,7 @@ def read_before(study: Study, file: str | None) -> pd.DataFrame:
 
 
 def format_table(strata: pd.DataFrame, compared: pd.DataFrame) -> Iterator[str]:
-    """A line for each stratum: values, with differences from the values before in brackets."""
+    """Yield a line for each stratum: values, with their changes in brackets."""
     shifts = {
         (row["stratum"], row["method"], row["measure"]): row for row in compared.to_dict("records")
     }
@@ -113,7 +113,7 @@ def _format_cell(column: str, value: float, shift: dict | None) -> str:
 
 
 def format_changes(before: pd.DataFrame, now: pd.DataFrame) -> Iterator[str]:
-    """A line for each answer that is another one."""
+    """Yield a line for each answer that is another one."""
     if before.empty:
         yield "There are no answers to compare with."
         return

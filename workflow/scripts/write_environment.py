@@ -34,7 +34,7 @@ def requirements(project: dict, extra: str) -> Iterator[tuple[str, str]]:
 
 
 def environment(pyproject: str) -> str:
-    """The conda environment of the study's jobs, which do not import Snakemake themselves."""
+    """Return the conda environment of the study's jobs, which do not import Snakemake."""
     project = tomllib.loads(pyproject)["project"]
     needed = {
         name.lower(): versions

@@ -7,15 +7,7 @@ from lines import CASES, RESONANT
 from pictures import drawn
 
 from galloping.figures.against_paper import draw_printed
-from galloping.paper.claims import (
-    BEYOND_JUDGEMENT,
-    CLAIMS,
-    HELD,
-    Claim,
-    find_joint_draws,
-    judge,
-    share_with_interval,
-)
+from galloping.paper import claims as paper_claims
 from galloping.paper.draws import Amounts, paper_draws
 from galloping.paper.unknowns import NAMES
 from galloping.recording.measurement import Motion
@@ -52,9 +44,13 @@ def scores(draws=20, **columns):
 
 def judge_values(kind, values):
     """What is said of a claim of this kind about 10, of draws with these values."""
-    claim = Claim("a claim", "", kind, column="error", level=0.05, printed=10.0, case=CASE)
+    claim = paper_claims.Claim(
+        "a claim", "", kind, column="error", level=0.05, printed=10.0, case=CASE
+    )
     cell = {"kind": "noise", "level": 0.05, "missing": 0, "spurious": 0, "motion": "ok"}
-    return judge(claim, pd.DataFrame({"error": np.asarray(values, float)}).assign(**cell))
+    return paper_claims.judge(
+        claim, pd.DataFrame({"error": np.asarray(values, float)}).assign(**cell)
+    )
 
 
 @pytest.mark.parametrize(
@@ -86,9 +82,9 @@ def test_a_bound_is_judged_by_the_interval_of_the_share_of_draws(kind, sign, met
 
 
 def test_the_interval_of_a_share_is_wilson_s_and_a_single_draw_has_none():
-    found = share_with_interval(np.arange(200) < 100)
+    found = paper_claims.share_with_interval(np.arange(200) < 100)
     assert (found["share_low"], found["share_high"]) == pytest.approx((0.4313, 0.5687), abs=1e-3)
-    assert share_with_interval(np.array([True]))["share_low"] == 1.0
+    assert paper_claims.share_with_interval(np.array([True]))["share_low"] == 1.0
 
 
 def test_a_wide_interval_is_said_to_say_little_and_why_a_bound_is_missed():
@@ -115,12 +111,19 @@ def tables(drawn_):
 def test_paper_csv_has_a_row_for_each_sentence_and_the_joint_shares():
     table = tables(scores())
     of_line = ("steady", "attack")  # are of the motion
-    about = [c.name for c in CLAIMS if c.case in ("", CASE) and not c.column.startswith(of_line)]
+    about = [
+        c.name
+        for c in paper_claims.CLAIMS
+        if c.case in ("", CASE) and not c.column.startswith(of_line)
+    ]
     assert table["claim"].to_list()[: len(about)] == about
     joint = table[table["role"] == "joint"]
     assert len(joint) == 2 and set(joint["share_of_draws"]) <= {0.0, 1.0}
     beyond = table[table["role"] == "beyond"]
-    assert len(beyond) == len(BEYOND_JUDGEMENT) > 5 and beyond["reason"].str.len().min() > 10
+    assert (
+        len(beyond) == len(paper_claims.BEYOND_JUDGEMENT) > 5
+        and beyond["reason"].str.len().min() > 10
+    )
     table = table.set_index("claim")
     row = table.loc["mean error of linear terms at noise 0.05"]
     assert (row["printed"], row["noise_level"]) == (9.56, 0.05)
@@ -137,11 +140,11 @@ def test_bounds_hold_together_in_the_draws_that_keep_each():
     drawn_ = scores()
     drawn_.loc[drawn_["draw"] == 3, "r2_q_v"] = 0.5
     drawn_.loc[drawn_["draw"] == 4, "missing"] = 1
-    bounds = [c for c in CLAIMS if not c.is_number and c.column in drawn_]
+    bounds = [c for c in paper_claims.CLAIMS if not c.is_number and c.column in drawn_]
     bounds = [c for c in bounds if c.name != "exact parameters without noise"]
-    kept = find_joint_draws(bounds, drawn_)
+    kept = paper_claims.find_joint_draws(bounds, drawn_)
     assert len(kept) == 20 and np.flatnonzero(~kept).tolist() == [3, 4]
-    assert find_joint_draws(bounds, drawn_[drawn_["level"] != 0.1]) is None
+    assert paper_claims.find_joint_draws(bounds, drawn_[drawn_["level"] != 0.1]) is None
 
 
 def test_failures_keep_no_bound():
@@ -185,7 +188,11 @@ def test_a_growing_motion_is_not_steady_and_a_fast_one_not_slow():
 def test_the_first_screen_counts_and_lists_them():
     table = tables(scores())
     counted = table[table["role"] == "counted"]
-    held = counted.assign(held=counted["verdict"].isin(HELD)).groupby("statement")["held"].all()
+    held = (
+        counted.assign(held=counted["verdict"].isin(paper_claims.HELD))
+        .groupby("statement")["held"]
+        .all()
+    )
     assert report.count(table).startswith(f"{held.sum()} of {len(held)} statements")
     rows = report.rows(table)
     assert [cell.printed for cell in rows["amplitude error from 30000 points"]] == [
@@ -195,7 +202,7 @@ def test_the_first_screen_counts_and_lists_them():
     (gradual,) = rows["few false terms at noise 0.01"]
     assert (gradual.printed, gradual.ours) == ("gradual", "1")
     failed = table["verdict"].isin(("worse", "better", "undecided", "seldom met", "not met"))
-    assert len(report.unheld(table)) == (failed & ~table["verdict"].isin(HELD)).sum()
+    assert len(report.unheld(table)) == (failed & ~table["verdict"].isin(paper_claims.HELD)).sum()
     drawn(lambda: draw_printed(table, {"case": CASE}))
 
 

@@ -16,30 +16,21 @@ from galloping.figures.against_paper import draw_region
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.stlsq import fit_normalised, fit_raw
 from galloping.model.polynomial import polynomial_library
-from galloping.paper import agreement, draws
+from galloping.paper import agreement, draws, unknowns
 from galloping.paper.agreement import GROUPS, NUMBERS, PRINTED, cell_of, log_likelihoods
 from galloping.paper.draws import Amounts
 from galloping.paper.quick import QuickStudy, found_coefficients
-from galloping.paper.unknowns import (
-    BY_NAME,
-    FIRST_READING,
-    HIGH,
-    LOW,
-    NAMES,
-    UNKNOWNS,
-    MethodReading,
-)
 from galloping.tables import inference as tables
 from galloping.trials import paper_inference
 
 pytestmark = pytest.mark.xdist_group("inference")
 
-KNOWN = dict(zip(NAMES, (10.0, 0.0059, 0.0054, 0.53, 0.66, 0.109, 0.0017), strict=True))
+KNOWN = dict(zip(unknowns.NAMES, (10.0, 0.0059, 0.0054, 0.53, 0.66, 0.109, 0.0017), strict=True))
 
 
 @pytest.fixture(scope="module")
 def moved():
-    return draws.line_motion(FIRST_READING.case_at(KNOWN, RESONANT), 300, 100)
+    return draws.line_motion(unknowns.FIRST_READING.case_at(KNOWN, RESONANT), 300, 100)
 
 
 @pytest.mark.parametrize(
@@ -49,7 +40,7 @@ def test_quick_thresholds_are_those_of_the_method(moved, method, threshold):
     motion, line = moved
     terms, rng = polynomial_library(4, 3), np.random.default_rng(3)
     products = draws.DerivativeNoise(motion, terms, np.ones(4)).draw(0.05, 10000, rng, draws=3)
-    quick = found_coefficients(products, MethodReading(threshold, columns=method.__name__))
+    quick = found_coefficients(products, unknowns.MethodReading(threshold, columns=method.__name__))
     for reduced, found in zip(products.regressions(line.states, terms), quick, strict=True):
         evidence = Regressions(reduced, reduced)
         model = method(evidence, threshold=threshold, path_length=draws.PATH_LENGTH).model
@@ -57,11 +48,11 @@ def test_quick_thresholds_are_those_of_the_method(moved, method, threshold):
 
 
 def test_quick_motions_are_those_of_the_simulator(moved):
-    amounts, method = Amounts(levels=(0.03,), points=(10000,)), MethodReading(0.0017)
+    amounts, method = Amounts(levels=(0.03,), points=(10000,)), unknowns.MethodReading(0.0017)
     quick = QuickStudy(*moved, amounts).draw_scores(method, 12, np.random.default_rng(1))
     exact = draws.paper_draws(
-        FIRST_READING.case_at(KNOWN, RESONANT), draws=12, seed=1, name=("x",), threshold=0.0017,
-        kinematics="known", amounts=amounts,
+        unknowns.FIRST_READING.case_at(KNOWN, RESONANT), draws=12, seed=1, name=("x",),
+        threshold=0.0017, kinematics="known", amounts=amounts,
     )  # fmt: skip
     for column in ("r2_q_w", "amplitude_error_q_v_percent", "mean_error_cubic_percent"):
         assert np.all(np.isfinite(quick[column]))
@@ -75,10 +66,10 @@ def test_quick_motions_are_those_of_the_simulator(moved):
 
 def draw_values(values, count, rng):
     """What draws at a setting of the first reading give for each claim."""
-    motion, line = draws.line_motion(FIRST_READING.case_at(values, RESONANT), 300, 100)
+    motion, line = draws.line_motion(unknowns.FIRST_READING.case_at(values, RESONANT), 300, 100)
     study = QuickStudy(motion, line, paper_inference.AMOUNTS)
     scores = study.draw_scores(
-        FIRST_READING.method_at(values),
+        unknowns.FIRST_READING.method_at(values),
         count,
         rng,
         unmoved_levels=agreement.UNMOVED_LEVELS,
@@ -134,32 +125,32 @@ def test_every_claim_with_noise_belongs_to_a_cell_and_to_a_group():
 
 def test_importance_sampling_integrates_a_likelihood_that_is_known(monkeypatch):
     """Of a bell in the middle of the ranges, whose estimate scatters as that of few draws does."""
-    centre, width = (LOW + HIGH) / 2, 0.1 * (HIGH - LOW)
+    centre, width = (unknowns.LOW + unknowns.HIGH) / 2, 0.1 * (unknowns.HIGH - unknowns.LOW)
 
     def estimate(reading, values, number, rng):
-        offsets = (np.log([values[name] for name in NAMES]) - centre) / width
+        offsets = (np.log([values[name] for name in unknowns.NAMES]) - centre) / width
         scatter = 0.7 * rng.standard_normal() - 0.7**2 / 2  # its exponential has the mean 1
         row = dict.fromkeys(("change", "attack"), 0.0)
         return {**row, "log_likelihood": -0.5 * np.sum(offsets**2) + scatter, "draws": []}
 
     monkeypatch.setattr(paper_inference, "estimate", estimate)
     monkeypatch.setattr(paper_inference, "FIRST_ROUND", {})
-    monkeypatch.setattr(paper_inference, "SHIFTED", np.zeros(len(NAMES), bool))
+    monkeypatch.setattr(paper_inference, "SHIFTED", np.zeros(len(unknowns.NAMES), bool))
     monkeypatch.setattr(
         paper_inference, "setting_at",
-        lambda reading, point: dict(zip(NAMES, np.exp(point), strict=True))
-        if np.all((point > LOW) & (point < HIGH)) else None,
+        lambda reading, point: dict(zip(unknowns.NAMES, np.exp(point), strict=True))
+        if np.all((point > unknowns.LOW) & (point < unknowns.HIGH)) else None,
     )  # fmt: skip
     rounds = {"pilot_rounds": (200, 200, 200), "settings": 300}
     rows = pd.DataFrame(paper_inference.trial(1, "sine", [0, 1, 2], {}, **rounds))
     tried = rows[rows["stage"] == "tried"]
-    expected = len(NAMES) * np.log(0.1 * np.sqrt(2 * np.pi))
+    expected = len(unknowns.NAMES) * np.log(0.1 * np.sqrt(2 * np.pi))
     for _, run in tried.groupby("replicate"):
         assert logsumexp(run["log_weight"]) == pytest.approx(expected, abs=0.4)
     evidence, error = tables._log_evidence(tried)
     assert error < 0.1 and abs(evidence - expected) < 3 * error
     weights = tables._normalised(tried["log_weight"])
-    x = np.log(tried[list(NAMES)].to_numpy(float))
+    x = np.log(tried[list(unknowns.NAMES)].to_numpy(float))
     np.testing.assert_allclose(weights @ x, centre, atol=0.4 * width.max())
     np.testing.assert_allclose(np.sqrt(weights @ (x - centre) ** 2), width, rtol=0.3)
 
@@ -168,7 +159,7 @@ def test_importance_sampling_integrates_a_likelihood_that_is_known(monkeypatch):
 def tried():
     rows = paper_inference.trial(
         1,
-        FIRST_READING.name,
+        unknowns.FIRST_READING.name,
         [0],
         {},
         pilot_rounds=(3,),
@@ -183,9 +174,9 @@ def tried():
 def test_a_run_keeps_its_conditions_and_judges_its_best(tried):
     settings = tried[tried["stage"] == "tried"]
     assert len(settings) == 4 and (settings["proposed"] > 4).all()
-    assert (settings["attack"] <= FIRST_READING.attack_limit).all()
+    assert (settings["attack"] <= unknowns.FIRST_READING.attack_limit).all()
     assert (settings["change"] < paper_inference.MOST_CHANGE).all()
-    for unknown in UNKNOWNS:
+    for unknown in unknowns.UNKNOWNS:
         assert settings[unknown.name].between(unknown.low, unknown.high).all()
     judged = tried[tried["stage"] == "judged"]
     assert len(judged) == 3 and np.isfinite(judged["log_likelihood"]).all()
@@ -197,7 +188,7 @@ def test_tables_and_figure(tried):
     other[["log_weight", "noise 0.05"]] -= 10.0
     parts = {"readings/one": tried, "readings/two": other}
     readings = tables.paper_readings(parts)
-    assert readings["reading"].to_list() == [FIRST_READING.name, "sine"]
+    assert readings["reading"].to_list() == [unknowns.FIRST_READING.name, "sine"]
     assert readings["verdict"].to_list() == ["first", "ruled out as tried"]
     assert readings["power_of_ten"].iloc[1] == pytest.approx(-10 / np.log(10))
     assert readings["loses_most_by"].iloc[1] == "noise 0.05"
@@ -206,7 +197,7 @@ def test_tables_and_figure(tried):
         sums = samples.groupby("stage")[f"weight_{group}"].sum()
         np.testing.assert_allclose(sums, 1.0)
     table = tables.region_table(samples, readings).set_index("unknown")
-    assert (table.loc[list(NAMES), "low"] <= table.loc[list(NAMES), "high"]).all()
+    assert (table.loc[list(unknowns.NAMES), "low"] <= table.loc[list(unknowns.NAMES), "high"]).all()
     assert table.loc["mode shape", "verdict"] == "determined"
     predicted = tables.predictions(samples)
     assert len(predicted) == len(PRINTED)
@@ -217,14 +208,16 @@ def test_tables_and_figure(tried):
     assert (pairs["both"] <= pairs[["first", "second"]].min(axis=1)).all()
     region = tables.region_table(samples, readings)
     figure = draw_region(region, readings)
-    known = (table.loc[list(NAMES), "verdict"].dropna() == "determined").sum()
-    assert f"{known} of {len(NAMES)}" in figure.get_label()
+    known = (table.loc[list(unknowns.NAMES), "verdict"].dropna() == "determined").sum()
+    assert f"{known} of {len(unknowns.NAMES)}" in figure.get_label()
     shares = [bar.get_width() for bar in figure.axes[0].containers[1]]
-    assert len(shares) == len(NAMES) and all(0 <= share <= 100 for share in shares)
+    assert len(shares) == len(unknowns.NAMES) and all(0 <= share <= 100 for share in shares)
 
 
 def test_every_reading_is_a_line_that_can_gallop():
-    loads = [reading.case_at(KNOWN, RESONANT)["ice"]["vertical"] for reading in BY_NAME.values()]
+    loads = [
+        reading.case_at(KNOWN, RESONANT)["ice"]["vertical"] for reading in unknowns.BY_NAME.values()
+    ]
     assert all(b1 > 0 > b3 for b1, _, b3 in loads)
     assert len({b2 for _, b2, _ in loads}) == 4
 
@@ -233,10 +226,10 @@ def test_the_default_study_is_as_probable_as_the_best_setting_that_was_found(roo
     """Within what the likelihoods of settings scatter by, and under the same conditions."""
     study = plain(load(read(root / "config" / "config.yaml")))
     case = study["cases"]["internal_resonance"]
-    own = {u.name: reduce(getitem, u.path, case) for u in UNKNOWNS if u.path}
+    own = {u.name: reduce(getitem, u.path, case) for u in unknowns.UNKNOWNS if u.path}
     own["threshold"] = study["identification"]["paper"]["threshold"]
-    row = paper_inference.estimate(FIRST_READING, own, 200, np.random.default_rng(2))
+    row = paper_inference.estimate(unknowns.FIRST_READING, own, 200, np.random.default_rng(2))
     readings = pd.read_csv(root / "results" / "reference" / "paper" / "paper_readings.csv")
-    best = readings.set_index("reading").loc[FIRST_READING.name]
+    best = readings.set_index("reading").loc[unknowns.FIRST_READING.name]
     assert row["log_likelihood"] > best["log_likelihood"] - 1.0
-    assert row["attack"] <= FIRST_READING.attack_limit
+    assert row["attack"] <= unknowns.FIRST_READING.attack_limit

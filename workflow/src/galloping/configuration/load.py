@@ -28,7 +28,7 @@ MOST_LINES = 20
 
 
 def load(mapping: dict) -> Settings:
-    """The settings that a mapping of keys describes, missing keys at their defaults.
+    """Return the settings that a mapping of keys describes, missing keys at their defaults.
 
     Raises ConfigurationError with one line per problem: the key as the user writes it, the
     value, what is allowed and the nearest valid name.
@@ -53,12 +53,12 @@ def load(mapping: dict) -> Settings:
 
 
 def plain(settings: Section) -> dict:
-    """Settings, or a section of them, as nested dict, list, str, int, float, bool and None."""
+    """Convert settings, or a section, to nested dict, list, str, int, float, bool and None."""
     return settings.model_dump(mode="json")
 
 
 def configured(configfiles: Iterable[str | Path]) -> Settings:
-    """The settings of the study of these files; a later file overrides the earlier.
+    """Return the settings of the study of these files; a later file overrides the earlier.
 
     Raises ConfigurationError for a mistake anywhere in them.
     """
@@ -77,7 +77,7 @@ def _override_sections(mapping: dict, over: dict) -> dict:
 
 
 def merged(mapping: dict, files: Sequence[dict]) -> dict:
-    """The mapping that Snakemake merged from files, as the study takes it.
+    """Return the mapping that Snakemake merged from files, as the study takes it.
 
     Its keys stand in the order in which the files name them, see `ordered`, and a case that is set
     to null is left out.
@@ -90,7 +90,7 @@ def merged(mapping: dict, files: Sequence[dict]) -> dict:
 
 
 def ordered(mapping: dict, files: Sequence[dict]) -> dict:
-    """A mapping that was merged from files, with its keys in the order in which these name them.
+    """Return a merged mapping with its keys in the order in which the files name them.
 
     The order of cases and releases counts, and Snakemake puts the keys of a file that overrides
     before those of the file that it overrides. Keys that no file names come last.
@@ -152,7 +152,7 @@ def _unknown_key(location: tuple) -> str:
 
 
 def _bad_name(location: tuple) -> str:
-    """A name that the user chose in a mapping of names."""
+    """Return a name that the user chose in a mapping of names."""
     *parents, name = location
     node = _find_node(parents)
     if options := names(node):
@@ -167,7 +167,7 @@ def _suggest_name(name: object, options: list[str]) -> str:
 
 
 def _locate_value(value: object, location: tuple, default: object) -> tuple[tuple, object]:
-    """The keys of a location without list positions, and the value there as the user wrote it."""
+    """Return the keys of a location without list positions, and the value as the user wrote it."""
     path = []
     for key in location:
         if isinstance(value, dict):

@@ -20,7 +20,7 @@ def schema() -> dict:
 
 
 def resolve(node: dict) -> dict:
-    """The node with references followed and an optional value replaced by the value itself."""
+    """Return the node with references followed and an optional value replaced by the value."""
     if "$ref" in node:
         definition = schema()["$defs"][node["$ref"].rpartition("/")[2]]
         return definition | {key: value for key, value in node.items() if key != "$ref"}
@@ -31,26 +31,26 @@ def resolve(node: dict) -> dict:
 
 
 def child(node: dict, key: object) -> dict:
-    """The node of a key, or of a name chosen by the user."""
+    """Return the node of a key, or of a name chosen by the user."""
     if key in node.get("properties", {}):
         return resolve(node["properties"][key])
     return resolve(named_value(node))
 
 
 def item(node: dict) -> dict:
-    """The node of the items of a list."""
+    """Return the node of the items of a list."""
     return resolve(node["items"] if "items" in node else node["prefixItems"][0])
 
 
 def named_value(node: dict) -> dict:
-    """The node of the values in a mapping whose names the user chooses."""
+    """Return the node of the values in a mapping whose names the user chooses."""
     if "patternProperties" in node:
         return next(iter(node["patternProperties"].values()))
     return node["additionalProperties"]
 
 
 def names(node: dict) -> list[str]:
-    """The keys a mapping may have; empty where the user chooses them."""
+    """Return the keys a mapping may have; empty where the user chooses them."""
     return list(node.get("properties", ())) or node.get("propertyNames", {}).get("enum", [])
 
 
@@ -67,7 +67,7 @@ def leaves(node: dict | None = None, path: str = "") -> Iterator[tuple[str, dict
 
 
 def allowed(node: dict, with_unit: bool = True) -> str:
-    """What a value may be, in words: `> 0 m`, `a whole number 1..10000`, `one of irvine, sine`."""
+    """Describe what a value may be: `> 0 m`, `a whole number 1..10000`, `one of irvine, sine`."""
     unit = node.get("unit", "") if with_unit else ""
     text = _describe_type(node, "" if unit in ("", "1") else unit)
     text = f"null or {text}" if "optional" in node else text
@@ -124,7 +124,7 @@ HEADER = ("Key", "Default", "Unit", "Allowed", "Provenance", "Meaning")
 
 
 def with_key_table(text: str) -> str:
-    """A Markdown text with the table of every key between the two markers brought up to date.
+    """Update the table of every key between the two markers of a Markdown text.
 
     Raises ValueError where a marker is missing.
     """
@@ -157,7 +157,7 @@ OWN_WORDS = ("unit", "symbol", "provenance", "note", "rule", "why")  # that JSON
 
 
 def schema_for_editors() -> str:
-    """The JSON schema of one configuration file, as text.
+    """Return the JSON schema of one configuration file, as text.
 
     Any key may be missing, since files are merged. A case may be null, which leaves it out. Units
     and rules beyond JSON schema are part of the descriptions, which editors show.

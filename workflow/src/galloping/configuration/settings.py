@@ -126,7 +126,7 @@ class CaseSection(CASE_KEYS):
 
 
 def paper_cases() -> dict[str, CaseSection]:
-    """The two lines of the paper: tuned to internal resonance, and away from it."""
+    """Return the two lines of the paper: tuned to internal resonance, and away from it."""
     wide = InitialStateSection(q_w=3)
     non_resonant = CaseSection(line=LineSection(tension=35000), releases={"wide": wide})
     return {"internal_resonance": CaseSection(), "non_resonant": non_resonant}

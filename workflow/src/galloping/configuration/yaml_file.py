@@ -16,7 +16,7 @@ class ConfigurationError(ValueError):
 
 
 def read(path: str | Path) -> dict:
-    """The mapping in a YAML file.
+    """Return the mapping in a YAML file.
 
     Raises ConfigurationError with one line that names the file, and the line in it where there
     is one: unreadable, empty, not YAML, not a mapping, or a key given twice.

@@ -64,7 +64,7 @@ class BranchProblem(Protocol):
         """(m + 1,) of a solution with this vector (n,)."""
 
     def linearise(self, unknowns: np.ndarray) -> Equations:
-        """Raises NotConverged where the equations cannot be evaluated."""
+        """Raise NotConverged where the equations cannot be evaluated."""
 
     def examine(self, at: Equations, tangent: np.ndarray) -> tuple[Any, dict[str, float]]:
         """Stability of a solution, and the tests whose sign changes are bifurcations."""
@@ -73,7 +73,7 @@ class BranchProblem(Protocol):
         """Whether a zero of test `name` is the bifurcation of that name."""
 
     def moved(self, solution: Any) -> Self:
-        """The problem about a new solution."""
+        """Return the problem about a new solution."""
         return self
 
     def ended(self, solution: Any) -> str:
@@ -151,7 +151,7 @@ class Range:
 def corrected(
     problem: BranchProblem, guess: np.ndarray, border: np.ndarray, accuracy: float = CORRECTED
 ) -> Equations:
-    """The solution near a guess of its vector (n,), on the plane through it across `border` (n,).
+    """Correct a guess (n,) to the solution on the plane through it across `border` (n,).
 
     accuracy: length of the last correction, in steps. Raises NotConverged.
     """
@@ -173,14 +173,14 @@ def corrected(
 
 
 def point_at(problem: BranchProblem, at: Equations, border: np.ndarray) -> Point:
-    """The solution with its tangent, oriented so that `border` (n,) is positive on it."""
+    """Return the solution with its tangent, oriented so that `border` (n,) is positive on it."""
     tangent = at.along(border)
     tangent = tangent / problem.length(tangent)
     return Point(at.solution, tangent, *problem.examine(at, tangent))
 
 
 def first(problem: BranchProblem, guess: np.ndarray, border: np.ndarray) -> Point:
-    """The point near a guess, as of `corrected` and `point_at`. Raises ValueError without one."""
+    """Return the point near a guess, see `corrected` and `point_at`. Raises ValueError."""
     try:
         return point_at(problem, corrected(problem, guess, border), border)
     except NotConverged as failure:
@@ -189,7 +189,7 @@ def first(problem: BranchProblem, guess: np.ndarray, border: np.ndarray) -> Poin
 
 
 def follow(problem: BranchProblem, start: Point, span: Range) -> Branch:
-    """The branch from `start` in the direction of its tangent."""
+    """Return the branch from `start` in the direction of its tangent."""
     points: list[Point] = [start]
     bifurcations: list[Bifurcation] = []
     step = FIRST_STEP
@@ -229,7 +229,7 @@ def follow(problem: BranchProblem, start: Point, span: Range) -> Branch:
 
 
 def _next_point(problem: BranchProblem, last: Point, step: float) -> Point:
-    """The point one step ahead. Raises NotConverged."""
+    """Return the point one step ahead. Raises NotConverged."""
     border = problem.metric * last.tangent
     guess = last.solution.vector + step * last.tangent
     point = point_at(problem, corrected(problem, guess, border), border)
@@ -240,7 +240,7 @@ def _next_point(problem: BranchProblem, last: Point, step: float) -> Point:
 
 
 def _at_value(problem: BranchProblem, near: Point, value: float) -> Point:
-    """The point of the branch at a value of the parameter close to that of `near`."""
+    """Return the point of the branch at a value of the parameter close to that of `near`."""
     problem = problem.moved(near.solution)
     factor = (value - near.solution.value) / near.tangent[-1]
     guess = near.solution.vector + factor * near.tangent

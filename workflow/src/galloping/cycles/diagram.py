@@ -72,7 +72,7 @@ class EquilibriumProblem(continuation.BranchProblem):
         }
 
     def confirmed(self, name: str, modes: Modes) -> bool:
-        """A pair of real eigenvalues of opposite sign is no Hopf bifurcation."""
+        """Reject a pair of real eigenvalues of opposite sign, which is no Hopf bifurcation."""
         if name != HOPF:
             return True
         rates = np.abs(modes.values[modes.oscillating].real)
@@ -90,7 +90,7 @@ def equilibrium_branch(family: Family, state: np.ndarray, span: Range) -> Branch
 
 
 def hopf_points(branch: Branch) -> list[Bifurcation]:
-    """The Hopf bifurcations of a branch of equilibria, in its order."""
+    """Return the Hopf bifurcations of a branch of equilibria, in its order."""
     return [b for b in branch.bifurcations if b.name == HOPF and b.located]
 
 
@@ -122,7 +122,7 @@ def diagram(
     depth: int = 1,
     motion: tuple[float, np.ndarray, np.ndarray] | None = None,
 ) -> Diagram:
-    """The diagram of the equilibrium near `rest` (n_states,) over the range `span`.
+    """Return the diagram of the equilibrium near `rest` (n_states,) over the range `span`.
 
     depth: how many period doublings and branch points in a row are followed. motion: where no Hopf
     bifurcation lies in the range, a settled motion to start from: the parameter's value, times

@@ -34,7 +34,7 @@ class Family:
 
 
 def constant(model: PolynomialModel, sizes: np.ndarray | float = 1.0) -> Family:
-    """The same model at every value. sizes: as of `Family`."""
+    """Return the same model at every value. sizes: as of `Family`."""
     return Family(lambda _: model, sizes=sizes)
 
 
@@ -57,7 +57,7 @@ class Parameter:
     change: Callable[[Mapping, float], dict] | None = None
 
     def at(self, case: Mapping, value: float) -> dict:
-        """The case at a value."""
+        """Return the case at a value."""
         if self.change is not None:
             return self.change(case, value)
         own = dict(case)
@@ -67,7 +67,7 @@ class Parameter:
 
 
 def _set_span(case: Mapping, value: float) -> dict:
-    """The spacers keep their place relative to the span."""
+    """Change the span; spacers keep their place relative to it."""
     share = value / case["line"]["span"]
     positions = [share * position for position in case["spacers"]["positions"]]
     return {
@@ -106,19 +106,19 @@ PARAMETERS = {
 
 
 def parameter(name: str) -> Parameter:
-    """Raises ValueError for a name that no sweep can vary."""
+    """Raise ValueError for a name that no sweep can vary."""
     if name not in PARAMETERS:
         raise ValueError(f"{name}: a sweep cannot vary it; it can vary {', '.join(PARAMETERS)}")
     return PARAMETERS[name]
 
 
 def line_model(case: Mapping) -> PolynomialModel:
-    """The two-mode model of a case, on LIBRARY."""
+    """Return the two-mode model of a case, on LIBRARY."""
     return galerkin.model(galerkin.coefficients(case)).on_library(LIBRARY)
 
 
 def line_family(case: Mapping, name: str) -> Family:
-    """The models of a case along the parameter `name` of PARAMETERS.
+    """Return the models of a case along the parameter `name` of PARAMETERS.
 
     Raises ValueError for a name that no sweep can vary.
     """

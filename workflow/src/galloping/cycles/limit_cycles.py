@@ -96,7 +96,7 @@ def circle(
     value: float,
     sizes: np.ndarray | float = 1.0,
 ) -> Orbit:
-    """centre + Re(mode exp(2 pi i t / period)). sizes: as of `Family`."""
+    """Centre + Re(mode exp(2 pi i t / period)). sizes: as of `Family`."""
     turn = np.exp(2j * np.pi * np.arange(PHASES) / PHASES)[:, np.newaxis]
     return Orbit(centre + (mode * turn).real, period, value, sizes=sizes)
 
@@ -152,7 +152,7 @@ class CycleProblem(continuation.BranchProblem):
     def about(
         cls, family: Family, orbit: Orbit, resolution: float, ceiling: float = np.inf
     ) -> Self:
-        """A branch that begins near an orbit."""
+        """Return a branch that begins near an orbit."""
         slope = family.slope(orbit.value, resolution)
         return cls(family, orbit, resolution, slope, ceiling, orbit.spread)
 
@@ -238,7 +238,8 @@ class CycleProblem(continuation.BranchProblem):
 
 def _integrate_period(compiled, start: np.ndarray, period: float, steps: int) -> tuple:
     """One period from `start` (n,): states at even phases, their derivatives by the parameter
-    and the start, the same of the end, and the truncation error."""
+    and the start, the same of the end, and the truncation error.
+    """
     n, places = len(start), np.arange(max(1, PHASES // steps))
     window = np.repeat(np.arange(steps), len(places))
     tau = np.tile(places / len(places), steps)
@@ -253,7 +254,7 @@ def _integrate_period(compiled, start: np.ndarray, period: float, steps: int) ->
 
 
 def from_hopf(family: Family, hopf: Bifurcation, span: Range, size: float = 1e-3) -> Branch:
-    """The limit cycles that leave a Hopf bifurcation of `equilibrium_branch`.
+    """Return the limit cycles that leave a Hopf bifurcation of `equilibrium_branch`.
 
     size: of the first one, in the sizes of the family.
     """
@@ -267,7 +268,7 @@ def from_hopf(family: Family, hopf: Bifurcation, span: Range, size: float = 1e-3
 
 
 def from_branching(family: Family, at: Bifurcation, span: Range) -> tuple[Branch, ...]:
-    """The limit cycles that leave a branch at a period doubling or a branch point.
+    """Return the limit cycles that leave a branch at a period doubling or a branch point.
 
     Two branches leave a branch point; those that leave a period doubling are one, shifted in phase.
     Raises ValueError for a bifurcation of another name, and where nothing branches off.
@@ -303,7 +304,7 @@ def _repeat_orbit(states: np.ndarray) -> np.ndarray:
 def from_motion(
     family: Family, value: float, time: np.ndarray, states: np.ndarray, span: Range
 ) -> tuple[Branch, Branch]:
-    """The limit cycles below and above the one that a motion has settled on.
+    """Return the limit cycles below and above the one that a motion has settled on.
 
     time: (n,) s, states: (n, n_states) of the settled motion at `value` of the parameter; several
     periods of it. Raises ValueError where it does not come back to itself.
@@ -318,7 +319,7 @@ def from_motion(
 def settled(
     family: Family, value: float, time: np.ndarray, states: np.ndarray, resolution: float
 ) -> Point:
-    """The limit cycle on which a motion has settled, as in `from_motion`."""
+    """Return the limit cycle on which a motion has settled, as in `from_motion`."""
     orbit = _last_turn(time, states, value, family.sizes)
     point = _correct_orbit(family, orbit, resolution)
     if (turns := _count_turns(point.solution)) <= 1:
@@ -330,7 +331,7 @@ def settled(
 
 
 def _correct_orbit(family: Family, orbit: Orbit, resolution: float) -> Point:
-    """The limit cycle near an orbit, at its value of the parameter."""
+    """Return the limit cycle near an orbit, at its value of the parameter."""
     problem = CycleProblem.about(family, orbit, resolution)
     return continuation.first(problem, orbit.vector, problem.along_parameter())
 
@@ -347,7 +348,7 @@ def _count_turns(orbit: Orbit) -> int:
 
 
 def cycle_of(family: Family, value: float, motion: Settled) -> Point | None:
-    """The limit cycle that a motion has settled on; None where there is none near enough."""
+    """Return the limit cycle that a motion has settled on; None where there is none near enough."""
     if motion.kind == "cycle":
         with suppress(ValueError):
             return settled(family, value, motion.time, motion.states, resolution=1.0)
@@ -357,7 +358,7 @@ def cycle_of(family: Family, value: float, motion: Settled) -> Point | None:
 def _last_turn(
     time: np.ndarray, states: np.ndarray, value: float, sizes: np.ndarray | float
 ) -> Orbit:
-    """The last period of a motion: since it was last as close to where it ends as it gets."""
+    """Return the last period of a motion: since it was last closest to where it ends."""
     distance = np.linalg.norm((states - states[-1]) / sizes, axis=1)
     near = distance < 0.05 * np.max(distance)
     away = np.flatnonzero(~near)
@@ -372,7 +373,7 @@ def _last_turn(
 
 
 def at_value(family: Family, branch: Branch, value: float) -> list[Point]:
-    """The limit cycles of a branch at a value of the parameter, one for each time it passes there.
+    """Return the limit cycles at which a branch passes a value of the parameter.
 
     Raises ValueError where one cannot be computed from its neighbours.
     """

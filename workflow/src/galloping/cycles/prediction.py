@@ -68,7 +68,7 @@ class Split:
         return PolynomialModel(self.states, terms, coefficients[:, present])
 
     def by_term(self) -> dict[tuple[int, Exponents, float], float]:
-        """The value of each unknown part by its equation, term and power of the wind speed."""
+        """Return the value of each unknown part by its equation, term and power of the wind."""
         rows, columns = self.entries.T.tolist()
         terms = (self.terms[column] for column in columns)
         return dict(zip(zip(rows, terms, self.powers, strict=True), self.values, strict=True))
@@ -144,7 +144,8 @@ def _squared_frequency(identified: Sequence[Identified], equation: int) -> float
 
 def _least_squares(identified, winds, fixed, entries, powers) -> Split:
     """Weighted by the covariance of each model; where one states none, all count alike and the
-    result has none."""
+    result has none.
+    """
     stated = all(one.covariance.size for one in identified)
     model = identified[0].model
     information = np.zeros((len(entries), len(entries)))
@@ -265,7 +266,7 @@ def intervals(orbits: Sequence[Orbit], n_states: int, fewest: float = MOST) -> n
 def near(
     models: Iterable[PolynomialModel], orbit: Orbit, best: PolynomialModel | None = None
 ) -> list[Orbit]:
-    """The limit cycles of other models near an orbit, of those that have one.
+    """Return the limit cycles of other models near an orbit, of those that have one.
 
     best: the model of the orbit, in the terms of the others. Where it is given, a cycle that is not
     found at once is followed from the orbit in steps, with coefficients between the two models'.
@@ -283,7 +284,7 @@ def near(
 
 
 def _follow_models(models: Sequence[PolynomialModel], orbit: Orbit) -> Orbit | None:
-    """The limit cycle of the last model, from one model's to the next; None where it has none."""
+    """Follow the limit cycle from each model to the next; None if it is lost."""
     found = orbit
     with suppress(NotConverged):
         for model in models:

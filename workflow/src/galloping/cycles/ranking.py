@@ -22,7 +22,8 @@ DAMPING = (("dq_v", "vertical"), ("dq_w", "horizontal"))
 @dataclass(frozen=True)
 class Design:
     """What a line is judged by: wind in m/s, the state it is released from (n_states,), distance
-    (horizontal, vertical) in m of two phases at rest and the clearance in m they must keep."""
+    (horizontal, vertical) in m of two phases at rest and the clearance in m they must keep.
+    """
 
     wind: float
     start: np.ndarray
@@ -46,7 +47,8 @@ def derived(case: Mapping) -> Split:
 
 def changed(parts: Split, case: Mapping, measure: Measure) -> Split:
     """An identified line (or `derived`) with a measure: each part of it changes in proportion, as
-    it does in the derivation. parts: of the line that `case` describes."""
+    it does in the derivation. parts: of the line that `case` describes.
+    """
     after = measure.change(case)
     old, new = derived(case), derived(after)
     before, later = old.by_term(), new.by_term()
@@ -142,7 +144,8 @@ def with_measure(
 
 def outline(motion: Settled) -> np.ndarray:
     """(n, 2) places (w, v) that a motion takes: one after the other on a limit cycle, whose periods
-    are alike, else from its whole window."""
+    are alike, else from its whole window.
+    """
     every = 1 if motion.kind == "cycle" else max(1, len(motion.states) // OUTLINE)
     return places(motion.states[::every][:OUTLINE])
 

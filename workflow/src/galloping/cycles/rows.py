@@ -29,7 +29,7 @@ CEILING = 2.0  # sags: a larger orbit is no line's any more
 def line_diagram(
     case: Mapping, name: str, low: float, high: float, simulator: Simulator
 ) -> Diagram:
-    """The diagram of a case along a parameter.
+    """Return the diagram of a case along a parameter.
 
     Where no Hopf bifurcation lies in the range, it starts from what the case settles to in the
     middle of the range; a range without a limit cycle says so among the failures. Raises
@@ -53,7 +53,7 @@ def line_diagram(
 
 
 def settled_line(case: Mapping, simulator: Simulator, watch: Watch = SPAN) -> Settled:
-    """What a case settles to from its initial state."""
+    """Simulate what a case settles to from its initial state."""
     return settle(simulator, line_model(case), np.array(initial_state(case)), watch)
 
 
@@ -117,7 +117,7 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
 def simulation_rows(
     label: str, case: Mapping, name: str, values: Sequence[float], simulator: Simulator
 ) -> list[dict]:
-    """The long simulation of a case from its initial state at each value of a parameter."""
+    """Return the long simulation of a case from its initial state at each value of a parameter."""
     varied = parameter(name)
     return [
         _place_columns(label, name, varied.unit, value)
@@ -144,7 +144,7 @@ def map_rows(
     up: tuple[str, Sequence[float]],
     simulator: Simulator,
 ) -> list[dict]:
-    """What the motion settles to over two parameters, from the case's initial state.
+    """Return what the motion settles to over two parameters, from the case's initial state.
 
     across, up: name and values of each.
     """

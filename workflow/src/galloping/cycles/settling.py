@@ -27,7 +27,7 @@ class Watch:
     rest: np.ndarray | float
 
     def during(self, duration: float, window: float | None = None) -> Self:
-        """The same for a motion of another duration and, where it is given, window, s."""
+        """Return the same for a motion of another duration and, where it is given, window, s."""
         return replace(self, duration=duration, window=window or self.window)
 
 
@@ -53,7 +53,7 @@ class Settled:
 def settle(
     simulator: Simulator, model: PolynomialModel, x0: np.ndarray, watch: Watch = SPAN
 ) -> Settled:
-    """The last window of a motion from x0 (n_states,).
+    """Return the last window of a motion from x0 (n_states,).
 
     On a limit cycle all pieces of the window have one range.
     """
@@ -64,7 +64,7 @@ def settle(
 
 
 def _judge_window(time: np.ndarray, states: np.ndarray, status: str, watch: Watch) -> Settled:
-    """What a window of a motion is. status: of its simulation."""
+    """Return what a window of a motion is. status: of its simulation."""
     pieces = np.array_split(states, max(1, round(watch.window / watch.piece)))
     ranges = np.array([np.ptp(piece, axis=0) / 2 for piece in pieces])
     lowest, highest = ranges.min(axis=0), ranges.max(axis=0)

@@ -190,7 +190,7 @@ def covariance_of(information: np.ndarray) -> np.ndarray:
 
 
 def bound_of(model: PolynomialModel, free: np.ndarray, total: np.ndarray) -> Bound:
-    """The bound from the information `total` (n_free, n_free)."""
+    """Return the bound from the information `total` (n_free, n_free)."""
     covariance = covariance_of(total)
     std = np.sqrt(np.diag(covariance))
     t = np.abs(model.coefficients[free[:, 0], free[:, 1]]) / std
@@ -213,7 +213,7 @@ def bounds_of(
     noises: Sequence[Noise],
     samplings: Sequence[Sequence[np.ndarray | slice]],
 ) -> list[Bound]:
-    """The bound on the present terms from recordings of one system, by each of some samplings.
+    """Return the bound on the present terms from recordings of a system, for each sampling.
 
     motions, noises: one for each recording. samplings: indices of the samples of each recording.
     Raises ValueError for rates of exact states where their noise differs.
@@ -245,7 +245,7 @@ def bounds_of(
 
 
 def on_library(model: PolynomialModel, found: Bound) -> np.ndarray:
-    """Standard deviations of a bound as (n_states, n_terms), NaN for terms without one."""
+    """Return standard deviations of a bound as (n_states, n_terms), NaN for terms without one."""
     std = np.full(model.coefficients.shape, np.nan)
     std[tuple(found.free.T)] = found.std
     return std

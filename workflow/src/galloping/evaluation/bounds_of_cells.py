@@ -21,7 +21,7 @@ from galloping.trajectory.simulation import Simulator
 def at_the_bound(
     model: PolynomialModel, found: Bound, rng: np.random.Generator, lacking: Sequence[str] = ()
 ) -> IdentifiedModel:
-    """What an efficient method that knows the terms would find: one draw at the bound.
+    """Return what an efficient method that knows the terms would find: one draw at the bound.
 
     lacking: names of the terms that the candidate library lacks. Where there are any, or the data
     leave a coefficient undetermined, there is no such method, and no model.
@@ -41,7 +41,7 @@ def at_the_bound(
 def cell_bounds(
     model: PolynomialModel, motions: Sequence[Motion], measurement: Mapping, name: Sequence[str]
 ) -> list[Bound]:
-    """The bounds of a cell: one for all replicates, or each its own where their times differ.
+    """Return the bounds of a cell: one, or one for each replicate if their times differ.
 
     motions, measurement, name: of what its recordings are drawn, see `recordings_of`. None without
     noise.
@@ -65,7 +65,7 @@ def models_at(
     name: Sequence[str],
     lacking: Sequence[str] = (),
 ) -> list[IdentifiedModel]:
-    """What an efficient method would find from each replicate; without noise, the line itself."""
+    """Draw what an efficient method would find from each replicate; without noise, the line."""
     if not bounds:
         return [IdentifiedModel(model, "unjudged")]
     models = []

@@ -86,7 +86,7 @@ def _choose_candidates(
     make: Callable[..., Regressions],
     paths: Mapping[str, Path],
 ) -> Iterator[tuple[str, list[IdentifiedModel]]]:
-    """The models of both CHOICES by each method that works on the same evidence."""
+    """Yield the models of both CHOICES by each method that works on the same evidence."""
     try:
         evidence = make(recordings, true.terms)
         models = {method: alternatives(evidence, path) for method, path in paths.items()}
@@ -100,7 +100,7 @@ def _choose_candidates(
 
 
 def alternatives(evidence: Regressions, path: Path) -> list[np.ndarray]:
-    """The distinct models of each equation, (k, n_terms), over all settings of the evidence.
+    """Return the distinct models of each equation, (k, n_terms), over all settings of the evidence.
 
     path: the models that a method's thresholds give.
     """

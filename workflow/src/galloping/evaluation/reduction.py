@@ -55,7 +55,7 @@ def reduction_table(settings: Mapping) -> pd.DataFrame:
 def variant_motion(
     case: Mapping, variant: LineVariant, *, length_scale: float, spectrum: str, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The continuous line, released as the two-mode model is. The rest is that of the gusts.
+    """Return the continuous line, released as the two-mode model is. The rest is that of the gusts.
 
     At mid-span, and half of the difference between both quarters of the span: (n, 2) m each,
     vertical and horizontal.

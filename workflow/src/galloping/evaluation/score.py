@@ -152,7 +152,7 @@ def evaluate(
 def reconstruction(
     time: np.ndarray, states: Sequence[np.ndarray], quality: np.ndarray
 ) -> Reconstruction:
-    """The motions of all replicates.
+    """Return the motions of all replicates.
 
     time: (n,) s. states: (n, n_states) of each replicate. quality: (n_replicates,), the higher
     the better.
@@ -165,7 +165,7 @@ def reconstruction(
 
 
 def reconstruct(truth: Truth, replicates: Sequence[IdentifiedModel]) -> list[Trajectory]:
-    """The motion of each model from the true initial state."""
+    """Return the motion of each model from the true initial state."""
     simulator = Simulator(truth.model.states, replicates[0].model.terms)
     motions = []
     for identified in replicates:

@@ -132,5 +132,5 @@ def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:
 
 
 def _typeset_reading(reading: str) -> str:
-    """The name of a reading with its coefficients as symbols: `beta2 minus 0.1` as beta_2 -0.1."""
+    """Typeset the coefficients in the name of a reading: `beta2 minus 0.1` as beta_2 -0.1."""
     return re.sub(r"\b(beta|eta)(\d)", r"$\\\1_\2$", reading.replace("minus ", "\N{MINUS SIGN}"))

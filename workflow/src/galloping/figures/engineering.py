@@ -153,7 +153,7 @@ def _most_useful(of_case: pd.DataFrame) -> str:
 
 
 def _format_value(value: float) -> str:
-    """A value with three digits, or why there is none."""
+    """Return a value with three digits, or why there is none."""
     if np.isfinite(value):
         return f"{value:.3g}"
     return "never" if np.isposinf(value) else "no bounded motion"

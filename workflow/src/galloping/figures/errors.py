@@ -96,7 +96,7 @@ AT = {"level": "at noise {:g}", "points": "from {:,.0f} samples"}
 
 
 def printed(column: str, case: str) -> list[Claim]:
-    """The paper's claims that are values or bounds of a column of scores.csv, of one case."""
+    """Return the paper's values and bounds of a column of scores.csv, for one case."""
     return [c for c in CLAIMS if c.column == column and c.case in (case, "") and not c.minus]
 
 
@@ -272,14 +272,14 @@ def _note_failures(axes: Axes, errors: pd.DataFrame, places: parts.LogAxis) -> N
 
 
 def best_of_pysindy(table: pd.DataFrame) -> str | None:
-    """The method with the lowest median, over the noisy levels, of the median error."""
+    """Return the method with the lowest median, over the noisy levels, of the median error."""
     medians = table.groupby("method")["median"].agg(np.median)
     medians = medians.reindex([method for method in PYSINDY if method in medians]).dropna()
     return None if medians.empty else medians.idxmin()
 
 
 def beaten_at(table: pd.DataFrame) -> str:
-    """The noise levels where the oracle's median is below ours, or ''."""
+    """Return the noise levels where the oracle's median is below ours, or ''."""
     medians = table.pivot_table(index="level", columns="method", values="median")
     if not {ORACLES, OURS} <= set(medians):
         return ""

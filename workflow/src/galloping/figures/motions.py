@@ -66,13 +66,13 @@ def draw_recovery(
 
 
 def _last_window(true: Motion) -> tuple[float, float]:
-    """The last part of a motion, s."""
+    """Return the last part of a motion, s."""
     begin, end = true.time[0], true.time[-1]
     return end - LAST * (end - begin), end
 
 
 def _largest_distance(true: Motion, motion: Reconstruction) -> tuple[np.ndarray, np.ndarray]:
-    """Times, and the largest distance of the displacements up to each; NaN once a motion ended."""
+    """Return times, and the largest displacement error so far; NaN after a motion ended."""
     count = len(style.STATE_LABELS)
     expected = np.column_stack(
         [np.interp(motion.time, true.time, true.states[:, j]) for j in range(count)]
@@ -317,6 +317,6 @@ def _draw_predictions(axes: Axes, lines: Mapping[str, pd.DataFrame]) -> None:
 
 
 def _describe_doubt(line: pd.DataFrame) -> str:
-    """The status of a method that judges its models, if it is not ok, to stand behind its name."""
+    """Return the status of a method in brackets, if it judges its models and it is not ok."""
     doubtful = sorted(set(line["verdict"]) - {"ok", "unjudged"})
     return f" ({doubtful[0].partition(':')[0]})" if doubtful else ""

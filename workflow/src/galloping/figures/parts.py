@@ -35,7 +35,7 @@ class ShownFigure(Figure):
 
 
 def nothing(axes: Axes, reason: str) -> None:
-    """An empty panel that says why."""
+    """Leave a panel empty but for the reason."""
     hidden: dict[str, Any] = {
         "bottom": False,
         "left": False,
@@ -50,20 +50,20 @@ def nothing(axes: Axes, reason: str) -> None:
 def panels(
     height: float, rows: int = 1, columns: int = 1, width: float = DOUBLE, **options: Any
 ) -> tuple[Figure, np.ndarray]:
-    """A figure, its size in inches, and its panels (rows, columns)."""
+    """Return a figure, its size in inches, and its panels (rows, columns)."""
     figure = ShownFigure(figsize=(width, height), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
 def nothing_at_all(reason: str) -> Figure:
-    """A figure that says why there is nothing to show."""
+    """Return a figure that says why there is nothing to show."""
     figure, ((axes,),) = panels(1.2)
     nothing(axes, reason)
     return figure
 
 
 def letter(axes: Axes, index: int, text: str) -> None:
-    """(a), (b), ..., (z), (aa), (bb), ... and what the panel shows."""
+    """Label a panel with (a), (b), ..., (z), (aa), (bb), ... and what it shows."""
     axes.set_title(f"({chr(ord('a') + index % 26) * (1 + index // 26)}) {text}", loc="left")
 
 
@@ -82,7 +82,7 @@ def height(head: float, each: float, count: int) -> float:
 def case_grids(
     cases: Sequence[str], rows: int, columns: int, head: float, each: float, sharex: bool = True
 ) -> tuple[Figure, dict[str, np.ndarray]]:  # fmt: skip
-    """A headed block of rows x columns panels for each case. head, each: as of `height`."""
+    """Return a headed block of rows x columns panels for each case. head, each: as of `height`."""
     figure = Figure(figsize=(DOUBLE, height(head, each, len(cases))), layout="constrained")
     blocks, grids = figure.subfigures(len(cases), 1, squeeze=False)[:, 0], {}
     for case, block in zip(cases, blocks, strict=True):
@@ -128,7 +128,7 @@ class LogAxis:
         return (value if value > 0 else self.zero) * 10**shift
 
     def prepare(self, axes: Axes, label: str) -> None:
-        """Makes it the x axis of a panel."""
+        """Make it the x axis of a panel."""
         places = [self.position(v) for v in self.values]
         axes.set_xscale("log")
         axes.set_xlim(min(places) / 1.3, max(places) * 1.3)
@@ -143,12 +143,12 @@ class LogAxis:
 
 
 def short(value: float) -> str:
-    """A value as a tick has it, thousands as k."""
+    """Return a value as a tick has it, thousands as k."""
     return f"{value / 1000:g}k" if value >= 1000 else f"{value:g}"
 
 
 def prepare_log(axes: Axes, limits: tuple[float, float], label: str) -> None:
-    """A logarithmic y axis with plain numbers."""
+    """Prepare a logarithmic y axis with plain numbers."""
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter("{x:g}")
     axes.set(ylim=limits, ylabel=label)
@@ -162,7 +162,7 @@ def r2_place(r2: float | np.ndarray) -> float | np.ndarray:
 def prepare_r2(
     axes: Axes, label: str, vertical: bool = True, ticks: Sequence[float] = R2_TICKS
 ) -> None:
-    """An axis of `r2_place`, labelled in R2; vertical: the y axis, else the x axis."""
+    """Prepare an axis of `r2_place`, labelled in R2; vertical: the y axis, else the x axis."""
     low, high = (float(r2_place(each)) for each in R2_LIMITS)
     names = {R2_LIMITS[0]: f"≤ {R2_LIMITS[0]:g}", R2_LIMITS[1]: f"≥ {R2_LIMITS[1]:g}"}
     labels, limits = [names.get(r, f"{r:g}") for r in ticks], (low - 0.25, high + 0.25)
@@ -221,7 +221,7 @@ def band(
     axes: Axes, x: ArrayLike, low: ArrayLike, high: ArrayLike, label: str | None,
     **look: Any,
 ) -> None:  # fmt: skip
-    """What lies between two curves, and dashes at their places where there is one place alone."""
+    """Shade the range between two curves; draw dashes if there is a single place."""
     ground: dict[str, Any] = {"color": BAND, "lw": 0, "zorder": 1}
     axes.fill_between(x, low, high, **ground | look, label=label)
     if np.size(x) == 1:
@@ -229,7 +229,7 @@ def band(
 
 
 def rows(axes: Axes, labels: Sequence[str], lines: bool = True) -> None:
-    """A row for each label, the first on top; lines: between them."""
+    """Label the rows of a panel, the first on top; lines: between them."""
     axes.set_yticks(range(len(labels)), labels)
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(labels) - 0.5, -0.5)
@@ -285,14 +285,14 @@ def shifts(methods: Sequence[str], width: float) -> dict[str, float]:
 
 
 def where(table: pd.DataFrame, **values: object) -> pd.DataFrame:
-    """The rows with these values in the columns of these names."""
+    """Return the rows with these values in the columns of these names."""
     for name, value in values.items():
         table = table[table[name] == value]
     return table
 
 
 def key(label: str, **look: Any) -> Line2D:
-    """An entry of a legend: a marker alone unless the look has a line."""
+    """Return an entry of a legend: a marker alone unless the look has a line."""
     return Line2D([], [], label=label, **{"ls": "", **look})
 
 
@@ -309,7 +309,7 @@ def legend(
     figure: Figure, *keys: Artist, columns: int = 5, loc: str = "outside upper center",
     **options: Any,
 ) -> None:  # fmt: skip
-    """The keys, and all that is labelled in any panel, each once."""
+    """Add the keys, and all that is labelled in any panel, each once."""
     named: dict[str, Any] = {str(entry.get_label()): entry for entry in keys}
     for axes in figure.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):

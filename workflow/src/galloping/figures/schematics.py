@@ -27,7 +27,7 @@ COLORS = ("#e6e6e6", "#fdf1d8", "#d6e6f2")  # truth, data, identified model
 
 
 def iced_conductor(axes: Axes, x: float, y: float, radius: float) -> None:
-    """A round conductor with a crescent of ice towards the wind, which comes from the left."""
+    """Draw a round conductor with a crescent of ice towards the wind, which comes from the left."""
     angle = np.linspace(np.pi / 2, 3 * np.pi / 2, 60)
     reach = radius * (1 + 0.75 * np.sin(angle - np.pi / 2) ** 0.8)
     outline = np.column_stack([x + reach * np.cos(angle), y + reach * np.sin(angle)])
@@ -39,7 +39,7 @@ def arrow(
     axes: Axes, start: tuple[float, float], end: tuple[float, float], color: str = INK,
     style: str = "-|>", width: float = 1.1, line: str = "-",
 ) -> None:  # fmt: skip
-    """A straight arrow in data coordinates."""
+    """Draw a straight arrow in data coordinates."""
     axes.annotate(
         "", xy=end, xytext=start,
         arrowprops={"arrowstyle": style, "color": color, "lw": width, "ls": line,
@@ -179,7 +179,7 @@ def _draw_force_curve(axes: Axes, values: tuple[float, ...], attack: np.ndarray,
 
 
 def _draw_vectors(axes: Axes) -> None:
-    """The section moves up: the relative wind meets it from above, at the angle alpha."""
+    """Draw the velocities and forces of a section that moves up: the wind comes from above."""
     iced_conductor(axes, 0, 0, 0.3)
     tip, start, above = (-0.62, 0.0), (-2.17, 0.0), (-2.17, 0.62)
     arrow(axes, start, tip, color=MODEL, width=1.5)

@@ -77,7 +77,7 @@ _LINES = ((0, (3, 1)), (0, (9, 3)), (0, (1, 1)))
 
 
 def method_style(name: str) -> MethodStyle:
-    """The style of a method, the same in every figure and every study."""
+    """Return the style of a method, the same in every figure and every study."""
     if name in METHODS:
         return METHODS[name]
     first, second, third, *_ = sha256(name.encode()).digest()
@@ -90,7 +90,7 @@ def method_style(name: str) -> MethodStyle:
 
 
 def spoken(name: str) -> str:
-    """A name of the configuration as words."""
+    """Return a name of the configuration as words."""
     return name.replace("_", " ").replace("non ", "non-")
 
 
@@ -103,7 +103,7 @@ def scientific(value: float) -> str:
 
 @contextmanager
 def styled(font_size: float) -> Iterator[None]:
-    """matplotlib's defaults and this style, whatever the user's own settings are."""
+    """Matplotlib's defaults and this style, whatever the user's own settings are."""
     labels = ("legend.fontsize", "xtick.labelsize", "ytick.labelsize")
     sizes = {"font.size": font_size, **dict.fromkeys(labels, 0.85 * font_size)}
     with matplotlib.style.context(["default", LOOK, sizes]):

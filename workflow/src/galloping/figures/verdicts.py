@@ -41,7 +41,7 @@ HEIGHT = 0.62  # of a row, shared by the methods
 
 
 def draw_trust(table: pd.DataFrame) -> Figure:
-    """A panel for each group of fits, a bar for each status: how often it is right.
+    """Draw a panel for each group of fits, a bar for each status: how often it is right.
 
     table: fits.csv.
     """
@@ -84,7 +84,7 @@ def _is_right(fits: pd.DataFrame) -> pd.Series:
 
 
 def draw_published_terms(table: pd.DataFrame) -> Figure:
-    """A panel for each system and length: share of exactly the right terms against the noise.
+    """Draw the share of exactly right terms against the noise, a panel per system and length.
 
     table: published_terms.csv, of which the rows of our method are drawn.
     """
@@ -149,7 +149,7 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
 
 
 def draw_model_error(table: pd.DataFrame) -> Figure:
-    """A panel for each quantity, a row for each line and its sensors, a marker for each method.
+    """Draw a panel for each quantity, a row for each line and sensors, a marker per method.
 
     Errors in percent, median over the answered replicates, a line on to the worst of them; the last
     panel says how many were answered, with how many terms. table: model_error.csv.

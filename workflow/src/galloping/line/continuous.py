@@ -71,7 +71,7 @@ class Span:
 def continuous_line(
     case: Mapping, sines: int = 9, *, aerodynamic: str = "small_angle", drag: float = 0.0
 ) -> Span:
-    """The line of a `cases` section on so many sine modes in each direction.
+    """Return the line of a `cases` section with so many sine modes in each direction.
 
     sines: 0 for the two shapes of `galerkin.modes`, one in each direction.
     aerodynamic: `small_angle`, the paper's alpha = v_t/U and F = rho D U^2 C(alpha)/2, or
@@ -175,7 +175,7 @@ def equilibrium(line: Span) -> np.ndarray:
 
 
 def small_motions(line: Span) -> Modes:
-    """The oscillations, by frequency, of the line about its equilibrium in the mean wind."""
+    """Return the oscillations, by frequency, of the line about its equilibrium in the mean wind."""
     rest = equilibrium(line)
     columns = [
         (line.rates(rest + change, line.speed) - line.rates(rest - change, line.speed)) / 2e-5

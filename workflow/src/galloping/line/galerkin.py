@@ -35,7 +35,7 @@ class Line:
 
     @classmethod
     def from_case(cls, case: Mapping) -> Self:
-        """The bundle of a `cases` section of the configuration."""
+        """Return the bundle of a `cases` section of the configuration."""
         n = case["bundle"]["subconductors"]
         conductor, line, spacers = case["conductor"], case["line"], case["spacers"]
         return cls(
@@ -61,7 +61,7 @@ class Line:
         return stretch * self.axial_stiffness / self.tension
 
     def static_curvature(self) -> float:
-        """y'' of the parabola, 1/m."""
+        """Y'' of the parabola, 1/m."""
         return self.mass * self.gravity / self.tension
 
 
@@ -162,7 +162,7 @@ EQUATIONS = {2: "vertical", 3: "horizontal"}
 
 
 def model(values: Mapping[str, float]) -> PolynomialModel:
-    """The galloping equations with the left-hand-side coefficients `values`, by symbol of TERMS."""
+    """Return the galloping equations with the coefficients `values`, by symbol of TERMS."""
     present = [(*TERMS[symbol], -value) for symbol, value in values.items() if value != 0]
     places = [(0, (0, 0, 1, 0), 1.0), (1, (0, 0, 0, 1), 1.0), *present]
     terms = tuple(dict.fromkeys(term for _, term, _ in places))
@@ -212,7 +212,7 @@ class LinearMode(ModeShape):
 
 
 def at_rest(case: Mapping) -> tuple[Line, LinearMode, LinearMode]:
-    """The line of a case, its vertical and its horizontal mode."""
+    """Return the line of a case, its vertical and its horizontal mode."""
     line = Line.from_case(case)
     phi, psi = modes(case, line)
     strain = -line.static_curvature() * integrate(phi.shape, line.span) / line.span

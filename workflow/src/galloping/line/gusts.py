@@ -7,12 +7,12 @@ import numpy as np
 
 
 def von_karman(reduced: np.ndarray) -> np.ndarray:
-    """n S/sigma^2 at the reduced frequency n L/U, one-sided (von Karman, PNAS 34, 1948)."""
+    """N S/sigma^2 at the reduced frequency n L/U, one-sided (von Karman, PNAS 34, 1948)."""
     return 4.0 * reduced / (1.0 + 70.8 * reduced**2) ** (5.0 / 6.0)
 
 
 def kaimal(reduced: np.ndarray) -> np.ndarray:
-    """n S/sigma^2 at the reduced frequency n L/U (Kaimal et al. 1972, as in IEC 61400-1)."""
+    """N S/sigma^2 at the reduced frequency n L/U (Kaimal et al. 1972, as in IEC 61400-1)."""
     return 4.0 * reduced / (1.0 + 6.0 * reduced) ** (5.0 / 3.0)
 
 

@@ -51,7 +51,7 @@ def tension(factor: float) -> Measure:
 
 
 def damper(position: float, coefficient: float) -> Measure:
-    """A viscous damper to earth at a point: c phi(s)^2 of modal damping, mode shapes kept."""
+    """Add a viscous damper to earth at a point: c phi(s)^2 of modal damping, mode shapes kept."""
     label = f"damper of {coefficient:g} N s/m at {position:g} m"
     return Measure(label, damping=((position, coefficient),))
 
@@ -100,7 +100,8 @@ def usual(case: Mapping) -> tuple[Measure, ...]:
 
 def added(case: Mapping, applied: Measure) -> tuple[np.ndarray, np.ndarray]:
     """Modal damping (N s/m) and mass (kg) that a measure adds to the vertical and the horizontal
-    mode: two arrays (2,). Raises ValueError for a place outside the span."""
+    mode: two arrays (2,). Raises ValueError for a place outside the span.
+    """
     line = Line.from_case(case)
     damping, mass = np.zeros(2), np.zeros(2)
     for total, points in ((damping, applied.damping), (mass, applied.masses)):
@@ -176,7 +177,7 @@ def cigre(sag: float, diameter: float, bundle: bool) -> Ellipse:
 
 
 def design_ellipses(case: Mapping) -> dict[str, Ellipse]:
-    """The ellipses of a case, without that of CIGRE 322 where the sag is too small for it.
+    """Return the ellipses of a case, without that of CIGRE 322 where the sag is too small for it.
 
     A conductor's diameter is the bundle's dimension by number.
     """

@@ -83,7 +83,7 @@ class DerivativeNoise(_Noise):
     """Exact states with noisy derivatives."""
 
     def draw(self, level: float, points: int, rng: np.random.Generator, draws: int = 1) -> Products:
-        """Recordings of the same `points` samples, all or at random, with noise at `level`."""
+        """Draw recordings of the same `points` samples, all or at random, with noise at `level`."""
         n, p = self._design_matrix.shape
         gram, moments = self._whole_products
         if points < n:
@@ -209,7 +209,7 @@ class Amounts:
 def line_motion(
     case: Mapping, duration: float, sampling_rate: float
 ) -> tuple[Motion, PolynomialModel]:
-    """The motion of a case from its release, and the model that it is of."""
+    """Return the motion of a case from its release, and the model that it is of."""
     line = model(coefficients(case))
     time = time_grid(duration, sampling_rate)
     moved = Simulator(line.states, line.terms)(line, np.array(initial_state(case)), time)
@@ -258,7 +258,7 @@ def paper_draws(
 
 
 def identified(reduced: ReducedRegression, **options: Any) -> IdentifiedModel:
-    """The paper's method on a regression. options: threshold and kinematics, as of `stlsq.raw`."""
+    """Apply the paper's method to a regression. options: threshold, kinematics of `stlsq.raw`."""
     try:
         return stlsq.fit_raw(Regressions(reduced, reduced), path_length=PATH_LENGTH, **options)
     except NO_MODEL as error:

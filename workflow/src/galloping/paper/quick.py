@@ -49,7 +49,7 @@ class QuickStudy:
         rng: np.random.Generator,
         unmoved_levels: Sequence[float] = (),
     ) -> pd.DataFrame:
-        """Return scores of `count` draws of each cell, in the columns that claims are about.
+        """Draw scores of `count` draws of each cell, in the columns that claims are about.
 
         unmoved_levels: noise levels of whole records whose models are not simulated, which costs
         most.
@@ -138,7 +138,7 @@ class QuickStudy:
 
 
 def found_coefficients(drawn: Products, method: MethodReading) -> np.ndarray:
-    """The paper's method on all recordings at once: (k, m, p) coefficients of the library.
+    """Apply the paper's method to all recordings at once: (k, m, p) coefficients.
 
     The same fixed points as those of `stlsq.raw` and `stlsq.normalised`.
     """

@@ -146,7 +146,7 @@ RECEIPT_LIST = TypeAdapter(list[Receipt])
 
 
 def check_digest(archive: str | Path, expected: str | None) -> str:
-    """The SHA-256 of an archive. expected: of the published one. Raises NotRestorable."""
+    """Return the SHA-256 of an archive. expected: of the published one. Raises NotRestorable."""
     present = digest(archive)
     if expected and present != expected.lower():
         raise NotRestorable(f"{archive}: SHA-256 {present}, not {expected}")
@@ -154,7 +154,7 @@ def check_digest(archive: str | Path, expected: str | None) -> str:
 
 
 def published_settings(folder: Path) -> dict:
-    """The settings of an unpacked publication. Raises NotRestorable."""
+    """Return the settings of an unpacked publication. Raises NotRestorable."""
     try:
         return plain(load(read(folder / CONFIGURATION)))
     except ConfigurationError as error:
@@ -163,7 +163,7 @@ def published_settings(folder: Path) -> dict:
 
 
 def published_receipts(folder: Path) -> dict[str, Receipt]:
-    """The receipts of an unpacked publication by path; `kept` says which files are in it.
+    """Return the receipts of an unpacked publication by path; `kept` says which files are in it.
 
     Raises NotRestorable, also for a receipt of a file or log outside the results folder.
     """
@@ -260,6 +260,6 @@ def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[s
 
 
 def _present_files(plan: Plan) -> list[str]:
-    """The files of the study that are in place: planned, or made."""
+    """Return the files of the study that are in place: planned, or made."""
     known = {*plan.maker, *receipts(plan.results)}
     return sorted(path for path in known if Path(path).exists())

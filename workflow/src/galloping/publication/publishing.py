@@ -193,7 +193,7 @@ def publish(plan: Plan, allowed: Collection[str] = ()) -> Path:
 
 
 def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator[tuple[str, str]]:
-    """What speaks against publishing, each with its kind; `ALLOWABLE` says which can be allowed."""
+    """Yield obstacles to publishing, each with its kind; `ALLOWABLE` has those to allow."""
     shown = [*results.glob("tables/*"), *results.glob("figures/*")]
     if present is None:
         yield "dirty", "git knows no commit of this folder"
@@ -211,7 +211,7 @@ def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator
 
 
 def files(plan: Plan) -> list[Path]:
-    """What goes into a publication of what the working folder holds.
+    """Return what goes into a publication of what the working folder holds.
 
     The workflow; tables, figures and report; and what these are directly made from, as far as it
     lies in the working folder, so that they can be made again without computing anything else.

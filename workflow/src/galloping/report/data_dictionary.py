@@ -37,7 +37,7 @@ def columns(settings: Mapping) -> pd.DataFrame:
 
 
 def captions() -> dict[str, str]:
-    """What each table shows, in reStructuredText, by its name."""
+    """Return what each table shows, in reStructuredText, by its name."""
     return {row["table"]: row["meaning"] for row in _read_dictionary() if row["column"] == WHOLE}
 
 

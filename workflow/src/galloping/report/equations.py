@@ -46,7 +46,7 @@ def _format_head(method: str, level: float, labels: Mapping[str, str]) -> str:
 
 
 def _format_coefficient(rows: pd.DataFrame) -> str:
-    """A coefficient with its standard error, where there is one, both to the digits of that."""
+    """Format a coefficient and its standard error, if any, to the digits of the error."""
     if rows.empty or pd.isna(rows["identified"].iloc[0]):
         return "not found"
     value, error = rows[["identified", "standard_error"]].iloc[0]
@@ -58,7 +58,7 @@ def _format_coefficient(rows: pd.DataFrame) -> str:
 
 
 def as_symbols(term: str) -> Markup:
-    """A monomial such as `dq_v^2 q_w` in HTML, velocities with a dot."""
+    """Return a monomial such as `dq_v^2 q_w` in HTML, velocities with a dot."""
     text = ""
     for dot, index, power in FACTOR.findall(term):
         letter = "q\N{COMBINING DOT ABOVE}" if dot else "q"

@@ -100,13 +100,13 @@ class Item:
 
 
 def as_html(text: str) -> Markup:
-    """reStructuredText as an HTML fragment. Raises docutils.utils.SystemMessage if it is broken."""
+    """ReStructuredText as an HTML fragment. Raises docutils.utils.SystemMessage if it is broken."""
     settings = {"halt_level": 2, "report_level": 5, "file_insertion_enabled": False}
     return Markup(publish_parts(text, writer="html5", settings_overrides=settings)["body"])
 
 
 def render(page: Mapping) -> str:
-    """The page as HTML that refers to nothing outside itself, the same bytes for the same page.
+    """Render the page as HTML that refers to nothing outside itself.
 
     page: what it shows, by name. title. paper: what the paper prints beside ours, as of
     `printed_numbers.section`, or None. equations: as of `side_by_side`, or None. made: by which
@@ -131,7 +131,7 @@ def render(page: Mapping) -> str:
 
 
 def made_by() -> str:
-    """The commit that a report is made by, in words."""
+    """Return the commit that a report is made by, in words."""
     known = commit()
     if known is None:
         return "code that is in no git repository"

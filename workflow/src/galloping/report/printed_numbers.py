@@ -138,7 +138,7 @@ def unheld(paper: pd.DataFrame) -> list[str]:
 
 
 def by_settings(varied: pd.DataFrame) -> str:
-    """What other values of settings that the paper leaves open would do to the claims.
+    """Compare the claims at other values of settings that the paper leaves open.
 
     varied: reproduction.csv. Of each setting the value at which the fewest claims hold is named.
     """
@@ -173,14 +173,14 @@ def _as_cell(row: dict) -> PaperCell:
 
 
 def _describe_printed(claim: Claim) -> str:
-    """What the paper says, in its words where it prints no number."""
+    """Return what the paper says, in its words where it prints no number."""
     if claim.words:
         return claim.words
     return f"{SIGNS.get(claim.kind, '')}{claim.printed:g} {claim.unit}".rstrip()
 
 
 def _describe_ours(row: dict, claim: Claim | None) -> str:
-    """What the draws say: a median with its range, a value, or in which share of them it is so."""
+    """Describe the draws: a median with its range, a value, or a share of the draws."""
     share = _format_percent(row["share_of_draws"])
     if claim is None or claim.is_yes_or_no:
         if claim and row["share_low"] == row["share_high"]:  # no noise, one draw

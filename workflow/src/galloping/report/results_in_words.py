@@ -44,7 +44,7 @@ def on_engineering(tables: Mapping[str, pd.DataFrame], case: str, protocol: str)
 
 
 def verdicts(trust: pd.DataFrame) -> list[str]:
-    """A sentence on each group of fits in trust.csv: how often a verdict was sure and wrong."""
+    """Return a sentence per group of fits in trust.csv: how often a verdict was sure and wrong."""
     own = trust[~trust["case"].str.startswith("every t")]  # rows that are a part of others
     sentences = []
     for group, rows in own.groupby("group", sort=False):
@@ -58,7 +58,7 @@ def verdicts(trust: pd.DataFrame) -> list[str]:
 
 
 def inferred(region: pd.DataFrame) -> list[str]:
-    """A sentence on what the paper's numbers tell of what it leaves out, of paper_region.csv."""
+    """Return a sentence on what the paper's numbers determine, of paper_region.csv."""
     named = {
         verdict: ", ".join(name.replace("_", " ") for name in of["unknown"])
         for verdict, of in region.groupby("verdict")
@@ -127,7 +127,7 @@ def _describe_galloping(cycles: pd.DataFrame, bifurcations: pd.DataFrame, case: 
 
 
 def _rows_at_level(table: pd.DataFrame) -> pd.DataFrame:
-    """The rows at the noise level of the sentences."""
+    """Return the rows at the noise level of the sentences."""
     levels = table.loc[table["level"] > 0, "level"]
     if levels.empty:
         return table[:0]

@@ -32,7 +32,7 @@ DOCUMENTED = (ast.Module, ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 
 @cache
 def code(*roots: str | Path) -> dict:
-    """What `roots` run, as plain values: digest of the code, versions of the libraries it uses.
+    """Describe what `roots` run: digest of the code, versions of the libraries it uses.
 
     roots: script files, and functions that they import by name, as `deferred` gives them.
     Raises ValueError for a module that is not in the package.
@@ -173,7 +173,7 @@ class Commit:
 
 
 def commit() -> Commit | None:
-    """The commit checked out in the working folder, or None if git does not know of one."""
+    """Return the commit checked out in the working folder, or None if git does not know of one."""
     try:
         digest, date = _run_git("show", "--no-patch", "--format=%H %cI", "HEAD").split()
         described = _run_git("describe", "--tags", "--always", "--dirty").strip()

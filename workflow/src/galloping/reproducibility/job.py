@@ -75,7 +75,7 @@ def failures(results: str, since: int) -> list[str]:
 
 
 def arguments(function: Callable[..., None], job) -> dict:
-    """What `run` calls the function of a script with."""
+    """Return what `run` calls the function of a script with."""
     asked = signature(function).parameters
     params = {name: of for name, of in job.params.items() if name not in (CODE, CAPTION)}
     values = {name: next(iter(of.values())) for name, of in params.items()}
@@ -85,7 +85,7 @@ def arguments(function: Callable[..., None], job) -> dict:
 
 
 def _storage_prefix(job) -> str:
-    """What stands before the folder of results in the paths of a job.
+    """Return what stands before the folder of results in the paths of a job.
 
     It is empty unless the results are in a storage of Snakemake's and the job has local copies.
     """

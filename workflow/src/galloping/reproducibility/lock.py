@@ -68,7 +68,7 @@ def locked(results: str, repair: str, *, repairing: bool = False) -> Iterator[in
 
 
 def check_disk(results: str) -> None:
-    """Raises Obstacle if the working folder or the results cannot be written."""
+    """Raise Obstacle if the working folder or the results cannot be written."""
     for place in filter(Path.exists, (Path.cwd(), Path.cwd() / results)):
         if not os.access(place, os.W_OK):
             raise Obstacle(f"{place} is read-only: make it writable and run again.")
@@ -77,7 +77,7 @@ def check_disk(results: str) -> None:
 
 
 def check_places(results: str) -> None:
-    """Raises Obstacle for a file where a folder belongs, and for a folder where a file does."""
+    """Raise Obstacle for a file where a folder belongs, and for a folder where a file does."""
     own = Path(results)
     folders = (Path(".snakemake"), *reversed(own.parents), own, *(own / name for name in FOLDERS))
     files = (Path(".snakemake", "seen.json"), own / MARK, own / "report.html")
@@ -88,19 +88,19 @@ def check_places(results: str) -> None:
 
 
 def killed(repair: str) -> str:
-    """What to say of a run that was killed."""
+    """Return what to say of a run that was killed."""
     return f"A run in this folder was killed: `{repair}` takes it from there."
 
 
 def make_command(configfiles: Iterable[str | Path] = (), goal: str = "") -> str:
-    """What to type to reach a goal of the Makefile for the study of these configuration files."""
+    """Return the command that reaches a goal of the Makefile with these configuration files."""
     files = " ".join(os.path.relpath(file) for file in configfiles)
     settings = f"CONFIG={shlex.quote(files)}" if files else ""
     return " ".join(filter(None, ("make", goal, settings)))
 
 
 def marked_environment(results: str) -> dict[str, str]:
-    """The environment for all that a run starts, by which what is left of it is found."""
+    """Return the environment for all that a run starts, by which what is left of it is found."""
     return {**os.environ, OF_STUDY: str(Path(results).resolve())}
 
 

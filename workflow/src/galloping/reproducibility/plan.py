@@ -49,7 +49,8 @@ MOST = 3  # edits and rules that are told one by one
 @dataclass(frozen=True)
 class PlannedJob:
     """One job. settings: its params. outputs: without receipts. Paths are relative to the working
-    folder."""
+    folder.
+    """
 
     rule: str
     settings: dict
@@ -108,7 +109,7 @@ def as_planned(plan: Plan, known: dict[str, Receipt]) -> set[str]:
 
 
 def planning(configfiles: Sequence[str] = ()) -> Plan:
-    """The plan of the study in the working folder.
+    """Return the plan of the study in the working folder.
 
     configfiles: merged over the Snakefile's own. A bad configuration ends the process with one
     line, as with Snakemake itself.

@@ -61,7 +61,7 @@ def receipt_path(path: str | Path) -> Path:
 
 
 def as_written(settings: Mapping) -> dict:
-    """Settings as a receipt holds them, for comparison."""
+    """Return settings as a receipt holds them, for comparison."""
     return json.loads(json.dumps({k: v for k, v in settings.items() if k != CAPTION}))
 
 
@@ -86,7 +86,7 @@ def write_receipt(receipt: Receipt, prefix: str = "") -> None:
 
 
 def read_receipt(path: str | Path) -> Receipt | None:
-    """The receipt of a file, or None if it has none that can be read."""
+    """Return the receipt of a file, or None if it has none that can be read."""
     try:
         receipt = Receipt(**read_json(receipt_path(path)))
     except (OSError, ValueError, TypeError, RecursionError):
@@ -120,7 +120,7 @@ def grows(path: str | Path, settings: Mapping, key: str) -> bool:
 
 
 def receipts(results: str | Path) -> dict[str, Receipt]:
-    """The receipts of one results folder by path, in order, without those of results inside it."""
+    """Return the receipts of a results folder by path, without those of results inside it."""
     found = (
         read_receipt(path.with_name(path.name[1 : -len(SUFFIX)]))
         for path in sorted(Path(results).rglob(f".*{SUFFIX}"))
@@ -174,7 +174,7 @@ def remember(results: str, findings: Deviations) -> None:
 
 
 def _file_state(path: str) -> list[int] | None:
-    """What changes when a file is written, even if its time is set back."""
+    """Return what changes when a file is written, even if its time is set back."""
     try:
         status = Path(path).stat()
     except OSError:

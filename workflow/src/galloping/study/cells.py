@@ -20,7 +20,7 @@ from galloping.results import JOINT, NOISE, SUBSET
 
 
 def without(line: Mapping, *parameters: str | None) -> dict:
-    """A line without its own values of what is varied, on which nothing of a sweep depends."""
+    """Return a line without its own values of what is varied; no sweep depends on these."""
     gone = {place for name in parameters if name for place in PARAMETERS[name].places}
     return {
         section: {key: value for key, value in of.items() if (section, key) not in gone}
@@ -104,7 +104,7 @@ class Trial:
 
 
 def configured_trial(name: str, configured: TrialSection, is_exam: bool = False) -> Trial:
-    """A trial as configured, keys left out at the defaults of its kind; maybe one of an exam."""
+    """Return a trial as configured, maybe of an exam; missing keys have their kind's defaults."""
     kind = KINDS[configured.kind]
     options = {key: getattr(configured, key) or default for key, default in kind.options.items()}
     return Trial(
@@ -311,5 +311,5 @@ class Study:
         return next(each for each in self.trials if each.name == name)
 
     def options(self, method: Method) -> dict:
-        """What a method reads of the settings."""
+        """Return what a method reads of the settings."""
         return method.settings(self.plain["identification"], self.settings.measurement.seed)

@@ -26,7 +26,7 @@ CHANNELS = ("time", "values", "rates")  # of a recording
 
 
 def read(path: str | os.PathLike) -> object:
-    """What a file of a study holds, as the reader of its kind below returns it.
+    """Return what a file of a study holds, as the reader of its kind below returns it.
 
     Raises ValueError for a file of no kind.
     """
@@ -37,7 +37,7 @@ def read(path: str | os.PathLike) -> object:
 
 
 def read_all(files: Mapping[str, str | Sequence], names: Mapping[str, Sequence[str]]) -> dict:
-    """What files hold, by name; of a list of files a dict, by those of `names`."""
+    """Return what files hold, by name; of a list of files a dict, by those of `names`."""
     return {
         key: dict(zip(names[key], map(read, of), strict=True)) if key in names else read(of)
         for key, of in files.items()
@@ -77,7 +77,7 @@ def write_model(path: str | os.PathLike, derived: Derived) -> None:
 
 
 def read_model(path: str | os.PathLike) -> Derived:
-    """The equations, their coefficients by symbol, and further quantities."""
+    """Return the equations, their coefficients by symbol, and further quantities."""
     content = read_json(path)
     model = content.pop("model")
     equations = PolynomialModel(
@@ -102,7 +102,7 @@ def write_trajectories(path: str | os.PathLike, motions: Sequence[Motion]) -> No
 
 
 def read_trajectories(path: str | os.PathLike) -> tuple[Motion, ...]:
-    """The motion of each release; the first one is what models are judged by."""
+    """Return the motion of each release; the first one is what models are judged by."""
     with np.load(path) as file:
         names, time = tuple(map(str, file["names"])), file["time"]
         motions = zip(file["states"], file["rates"], file["status"].tolist(), strict=True)
@@ -113,7 +113,7 @@ def read_trajectories(path: str | os.PathLike) -> tuple[Motion, ...]:
 
 
 def write_recordings(path: str | os.PathLike, replicates: Sequence[Sequence[Recording]]) -> None:
-    """Recordings by replicate and release; what all replicates share is stored once."""
+    """Write recordings by replicate and release; what all replicates share is stored once."""
     arrays: dict[str, np.ndarray] = {
         "states": np.array(replicates[0][0].states),
         "shape": np.array([len(replicates), len(replicates[0])]),
@@ -129,7 +129,7 @@ def write_recordings(path: str | os.PathLike, replicates: Sequence[Sequence[Reco
 
 
 def read_recordings(path: str | os.PathLike) -> list[tuple[Recording, ...]]:
-    """The recordings of each replicate."""
+    """Return the recordings of each replicate."""
     with np.load(path) as file:
         arrays = dict(file)
     states = tuple(map(str, arrays.pop("states")))
@@ -165,13 +165,13 @@ def write_identified(
 
 
 def read_identified(path: str | os.PathLike) -> dict[str, list[IdentifiedModel]]:
-    """The model of each replicate, by method."""
+    """Return the model of each replicate, by method."""
     content = read_json(path)
     return {method: list(map(IdentifiedModel.from_plain, of)) for method, of in content.items()}
 
 
 def read_families(paths: Iterable[str | os.PathLike]) -> dict[str, list[IdentifiedModel]]:
-    """The models of several families of methods, by method."""
+    """Return the models of several families of methods, by method."""
     return {method: of for path in paths for method, of in read_identified(path).items()}
 
 
@@ -199,7 +199,7 @@ def read_bounds(path: str | os.PathLike) -> np.ndarray:
 def write_reconstructions(
     path: str | os.PathLike, reconstructions: Mapping[str, Reconstruction]
 ) -> None:
-    """What the models of each method do, by its name."""
+    """Write what the models of each method do, by its name."""
     write_arrays(
         path,
         **{
@@ -217,7 +217,7 @@ def read_reconstructions(path: str | os.PathLike) -> dict[str, Reconstruction]:
 
 
 def _by_method(file: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
-    """What is kept as `method/name`."""
+    """Return what is kept as `method/name`."""
     methods: dict[str, dict[str, np.ndarray]] = {}
     for key in file:
         method, is_of_one, name = key.partition("/")

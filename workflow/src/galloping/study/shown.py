@@ -23,7 +23,7 @@ def runs(pair: Pair) -> bool:
 
 
 def paper_pair(study: Study) -> Pair:
-    """The paper's protocol and method, or the first pair that can run in a study without them."""
+    """Return the paper's protocol and method, or the first pair that a study can run."""
     pairs = list(
         filter(runs, ((protocol, m) for m in study.methods for protocol in study.protocols))
     )
@@ -83,7 +83,7 @@ def departures_from_paper(study: Study) -> dict[str, str]:
 
 
 def sensor_protocol(study: Study) -> Protocol:
-    """What a sensor gives, if the study has it."""
+    """Return what a sensor gives, if the study has it."""
     sensors = (protocol for protocol in study.protocols if protocol.measures == ALL_STATES)
     return next(sensors, study.protocols[0])
 
@@ -104,7 +104,7 @@ def equations_beside(study: Study) -> list[tuple[Cell, Method]]:
 
 
 def least_noise(study: Study, case: Case) -> Cell:
-    """The whole record at the lowest level, as the paper's pair has it."""
+    """Return the whole record at the lowest level, as the paper's pair has it."""
     return _cells_of_pair(study, case, paper_pair(study), NOISE)[0]
 
 
@@ -172,7 +172,7 @@ def oracle_cells(study: Study) -> list[Cell]:
 
 
 def _own_cells(study: Study, case: Case) -> list[Cell]:
-    """The cells of a case that ours can use."""
+    """Return the cells of a case that ours can use."""
     used = (cell for cell in study.cells if OURS in [method.name for method in cell.methods])
     return [cell for cell in used if cell.case == case]
 

@@ -37,7 +37,7 @@ OF_REFERENCE = ("reference_summary", "reference_differences")  # about other num
 
 
 def compare_tables(reference: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
-    """What differs between two tables of the same kind; no row if they agree.
+    """Return what differs between two tables of the same kind; no row if they agree.
 
     A row is known by those columns of `KEYS` that both tables have. Returns one row a difference:
     `row` (its keys as text), `column`, `reference` and `found` (as text), `difference` (found -
@@ -52,7 +52,7 @@ def compare_tables(reference: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame
 def _compare_values(
     reference: pd.DataFrame, found: pd.DataFrame
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """What differs, and every value that both tables have, with a column `agrees` (bool)."""
+    """Return what differs, and every value that both tables have, with a column `agrees` (bool)."""
     left, right = _by_row(reference, found)
     present = [
         (HEADING, n, *sides) for n, *sides in _compare_presence(reference.columns, found.columns)
@@ -81,7 +81,7 @@ def flat(section: Mapping[str, object], path: str = "") -> Iterator[tuple[str, s
 
 
 def tables_of(results: Path) -> dict[str, Path]:
-    """The tables of a study that do not tell of other studies, by name."""
+    """Return the tables of a study that do not tell of other studies, by name."""
     present = (results / "tables").glob("*.csv")
     return {f"tables/{path.name}": path for path in present if path.stem not in OF_REFERENCE}
 
@@ -136,7 +136,7 @@ def _by_row(*tables: pd.DataFrame) -> Iterator[pd.DataFrame]:
 
 
 def _key_as_text(column: pd.Series) -> pd.Series:
-    """The keys of a column as text: 5, 5.0 and "5" are the same key."""
+    """Return the keys of a column as text: 5, 5.0 and "5" are the same key."""
     numbers = pd.to_numeric(column, errors="coerce")
     text = column.where(numbers.isna(), numbers.map("{:.12g}".format))
     return f"{column.name}=" + text
@@ -211,7 +211,7 @@ class Origin:
 
 
 def read_origin(path: str) -> Origin:
-    """Reads what a reference was made with. Raises ValueError for a file of another kind."""
+    """Read what a reference was made with. Raises ValueError for a file of another kind."""
     try:
         return Origin(**read_json(path))
     except (ValueError, TypeError):
@@ -221,7 +221,7 @@ def read_origin(path: str) -> Origin:
 
 
 def processor() -> str:
-    """What compiled code and linear algebra take this machine for: two kinds round otherwise."""
+    """Return how compiled code and linear algebra see this machine: two kinds round otherwise."""
     kernels = {found["architecture"] for found in threadpool_info() if "architecture" in found}
     return ", ".join([platform.system(), platform.machine(), get_host_cpu_name(), *sorted(kernels)])
 
@@ -268,7 +268,7 @@ def compare_study(
 def _compare_origins(
     made: Mapping[str, str], present: Mapping[str, str]
 ) -> tuple[pd.DataFrame, dict[str, object]]:
-    """The differences in what two studies were made with, and their numbers of the summary."""
+    """Return differences in what two studies were made with, and their summary."""
     sides = pd.DataFrame({"reference": made, "found": present}, dtype=object).fillna("absent")
     keys = dict.fromkeys([*made, *present])
     sides = sides.loc[list(keys)].rename_axis("row").reset_index()
@@ -288,7 +288,7 @@ def _compare_origins(
 def _compare_table(
     reference: pd.DataFrame, table: pd.DataFrame, reason: str
 ) -> tuple[pd.DataFrame, dict[str, object]]:
-    """The differences in one table, and its numbers of the summary. reason: why it may differ."""
+    """Return the differences in one table, and their summary. reason: why it may differ."""
     found, values = _compare_values(reference, table)
     rows = found[found["column"] == WHOLE]
     parts = (values["difference"].abs() / values["tolerance"]).fillna(0)

@@ -68,7 +68,7 @@ def _name_recording(row: pd.Series) -> str:
 
 
 def _share_of_intervals(rows: pd.DataFrame) -> pd.Series | float:
-    """The share that holds the truth; of coefficients, for models that state which terms exist."""
+    """Return the share that contains the truth; of coefficients, if terms are stated to exist."""
     if "intervals_held" in rows:
         return rows["intervals_held"]
     if "holds" in rows:

@@ -57,7 +57,7 @@ def mean_error(scores: pd.DataFrame) -> pd.Series:
 
 
 def spread(column: str, stem: str = "") -> dict[str, tuple[str, Callable]]:
-    """What `DataFrameGroupBy.agg` takes for the median and the interval of a column.
+    """Return what `DataFrameGroupBy.agg` takes for the median and the interval of a column.
 
     They are named `stem`, `{stem}_low` and `{stem}_high`; without a stem median, low and high.
     """

@@ -218,7 +218,7 @@ def _summarise_intervals(fits: pd.DataFrame) -> dict[str, object]:
 
 
 def _with_interval(successes: pd.Series) -> dict[str, float]:
-    """A share, and its interval of 95 % (E. B. Wilson 1927)."""
+    """Return a share, and its interval of 95 % (E. B. Wilson 1927)."""
     found = binomtest(int(successes.sum()), len(successes)).proportion_ci(method="wilson")
     name = successes.name
     return {name: successes.mean(), f"{name}_low": found.low, f"{name}_high": found.high}

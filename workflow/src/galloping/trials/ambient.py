@@ -104,7 +104,7 @@ def _discretise_process(
 def trial(
     seed: int, case: str, replicates: Sequence[int], methods: Mapping[str, Mapping]
 ) -> Iterator[dict[str, object]]:
-    """A row for each replicate and method, as of `real_lines.trial`.
+    """Yield a row for each replicate and method, as of `real_lines.trial`.
 
     The slower mode is the vertical one. intervals_held: of the decays of both modes; nothing is
     judged where no random forces are answered. Seconds are those of the processor.

@@ -43,7 +43,7 @@ class Attempt:
 def measured(
     columns: Mapping[str, Any], true: PolynomialModel, time: np.ndarray, states: np.ndarray
 ) -> Attempt:
-    """A motion (n, n_states) of a system, measured once as its columns say.
+    """Return a motion (n, n_states) of a system, measured once as its columns say.
 
     columns: among them `protocol`, `level`, in standard deviations of each state for the protocols
     that measure states, and `seed`; the noise follows from all of them.
@@ -172,7 +172,7 @@ def coefficients_as_text(found: IdentifiedModel) -> str:
 
 
 def trial_of(attempts: Callable[..., Iterator[Attempt]]) -> Callable[..., Iterator[dict]]:
-    """A trial, see `workflow/rules/evaluate.smk`, with a row for each fit, see `fits`.
+    """Return a trial, see `workflow/rules/evaluate.smk`, with a row for each fit, see `fits`.
 
     attempts: makes its recordings, of the seed, the case, the replicates and the kind's options.
     """
@@ -186,7 +186,7 @@ def trial_of(attempts: Callable[..., Iterator[Attempt]]) -> Callable[..., Iterat
 
 
 def against_truth(true: PolynomialModel, result: IdentifiedModel) -> dict[str, object]:
-    """What is stated and whether it holds, for one fit; counts are of the true terms.
+    """Return what is stated and whether it holds, for one fit; counts are of the true terms.
 
     true: on the library of `result`. Nothing is counted where there is no model. `ok_and_wrong`
     is an `ok` model with a false term, without one above its stated limit, or with a coefficient

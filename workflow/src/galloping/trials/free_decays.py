@@ -102,7 +102,7 @@ def _decay_bound(
 def trial(
     seed: int, case: str, replicates: Sequence[int], methods: Mapping[str, Mapping]
 ) -> Iterator[dict[str, object]]:
-    """A row for each replicate and method, as of `real_lines.trial`.
+    """Yield a row for each replicate and method, as of `real_lines.trial`.
 
     The first mode is the vertical one. intervals_held: of frequency and damping of the first mode,
     nothing if they are not told. Seconds are those of the processor.

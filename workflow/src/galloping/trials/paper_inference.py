@@ -189,7 +189,7 @@ def trial(
 def _learn_proposal(
     reading: Reading, rounds: Sequence[int], draws: int, rng: np.random.Generator
 ) -> Proposal:
-    """The proposal of the last round, from pilot rounds weighed by the mixture of their own."""
+    """Return the proposal of the last round, from pilot rounds weighed by their mixture."""
     tried, proposals, numbers = [], [Proposal()], []
     for count in rounds:
         found, proposed = _try_settings(reading, proposals[-1], count, draws, rng)
@@ -216,7 +216,7 @@ def _log_weights(
 def _judge_setting(
     reading: Reading, values: Mapping[str, float], draws: int, rng: np.random.Generator
 ) -> dict[str, float]:
-    """A setting with its likelihood from fresh draws."""
+    """Return a setting with its likelihood from fresh draws."""
     found = estimate(reading, {name: values[name] for name in NAMES}, draws, rng)
     if found is None:
         raise ValueError("the conditions of the reading exclude the setting")
@@ -227,7 +227,7 @@ def _judge_setting(
 def _climb_likelihood(
     reading: Reading, start: Mapping[str, float], settings: int, rng: np.random.Generator
 ) -> dict[str, float]:
-    """The most probable setting near another one (J. A. Nelder and R. Mead 1965).
+    """Return the most probable setting near another one (J. A. Nelder and R. Mead 1965).
 
     All settings share their random numbers, so that the likelihood changes smoothly among them.
     """
@@ -256,14 +256,14 @@ def _line_coefficients(reading: Reading, values: Mapping[str, float]) -> list[di
 
 
 def _smallest_coefficient(lines: Sequence[Mapping[str, float]]) -> float:
-    """The smallest coefficient of all lines, which a larger threshold loses without noise."""
+    """Return the smallest coefficient of all lines, which a larger threshold loses."""
     return min(abs(value) for line in lines for value in line.values() if value)
 
 
 def _try_settings(
     reading: Reading, proposal: Proposal, count: int, draws: int, rng: np.random.Generator
 ) -> tuple[list[dict], int]:
-    """Settings of a proposal until `count` of them can be drawn from; how many were proposed."""
+    """Draw settings of a proposal until `count` of them are possible; also count the proposals."""
     found: list[dict] = []
     proposed = 0
     while len(found) < count:

@@ -77,7 +77,7 @@ SYSTEMS = {
 def systems(
     seed: int, case: str, replicates: Sequence[int], *, samples: list[int], levels: list[float]
 ) -> Iterator[Attempt]:
-    """Recordings of the system `case`.
+    """Yield recordings of the system `case`.
 
     levels: of the noise, in standard deviations of each state. Of a chaotic flow the bound is that
     of pieces of REMEMBERED periods, each with an unknown beginning, which joined pieces may outdo.
@@ -127,7 +127,7 @@ RELAXATION_START, RELAXATION_END, RELAXATION_NOISE = 1.2, 8.0, 0.06
 def exact_terms(
     seed: int, case: str, replicates: Sequence[int], *, levels: list[float], durations: list[float]
 ) -> Iterator[Attempt]:
-    """Recordings of the system `case`.
+    """Yield recordings of the system `case`.
 
     levels: of the noise, relative to the size of the motion. durations: s, up to LONGEST.
     """
@@ -162,7 +162,7 @@ def relaxation_intervals(
     *,
     samples: Sequence[int],
 ) -> Iterator[dict[str, object]]:
-    """A row for each fit to a relaxation with the quadratic coefficient of `case`.
+    """Yield a row for each fit to a relaxation with the quadratic coefficient of `case`.
 
     Beside the columns of `attempts.identified_by`: exact, as in `attempts.against_truth`; found,
     whether the model has x^2; holds, whether the interval of 95 % that does not trust the terms
@@ -196,6 +196,6 @@ def relaxation_intervals(
 
 
 def _noise_seed(columns: Mapping[str, Any]) -> tuple[int, str]:
-    """What the noise of a recording is drawn from: the seed and the names of the rest."""
+    """Return what the noise of a recording is drawn from: the seed and the names of the rest."""
     names = [f"{key} {value}" for key, value in columns.items() if key != "seed"]
     return columns["seed"], "/".join(names)

@@ -85,7 +85,7 @@ DRIVEN = ("maximum_likelihood", "weak_gls")  # methods that take inputs
 
 
 def line_of(case: Mapping, truth: SensedLine) -> continuous.Span:
-    """The line of a truth in the wind of a `cases` section."""
+    """Return the line of a truth in the wind of a `cases` section."""
     return continuous.continuous_line(case, truth.modes, aerodynamic=truth.aerodynamics)
 
 
@@ -134,7 +134,7 @@ def answer(
     identified: IdentifiedModel, start: np.ndarray, time: np.ndarray, simulator: Simulator,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """What a model says of a line: values and half widths of 95 % intervals, by QUANTITIES.
+    """Predict with a model of a line: values and half widths of 95 % intervals, by QUANTITIES.
 
     Amplitudes are of the motion from `start` (4,) after STEADY s. Intervals are those of models
     drawn with the covariance of the coefficients; NaN without one. An amplitude is of the motion,

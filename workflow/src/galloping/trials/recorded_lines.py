@@ -61,7 +61,7 @@ class MovingLine:
 
 @cache
 def default_line() -> MovingLine:
-    """The default line of a study, DURATION s from its release on and MARGIN s more."""
+    """Return the default line of a study, DURATION s from its release on and MARGIN s more."""
     case = plain(load({}))["cases"][CASE]
     line = model(coefficients(case))
     start = np.array([case["initial_state"][state] for state in STATES])
@@ -74,7 +74,7 @@ def default_line() -> MovingLine:
 def of_the_default_line(
     seed: int, case: str, replicates: Sequence[int], *, protocols: list[str], levels: list[float]
 ) -> Iterator[Attempt]:
-    """The default line from its release on; the replicates are draws of the noise."""
+    """Yield the default line from its release on; the replicates are draws of the noise."""
     line = default_line()
     states = line.states
     for protocol in protocols:
@@ -89,7 +89,7 @@ def of_the_default_line(
 
 
 def draw(rng: np.random.Generator) -> tuple[dict, np.ndarray]:
-    """The `cases` section of a line that gallops, and its two initial states (2, n_states)."""
+    """Draw the `cases` section of a galloping line, and its two initial states (2, n_states)."""
     while True:
         span = _log_uniform(rng, 150.0, 500.0)
         vertical = [rng.uniform(0.2, 1.2), rng.uniform(-3.0, 3.0), rng.uniform(-8.0, -2.0)]
@@ -186,7 +186,7 @@ def of_long_and_steady_motions(
 def _settled_motion(
     simulator: Simulator, true: PolynomialModel, motion: np.ndarray, time: np.ndarray
 ) -> np.ndarray | None:
-    """The motion on the limit cycle of a line, None where it has none."""
+    """Return the motion on the limit cycle of a line, None where it has none."""
     settled = settle(simulator, true, motion[-1])
     return simulator(true, settled.states[-1], time).states if settled.kind == "cycle" else None
 
@@ -194,7 +194,7 @@ def _settled_motion(
 def _sensitive_motion(
     simulator: Simulator, true: PolynomialModel, motion: np.ndarray, time: np.ndarray
 ) -> np.ndarray | None:
-    """The motion of a line that forgets its start, None where it does not."""
+    """Return the motion of a line that forgets its start, None where it does not."""
     beside = simulator(true, motion[0] + [APART, 0.0, 0.0, 0.0], time).states
     return motion if np.max(np.abs(beside - motion)) > SENSITIVE * APART else None
 
@@ -215,7 +215,7 @@ def _add_no_fault(line, size, noise, rng):
 
 
 def _stretch_clock(line, size, noise, rng):
-    """The clock gains or loses the share `size`."""
+    """Let the clock gain or lose the share `size`."""
     return line.time * (1.0 + size * rng.choice([-1.0, 1.0])), line.states + noise
 
 
@@ -240,7 +240,7 @@ def _add_jitter(line, size, noise, rng):
 
 
 def _add_multiplicative_noise(line, size, noise, rng):
-    """The noise is the share `size` of the signal, and there is no other."""
+    """Add noise that is the share `size` of the signal, and no other."""
     return line.time, line.states * (1.0 + size * rng.standard_normal(noise.shape))
 
 
@@ -254,7 +254,7 @@ def _add_random_force(line, size, noise, rng):
 
 
 def _add_gusts(line, size, noise, rng):
-    """The wind speed has a turbulence intensity of `size`."""
+    """Give the wind speed a turbulence intensity of `size`."""
     mean = line.case["wind"]["speed"]
     knots = np.arange(0.0, DURATION + 1.0, 1.0 / FORCE_RATE)
     gusts = {**line.case["truth"]["gusts"], "intensity": size}
@@ -332,7 +332,7 @@ FAULTS = {
 def of_faulty_recordings(
     seed: int, case: str, replicates: Sequence[int], *, levels: list[float]
 ) -> Iterator[Attempt]:
-    """The default line with the fault `case` of FAULTS, of a size that each replicate draws."""
+    """Yield the default line with the fault `case` of FAULTS, its size drawn per replicate."""
     line, (named, sizes, record) = default_line(), FAULTS[case]
     for level, replicate in product(levels, replicates):
         rng = make_generator(seed, GROUP, case, replicate)

@@ -35,7 +35,7 @@ with Path(__file__).with_name("keys.csv").open(encoding="utf-8", newline="") as 
 
 
 def keys(section: str, doc: str | None = None, **types: Any) -> Any:
-    """A section of the settings with the keys that the table has for it.
+    """Return a section of the settings with the keys that the table has for it.
 
     doc: what the section is, where it needs no class with checks of its own. types: of the keys
     whose type is not in the table; a pair of type and the function that makes the default, where
