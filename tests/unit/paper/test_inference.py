@@ -25,6 +25,7 @@ from galloping.trials import paper_inference
 
 pytestmark = pytest.mark.xdist_group("inference")
 
+FITS = {"raw": fit_raw, "normalised": fit_normalised}
 KNOWN = dict(zip(unknowns.NAMES, (10.0, 0.0059, 0.0054, 0.53, 0.66, 0.109, 0.0017), strict=True))
 
 
@@ -34,16 +35,16 @@ def moved():
 
 
 @pytest.mark.parametrize(
-    ("method", "threshold"), [(fit_raw, 0.003), (fit_raw, None), (fit_normalised, 0.003)]
+    ("columns", "threshold"), [("raw", 0.003), ("raw", None), ("normalised", 0.003)]
 )
-def test_quick_thresholds_are_those_of_the_method(moved, method, threshold):
+def test_quick_thresholds_are_those_of_the_method(moved, columns, threshold):
     motion, line = moved
     terms, rng = polynomial_library(4, 3), np.random.default_rng(3)
     products = draws.DerivativeNoise(motion, terms, np.ones(4)).draw(0.05, 10000, rng, draws=3)
-    quick = found_coefficients(products, unknowns.MethodReading(threshold, columns=method.__name__))
+    quick = found_coefficients(products, unknowns.MethodReading(threshold, columns=columns))
     for reduced, found in zip(products.regressions(line.states, terms), quick, strict=True):
         evidence = Regressions(reduced, reduced)
-        model = method(evidence, threshold=threshold, path_length=draws.PATH_LENGTH).model
+        model = FITS[columns](evidence, threshold=threshold, path_length=draws.PATH_LENGTH).model
         np.testing.assert_allclose(found, model.coefficients, rtol=1e-6, atol=1e-9)
 
 
