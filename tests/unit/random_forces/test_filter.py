@@ -130,7 +130,7 @@ def test_line_far_from_the_modes_counts_only_where_it_stands_out():
     frequency = np.fft.rfftfreq(count, step)
     noise = np.fft.rfft(np.random.default_rng(12).standard_normal((count, 1)), axis=0)
     alone = assess_whiteness([np.fft.irfft(noise, axis=0)], step, modes)
-    assert alone.white
+    assert alone.is_white
     for middle, times, named in ((0.7, 4.0, True), (4.2, 4.0, False), (4.2, 8.0, True)):
         louder = np.abs(frequency - middle) < 0.01
         moved = noise * np.where(louder, np.sqrt(times), 1.0)[:, np.newaxis]
@@ -142,7 +142,7 @@ def test_line_far_from_the_modes_counts_only_where_it_stands_out():
 def test_a_jump_is_no_random_force():
     """Of normal innovations none is ten deviations; one is said with its time and its channel."""
     noise = np.random.default_rng(21).standard_normal((2000, 2))
-    assert assess_whiteness([noise], 0.1, np.array([0.5])).white
+    assert assess_whiteness([noise], 0.1, np.array([0.5])).is_white
     noise[700, 1] = -14.0
     left = assess_whiteness([noise[:300], noise], 0.1, np.array([0.5]))
     assert left.is_relevant and not left.is_white
@@ -155,7 +155,7 @@ def test_modes_slower_than_a_recording_are_no_mistake():
     noise = np.random.default_rng(2).standard_normal((600, 1))
     parts = [noise[:100], noise[100:]]
     alone, among = (assess_whiteness(own, 0.1, np.array([2e-3])) for own in (parts[1:], parts))
-    assert alone.white and among.white
+    assert alone.is_white and among.white
     assert assess_whiteness(parts, 0.1, np.array([1e-6])).white
 
 
