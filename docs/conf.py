@@ -25,6 +25,7 @@ extensions = [
     "matplotlib.sphinxext.plot_directive",
     "myst_nb",
     "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
     "sphinx_click",
     "sphinxcontrib.programoutput",
 ]
@@ -34,6 +35,7 @@ nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 600  # s, of a cell
 autodoc_member_order = "bysource"
+napoleon_google_docstring = False  # `states: names` begins a sentence
 autodoc_typehints = "none"  # docstrings say shapes and units
 plot_formats = ["svg"]
 plot_html_show_formats = plot_html_show_source_link = False
@@ -77,6 +79,12 @@ def _without_substitutions(app, context, lines) -> None:
     lines[:] = [line.replace("|", "\\|") for line in lines]
 
 
+def _keep_notebooks_inside(app) -> None:
+    """Executed notebooks are written beside the pages, not in the folder that holds these."""
+    folder = str(Path(app.outdir) / "notebooks")
+    app.env.mystnb_config = app.env.mystnb_config.copy(output_folder=folder)
+
+
 def _mathml(block: bool):
     def visit(translator, node) -> None:
         translator.body.append(tex2mathml(node.astext(), as_block=block))
@@ -87,6 +95,7 @@ def _mathml(block: bool):
 
 def setup(app) -> None:
     _prepare_examples()
+    app.connect("builder-inited", _keep_notebooks_inside, priority=900)  # after myst_nb's own
     app.connect("source-read", _with_links_of_pages)
     app.connect("autodoc-process-docstring", _as_markdown)
     app.connect("sphinx-click-process-options", _without_substitutions)
