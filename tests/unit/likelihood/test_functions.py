@@ -46,6 +46,13 @@ def test_an_oscillator_is_found_with_the_right_library(kind, tmp_path):
     assert ahead.status == "ok" and np.all(left.std(axis=0) < 0.1 * recording.values.std(axis=0))
 
 
+def test_a_model_that_sticks_a_swing_late_gets_no_further_term_for_it():
+    true, recording, free, std = recorded("dry friction", DESIGN, 8)
+    found = maximum_likelihood(recording, true.terms)
+    assert np.array_equal(np.argwhere(found.support), free)
+    assert np.abs(errors(found, true, free, std)).max() < 4.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", LIBRARIES)
 def test_oscillators_are_found_with_errors_near_the_bound(kind):

@@ -3,7 +3,8 @@
 Where a motion sticks it no longer depends on its beginning, and where it just does not stick, or
 turns once more, chi^2 has a kink of its own: Gauss-Newton steps go to and fro across it, or end in
 a minimum beside the least one. So steps are shortened until chi^2 of the whole motion falls, and
-other minima are looked for in the range that is left by what was recorded before it stuck.
+other minima are looked for in the range that is left by what was recorded before the swing in which
+it stuck: a model with another one of the minima may stick a turn earlier or later.
 """
 
 from dataclasses import replace
@@ -41,6 +42,7 @@ MOST_STEPS, MOST_HALVINGS = 12, 7
 MOST_CHOICES = 5  # of terms, each by the quadratic model of the least minimum before
 DRAWS = 40  # of models from which other minima are looked for
 STILL = 1e-9  # of the greatest argument of a kink: what is less sticks
+TURNS = 2  # in the last swing before a motion sticks
 LOWER = 1.0  # of chi^2, by which another minimum must be lower
 
 
@@ -179,8 +181,8 @@ def _motion_states(fit: ShootingFit) -> np.ndarray:
 def _draw_starts(fit: ShootingFit) -> list[ShootingFit]:
     """Fits from which other minima may be reached, the best first; none where nothing sticks.
 
-    What is recorded before a motion sticks has one minimum, and leaves a range in which the least
-    one is: models are drawn from it.
+    What is recorded before that swing has one minimum, and leaves a range in which the least one
+    is: models are drawn from it.
     """
     moving = _fit_while_moving(fit)
     if moving is None:
@@ -203,14 +205,23 @@ def _draw_starts(fit: ShootingFit) -> list[ShootingFit]:
 
 
 def _fit_while_moving(fit: ShootingFit) -> ShootingFit | None:
-    """Restrict a fit to the windows in which nothing sticks; None if all do not, or too few."""
+    """Restrict a fit to the windows before the last swing before anything sticks.
+
+    None if nothing sticks, or too few windows remain.
+    """
     record, condensed = fit.record, fit.record.condensed
     states, segments = _motion_states(fit), record.segments
     stuck = np.zeros(len(states), bool)
     for weights, offset in record.problem.tables.arguments[: record.problem.tables.n_kinks]:
-        argument = np.abs(states @ weights + offset)
-        still = argument < STILL * argument.max()
-        stuck |= still & np.append(still[1:], True)
+        argument = states @ weights + offset
+        still = np.abs(argument) < STILL * np.abs(argument).max()
+        still &= np.append(still[1:], True)
+        turns = np.flatnonzero(argument[:-1] * argument[1:] < 0.0)
+        for begin in np.flatnonzero(still & ~np.append(False, still[:-1])):
+            before = turns[turns < begin]
+            if len(before) >= TURNS:
+                still[before[-TURNS] : begin] = True
+        stuck |= still
     shown = condensed.present.any(axis=(1, 2))
     if not np.any(stuck & shown) or np.sum(~stuck & shown) < 0.1 * np.sum(shown):
         return None
