@@ -5,6 +5,7 @@ import pytest
 from ambient import two_modes
 from swings import noisy, sensed, swing
 
+from galloping import library
 from galloping.identification.free_motion.rest import moving_parts, moving_recordings
 from galloping.identification.observations import Code
 
@@ -57,6 +58,15 @@ def test_each_release_is_a_motion_of_its_own():
     assert codes == [Code.RELEASED, Code.CAME_TO_REST] * 2
     again = moving_recordings(found.recordings)
     assert [len(a.time) for a in again.recordings] == [len(a.time) for a in found.recordings]
+
+
+def test_the_rest_after_a_motion_that_may_stick_is_kept():
+    recording = sensed(TIME, noisy(swing(TIME, 1.0, 0.05), 4, 0.01))
+    terms, _ = library("poly(q, dq; 1) + sign(dq)", recording.states)
+    found = moving_recordings([recording], terms)
+    assert found.recordings == [recording] and not found.findings
+    without = moving_recordings([recording])
+    assert len(found.until_rest[0].time) == len(without.recordings[0].time) < len(TIME)
 
 
 def test_growth_beats_and_random_motion_are_no_rest():

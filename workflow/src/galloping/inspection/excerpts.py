@@ -15,6 +15,7 @@ from galloping.identification.preparation.smoothing import shortest_period, with
 from galloping.identification.prior_knowledge import PRIOR
 from galloping.identification.random_forces.decision import identify_if_ambient
 from galloping.identification.random_forces.start import amplitude_fluctuates
+from galloping.model.polynomial import Exponents
 from galloping.recording.samples import Recording
 
 STRETCHES = 8  # spread over a long recording
@@ -45,6 +46,7 @@ def excerpts(recordings: list[Recording]) -> list[Recording]:
 def identify_excerpts(
     method: Callable[..., IdentifiedModel],
     recordings: list[Recording],
+    terms: tuple[Exponents, ...],
     *question: Any,
     **options: Any,
 ) -> IdentifiedModel:
@@ -53,29 +55,28 @@ def identify_excerpts(
     in the whole of them.
     """
     if "forced" in options:
-        return method(recordings, *question, **options)
-    moving = moving_recordings(recordings)
+        return method(recordings, terms, *question, **options)
+    moving = moving_recordings(recordings, terms)
     if moving.findings:
         return with_findings(
-            identify_excerpts(method, moving.recordings, *question, **options), moving
+            identify_excerpts(method, moving.recordings, terms, *question, **options), moving
         )
-    if method is maximum_likelihood and find_free_motion(recordings):
-        return method(recordings, *question, **options)
+    if method is maximum_likelihood and find_free_motion(moving.until_rest):
+        return method(recordings, terms, *question, **options)
     stretches = excerpts(recordings)
     whole = all(one is other for one, other in zip(stretches, recordings, strict=False))
     if method is not maximum_likelihood or recordings[0].inputs or whole:
-        return method(stretches, *question, **options)
-    if amplitude_fluctuates(
-        recordings, shortest_period([with_integrals(each) for each in recordings])
-    ):
+        return method(stretches, terms, *question, **options)
+    period = shortest_period([with_integrals(each) for each in recordings])
+    if amplitude_fluctuates(recordings, period):
         names = ("prior", "coefficients", "allowed")
         about = {"prior": PRIOR} | {name: options[name] for name in names if name in options}
-        problem = validated_problem(recordings, *question, **about)
+        problem = validated_problem(recordings, terms, *question, **about)
         if found := identify_if_ambient(problem, recordings):
             return found
-    found = method(stretches, *question, **options)
+    found = method(stretches, terms, *question, **options)
     if found.is_forced:
-        every = method(recordings, *question, **options, forced=())
+        every = method(recordings, terms, *question, **options, forced=())
         return every if every.status == "ok" or found.status != "ok" else found
     return found
 

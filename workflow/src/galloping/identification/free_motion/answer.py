@@ -74,6 +74,7 @@ def find_free_motion(recordings: Sequence[Recording]) -> FreeMotion | None:
 def identify_free_motion(
     problem: Problem,
     motion: FreeMotion,
+    recordings: list[Recording],
     search: Callable[[list[Recording]], IdentifiedModel | NoModel],
 ) -> IdentifiedModel | NoModel:
     """Find the model of free motion, linear or of one coordinate.
@@ -82,6 +83,8 @@ def identify_free_motion(
     ----------
     problem : Problem
     motion : FreeMotion
+    recordings : list of Recording
+        Those of the motion, with the rest after it if it may stick.
     search : callable
         The usual search for a model that follows recordings to the noise.
     """
@@ -89,7 +92,7 @@ def identify_free_motion(
         return NoModel()
     if motion.is_linear:
         return identify_linear_motion(problem, motion)
-    found = search(motion.recordings)
+    found = search(recordings)
     if isinstance(found, IdentifiedModel):
         motion = replace(motion, own=motion.own[:1], steady=())
     elif motion.further:
@@ -143,12 +146,12 @@ def without_omissions(found: IdentifiedModel, recordings: Sequence[Recording]) -
     """
     if found.is_forced:
         return list(recordings)
-    moving = moving_recordings(recordings).recordings
+    moving = moving_recordings(recordings, found.model.terms)
     if PATH not in str(found.diagnostics.get("path", "")):
-        return moving
-    motion = classify_motion(moving)
+        return moving.recordings
+    motion = classify_motion(moving.until_rest)
     if not isinstance(motion, FreeMotion):
-        return moving
+        return moving.recordings
     if found.diagnostics["path"] == PATH and not found.envelope:
         motion = motion.linear or motion
     return without_further_modes(motion) if found.further_modes else motion.recordings

@@ -2,11 +2,13 @@
 
 Rest is judged in units of the recording itself: a channel is at rest where it varies, over a period
 of the motion, much less than it does over the period that follows, or where nothing stands out of
-the noise until the end. Rest is no fault of a sensor, and says nothing of the damping.
+the noise until the end. Rest is no fault of a sensor, and says nothing of viscous damping. Dry
+friction is another case: where and when the motion sticks depends on the friction.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 from scipy.ndimage import minimum_filter1d
@@ -15,7 +17,8 @@ from galloping.arrays import one_thread
 from galloping.identification.free_motion.damped_modes import Stretch
 from galloping.identification.free_motion.mode_search import strongest_mode
 from galloping.identification.observations import Code, Finding, Severity
-from galloping.model.polynomial import velocity_pairs
+from galloping.model.functions import Function
+from galloping.model.polynomial import Exponents, velocity_pairs
 from galloping.recording.samples import Recording
 
 # Share of the motion that follows, below which a stretch is at rest. Growth at 3 % of critical
@@ -129,24 +132,27 @@ def moving_samples(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, li
 
 @dataclass(frozen=True)
 class Moving:
-    """Recordings without the rest before and after their motion.
+    """Recordings without the rest that says nothing of the system.
 
     Parameters
     ----------
     recordings : list of Recording
-        One for each stretch of motion.
+        One for each stretch of motion, with the rest after it if the motion may stick.
+    until_rest : list of Recording
+        The same without the rest after them.
     origins : list of int
         Index of the recording that each of them comes from.
     findings : tuple of Finding
-        Where motion begins and ends.
+        Where motion begins and ends, if rest is left out there.
     """
 
     recordings: list[Recording]
+    until_rest: list[Recording]
     origins: list[int]
     findings: tuple[Finding, ...]
 
 
-def moving_recordings(recordings: Sequence[Recording]) -> Moving:
+def moving_recordings(recordings: Sequence[Recording], terms: Sequence[Exponents] = ()) -> Moving:
     """Leave out the rest before and after the motion of recordings.
 
     Parameters
@@ -154,8 +160,13 @@ def moving_recordings(recordings: Sequence[Recording]) -> Moving:
     recordings : sequence of Recording
         Those of systems without a velocity, those with inputs and those of exact states stay as
         they are.
+    terms : sequence of Exponents, optional
+        The library. If it has a function sign(u), the motion may stick, and the rest after it is a
+        part of it.
     """
+    may_stick = any(isinstance(own, Function) and own.name == "sign" for own in chain(*terms))
     found: list[Recording] = []
+    until_rest: list[Recording] = []
     origins: list[int] = []
     findings: list[Finding] = []
     for index, recording in enumerate(recordings):
@@ -164,11 +175,19 @@ def moving_recordings(recordings: Sequence[Recording]) -> Moving:
             rates = [] if recording.rates is None else [recording.rates]
             whole = moving_parts(recording.time, np.hstack([recording.values, *rates]))
         for part in whole:
-            is_whole = part.rows.stop - part.rows.start == len(recording.time)
-            found.append(recording if is_whole else recording[part.rows])
+            until_rest.append(_select_rows(recording, part.rows))
+            if may_stick and part.rests_until is not None:
+                rows = slice(part.rows.start, part.rests_until + 1)
+                part = replace(part, rows=rows, rests_until=None)
+            found.append(_select_rows(recording, part.rows))
             origins.append(index)
             findings += _rest_findings(recording.time, part, index)
-    return Moving(found, origins, tuple(findings))
+    return Moving(found, until_rest, origins, tuple(findings))
+
+
+def _select_rows(recording: Recording, rows: slice) -> Recording:
+    is_whole = rows.stop - rows.start == len(recording.time)
+    return recording if is_whole else recording[rows]
 
 
 def _rest_findings(time: np.ndarray, part: MovingPart, index: int) -> Iterator[Finding]:

@@ -36,7 +36,7 @@ from galloping.identification.free_motion.kinds_of_motion import (
     classify_motion,
     without_further_modes,
 )
-from galloping.identification.free_motion.rest import moving_recordings
+from galloping.identification.free_motion.rest import Moving, moving_recordings
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import (
     checked_recordings,
@@ -118,26 +118,26 @@ def maximum_likelihood(
     if all(recording.exact for recording in used):
         found = prepend_path(["derivatives"], derivative_fit(problem, used))
     else:
-        moving = moving_recordings(used)
+        moving = moving_recordings(used, problem.terms)
         with limit_work(used) as work:
             begun = None if moving.findings else start
-            found = work.doubted_if_ended(_search_model(problem, moving.recordings, begun))
+            found = work.doubted_if_ended(_search_model(problem, moving, begun))
         found = with_findings(found, moving)
     found = add_input_errors(check_prior_conflict(problem, found), recordings, used)
     return add_alias_rivals(problem, found)
 
 
-def _search_model(
-    problem: Problem, recordings: list[Recording], start: Start | None
-) -> IdentifiedModel:
+def _search_model(problem: Problem, moving: Moving, start: Start | None) -> IdentifiedModel:
     """Search the model of recordings without rests.
 
     Of a single coordinate, and where displacements are not measured, free motion is tried first:
     that takes a tenth of a second, and much else need then not be searched.
     """
-    if (motion := find_free_motion(recordings)) is not None:
+    recordings = moving.recordings
+    if (motion := find_free_motion(moving.until_rest)) is not None:
         with limit_work(recordings, FREE * MOST):
-            found = identify_free_motion(problem, motion, partial(_fit_free_motion, problem))
+            search = partial(_fit_free_motion, problem)
+            found = identify_free_motion(problem, motion, recordings, search)
         if isinstance(found, IdentifiedModel):
             return found
     return _search_time_scales(problem, recordings, start)
