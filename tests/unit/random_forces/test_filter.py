@@ -155,8 +155,8 @@ def test_modes_slower_than_a_recording_are_no_mistake():
     noise = np.random.default_rng(2).standard_normal((600, 1))
     parts = [noise[:100], noise[100:]]
     alone, among = (assess_whiteness(own, 0.1, np.array([2e-3])) for own in (parts[1:], parts))
-    assert alone.is_white and among.white
-    assert assess_whiteness(parts, 0.1, np.array([1e-6])).white
+    assert alone.is_white and among.is_white
+    assert assess_whiteness(parts, 0.1, np.array([1e-6])).is_white
 
 
 def test_a_known_force_is_added_to_the_motion():
