@@ -152,7 +152,7 @@ def test_windows_with_a_kink_are_read_sample_by_sample():
     windows = len(condensed.targets)
     segments = cut_segments(condensed, windows, np.ones(windows, bool))
     record = Record(problem, condensed, segments, np.tile(start, (windows, 1)), np.zeros((1, 3)))
-    coefficients = problem.of_candidates(model.coefficients)
+    coefficients = problem.candidate_values(model.coefficients)
     left, truncation = segment_residuals(record, coefficients, start[np.newaxis])
     assert np.abs(left).max() < 1e-9 and truncation < 1e-9
     ones = np.ones((1, 3))

@@ -191,7 +191,7 @@ def test_a_constant_beside_a_displacement_costs_more_than_a_nonlinear_term() -> 
     plain = make_problem(("x", "y"), PLANE, prior=Prior(nonlinear=0.1))
     rate = line.prior_prices / np.log(10.0)
     assert np.allclose(rate, 2.0 * np.array([2, 0, 0, 1, 1, 1, 1]))
-    assert np.all(plain.complexity[[0, 6]] == -1)
+    assert np.all(plain.term_complexity[[0, 6]] == -1)
 
 
 def test_the_odds_of_terms_are_those_that_recordings_calibrated() -> None:
@@ -205,7 +205,7 @@ def test_simple_terms_told_finely_cost_more_but_not_beside_a_displacement() -> N
     rows, largest = 400, np.geomspace(1e-3, 1e3, 12)
     for states, dearer in ((("x", "y"), [0, 1, 2, 6, 7, 8]), (("q", "dq"), [])):
         problem = make_problem(states, PLANE, prior=Prior())
-        price = problem.price(2.0 * np.log(rows), largest[: len(problem.candidates)])
+        price = problem.term_prices(2.0 * np.log(rows), largest[: len(problem.candidates)])
         terms = np.arange(len(problem.candidates))
         roughly = price.with_errors(price.width, terms)  # as a prior worth one sample is wide
         assert np.allclose(roughly, problem.least_prices(2.0 * np.log(rows)))

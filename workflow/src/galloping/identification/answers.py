@@ -33,18 +33,18 @@ def expand_terms(problem: Problem, identified: IdentifiedModel) -> IdentifiedMod
     """Expand a model of some terms of a problem to all of its terms."""
     places = [problem.terms.index(term) for term in identified.model.terms]
 
-    def spread(values: np.ndarray, elsewhere: float) -> np.ndarray:
+    def spread_values(values: np.ndarray, elsewhere: float) -> np.ndarray:
         """(..., n_terms) values, `elsewhere` of the terms that were left out."""
         whole = np.full((*values.shape[:-1], len(problem.terms)), elsewhere)
         whole[..., places] = values
         return whole
 
-    coefficients = spread(identified.model.coefficients, 0.0)
-    by_term: Any = {name: spread(getattr(identified, name), np.nan) for name in BY_TERM}
+    coefficients = spread_values(identified.model.coefficients, 0.0)
+    by_term: Any = {name: spread_values(getattr(identified, name), np.nan) for name in BY_TERM}
     return replace(
         identified,
         model=replace(identified.model, terms=problem.terms, coefficients=coefficients),
-        rivals=spread(identified.rivals, 0.0),
+        rivals=spread_values(identified.rivals, 0.0),
         **by_term,
     )
 

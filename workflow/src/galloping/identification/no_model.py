@@ -20,7 +20,7 @@ class NoModelError(Exception):
         super().__init__(sentence_of(self.finding))
 
     @classmethod
-    def of(cls, finding: Finding) -> Self:
+    def from_finding(cls, finding: Finding) -> Self:
         """Make an error of what an earlier one said."""
         return cls(finding.code, finding.subject, **finding.data)
 

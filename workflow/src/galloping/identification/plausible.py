@@ -38,7 +38,7 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
     on 240 fits to random lines (seed 20261122): supports are right as often as their weights say;
     of models that others outweigh by 0.05 to 0.5, 10 of 35 hold a false term where 7 are expected.
     """
-    absent = max(int(np.sum(whitened.usable & ~support)), 1)
+    absent = max(int(np.sum(whitened.is_usable & ~support)), 1)
     prices = np.full(len(support), 2.0 * gammaincinv(0.5, 0.9 ** (1.0 / absent)))
     most = 150  # supports that are weighed; with 60, 1 % of the intervals fail that hold with 150
     known = {support.tobytes(): (-np.inf, support)}

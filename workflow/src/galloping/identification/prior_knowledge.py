@@ -60,7 +60,7 @@ class Prior:
     def prices(self, complexity: NDArray[np.int_], powers: NDArray[np.int_]) -> NDArray[np.float64]:
         """Compute the price of terms, (n,), less that of a linear term.
 
-        complexity: (n,) of `Problem.complexity`. powers: (n,) number of powers of inputs.
+        complexity: (n,) of `Problem.term_complexity`. powers: (n,) number of powers of inputs.
         """
         dearer = -2.0 * np.log(self.nonlinear) * complexity
         simple = np.where(complexity < 0, 2.0 * np.log(self.term / self.constant), dearer)

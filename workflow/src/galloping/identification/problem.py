@@ -67,7 +67,7 @@ class Problem:
         return np.array([pair for pair in pairs if self.open[pair]], int).reshape(-1, 2)
 
     @cached_property
-    def of_states(self) -> np.ndarray:
+    def state_exponents(self) -> np.ndarray:
         """(n_terms, n_states) exponents of the states in each term."""
         return exponent_matrix(self.terms, len(self.states))
 
@@ -78,16 +78,16 @@ class Problem:
         Each function counts as a state, and a term with any is of the second degree at least.
         """
         functions = np.array([len(term) - len(self.names) for term in self.terms])
-        degree = self.of_states.sum(axis=1) + functions
+        degree = self.state_exponents.sum(axis=1) + functions
         return np.where(functions > 0, np.maximum(degree, 2), degree)[self.candidates[:, 1]]
 
     @cached_property
-    def of_velocities(self) -> np.ndarray:
+    def is_velocity_equation(self) -> np.ndarray:
         """(n_candidates,) boolean: whether in the equation of the velocity of a displacement."""
         return np.isin(self.candidates[:, 0], list(velocity_pairs(self.states).values()))
 
     @cached_property
-    def complexity(self) -> np.ndarray:
+    def term_complexity(self) -> np.ndarray:
         """Complexity of each term for the `Prior`, (n_candidates,).
 
         -1 of a constant, 0 of a linear term, 1 of a nonlinear one, 2 of a constant beside a
@@ -95,7 +95,9 @@ class Problem:
 
         What inputs alone make counts as a constant.
         """
-        return np.where(self.degrees == 0, np.where(self.of_velocities, 2, -1), self.degrees > 1)
+        return np.where(
+            self.degrees == 0, np.where(self.is_velocity_equation, 2, -1), self.degrees > 1
+        )
 
     @property
     def prior_prices(self) -> np.ndarray:
@@ -104,7 +106,7 @@ class Problem:
             return np.zeros(len(self.candidates))
         powers = exponent_matrix(self.terms, len(self.names))[:, len(self.states) :]
         of_inputs = np.abs(powers).sum(axis=1)
-        return self.prior.prices(self.complexity, of_inputs[self.candidates[:, 1]])
+        return self.prior.prices(self.term_complexity, of_inputs[self.candidates[:, 1]])
 
     @cached_property
     def tables(self) -> Tables:
@@ -121,7 +123,7 @@ class Problem:
         """Indices of the equations that are not to be identified."""
         return tuple(i for i in range(len(self.states)) if i not in self.unknown)
 
-    def by_term(
+    def change_terms(
         self, change: Callable[[np.ndarray], np.ndarray], terms: Sequence[Exponents]
     ) -> Self:
         """Return the problem with other terms.
@@ -132,14 +134,14 @@ class Problem:
         values: dict[str, Any] = {name: change(getattr(self, name)) for name in by_term}
         return replace(self, terms=tuple(terms), **values)
 
-    def without(self, left_out: Callable[[Exponents], bool]) -> Self:
+    def drop_terms(self, left_out: Callable[[Exponents], bool]) -> Self:
         """Return the problem without some terms."""
         kept = np.array([not left_out(term) for term in self.terms])
         if kept.all():
             return self
-        return self.by_term(lambda values: values[:, kept], list(compress(self.terms, kept)))
+        return self.change_terms(lambda values: values[:, kept], list(compress(self.terms, kept)))
 
-    def named(self, candidates: Sequence[int] | np.ndarray) -> str:
+    def candidate_names(self, candidates: Sequence[int] | np.ndarray) -> str:
         """Return the names of some candidates, '' of none."""
         return " with ".join(
             self.coefficient_name(i, j) for i, j in self.candidates[list(candidates)]
@@ -153,14 +155,14 @@ class Problem:
         """Index of the term that is this state alone."""
         return self.terms.index(linear_term(state, len(self.names)))
 
-    def alike(self, support: np.ndarray) -> np.ndarray:
+    def same_state_monomial(self, support: np.ndarray) -> np.ndarray:
         """Find the candidates of a support, and those that differ only in powers of inputs."""
         n, m = len(self.states), len(self.names)
         names = [(i, *self.terms[j][:n], *self.terms[j][m:]) for i, j in self.candidates]
         found = set(compress(names, support))
         return np.array([name in found for name in names])
 
-    def signals(self, states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+    def integrator_signals(self, states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
         """(n, n_states + n_factors) what the integrator multiplies; inputs: (n, n_inputs)."""
         if not self.inputs:
             return states
@@ -203,15 +205,15 @@ class Problem:
 
         about: (n,) coefficients at which `right` is measured, zero by default.
         """
-        precision, mean = (self.of_candidates(own) for own in (self.precision, self.expected))
+        precision, mean = (self.candidate_values(own) for own in (self.precision, self.expected))
         return information + np.diag(precision), right + precision * (mean - about)
 
-    def of_candidates(self, values: np.ndarray, pairs: np.ndarray | None = None) -> np.ndarray:
+    def candidate_values(self, values: np.ndarray, pairs: np.ndarray | None = None) -> np.ndarray:
         """Entries of `values`, (n_states, n_terms), for the candidates, or for `pairs` (n, 2)."""
         return values[tuple((self.candidates if pairs is None else pairs).T)]
 
     @cached_property
-    def box(self) -> tuple[np.ndarray, np.ndarray]:
+    def coefficient_bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """(n_candidates,) least and greatest coefficients that the bounds allow."""
         lower, upper = np.full((2, len(self.candidates)), [[-np.inf], [np.inf]])
         places = {(i, self.terms[j]): k for k, (i, j) in enumerate(self.candidates)}
@@ -221,15 +223,15 @@ class Problem:
                 lower[k], upper[k] = least, most
         return lower, upper
 
-    def chosen_about(self, about: np.ndarray | float = 0.0) -> np.ndarray:
+    def selection_offset(self, about: np.ndarray | float = 0.0) -> np.ndarray:
         """Return `about` for `selection.whiten` that always selects coefficients with a prior.
 
         Terms are chosen that are far from zero, and these are moved 1e4 deviations of their prior.
         """
-        root = np.sqrt(self.of_candidates(self.precision))
+        root = np.sqrt(self.candidate_values(self.precision))
         return about + np.divide(1e4, root, out=np.zeros(len(root)), where=root > 0.0)
 
-    def select(
+    def select_terms(
         self,
         information: np.ndarray,
         right: np.ndarray,
@@ -246,10 +248,10 @@ class Problem:
         term that would have a coefficient beyond its bounds is left out, unless these leave out
         zero: then it is always there.
         """
-        apart = self.chosen_about()[among]
+        apart = self.selection_offset()[among]
         if not self.bounds:
             return select_support(information, right, starts, price, about + apart)
-        lower, upper = (ends[among] for ends in self.box)
+        lower, upper = (ends[among] for ends in self.coefficient_bounds)
         must, out = (lower > 0.0) | (upper < 0.0), np.zeros(len(right), bool)
         root = np.sqrt(np.where(must & (apart == 0.0), np.diag(information), 0.0))
         apart = apart + np.divide(1e4, root, out=np.zeros(len(root)), where=root > 0.0)
@@ -268,7 +270,7 @@ class Problem:
             information, about = information.copy(), about.copy()
             information[k] = information[:, k] = right[k] = about[k] = 0.0
 
-    def solve(
+    def solve_within_bounds(
         self,
         information: np.ndarray,
         right: np.ndarray,
@@ -283,14 +285,14 @@ class Problem:
         change, covariance = solve_support(information, right, support)
         free, put = support.copy(), np.zeros(len(right))
         while self.bounds:
-            k, value = _farthest_out(about + change, free, *self.box)
+            k, value = _farthest_out(about + change, free, *self.coefficient_bounds)
             if k < 0:
                 break
             free[k], put[k] = False, value - np.broadcast_to(about, right.shape)[k]
             change, _ = solve_support(information, right - information @ put, free)
         return np.where(free, change, put), covariance
 
-    def of_model(self, covariance: np.ndarray, support: np.ndarray) -> np.ndarray:
+    def model_covariance(self, covariance: np.ndarray, support: np.ndarray) -> np.ndarray:
         """Expand the covariance of candidates to all terms of a model's unknown equations.
 
         covariance: (n_support, n_support) of the supported candidates. Fixed terms have no
@@ -318,7 +320,7 @@ class Problem:
         full[tuple(self.candidates.T)] = free
         return full
 
-    def price(self, penalty: float, largest: np.ndarray) -> Price:
+    def term_prices(self, penalty: float, largest: np.ndarray) -> Price:
         """Compute the price of each term, by the prior of supports and of coefficients.
 
         penalty: 2 ln N of N samples. largest: (n_candidates,) of the function
@@ -328,7 +330,7 @@ class Problem:
         if self.prior is None:
             return Price(least, least, largest)
         nonlinear = penalty / 2.0 - 2.0 * np.log(self.prior.term * self.prior.nonlinear)
-        simple = (self.degrees < 2) & ~self.of_velocities
+        simple = (self.degrees < 2) & ~self.is_velocity_equation
         most = np.where(simple, nonlinear, least)
         return Price(least, most, largest / np.exp(penalty / 4.0))
 
@@ -341,7 +343,7 @@ class Problem:
             return np.full(len(self.candidates), penalty)
         return penalty / 2.0 - 2.0 * np.log(self.prior.term) + self.prior_prices
 
-    def compiled(self, free: np.ndarray, pairs: np.ndarray) -> System:
+    def compile_system(self, free: np.ndarray, pairs: np.ndarray) -> System:
         """Compile the equations to integrate.
 
         free: (n_candidates,) the candidates' coefficients. pairs: (n, 2) coefficients, equation and
@@ -444,11 +446,11 @@ def largest_coefficients(problem: Problem, values: np.ndarray, rates: np.ndarray
     (n, n_states), NaN where missing.
     """
 
-    def size(values: np.ndarray) -> np.ndarray:
+    def root_mean_square(values: np.ndarray) -> np.ndarray:
         """Root mean square of each column."""
         there = np.isfinite(values)
         squares = np.sum(np.where(there, values, 0.0) ** 2, axis=0)
         return np.sqrt(squares / np.maximum(there.sum(axis=0), 1))
 
-    of_terms = size(design_matrix(values, problem.terms)) + np.finfo(float).tiny
-    return size(rates)[problem.candidates[:, 0]] / of_terms[problem.candidates[:, 1]]
+    of_terms = root_mean_square(design_matrix(values, problem.terms)) + np.finfo(float).tiny
+    return root_mean_square(rates)[problem.candidates[:, 0]] / of_terms[problem.candidates[:, 1]]

@@ -29,7 +29,7 @@ def solve_support(
     """
     kept = np.flatnonzero(support)
     whitened = whiten(information[np.ix_(kept, kept)], right[kept])
-    here = make_tableau(whitened, whitened.usable)
+    here = make_tableau(whitened, whitened.is_usable)
     c, covariance = np.zeros(len(right)), np.zeros((len(kept), len(kept)))
     unit = whitened.unit[here.kept]
     c[kept[here.kept]] = here.coefficients * unit
@@ -50,11 +50,11 @@ class Price:
     most: np.ndarray
     width: np.ndarray
 
-    def times(self, dear: float) -> Price:
+    def scale_by(self, dear: float) -> Price:
         """Return the same prices, `dear` times as high."""
         return Price(dear * self.least, dear * self.most, self.width)
 
-    def of(self, terms: np.ndarray) -> Price:
+    def of_terms(self, terms: np.ndarray) -> Price:
         """Return the prices of some terms, by their indices."""
         return Price(self.least[terms], self.most[terms], self.width[terms])
 
@@ -85,7 +85,7 @@ def select_support(
     least = np.broadcast_to(price.least if isinstance(price, Price) else price, len(right))
     ends: dict[bytes, tuple[float, np.ndarray]] = {}
     for start in starts:
-        value, support = _descend_by_moves(whitened, start & whitened.usable, least, ends)
+        value, support = _descend_by_moves(whitened, start & whitened.is_usable, least, ends)
         ends[support.tobytes()] = (value, support)
     support = min(ends.values(), key=lambda end: end[0])[1]
     if not isinstance(price, Price):
@@ -111,7 +111,7 @@ class Whitened:
     unit: np.ndarray
 
     @property
-    def usable(self) -> np.ndarray:
+    def is_usable(self) -> np.ndarray:
         """(n,) boolean: the terms with information."""
         return self.unit > 0.0
 
@@ -159,42 +159,44 @@ class Tableau:
     information: np.ndarray
 
     @property
-    def wald(self) -> np.ndarray:
+    def removal_rises(self) -> np.ndarray:
         """(n_kept,) rise of chi^2 when one term is removed."""
         return self.coefficients**2 / np.diag(self.covariance)
 
-    def additions(self) -> np.ndarray:
+    def addition_falls(self) -> np.ndarray:
         """(n_out,) fall of chi^2 when one term is added."""
         return self.gradient**2 / np.diag(self.information)
 
     @cached_property
-    def two(self) -> np.ndarray:
+    def pair_places(self) -> np.ndarray:
         """(2, n_pairs) places in `out` of every two terms that could be added."""
         return np.array(np.triu_indices(len(self.out), 1))
 
-    def pairs(self) -> np.ndarray:
+    def pair_falls(self) -> np.ndarray:
         """(n_pairs,) fall of chi^2 when two terms are added, zero where they are one."""
-        between = self.information[tuple(self.two)]
-        return _pair_falls(self.gradient, np.diag(self.information), between, self.two)
+        between = self.information[tuple(self.pair_places)]
+        return _pair_falls(self.gradient, np.diag(self.information), between, self.pair_places)
 
-    def exchanges(self) -> np.ndarray:
+    def exchange_rises(self) -> np.ndarray:
         """(n_kept, n_out) rise of chi^2 when one term is exchanged for another."""
         variance = np.diag(self.covariance)[:, None]
         gradient = self.gradient + self.share * (self.coefficients[:, None] / variance)
-        return self.wald[:, None] - gradient**2 / (
+        return self.removal_rises[:, None] - gradient**2 / (
             np.diag(self.information) + self.share**2 / variance
         )
 
-    def exchanges_for_two(self) -> np.ndarray:
+    def exchange_rises_for_two(self) -> np.ndarray:
         """(n_kept, n_pairs) rise of chi^2 when one term is exchanged for two."""
-        variance, (i, j) = np.diag(self.covariance)[:, None], self.two
+        variance, (i, j) = np.diag(self.covariance)[:, None], self.pair_places
         gradient = self.gradient + self.share * (self.coefficients[:, None] / variance)
         per_variance = self.share / variance
         diagonal = np.diag(self.information) + self.share * per_variance
         between = self.information[i, j] + self.share[:, i] * per_variance[:, j]
-        return self.wald[:, None] - _pair_falls(gradient, diagonal, between, self.two)
+        return self.removal_rises[:, None] - _pair_falls(
+            gradient, diagonal, between, self.pair_places
+        )
 
-    def exchanges_of_two(self) -> tuple[np.ndarray, np.ndarray]:
+    def exchange_rises_of_two(self) -> tuple[np.ndarray, np.ndarray]:
         """Rise of chi^2 (n_pairs, n_out) when two terms are exchanged for one; (n_pairs, 2)."""
         pairs = np.column_stack(np.triu_indices(len(self.kept), 1))
         i, j = pairs.T
@@ -212,7 +214,7 @@ class Tableau:
 
 def make_tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
     """Make the tableau of a support, (n,) boolean; terms that it imitates cannot be added."""
-    kept, out = np.flatnonzero(support), np.flatnonzero(~support & whitened.usable)
+    kept, out = np.flatnonzero(support), np.flatnonzero(~support & whitened.is_usable)
     count_work(2e-4 + 1e-10 * len(support) ** 3)
     q, r = np.linalg.qr(whitened.columns[:, kept])
     inverse = np.eye(len(kept))
@@ -259,18 +261,18 @@ def find_moves(
     A term leaves; one or two enter; one is exchanged for one or for two, or two for one.
     """
     kept, out, none = here.kept[:, None], here.out[:, None], np.zeros((1, 0), int)
-    two = here.out[here.two.T]
+    two = here.out[here.pair_places.T]
     count_work(1.2e-7 * len(kept) * (len(two) + len(out) * len(kept) / 2))  # moves of three terms
     # rises (n_leave, n_enter), and the terms of each row that leave and of each column that enter
     options = [
-        (here.wald[:, None], kept, none),
-        (-here.additions()[None], none, out),
-        (-here.pairs()[None], none, two),
-        (here.exchanges(), kept, out),
-        (here.exchanges_for_two(), kept, two),
+        (here.removal_rises[:, None], kept, none),
+        (-here.addition_falls()[None], none, out),
+        (-here.pair_falls()[None], none, two),
+        (here.exchange_rises(), kept, out),
+        (here.exchange_rises_for_two(), kept, two),
     ]
     if len(kept) > 1:
-        rises, pairs = here.exchanges_of_two()
+        rises, pairs = here.exchange_rises_of_two()
         options.append((rises, here.kept[pairs], out))
     priced = []
     for rises, leave, enter in options:

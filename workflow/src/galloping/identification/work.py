@@ -39,11 +39,11 @@ class Work:
     around: Work | None = None
 
     @property
-    def left(self) -> float:
+    def remaining(self) -> float:
         """s, that may still be computed; negative where too much was."""
         return self.most - self.spent
 
-    def doubted_if_ended(self, found: IdentifiedModel) -> IdentifiedModel:
+    def downgrade_if_ended(self, found: IdentifiedModel) -> IdentifiedModel:
         """Add a finding to the model of a search that ended early, which then is not `ok`."""
         if not self.ended or found.has_finding(Code.LIMIT_OF_WORK):
             return found
@@ -66,7 +66,7 @@ def limit_work(recordings: Sequence[Recording], most: float = MOST) -> Iterator[
     most: s, for recordings sampled at up to TIMES times in all.
     """
     rows = sum(len(recording.time) for recording in recordings)
-    with _nested_work(min(work_limit(rows, most), _work.get().left)) as work:
+    with _nested_work(min(work_limit(rows, most), _work.get().remaining)) as work:
         yield work
 
 
@@ -77,7 +77,7 @@ def sub_budget(share: float) -> Iterator[Work]:
     What the block leaves undone for lack of work counts as left undone by the search around it.
     """
     around = _work.get()
-    with _nested_work(share * around.left) as work:
+    with _nested_work(share * around.remaining) as work:
         try:
             yield work
         finally:
@@ -116,5 +116,5 @@ def work_counted() -> tuple[float, float]:
 def is_exhausted() -> bool:
     """Whether no work is left; what is not begun for that makes the search one that ended early."""
     work = _work.get()
-    work.ended |= work.left <= 0.0
-    return work.left <= 0.0
+    work.ended |= work.remaining <= 0.0
+    return work.remaining <= 0.0

@@ -304,7 +304,7 @@ def _identified_model(
             slopes[k, entries], slopes[k, n * n :] = -rest, -system[row]
         else:
             free[k], slopes[k, row * n + state] = system[row, state], 1.0
-    if np.any((free < problem.box[0]) | (free > problem.box[1])):
+    if np.any((free < problem.coefficient_bounds[0]) | (free > problem.coefficient_bounds[1])):
         return NoModel()
     slopes = slopes[support]
     of_coefficients = slopes @ whole @ slopes.T
@@ -316,7 +316,7 @@ def _identified_model(
         status=status_of([]),
         standard_errors=problem.on_library(errors, 0.0),
         unconditional_errors=problem.on_library(errors, 0.0),
-        covariance=problem.of_model(of_coefficients, support),
+        covariance=problem.model_covariance(of_coefficients, support),
         known=problem.known_equations,
         initial_states=_initial_states(motion, rest),
         sigma=sigma,

@@ -50,12 +50,12 @@ class Condensed:
     inputs: np.ndarray
     samples: Samples | None = None
 
-    def names(self, states: Sequence[str]) -> list[str]:
+    def channel_names(self, states: Sequence[str]) -> list[str]:
         """Return what each channel measures: a state, or d and the name of one."""
         pairs = zip(self.observed, self.is_rate, strict=True)
         return [f"d{states[k]}" if rate else states[k] for k, rate in pairs]
 
-    def solution(
+    def integrate_segments(
         self, compiled: System, first: np.ndarray, starts: np.ndarray, sensitive: bool
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
         """`taylor.integrate` over segments between the windows `first` (n_segments + 1,)."""
@@ -72,17 +72,17 @@ class Condensed:
         count_work(2.3e-10 * windows * (columns * products + 3 * ORDER**2 * len(compiled.parent)))
         return found
 
-    def of_rates(self) -> Self:
+    def as_rates(self) -> Self:
         """Replace the functionals by those of the rates of what is measured."""
         samples = self.samples and self.samples._replace(order=self.samples.order + 1)
         shifted = rate_functionals(self.functionals, self.step)
         return replace(self, functionals=shifted, samples=samples)
 
-    def squares(self, residual: np.ndarray) -> np.ndarray:
+    def sum_squares(self, residual: np.ndarray) -> np.ndarray:
         """(n_recordings, n_observed) sums of squares of residuals, as `targets`."""
         return np.add.reduceat((residual**2).sum(axis=2), self.first[:-1], axis=0)
 
-    def noise_told(
+    def noise_by_state(
         self, states: Sequence[str], noise: np.ndarray
     ) -> tuple[np.ndarray, dict[str, float]]:
         """Return the noise of a sample of each channel by state and by rate.
@@ -94,11 +94,11 @@ class Condensed:
         noise, values = np.where(self.counts > 0, noise, np.nan), ~self.is_rate
         sigma = np.full((len(noise), len(states)), np.nan)
         sigma[:, self.observed[values]] = noise[:, values]
-        names = self.names(states)
+        names = self.channel_names(states)
         return sigma, {f"noise_{names[o]}": noise[-1, o] for o in np.flatnonzero(self.is_rate)}
 
     @cached_property
-    def present(self) -> np.ndarray:
+    def is_present(self) -> np.ndarray:
         """(n_windows, n_observed, n_rows) whether a projection tells anything."""
         return np.asarray(self.functionals.any(axis=3))
 
@@ -115,7 +115,7 @@ class Condensed:
         return np.where(self.is_known, self.known_noise**2, inside)
 
     @property
-    def tells_noise(self) -> np.ndarray:
+    def has_noise_estimate(self) -> np.ndarray:
         """Whether the noise of a channel is known or can be measured, (n_recordings, n_observed).
 
         It can be measured if windows have samples to spare: three tenths of all, as five samples in

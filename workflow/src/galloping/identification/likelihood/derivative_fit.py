@@ -68,11 +68,11 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             return refused_model(problem, [Finding.of(Code.SAMPLES_INCOMPLETE, problem.states[i])])
         whole = np.ones(len(block), bool)
         own = information[np.ix_(block, block)]
-        price = problem.price(2.0 * np.log(samples), size).of(block)
-        support[block] = problem.select(own, right[block], [whole], price, among=block)
+        price = problem.term_prices(2.0 * np.log(samples), size).of_terms(block)
+        support[block] = problem.select_terms(own, right[block], [whole], price, among=block)
         count += samples
     penalty = 2.0 * np.log(count / len(problem.unknown))  # of an equation's samples, on average
-    free, covariance = problem.solve(information, right, support)
+    free, covariance = problem.solve_within_bounds(information, right, support)
     misfit = max(squares - float(free @ right), 0.0)
     fitted: Fitted = {
         "initial_states": np.array([recording.values[0] for recording in recordings]),

@@ -42,7 +42,7 @@ class Eliminated:
     right: np.ndarray
     response: np.ndarray
 
-    def moved(self, change: np.ndarray, starts: np.ndarray | float = 0.0) -> np.ndarray:
+    def move_states(self, change: np.ndarray, starts: np.ndarray | float = 0.0) -> np.ndarray:
         """(n_segments, n_states) states from `starts` on, with a change of the coefficients."""
         return starts + self.response[:, :, :-1] @ change + self.response[:, :, -1]
 
@@ -186,7 +186,7 @@ def eliminate_with_jumps(
     cross = np.concatenate([linear.information[:, n:, :n], linear.right[:, n:, None]], axis=2)
     cross = used[:, None, None] * cross
     ahead = np.zeros((count, n_states, n_states))
-    for g in record.followed:
+    for g in record.followed_segments:
         if not used[g] * used[g + 1]:
             continue
         slope, by_state = linear.by_coefficients[g], linear.by_state[g]
@@ -234,13 +234,13 @@ def jump_covariance(
     with may have more entries than the states.
     """
     n_states, by_state = record.states.shape[1], linear.by_state[at]
-    starts, step = linear.starts, solved.moved(change)
+    starts, step = linear.starts, solved.move_states(change)
     ends = linear.ends[at] + linear.by_coefficients[at] @ change
     ends += np.einsum("gij,gj->gi", by_state, step[at])
     gap = starts[at + 1] + step[at + 1] - ends
     mixed = by_state @ solved.covariance[at]
     spread = solved.variance[at + 1] + by_state @ solved.variance[at] @ by_state.transpose(0, 2, 1)
     squares = gap[:, :, None] * gap[:, None, :] + (spread - mixed - mixed.transpose(0, 2, 1))
-    squares = squares[:, :n_states, :n_states] / record.size[at, None, None] ** 2
+    squares = squares[:, :n_states, :n_states] / record.segment_sizes[at, None, None] ** 2
     floor = np.mean(record.states**2, axis=0) + np.finfo(float).tiny
     return np.sum(squares, axis=0) / max(len(at), 1) + STATE_RIDGE * np.diag(floor)

@@ -46,7 +46,7 @@ def fit_exact(begun: Start) -> IdentifiedModel | NoModel:
         causes = [] if is_cut else _find_causes(joined.free.fit, penalty)
         return NoModel((*causes, joined.objection))
     remaining, shown = _chain_residuals(begun, joined.step.fit)
-    if shown.coloured and shown.band < MOST_COLOUR:
+    if shown.is_coloured and shown.band < MOST_COLOUR:
         joined = _refit_coloured_noise(begun, joined, shown)
         if joined.objection:
             return NoModel((joined.objection,))
@@ -66,9 +66,9 @@ def fit_exact(begun: Start) -> IdentifiedModel | NoModel:
         problem,
         Regression(step.information, step.right, fit.support, penalty, largest, fit.free),
         doubts,
-        fit.followed(begun.recordings),
+        fit.follow_recordings(begun.recordings),
         begun.period,
-        initial_states=fit.starts[record.begins],
+        initial_states=fit.starts[record.first_segments],
         sigma=sigma,
         chi2=shown.chi2,
         diagnostics={
@@ -124,7 +124,7 @@ def _shows_misfit(begun: Start, joined: trajectory_fit.JoinedFit) -> bool:
     remaining = attempt(partial(_chain_residuals, begun, joined.step.fit))
     condensed = joined.step.fit.record.condensed
     return isinstance(remaining, NoModel) or bool(
-        remaining[1].objections(condensed.names(begun.problem.states))
+        remaining[1].find_objections(condensed.channel_names(begun.problem.states))
     )
 
 
@@ -138,7 +138,9 @@ def _chain_residuals(begun: Start, fit: ShootingFit) -> tuple[np.ndarray, Residu
     whole = Segments(segments.first[bounds], segments.recording[begins], each)
     record = replace(fit.record, segments=whole)
     remaining, _ = segment_residuals(record, fit.free, fit.starts[begins])
-    return remaining, diagnose_residuals(record.condensed, remaining, fit.parameters, begun.period)
+    return remaining, diagnose_residuals(
+        record.condensed, remaining, fit.n_parameters, begun.period
+    )
 
 
 def _refit_coloured_noise(
@@ -165,10 +167,10 @@ def _find_objections(
     recording in two hundred is, by design, and keeps its model with the suspicion.
     """
     causes = find_faults(fit, penalty)
-    misfit = shown.objections(fit.record.condensed.names(fit.record.problem.states))
+    misfit = shown.find_objections(fit.record.condensed.channel_names(fit.record.problem.states))
     if misfit:
         excess = float(np.sum(shown.excess / fit.sigma**2))
-        causes = [fault for fault in causes if fault.explains(excess)]
+        causes = [fault for fault in causes if fault.can_explain(excess)]
     is_fault = bool(causes) and not causes[0].or_model
     named = _find_missing_kind(fit, penalty) if (misfit or causes) and not is_fault else []
     named = named or [fault.cause for fault in causes[:1]]
@@ -189,7 +191,7 @@ def _find_causes(fit: ShootingFit, penalty: float) -> list[Finding]:
         return named
     over = np.maximum(1.0 - (fit.reference / fit.sigma) ** 2, 0.0)
     excess = float(np.sum(fit.record.condensed.rows * over))
-    named = [fault.cause for fault in find_faults(fit, penalty) if fault.explains(excess)][:1]
+    named = [fault.cause for fault in find_faults(fit, penalty) if fault.can_explain(excess)][:1]
     if fit.misfit < trajectory_fit.CLOSE and not any(each.code in FORCES for each in named):
         # a small fault does not keep the pieces from joining
         forces = FORCES[bool(fit.record.problem.inputs)]
@@ -201,11 +203,11 @@ def _sample_noise(fit: ShootingFit, remaining: np.ndarray) -> tuple[np.ndarray, 
     """Estimate the standard deviation of a sample of each state and of each rate.
 
     remaining: residuals of single shooting. Returns (n_recordings, n_states), and rates by name
-    (see `Condensed.noise_told`).
+    (see `Condensed.noise_by_state`).
     """
     condensed = fit.record.condensed
-    share = fit.parameters / max(int(np.count_nonzero(condensed.counts)), 1)
-    squares = condensed.squares(remaining) + condensed.remainder
+    share = fit.n_parameters / max(int(np.count_nonzero(condensed.counts)), 1)
+    squares = condensed.sum_squares(remaining) + condensed.remainder
     variance = squares / np.maximum(condensed.counts - share, 1.0)
     variance = np.where(condensed.is_known, condensed.noise_variance, variance)
-    return condensed.noise_told(fit.record.problem.states, np.sqrt(variance))
+    return condensed.noise_by_state(fit.record.problem.states, np.sqrt(variance))

@@ -47,7 +47,7 @@ def select_with_input_powers(
     a law for other winds. price: of each term, in units of chi^2.
     """
     tried = [np.ones(len(right), bool), support]
-    return problem.alike(problem.select(information, right, tried, price))
+    return problem.same_state_monomial(problem.select_terms(information, right, tried, price))
 
 
 def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray] | None:
@@ -68,7 +68,7 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
     of_rate = exponents[:, np.unique(equation)].sum(axis=1) == 1
     linear = (np.abs(exponents).sum(axis=1) == 1) & (problem.degrees == 1)
     rates = np.flatnonzero(linear & of_rate)
-    misfit = white_misfit(record, fit.linear.residual)
+    misfit = white_misfit(record, fit.normal_equations.residual)
     excess = _log_excess(record, misfit)
     windows = np.diff(record.segments.first)
     divisible = windows.min() >= PARTS and len(windows) <= 200  # a part needs 50 kB and more
@@ -89,7 +89,7 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
         if is_exhausted():
             return None
         passing("try coefficients that fluctuate")
-        misfit = white_misfit(parts, fine.linear.residual)
+        misfit = white_misfit(parts, fine.normal_equations.residual)
         # fluctuations explain 0.56 or more of what is left where gusts are all that the library
         # lacks, 0.32 to 0.50 on a line with more modes in the same gusts, of which the terms that
         # are then chosen imitate the modes, and 0.06 or less without gusts
@@ -97,7 +97,7 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
             return None
         support, jump = fine.support, fine.jump
         for settling in reversed(range(5)):
-            wider = _add_fluctuations(parts, fine.linear, rates, variance)
+            wider = _add_fluctuations(parts, fine.normal_equations, rates, variance)
             precision = _change_precision(parts, jumping, jump, size, variance)
             solved = eliminate_with_jumps(parts, wider, precision)
             right = solved.right + solved.information @ fine.free
@@ -105,10 +105,10 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
                 support = select_with_input_powers(
                     problem, solved.information, right, support, penalty
                 )
-            free, covariance = problem.solve(solved.information, right, support)
+            free, covariance = problem.solve_within_bounds(solved.information, right, support)
             change = free - fine.free
             jump = jump_covariance(parts, wider, solved, change, jumping)
-            step = solved.moved(change)
+            step = solved.move_states(change)
             own = np.diagonal(solved.variance, axis1=1, axis2=2) + step**2
             variance = np.maximum(own[:, len(size) :].mean(axis=0), least)
         free, starts = fine.free + change, fine.starts + step[:, : len(size)]
@@ -122,7 +122,7 @@ def _log_excess(record: Record, misfit: np.ndarray) -> float:
     """Logarithm of a white misfit over the noise, summed over channels that tell their noise."""
     condensed = record.condensed
     noise = np.maximum(condensed.noise_variance, record.floor**2)
-    return float(np.sum(np.log(misfit[:, 0, :, 0] / noise)[condensed.tells_noise]))
+    return float(np.sum(np.log(misfit[:, 0, :, 0] / noise)[condensed.has_noise_estimate]))
 
 
 def _divide_segments(record: Record) -> tuple[Record, np.ndarray]:
@@ -135,7 +135,7 @@ def _divide_segments(record: Record) -> tuple[Record, np.ndarray]:
     first = np.linspace(segments.first[:-1], segments.first[1:], PARTS, endpoint=False, axis=1)
     first = np.append(first.round().astype(np.int64), segments.first[-1])
     owner = np.repeat(segments.recording, PARTS)
-    jumping = PARTS * (record.followed + 1) - 1
+    jumping = PARTS * (record.followed_segments + 1) - 1
     return replace(record, segments=replace(segments, first=first, recording=owner)), jumping
 
 
@@ -150,7 +150,7 @@ def _add_fluctuations(
     n, (n_states, extra) = linear.by_coefficients.shape[2], (linear.ends.shape[1], len(rates))
     twice, own = np.append(np.arange(n + n_states), rates), slice(n + n_states, None)
     information = np.ascontiguousarray(linear.information[:, twice][:, :, twice])
-    information[record.begins, own, own] += np.diag(1.0 / variance)
+    information[record.first_segments, own, own] += np.diag(1.0 / variance)
     added = ((0, 0), (0, extra))
     by_state = np.pad(linear.by_state, (*added, (0, extra)))
     by_state[:, :n_states, n_states:] = linear.by_coefficients[:, :, rates]
@@ -170,8 +170,8 @@ def _change_precision(
     Returns (n_segments, n_states + n_rates, n_states + n_rates), from each segment to the next.
     States jump after `jumping` alone.
     """
-    states = record.precision(np.diag((1e-4 * size) ** 2))  # as good as continuous
-    states[jumping] = record.precision(jump)[jumping]
+    states = record.jump_precision(np.diag((1e-4 * size) ** 2))  # as good as continuous
+    states[jumping] = record.jump_precision(jump)[jumping]
     n_states = len(size)
     precision = np.pad(states, ((0, 0), (0, len(variance)), (0, len(variance))))
     precision[:, n_states:, n_states:] = np.diag(1.0 / ((1.0 - MEMORY**2) * variance))

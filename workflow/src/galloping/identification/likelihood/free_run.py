@@ -56,7 +56,7 @@ def approximate_free_runs(
     record, condensed = fit.record, fit.record.condensed
     covariance += prior_covariance(record.problem, information, fit.support)
     made = Approximation(fit, information, covariance, residual, penalty, ("free runs",))
-    squares = condensed.squares(residual)
+    squares = condensed.sum_squares(residual)
     left = np.sqrt((squares + condensed.remainder) / np.maximum(condensed.counts, 1))
     missed = Finding.of(Code.FREE_RUN_MISSES, share=0.0)
     return as_identified(made, residual, left, objections, missed)
@@ -96,8 +96,8 @@ def fit_free_runs(
     """
     condensed, each = record.condensed, np.arange(len(record.condensed.first) - 1)
     record = replace(record, segments=Segments(condensed.first, each, each))
-    free, starts = record.problem.of_candidates(near.model.coefficients), near.initial_states
-    squares = condensed.squares(segment_residuals(record, free, starts)[0])
+    free, starts = record.problem.candidate_values(near.model.coefficients), near.initial_states
+    squares = condensed.sum_squares(segment_residuals(record, free, starts)[0])
     sigma = np.maximum(np.sqrt(squares / np.maximum(condensed.rows, 1)), record.floor)
     previous = fit = ShootingFit(record, free, free != 0.0, starts, sigma, sigma)
     if not has_forgotten_start(fit):
@@ -151,10 +151,10 @@ def _chain_slopes(
     the noise, and one over the noise (n_observed, 1).
     """
     condensed, segments = fit.record.condensed, fit.record.segments
-    compiled = fit.record.problem.compiled(fit.free, pairs)
+    compiled = fit.record.problem.compile_system(fit.free, pairs)
     for begin, end in pairwise(segments.bounds):
         first = segments.first[[begin, end]]
-        rows = condensed.solution(compiled, first, fit.starts[begin : begin + 1], True)[1]
+        rows = condensed.integrate_segments(compiled, first, fit.starts[begin : begin + 1], True)[1]
         weight = 1.0 / fit.sigma[segments.recording[begin]][:, None]
         rows *= weight[..., None]
         yield slice(*first), rows, weight

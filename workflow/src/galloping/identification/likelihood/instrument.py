@@ -52,7 +52,7 @@ class Fault:
     mixture: np.ndarray = field(default_factory=lambda: np.ones(0))
     is_noise: bool = False
 
-    def explains(self, excess: float) -> bool:
+    def can_explain(self, excess: float) -> bool:
         """Whether the fault may be the cause of a misfit beyond the noise, in units of chi^2.
 
         The fault takes most of the misfit away, or any misfit of a model shows as this fault.
@@ -69,14 +69,16 @@ def find_faults(fit: ShootingFit, penalty: float) -> list[Fault]:
     """
     problem, condensed, segments = fit.record.problem, fit.record.condensed, fit.record.segments
     residual, _ = segment_residuals(fit.record, fit.free, fit.starts)
-    rates = replace(fit.record, condensed=condensed.of_rates()).predictions(fit.free, fit.starts)
+    rates = replace(fit.record, condensed=condensed.as_rates()).predict_projections(
+        fit.free, fit.starts
+    )
     wider, late = _add_input_rates(fit)
     entries, columns, tests = _fault_parameters(fit.record, rates, late)
 
-    def linear(terms: np.ndarray) -> Linearised:
+    def linearise_terms(terms: np.ndarray) -> Linearised:
         return linearise(wider, np.vstack([problem.candidates[terms], entries]), columns)
 
-    own = linear(fit.support)
+    own = linearise_terms(fit.support)
     quadratic = eliminate_states(own, segments, fit.starts)
     scores = [score_test(quadratic.information, quadratic.right, test.mixture) for test in tests]
     tested = [replace(test, z=z) for test, z in zip(tests, scores, strict=True)]
@@ -86,7 +88,9 @@ def find_faults(fit: ShootingFit, penalty: float) -> list[Fault]:
     # times in a hundred, which costs a pass of the fit and no more
     doubtful = [k for k, z in enumerate(scores) if z > 2.5]
     if doubtful and max(scores) < np.sqrt(penalty):
-        quadratic = eliminate_states(linear(np.ones(len(fit.support), bool)), segments, fit.starts)
+        quadratic = eliminate_states(
+            linearise_terms(np.ones(len(fit.support), bool)), segments, fit.starts
+        )
         for k in doubtful:
             beside = _score_beside_term(quadratic, fit, tests[k])
             instead = _score_instead_of_terms(quadratic, fit, tests[k], penalty)
@@ -140,7 +144,9 @@ def _add_input_rates(fit: ShootingFit) -> tuple[ShootingFit, list[DelayedInput]]
         return fit, []
     added = ((0, 0), (0, len(terms) - len(problem.terms)))
     inputs = (*problem.inputs, *(f"d({name})/dt" for name in problem.inputs))
-    wider = replace(problem.by_term(lambda values: np.pad(values, added), terms), inputs=inputs)
+    wider = replace(
+        problem.change_terms(lambda values: np.pad(values, added), terms), inputs=inputs
+    )
     with_slopes = replace(condensed, inputs=np.concatenate(columns, axis=2))
     return replace(fit, record=replace(fit.record, problem=wider, condensed=with_slopes)), late
 
@@ -156,7 +162,7 @@ def _fault_parameters(
     rates: (n_windows, n_observed, n_rows) projections of the solution's time derivatives.
     """
     problem, condensed = record.problem, record.condensed
-    states, names = problem.states, condensed.names(problem.states)
+    states, names = problem.states, condensed.channel_names(problem.states)
     channel = {int(condensed.observed[o]): int(o) for o in np.flatnonzero(~condensed.is_rate)}
     velocities = velocity_pairs(states).items()
     kinematic = [(i, v) for i, v in velocities if i in channel and v in channel]
@@ -171,7 +177,7 @@ def _fault_parameters(
     first = len(entries) + sum(len(pairs) for _, pairs, _ in late)
     n, tests = first + 2 * count, []
 
-    def test(
+    def add_test(
         places: list[int], cause: Finding, or_model: bool = False, weights: ArrayLike = 1.0
     ) -> None:
         mixture = np.zeros(n)
@@ -179,20 +185,20 @@ def _fault_parameters(
         tests.append(Fault(cause, or_model, mixture=mixture))
 
     for k, (i, v) in enumerate(kinematic):
-        test([k], Finding.of(Code.RATE_DISAGREES, states[v], coordinate=states[i]))
+        add_test([k], Finding.of(Code.RATE_DISAGREES, states[v], coordinate=states[i]))
     if len(kinematic) > 1:
-        test(list(range(len(kinematic))), Finding.of(Code.RATES_DISAGREE))
+        add_test(list(range(len(kinematic))), Finding.of(Code.RATES_DISAGREE))
     for name, pairs, weights in late:
         places = list(range(len(entries), len(entries) + len(pairs)))
-        test(places, Finding.of(Code.INPUT_DELAYED, name), True, weights)
+        add_test(places, Finding.of(Code.INPUT_DELAYED, name), True, weights)
         entries += pairs
     for o, name in enumerate(names):
         if len(names) > 1:
-            test([first + o], Finding.of(Code.CHANNEL_DELAYED, name))
-        test([first + count + o], Finding.of(Code.DRIFTS, name), True)
+            add_test([first + o], Finding.of(Code.CHANNEL_DELAYED, name))
+        add_test([first + count + o], Finding.of(Code.DRIFTS, name), True)
     for i, v in kinematic if len(kinematic) > 1 else []:
         both = [first + channel[i], first + channel[v]]
-        test(both, Finding.of(Code.COORDINATE_DELAYED, states[i], velocity=states[v]))
+        add_test(both, Finding.of(Code.COORDINATE_DELAYED, states[i], velocity=states[v]))
     return np.array(entries, int).reshape(-1, 2), columns, tests
 
 
@@ -223,9 +229,9 @@ def _score_beside_term(quadratic: Eliminated, fit: ShootingFit, test: Fault) -> 
     """
     n, more = len(fit.support), fit.support.copy()
     whitened = whiten(quadratic.information[:n, :n], quadratic.right[:n], fit.free)
-    here = make_tableau(whitened, fit.support & whitened.usable)
+    here = make_tableau(whitened, fit.support & whitened.is_usable)
     if len(here.out):
-        more[here.out[np.argmax(here.additions())]] = True
+        more[here.out[np.argmax(here.addition_falls())]] = True
     kept = np.append(more, np.ones(len(test.mixture), bool))
     return score_test(
         quadratic.information[np.ix_(kept, kept)], quadratic.right[kept], test.mixture
@@ -244,14 +250,14 @@ def _score_instead_of_terms(
     problem, about = fit.record.problem, np.append(fit.free, 0.0)
     prices = np.append(problem.least_prices(penalty), penalty)
     without = np.append(fit.support, False)
-    apart = np.append(problem.chosen_about(fit.free), 0.0)
+    apart = np.append(problem.selection_offset(fit.free), 0.0)
     chosen = select_support(
         information, right, [without, np.append(fit.support, True)], prices, apart
     )
     if not chosen[-1]:
         return 0.0
 
-    def worth(present: np.ndarray) -> float:
+    def penalised_misfit(present: np.ndarray) -> float:
         """chi^2, from that of the fit, and the penalty of the terms and of the fault."""
         gone = np.where(present, 0.0, -about)
         rest = right - information @ gone
@@ -259,7 +265,7 @@ def _score_instead_of_terms(
         moved = gone @ information @ gone - 2.0 * right @ gone
         return float(moved - change @ rest) + prices[present].sum()
 
-    return float(np.sqrt(max(worth(without) - worth(chosen), 0.0)))
+    return float(np.sqrt(max(penalised_misfit(without) - penalised_misfit(chosen), 0.0)))
 
 
 def _test_gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
@@ -270,18 +276,18 @@ def _test_gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
     segments, starts = fit.record.segments, fit.starts
     among = np.arange(len(linear.right)) < fit.support.sum()
 
-    def fall(joined: Segments) -> float:
+    def misfit_fall(joined: Segments) -> float:
         quadratic = eliminate_states(linear, joined, starts)
         change, _ = solve_support(quadratic.information, quadratic.right, among)
         return quadratic.fall + float(change @ quadratic.right)
 
-    whole, bounds, tested = fall(segments), segments.bounds, []
+    whole, bounds, tested = misfit_fall(segments), segments.bounds, []
     place = np.arange(bounds[-1]) - np.repeat(bounds[:-1], np.diff(bounds))  # in its chain
     for length in (1, 2, 4):  # for a force that comes and goes, and a phase that wanders
         begins = place % length == 0
         freedom = int(begins.sum() - len(bounds) + 1) * starts.shape[1]
         if freedom > 0:
-            square = fall(replace(segments, chains=np.cumsum(begins) - 1)) - whole
+            square = misfit_fall(replace(segments, chains=np.cumsum(begins) - 1)) - whole
             # a chi^2 variable's square root is almost Gaussian (R. A. Fisher)
             z = np.sqrt(2.0 * max(square, 0.0)) - np.sqrt(2.0 * freedom - 1.0)
             cause = Finding.of(FORCES[bool(fit.record.problem.inputs)])
@@ -293,7 +299,7 @@ def _test_variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -
     """Whether the residuals are larger where the signal is steep, or where it is large."""
     condensed, segments, sigma = fit.record.condensed, fit.record.segments, fit.sigma
     owner = np.repeat(segments.recording, np.diff(segments.first))
-    there = condensed.present
+    there = condensed.is_present
     square = (residual / sigma[owner][:, :, None]) ** 2
     weight = np.where(there[:, :, 0], condensed.samplings[:, :, 0, 0], 1.0)
     tested = []

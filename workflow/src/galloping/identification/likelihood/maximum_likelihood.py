@@ -121,7 +121,7 @@ def maximum_likelihood(
         moving = moving_recordings(used, problem.terms)
         with limit_work(used) as work:
             begun = None if moving.findings else start
-            found = work.doubted_if_ended(_search_model(problem, moving, begun))
+            found = work.downgrade_if_ended(_search_model(problem, moving, begun))
         found = with_findings(found, moving)
     found = add_input_errors(check_prior_conflict(problem, found), recordings, used)
     return add_alias_rivals(problem, found)

@@ -58,7 +58,7 @@ def find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
     terms += [linear_term(places + k, places + extra) for k in range(extra)]
     padding = ((0, 0), (0, extra))
     wider = replace(
-        problem.by_term(lambda values: np.pad(values, padding), terms),
+        problem.change_terms(lambda values: np.pad(values, padding), terms),
         inputs=(*problem.inputs, *force_names),
     )
     condensed = replace(record.condensed, inputs=signals)
@@ -109,7 +109,7 @@ def _forces_along_motion(fit: ShootingFit, terms: tuple[Exponents, ...]) -> np.n
     condensed, problem = record.condensed, record.problem
     nodes, weights = leggauss(POINTS)
     places, windows = (nodes + 1.0) / 2.0, len(condensed.targets)
-    compiled = problem.compiled(fit.free, problem.candidates[:0])
+    compiled = problem.compile_system(fit.free, problem.candidates[:0])
     window = np.repeat(np.arange(windows), POINTS)
     powers, samples, _ = at_points(compiled, window, np.tile(places, windows), windows, n_states)
     states, *_ = integrate(

@@ -69,7 +69,7 @@ class Approximation:
     fluctuates: bool = False
 
     @cached_property
-    def forecast(self) -> np.ndarray:
+    def forecast_squares(self) -> np.ndarray:
         """(2, n_segments, n_observed) mean squares of data, and of what forecasts leave of them."""
         first = self.fit.record.segments.first
         squares = [
@@ -79,9 +79,9 @@ class Approximation:
         return np.array(squares)
 
     @property
-    def skill(self) -> float:
+    def forecast_r2(self) -> float:
         """R2 of the forecasts, averaged over the channels; minus infinity where one diverges."""
-        data, left = self.forecast.sum(axis=1)
+        data, left = self.forecast_squares.sum(axis=1)
         return float(np.mean(1.0 - left / data)) if np.all(np.isfinite(left)) else -np.inf
 
     @property
@@ -118,12 +118,12 @@ def fit_approximation(
     if isinstance(made, NoModel):
         return NoModel((*objections, *made.findings))
     record, condensed = made.fit.record, made.fit.record.condensed
-    if not made.skill > 0.0:
+    if not made.forecast_r2 > 0.0:
         nothing = Finding.of(Code.PREDICTS_NOTHING)
         return prepend_path(made.path, refused_model(record.problem, (*objections, nothing)))
     if made.fluctuates:
         objections = (*objections, Finding.of(Code.COEFFICIENTS_FLUCTUATE))
-    residual = condensed.targets - record.predictions(made.fit.free, made.fit.starts)
+    residual = condensed.targets - record.predict_projections(made.fit.free, made.fit.starts)
     spare = condensed.is_known | (condensed.counts > condensed.rows)  # else windows tell no noise
     noise = np.where(spare, np.sqrt(condensed.noise_variance), start.reference)
     missed = Finding.of(Code.FORECASTS_MISS, span_s=record.stretch, share=0.0)
@@ -146,12 +146,12 @@ def as_identified(
     """
     fit, record, condensed = made.fit, made.fit.record, made.fit.record.condensed
     problem, support = record.problem, fit.support
-    shares = dict(zip(condensed.names(problem.states), made.error_shares, strict=True))
+    shares = dict(zip(condensed.channel_names(problem.states), made.error_shares, strict=True))
     misses = [
         replace(missed, subject=name, data={**missed.data, "share": share})
         for name, share in shares.items()
     ]
-    sigma, of_rates = condensed.noise_told(problem.states, noise)
+    sigma, of_rates = condensed.noise_by_state(problem.states, noise)
     besides = find_further_modes(problem.states, condensed, residual)
     known = condensed.noise_variance  # zero where windows tell none
     power = (
@@ -164,12 +164,12 @@ def as_identified(
         problem,
         ApproximateFit(fit.free, support, errors, made.covariance, made.price),
         (*objections, *misses, *further_mode_findings(besides)),
-        initial_states=fit.starts[record.begins],
+        initial_states=fit.starts[record.first_segments],
         sigma=sigma,
-        chi2=float(np.sum(made.forecast[1]) / noise_power) if noise_power else np.inf,
+        chi2=float(np.sum(made.forecast_squares[1]) / noise_power) if noise_power else np.inf,
         further_modes=besides,
         diagnostics={
-            "forecast_r2": made.skill,
+            "forecast_r2": made.forecast_r2,
             **of_rates,
             **{f"error_share_all_{name}": float(share) for name, share in shares.items()},
         },
@@ -194,7 +194,7 @@ def _search_approximation(start: ShootingFit, penalty: float) -> Approximation |
         tried = attempt(partial(_fit_with_misfit, first, misfits[colour], penalty))
         if isinstance(tried, NoModel):
             continue
-        if max(each.skill for each in tried[1]) > 0.0 or is_exhausted():
+        if max(each.forecast_r2 for each in tried[1]) > 0.0 or is_exhausted():
             break
     if isinstance(tried, NoModel):
         return tried
@@ -248,7 +248,10 @@ def _choose_smallest(made: list[Approximation]) -> Approximation:
     Its squared forecast error exceeds the least by no more than a quarter of the standard error of
     the difference for every term saved, and by no more than one.
     """
-    errors = [np.mean(each.forecast[1] / each.forecast[0].mean(axis=0), axis=1) for each in made]
+    errors = [
+        np.mean(each.forecast_squares[1] / each.forecast_squares[0].mean(axis=0), axis=1)
+        for each in made
+    ]
     best = smallest = int(np.argmin([np.mean(error) for error in errors]))
     for k, error in enumerate(errors):
         with np.errstate(invalid="ignore"):  # infinite where forecasts diverge
@@ -267,7 +270,7 @@ def _fit_varying(fit: StretchFit, penalty: float) -> Approximation | None:
         return None
     means, covariance = varying
     found = attempt(partial(_cross_validate, means, penalty))
-    if isinstance(found, NoModel) or not found.skill > 0.0:
+    if isinstance(found, NoModel) or not found.forecast_r2 > 0.0:
         return None
     return replace(found, covariance=covariance, path=("fluctuating",), fluctuates=True)
 
@@ -291,20 +294,25 @@ def _iterate_fit(
         if passed and is_exhausted():
             break
         passing("approximate in stretches")
-        solved = eliminate_with_jumps(record, fit.linear, record.precision(fit.jump))
+        solved = eliminate_with_jumps(record, fit.normal_equations, record.jump_precision(fit.jump))
         right, support = solved.right + solved.information @ fit.free, fit.support
         if price is not None and passed < choosing:
             support = select_with_input_powers(
                 record.problem, solved.information, right, support, price
             )
-        free, _ = record.problem.solve(solved.information, right, support)
+        free, _ = record.problem.solve_within_bounds(solved.information, right, support)
         change = free - fit.free
-        starts = solved.moved(change, fit.starts)
-        jump = jump_covariance(record, fit.linear, solved, 0.0 * change, record.followed)
+        starts = solved.move_states(change, fit.starts)
+        jump = jump_covariance(
+            record, fit.normal_equations, solved, 0.0 * change, record.followed_segments
+        )
         if most_jump is not None:
             share = np.minimum(1.0, np.sqrt(np.diag(most_jump) / np.diag(jump)))
             jump = jump * np.outer(share, share)
-        same, misfit = np.array_equal(support, fit.support), misfit_of(record, fit.linear.residual)
+        same, misfit = (
+            np.array_equal(support, fit.support),
+            misfit_of(record, fit.normal_equations.residual),
+        )
         if price is not None:
             # else a fit and the covariance of what it leaves may alternate with others
             misfit = (misfit + fit.misfit) / 2.0
@@ -317,7 +325,7 @@ def _iterate_fit(
 
 def _cross_validate(fit: StretchFit, price: float) -> Approximation:
     """Estimate covariance and forecasts of a fit by leaving groups of segments out."""
-    record, precision = fit.record, fit.record.precision(fit.jump)
+    record, precision = fit.record, fit.record.jump_precision(fit.jump)
     condensed, segments = record.condensed, record.segments
     count = len(fit.starts)
     # of fewer groups the covariance is known worse, and `small_sample_factor`, 1.26 of twelve, is
@@ -328,20 +336,20 @@ def _cross_validate(fit: StretchFit, price: float) -> Approximation:
     for k, group in enumerate(groups):
         passing("forecast stretches that are left out")
         solved = eliminate_with_jumps(
-            record, fit.linear, precision, np.isin(np.arange(count), group)
+            record, fit.normal_equations, precision, np.isin(np.arange(count), group)
         )
         change, _ = solve_support(solved.information, solved.right, fit.support)
         changes[k] = change[fit.support]
         at = slice(group[0], group[-1] + 1)
         own = slice(segments.first[at.start], segments.first[at.stop])
-        predicted = record.predictions(fit.free + change, record.starts[at], at)
+        predicted = record.predict_projections(fit.free + change, record.starts[at], at)
         residual[own] = condensed.targets[own] - predicted
     spread = changes - changes.mean(axis=0)
     freedom = max(len(groups) - 1, 1)
     covariance = (
         SYSTEMATIC * small_sample_factor(len(groups)) * freedom / len(groups) * spread.T @ spread
     )
-    solved = eliminate_with_jumps(record, fit.linear, precision)
+    solved = eliminate_with_jumps(record, fit.normal_equations, precision)
     covariance += prior_covariance(record.problem, solved.information, fit.support)
     return Approximation(fit, solved.information, covariance, residual, price)
 
@@ -349,7 +357,7 @@ def _cross_validate(fit: StretchFit, price: float) -> Approximation:
 def prior_covariance(problem: Problem, information: np.ndarray, support: np.ndarray) -> np.ndarray:
     """(n_support, n_support) covariance of coefficients for the errors of their priors' means."""
     _, covariance = solve_support(information, np.zeros(len(support)), support)
-    return covariance * problem.of_candidates(problem.precision)[support] @ covariance
+    return covariance * problem.candidate_values(problem.precision)[support] @ covariance
 
 
 def small_sample_factor(groups: int) -> float:

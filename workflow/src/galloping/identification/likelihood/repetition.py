@@ -69,17 +69,17 @@ def _has_period(model: PolynomialModel, followed: FollowedRecording, period: flo
     best = step * float(nearest)
     curve = CubicSpline(time, states)
 
-    def differ(delay: float) -> float:
+    def lag_distance(delay: float) -> float:
         kept = time[time <= last - delay]
         return float(np.sqrt(np.mean((curve(kept + delay) - states[: len(kept)]) ** 2)))
 
     for times in (1, int(last * 2 / 3 // best)):
         width = times * step
         best = minimize_scalar(
-            differ, bounds=(times * best - width, times * best + width), method="bounded",
+            lag_distance, bounds=(times * best - width, times * best + width), method="bounded",
             options={"xatol": FINE * step},
         ).x  # fmt: skip
-    return differ(best) < 0.01
+    return lag_distance(best) < 0.01
 
 
 def _segment_motion(

@@ -57,11 +57,11 @@ class ResidualDiagnostics:
     cycles: int
 
     @property
-    def coloured(self) -> bool:
+    def is_coloured(self) -> bool:
         """Whether the noise is correlated over a few samples, more than a model error explains."""
         return not self.noise_known and self.chi2 > max(MOST_COLOUR, self.chi2_allowed)
 
-    def objections(self, channels: list[str]) -> list[Finding]:
+    def find_objections(self, channels: list[str]) -> list[Finding]:
         """Find why the fit must not be trusted; nothing if it may.
 
         channels: names of the observed channels. Noise correlated over a few samples may have up
@@ -76,8 +76,8 @@ class ResidualDiagnostics:
                 )
                 return [finding]
             return [Finding.of(Code.RESIDUAL_DRIFTS, channel, **misfit)]
-        if self.band > (MOST_COLOUR if self.coloured else self.band_allowed):
-            code = Code.NOISE_CORRELATED if self.coloured else Code.RESIDUAL_POWER
+        if self.band > (MOST_COLOUR if self.is_coloured else self.band_allowed):
+            code = Code.NOISE_CORRELATED if self.is_coloured else Code.RESIDUAL_POWER
             return [Finding.of(code, **misfit)]
         if self.noise_known and self.chi2 > max(MOST_COLOUR, self.chi2_allowed):
             return [Finding.of(Code.NOISE_EXCEEDS_KNOWN, chi2=self.chi2)]
@@ -131,9 +131,9 @@ def _chi2_inside(
     condensed: Condensed, residual: np.ndarray, parameters: int
 ) -> tuple[float, float]:
     """chi^2 per degree of freedom against the noise inside the windows, and the largest allowed."""
-    squares = condensed.squares(residual)
+    squares = condensed.sum_squares(residual)
     spare = np.where(condensed.is_known, np.inf, condensed.counts - condensed.rows)
-    measured = condensed.tells_noise
+    measured = condensed.has_noise_estimate
     if not np.any(measured):
         return np.nan, np.nan
     inside = np.maximum(condensed.noise_variance[measured], np.finfo(float).tiny)

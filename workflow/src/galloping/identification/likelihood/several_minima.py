@@ -84,7 +84,7 @@ def _choose_terms(step: Step, price: Price) -> np.ndarray:
     """(n,) the best terms by the quadratic model of a step."""
     about, problem = step.fit.free, step.fit.record.problem
     tried = [np.ones(len(about), bool), step.fit.support]
-    return problem.select(step.information, step.right, tried, price, about)
+    return problem.select_terms(step.information, step.right, tried, price, about)
 
 
 def _find_least(fit: ShootingFit) -> Step:
@@ -113,7 +113,7 @@ def _descend_chi2(fit: ShootingFit) -> Step:
     for _ in range(MOST_STEPS):
         quadratic = _quadratic_model(fit)
         change = _coefficient_step(fit, quadratic)
-        starts, share, better = quadratic.moved(change), 1.0, None
+        starts, share, better = quadratic.move_states(change), 1.0, None
         for _ in range(MOST_HALVINGS):
             moved = replace(fit, free=fit.free + share * change, starts=fit.starts + share * starts)
             tried = attempt(partial(_match_segments, moved))
@@ -141,7 +141,7 @@ def _quadratic_model(fit: ShootingFit) -> Matched:
 def _coefficient_step(fit: ShootingFit, quadratic: Matched) -> np.ndarray:
     """(n,) the Gauss-Newton step of the coefficients."""
     problem, right = fit.record.problem, quadratic.right
-    return problem.solve(quadratic.information, right, fit.support, fit.free)[0]
+    return problem.solve_within_bounds(quadratic.information, right, fit.support, fit.free)[0]
 
 
 def _match_segments(fit: ShootingFit) -> ShootingFit:
@@ -156,7 +156,7 @@ def _match_segments(fit: ShootingFit) -> ShootingFit:
     whole = Segments(segments.first[bounds], segments.recording[begins], np.arange(len(begins)))
     left, _ = segment_residuals(replace(record, segments=whole), fit.free, fit.starts[begins])
     starts = _motion_states(fit)[segments.first[:-1]]
-    return update_noise(replace(fit, starts=starts), record.condensed.squares(left))
+    return update_noise(replace(fit, starts=starts), record.condensed.sum_squares(left))
 
 
 def _motion_states(fit: ShootingFit) -> np.ndarray:
@@ -166,7 +166,7 @@ def _motion_states(fit: ShootingFit) -> np.ndarray:
     """
     record, bounds = fit.record, fit.record.segments.bounds
     problem, condensed, n = record.problem, record.condensed, fit.starts.shape[1]
-    compiled = problem.compiled(fit.free, problem.candidates[:0])
+    compiled = problem.compile_system(fit.free, problem.candidates[:0])
     window = np.arange(len(condensed.targets))
     functionals, samples, _ = at_points(compiled, window, 0.0 * window, len(window), n)
     states, *_ = integrate(
@@ -196,7 +196,7 @@ def _draw_starts(fit: ShootingFit) -> list[ShootingFit]:
     )
     found = []
     for change in changes:
-        starts = quadratic.moved(change, step.fit.starts)
+        starts = quadratic.move_states(change, step.fit.starts)
         moved = replace(fit, free=free + change, starts=starts)
         tried = attempt(partial(_match_segments, moved))
         if not isinstance(tried, NoModel):
@@ -222,7 +222,7 @@ def _fit_while_moving(fit: ShootingFit) -> ShootingFit | None:
             if len(before) >= TURNS:
                 still[before[-TURNS] : begin] = True
         stuck |= still
-    shown = condensed.present.any(axis=(1, 2))
+    shown = condensed.is_present.any(axis=(1, 2))
     if not np.any(stuck & shown) or np.sum(~stuck & shown) < 0.1 * np.sum(shown):
         return None
     functionals = np.where(stuck[:, None, None, None], 0.0, condensed.functionals)

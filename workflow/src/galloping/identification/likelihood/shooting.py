@@ -63,12 +63,12 @@ class Record:
         return self.states[self.segments.first[:-1]]
 
     @property
-    def begins(self) -> np.ndarray:
+    def first_segments(self) -> np.ndarray:
         """(n_recordings,) index of the first segment of each."""
         return np.unique(self.segments.recording, return_index=True)[1]
 
     @cached_property
-    def followed(self) -> np.ndarray:
+    def followed_segments(self) -> np.ndarray:
         """Indices of the segments that another segment of the same recording follows."""
         return np.flatnonzero(np.diff(self.segments.recording) == 0)
 
@@ -78,7 +78,7 @@ class Record:
         return float(np.median(np.diff(self.segments.first)) * self.condensed.step)
 
     @cached_property
-    def size(self) -> np.ndarray:
+    def segment_sizes(self) -> np.ndarray:
         """Relative root mean square of the motion in each segment, (n_segments,).
 
         It is relative to the whole record. 3 % is added in squares: jumps are no smaller where the
@@ -90,7 +90,7 @@ class Record:
         first = self.segments.first
         return np.sqrt(np.add.reduceat(squares, first[:-1]) / np.diff(first) + 0.03**2)
 
-    def predictions(
+    def predict_projections(
         self, free: np.ndarray, starts: np.ndarray, segments: slice = slice(None)
     ) -> np.ndarray:
         """Predict the projections over consecutive segments, (n_windows, n_observed, n_rows).
@@ -100,9 +100,11 @@ class Record:
         """
         first = self.segments.first
         begin, end, _ = segments.indices(len(first) - 1)
-        compiled = self.problem.compiled(free, self.problem.candidates[:0])
+        compiled = self.problem.compile_system(free, self.problem.candidates[:0])
         with np.errstate(all="ignore"):
-            predicted = self.condensed.solution(compiled, first[begin : end + 1], starts, False)[0]
+            predicted = self.condensed.integrate_segments(
+                compiled, first[begin : end + 1], starts, False
+            )[0]
         size = np.abs(self.condensed.targets).max(axis=(0, 2)) + np.finfo(float).tiny
         return np.where(np.abs(predicted) < HUGE * size[:, None], predicted, np.inf)
 
@@ -111,7 +113,7 @@ class Record:
         """(n_states,) the largest size of each state."""
         return np.abs(self.states).max(axis=0) + np.finfo(float).tiny
 
-    def units(self, pairs: np.ndarray) -> np.ndarray:
+    def derivative_units(self, pairs: np.ndarray) -> np.ndarray:
         """Units in which derivatives of the states are numbers of about one.
 
         Parameters
@@ -130,15 +132,15 @@ class Record:
         moved = self.condensed.step * terms[pairs[:, 1]] / self.extent[pairs[:, 0]]
         return self.extent[:, None] * np.append(moved, 1.0 / self.extent)
 
-    def precision(self, jump: np.ndarray) -> np.ndarray:
+    def jump_precision(self, jump: np.ndarray) -> np.ndarray:
         """Compute the inverse covariance of the jump after each segment.
 
         jump: (n_states, n_states) covariance at full motion. Returns (n_segments, n_states,
         n_states).
         """
-        return np.linalg.inv(jump) / self.size[:, None, None] ** 2
+        return np.linalg.inv(jump) / self.segment_sizes[:, None, None] ** 2
 
-    def linearised(
+    def iterate_linearised(
         self, free: np.ndarray, starts: np.ndarray, pairs: np.ndarray, at_once: int
     ) -> Iterator[tuple[slice, slice, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
         """Solutions from the `starts` of segments with derivatives, `at_once` segments a time.
@@ -148,13 +150,13 @@ class Record:
         derivatives of the predicted projections (..., n_pairs + n_states), the ends (n, n_states)
         and derivatives of the ends. Raises FloatingPointError where a solution diverges.
         """
-        compiled, first = self.problem.compiled(free, pairs), self.segments.first
-        most = HUGE * self.extent, HUGE * self.units(pairs)
+        compiled, first = self.problem.compile_system(free, pairs), self.segments.first
+        most = HUGE * self.extent, HUGE * self.derivative_units(pairs)
         for begin in range(0, len(starts), at_once):
             group = slice(begin, min(begin + at_once, len(starts)))
             edges = first[group.start : group.stop + 1]
             windows = slice(edges[0], edges[-1])
-            predicted, slopes, *ends, _ = self.condensed.solution(
+            predicted, slopes, *ends, _ = self.condensed.integrate_segments(
                 compiled, edges, starts[group], sensitive=True
             )
             if not all(np.all(np.abs(each) < own) for each, own in zip(ends, most, strict=True)):
@@ -186,12 +188,12 @@ class ShootingFit:
         return self.chi2 / float(np.sum(self.record.condensed.rows))
 
     @property
-    def parameters(self) -> int:
+    def n_parameters(self) -> int:
         """Number of terms, and of entries of the first states of chains."""
         chains = int(self.record.segments.chains[-1]) + 1
         return int(self.support.sum()) + chains * self.starts.shape[1]
 
-    def followed(self, recordings: Sequence[Recording]) -> list[FollowedRecording]:
+    def follow_recordings(self, recordings: Sequence[Recording]) -> list[FollowedRecording]:
         """How the model follows the recordings from which the samples were condensed."""
         segments, condensed = self.record.segments, self.record.condensed
         owner = segments.recording
@@ -270,7 +272,7 @@ def linearise(
     end_derivatives = np.zeros((*starts.shape, m))
     by_dynamics = np.r_[: len(pairs), n:m]
     at_once = 8  # segments: their derivatives fit in the cache
-    for group, windows, residual, derivatives, *reached in record.linearised(
+    for group, windows, residual, derivatives, *reached in record.iterate_linearised(
         free, starts, pairs, at_once
     ):
         ends[group], end_derivatives[group][..., by_dynamics] = reached
@@ -287,10 +289,10 @@ def linearise(
             information += rest.T @ rest
             right += gap @ rest
     count_work((1.1e-8 + 3e-11 * n) * m * record.condensed.targets.size + SEGMENT * len(starts))
-    precision = problem.of_candidates(problem.precision, pairs)
-    values = problem.of_candidates(problem.coefficients(free), pairs)
+    precision = problem.candidate_values(problem.precision, pairs)
+    values = problem.candidate_values(problem.coefficients(free), pairs)
     information[np.diag_indices(len(pairs))] += precision
-    right[: len(pairs)] += precision * (problem.of_candidates(problem.expected, pairs) - values)
+    right[: len(pairs)] += precision * (problem.candidate_values(problem.expected, pairs) - values)
     return Linearised(kept, information, right, squares, ends, end_derivatives)
 
 
@@ -318,8 +320,8 @@ def segment_residuals(
     The residuals are (n_windows, n_observed, n_rows). Raises FloatingPointError where the
     solution diverges within a segment.
     """
-    compiled = record.problem.compiled(free, record.problem.candidates[:0])
-    predicted, _, ends, _, truncation = record.condensed.solution(
+    compiled = record.problem.compile_system(free, record.problem.candidates[:0])
+    predicted, _, ends, _, truncation = record.condensed.integrate_segments(
         compiled, record.segments.first, starts, sensitive=False
     )
     if not np.all(np.abs(ends) < HUGE * record.extent):

@@ -60,7 +60,7 @@ def positions_of_rest(begun: Start) -> Iterator[tuple[str, Start]]:
     study's line lies 0.15 deviations from rest, and on its accelerations starts that are 0.0 to 0.1
     deviations off always lead to the model. Raises what `weak_fit` raises.
     """
-    problem = begun.problem.without(lambda term: not any(term))  # which nothing moves
+    problem = begun.problem.drop_terms(lambda term: not any(term))  # which nothing moves
     units = (
         0.2
         * np.eye(len(problem.states))[
@@ -87,16 +87,16 @@ def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
     """
     rough, problem = rough_fit(begun), begun.problem
 
-    def best(support: np.ndarray, prices: np.ndarray) -> WeakFit:
-        chosen = problem.select(rough.information, rough.right, [support], prices)
-        free, _ = problem.solve(rough.information, rough.right, chosen)
+    def fit_support(support: np.ndarray, prices: np.ndarray) -> WeakFit:
+        chosen = problem.select_terms(rough.information, rough.right, [support], prices)
+        free, _ = problem.solve_within_bounds(rough.information, rough.right, chosen)
         return replace(rough, free=free, support=chosen)
 
     yield "weak form" if rough is begun.fit else "weak form of a telling stretch", rough, 1.0
     # times as much as terms cost: of six clear lines that did not settle from the weak form, four
     # did with 16 times, each with the right terms, and two with four times
     dear = 16.0
-    yield "few terms", best(rough.support, dear * begun.price.least), dear
+    yield "few terms", fit_support(rough.support, dear * begun.price.least), dear
     low = problem.degrees <= 2
     if not low.all():
-        yield "second degree", best(low, np.where(low, begun.price.least, np.inf)), 1.0
+        yield "second degree", fit_support(low, np.where(low, begun.price.least, np.inf)), 1.0

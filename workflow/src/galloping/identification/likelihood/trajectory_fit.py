@@ -211,7 +211,7 @@ def _error_of_inputs(
     problem, n = begun.problem, len(begun.problem.states)
     values = np.concatenate([one.states[one.valid] for one in begun.smoothed])
     sizes = np.sqrt(
-        np.mean(design_matrix(values, tuple(map(tuple, problem.of_states))) ** 2, axis=0)
+        np.mean(design_matrix(values, tuple(map(tuple, problem.state_exponents))) ** 2, axis=0)
     )
     coefficients = np.minimum(np.abs(start.free), begun.largest)
     moved = np.zeros((3, n))
@@ -263,7 +263,7 @@ def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> Joined
     not settle while terms are chosen never will, and the last model stands for the others.
     """
     step, count = free, len(free.fit.starts)
-    best = _choose_terms(step.fit, step.information, step.right, price.times(dear))
+    best = _choose_terms(step.fit, step.information, step.right, price.scale_by(dear))
     # not critical: from chains of two or of eight on, three recordings have the same model
     chain = count if np.array_equal(best, step.fit.support) else 4
     choosing = 14  # passes of MOST_PASSES: in all of them fewer settle (identification_parts.csv)
@@ -272,7 +272,7 @@ def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> Joined
         for passed in range(choosing if unseen else MOST_PASSES):
             times = max(dear / 2 ** (passed // 2), 1.0)
             longest = None if whole else chain  # chains that come and go would never settle
-            of_pass = price.times(times) if passed < choosing else None
+            of_pass = price.scale_by(times) if passed < choosing else None
             step = take_guarded_step(step.before, step.fit, longest, of_pass)
             unchanged = np.array_equal(step.fit.support, step.before.support)
             if times == 1.0 and not step.fit.support.any():
@@ -339,9 +339,9 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
     # solved for the change: on a long chain, rounding of the coefficients outweighs their noise
     free = np.where(support, fit.free, 0.0)
     rest = right + information @ (fit.free - free)
-    free = free + record.problem.solve(information, rest, support, free)[0]
+    free = free + record.problem.solve_within_bounds(information, rest, support, free)[0]
     change = free - fit.free
-    starts = quadratic.moved(change, fit.starts)
+    starts = quadratic.move_states(change, fit.starts)
     record = replace(record, segments=segments)
     moved = replace(fit, record=record, free=free, support=support, starts=starts)
     moved = update_noise(moved, linear.squares * fit.sigma**2)
@@ -355,7 +355,7 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
 def update_noise(fit: ShootingFit, squares: np.ndarray) -> ShootingFit:
     """Update noise and chi^2 of a fit by sums of squared residuals (n_recordings, n_observed)."""
     rows, floor = fit.record.condensed.rows, fit.record.floor
-    share = fit.parameters / max(int(np.count_nonzero(squares)), 1)
+    share = fit.n_parameters / max(int(np.count_nonzero(squares)), 1)
     # a fifth of the rows at least: what many parameters follow exactly would seem to have no noise,
     # or a variance below zero; not critical
     sigma = np.maximum(np.sqrt(squares / np.maximum(rows - share, 0.2 * rows + 1.0)), floor)
@@ -367,4 +367,4 @@ def _choose_terms(
 ) -> np.ndarray:
     """Choose the best support, searched from all candidates and from the terms of the fit."""
     tried = [np.ones(len(fit.support), bool), fit.support]
-    return fit.record.problem.select(information, right, tried, price, fit.free)
+    return fit.record.problem.select_terms(information, right, tried, price, fit.free)

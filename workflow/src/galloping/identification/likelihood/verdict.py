@@ -119,7 +119,7 @@ def assess_fit(
     """
     support, penalty = regression.support, regression.penalty
     information, right, about = regression.information, regression.right, regression.about
-    free, covariance = problem.solve(information, right, support, about)
+    free, covariance = problem.solve_within_bounds(information, right, support, about)
     free = free + about
     findings, notes = [Finding.of(Code.NO_TERM)], []
     errors = added_deviation(information, support)
@@ -127,7 +127,7 @@ def assess_fit(
     if support.any():
         ruled_out, contradicted = find_beyond_bounds(problem, regression)
         allowed = np.where(np.logical_or.outer(ruled_out, ruled_out), 0.0, information)
-        whitened = whiten(allowed, np.where(ruled_out, 0.0, right), problem.chosen_about(about))
+        whitened = whiten(allowed, np.where(ruled_out, 0.0, right), problem.selection_offset(about))
         plausible = plausible_supports(whitened, support)
         believed = weigh_by_prior(problem, plausible)
         limits = detection_limits(unconditional_errors(believed, errors), support, penalty)
@@ -157,7 +157,7 @@ def assess_fit(
         standard_errors=problem.on_library(conditional, fixed=0.0),
         unconditional_errors=problem.on_library(errors, fixed=0.0),
         detection_limits=problem.on_library(detection_limits(errors, support, penalty)),
-        covariance=problem.of_model(covariance, support),
+        covariance=problem.model_covariance(covariance, support),
         known=problem.known_equations,
         **others,
         **fitted,
@@ -180,7 +180,7 @@ def assess_approximation(
         findings=findings,
         standard_errors=problem.on_library(np.where(near.support, near.errors, np.nan), fixed=0.0),
         detection_limits=problem.on_library(limits),
-        covariance=problem.of_model(near.covariance, near.support),
+        covariance=problem.model_covariance(near.covariance, near.support),
         known=problem.known_equations,
         **fitted,
     )
@@ -211,7 +211,7 @@ def find_beyond_bounds(
     the coefficients that the recording alone would put there for certain.
     """
     ruled_out, contradicted = np.zeros(len(regression.support), bool), []
-    lower, upper = problem.box
+    lower, upper = problem.coefficient_bounds
     for k in np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)).tolist():
         among = regression.support.copy()
         among[k] = True
@@ -224,7 +224,7 @@ def find_beyond_bounds(
             contradicted.append(
                 Finding.of(
                     Code.BOUNDS_CONTRADICTED, problem.states[problem.candidates[k, 0]],
-                    term=problem.named([k]), value=value, least=lower[k], most=upper[k],
+                    term=problem.candidate_names([k]), value=value, least=lower[k], most=upper[k],
                 )
             )  # fmt: skip
     return ruled_out, contradicted
@@ -246,14 +246,14 @@ def best_of(found: list[IdentifiedModel]) -> IdentifiedModel:
     no other follows the data, for a better one may then be missed.
     """
 
-    def order(identified: IdentifiedModel) -> tuple[int, float]:
+    def preference_key(identified: IdentifiedModel) -> tuple[int, float]:
         if identified.status in FOLLOW:
             return 0, float(identified.support.sum())
         if identified.status == "approximate":
             return 1, -float(identified.diagnostics["forecast_r2"])
         return 2, 0.0
 
-    best = min(found, key=order)
+    best = min(found, key=preference_key)
     if best.status == "ok" and sum(one.status in FOLLOW for one in found) < 2:
         return best.with_findings(Finding.of(Code.SINGLE_START))
     return best
@@ -273,11 +273,11 @@ def find_open_questions(
     found = found if share > MOST_RIVAL_WEIGHT else []
     here = make_tableau(whitened, plausible.supports[0])
     alone = np.arange(len(here.out))[None]
-    for places, falls in ((alone, here.additions()), (here.two, here.pairs())):
+    for places, falls in ((alone, here.addition_falls()), (here.pair_places, here.pair_falls())):
         # noise alone raises a doubt once in a thousand over all terms that could be added, and over
         # all pairs; with 0.005, 55 of 1,000 models were doubted for it alone, 5 wrong
         if len(falls) and falls.max() > chdtri(len(places), 0.001 / len(falls)):
-            added = problem.named(here.out[places[:, np.argmax(falls)]])
+            added = problem.candidate_names(here.out[places[:, np.argmax(falls)]])
             found.append(Finding.of(Code.TERM_PLAUSIBLE, terms=added, chi2=-falls.max()))
     return found
 
@@ -322,7 +322,7 @@ def find_hidden_term(
     k = int(np.argmax(share / most))
     if share[k] < np.broadcast_to(most, len(share))[k]:
         return []
-    return [Finding.of(code, term=problem.named([k]), share=share[k])]
+    return [Finding.of(code, term=problem.candidate_names([k]), share=share[k])]
 
 
 def _heaviest_rival(problem: Problem, plausible: Plausible) -> tuple[float, dict[str, Any]]:
@@ -334,6 +334,6 @@ def _heaviest_rival(problem: Problem, plausible: Plausible) -> tuple[float, dict
     lacking = np.where(plausible.supports[:, support].all(axis=1), 0.0, plausible.weight)
     rival = int(np.argmax(lacking))
     other, rise = plausible.supports[rival], plausible.chi2[rival] - plausible.chi2[0]
-    gone = problem.named(np.flatnonzero(support & ~other))
-    instead = problem.named(np.flatnonzero(other & ~support)) or "nothing"
+    gone = problem.candidate_names(np.flatnonzero(support & ~other))
+    instead = problem.candidate_names(np.flatnonzero(other & ~support)) or "nothing"
     return float(lacking.sum()), {"terms": gone, "rivals": instead, "chi2": float(rise)}

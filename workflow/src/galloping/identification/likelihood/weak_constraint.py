@@ -29,7 +29,7 @@ def white_autocovariance(record: Record, variance: np.ndarray) -> np.ndarray:
 
 def white_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
     """Estimate a white misfit, as `white_autocovariance`, not below the floor's square."""
-    squares = record.condensed.squares(residual) / np.maximum(record.condensed.rows, 1)
+    squares = record.condensed.sum_squares(residual) / np.maximum(record.condensed.rows, 1)
     return white_autocovariance(record, np.maximum(squares, record.floor**2))
 
 
@@ -51,7 +51,7 @@ def coloured_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
     for r, (a, b) in enumerate(pairwise(first)):
         length = next_fast_len(b - a + n_lags, real=True)
         power = np.abs(rfft(residual[a:b], length, axis=0)) ** 2
-        count = np.maximum(record.condensed.present[a:b].sum(axis=0), 1)
+        count = np.maximum(record.condensed.is_present[a:b].sum(axis=0), 1)
         misfit[r] = taper * irfft(power, length, axis=0)[:n_lags] / count
     # so that its covariance can be factored
     misfit[:, 0] = (1.0 + 1e-9) * misfit[:, 0] + record.floor[:, :, None] ** 2
@@ -96,7 +96,7 @@ class StretchFit:
     jump: np.ndarray
 
     @cached_property
-    def linear(self) -> NormalEquations:
+    def normal_equations(self) -> NormalEquations:
         """The normal equations about the fit. Raises FloatingPointError where it diverges."""
         record, count, n = self.record, len(self.starts), len(self.free)
         m = n + self.starts.shape[1]
@@ -105,11 +105,11 @@ class StretchFit:
         ends, slopes = np.empty(self.starts.shape), np.empty((*self.starts.shape, m))
         whitened = None
         at_once = 1  # segment: the rows of all of a long recording do not fit in memory
-        for group, own, left, rows, *reached in record.linearised(
+        for group, own, left, rows, *reached in record.iterate_linearised(
             self.free, self.starts, record.problem.candidates, at_once
         ):
             # after the first segment, in which most fits diverge that do: whitening takes long
-            whitened = whitened or self._whitening()
+            whitened = whitened or self._make_whitening()
             residual[own], (ends[group], slopes[group]) = left, reached
             both = np.concatenate([rows, left[..., None]], axis=3)
             count_work((8e-9 + 1.5e-10 * self.misfit.shape[1]) * both.size)
@@ -121,7 +121,7 @@ class StretchFit:
             slopes[:, :, n:],
         )  # fmt: skip
 
-    def _whitening(self) -> Callable[[np.ndarray, slice, int], np.ndarray]:
+    def _make_whitening(self) -> Callable[[np.ndarray, slice, int], np.ndarray]:
         """Make a function that whitens the projections of a segment, to variance one.
 
         The function takes rows (n_windows, n_observed, n_rows, m) of a segment, the segment's
@@ -134,9 +134,9 @@ class StretchFit:
         lags = np.arange(self.misfit.shape[1])
         covariance = np.moveaxis(self.misfit, 1, -1)[..., np.abs(np.subtract.outer(lags, lags))]
         factors = np.linalg.cholesky(covariance)
-        there = self.record.condensed.present
+        there = self.record.condensed.is_present
 
-        def whitened(rows: np.ndarray, own: slice, recording: int) -> np.ndarray:
+        def whiten_rows(rows: np.ndarray, own: slice, recording: int) -> np.ndarray:
             found, n = np.zeros(rows.shape), len(rows)
             for o, k in np.ndindex(rows.shape[1:3]):
                 present = there[own, o, k]
@@ -150,14 +150,14 @@ class StretchFit:
                 found[at, o, k] = lapack.dtrtrs(factor.T, rows[at, o, k], lower=0, trans=1)[0]
             return found
 
-        return whitened
+        return whiten_rows
 
 
 def make_integrable(fit: StretchFit, following: StretchFit) -> StretchFit:
     """`following`, or as much of the step to it as can be integrated over every segment."""
     for _ in range(MOST_HALVINGS):
         try:
-            following.linear  # noqa: B018 - which the next step needs
+            following.normal_equations  # noqa: B018 - which the next step needs
             return following
         except FloatingPointError:
             following = replace(

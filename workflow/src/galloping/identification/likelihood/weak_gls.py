@@ -44,7 +44,7 @@ def weak_gls(
     recordings = checked_recordings(recordings)
     problem = validated_problem(recordings, terms, known, known_states)
 
-    def search() -> IdentifiedModel:
+    def search_model() -> IdentifiedModel:
         used = segments_with_inputs(recordings, problem.inputs)
         begun = start or make_start(problem, used)
         fit, more = begun.fit, max(begun.fit.misfit, 1.0)
@@ -65,5 +65,5 @@ def weak_gls(
         )
         return add_alias_rivals(problem, add_input_errors(found, recordings, used))
 
-    found = attempt(search)
+    found = attempt(search_model)
     return refused_model(problem, found.findings) if isinstance(found, NoModel) else found

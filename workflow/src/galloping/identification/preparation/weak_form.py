@@ -149,7 +149,7 @@ def _noise_influence(
     points: of the grid, all that the tests reach.
     """
     n_states, (phi, slope) = smooth.states.shape[1], _test_function(smooth)
-    signals = problem.signals(smooth.states[points], smooth.inputs[points])
+    signals = problem.integrator_signals(smooth.states[points], smooth.inputs[points])
     theta = design_matrix(signals, problem.tables.monomials)
     by_states = problem.tables.jacobian(coefficients)
     jacobian = np.empty((len(theta), n_states, n_states))
@@ -199,10 +199,10 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
         *system, total, n_rows = _normal_equations(problem, smoothed, coefficients)
         information, right = problem.with_prior(*system)
         if coefficients is not None:
-            support = problem.select(information, right, [every], penalty)
+            support = problem.select_terms(information, right, [every], penalty)
         if not np.any(np.diag(information)):
             raise IdentificationError(Code.GAPS_EVERYWHERE)
-        free, _ = problem.solve(information, right, support)
+        free, _ = problem.solve_within_bounds(information, right, support)
         coefficients = problem.coefficients(free)
     misfit = (total - float(free @ right)) / max(n_rows - int(support.sum()), 1)
     return WeakFit(free, support, information, right, max(misfit, 0.0), n_rows)
@@ -253,7 +253,7 @@ class Start:
         """
         rates = design_matrix(self._values, self.problem.terms)
         rates = rates @ self.problem.coefficients(self.fit.free).T
-        return self.problem.price(
+        return self.problem.term_prices(
             self.penalty, largest_coefficients(self.problem, self._values, rates)
         )
 

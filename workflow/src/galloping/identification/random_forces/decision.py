@@ -86,7 +86,7 @@ def fit_random_forces(
         if isinstance(found, NoModel):
             return found
         return add_input_errors(
-            check_prior_conflict(problem, work.doubted_if_ended(found)), given, recordings
+            check_prior_conflict(problem, work.downgrade_if_ended(found)), given, recordings
         )
 
     found = attempt(search)
@@ -103,7 +103,7 @@ def _identify_selection(
     doubts: Callable[[ForcedFit], Sequence[Finding]] = lambda _: (),
 ) -> Outcome:
     """Return the model of `fit_in_forces`, which takes no terms with functions."""
-    polynomial, places = problem.without(has_functions), list(map(has_functions, problem.terms))
+    polynomial, places = problem.drop_terms(has_functions), list(map(has_functions, problem.terms))
     if problem.known[:, places].any() or problem.precision[:, places].any():
         return NoModel((Finding.of(Code.FORCES_BESIDE_FUNCTIONS),))
     found = attempt(
@@ -189,7 +189,7 @@ def identify_if_ambient(problem: Problem, recordings: list[Recording]) -> Identi
         with limit_work(recordings) as work:
             cleaned, _, period = prepare_recordings(recordings)
             found, is_sure = try_random_forces(problem, cleaned, period)
-            return work.doubted_if_ended(found) if found and is_sure else None
+            return work.downgrade_if_ended(found) if found and is_sure else None
 
     found = attempt(search)
     return None if isinstance(found, NoModel) else found

@@ -221,7 +221,7 @@ def maximise_likelihood(
     here, damping = filter_with(vector), FIRST_DAMPING
     if not np.isfinite(here.log_likelihood):
         if here.objection:
-            raise NotConvergedError.of(here.objection)
+            raise NotConvergedError.from_finding(here.objection)
         raise FloatingPointError("the filter of its start loses all digits")
     slopes = _difference_innovations(filter_with, vector, here, step)
     first = slopes[parameters.places["coefficients"]]
@@ -266,7 +266,7 @@ def _difference_innovations(
         unit[j] = h
         moved = filter_with(vector + unit)
         if moved.objection:
-            raise NotConvergedError.of(moved.objection)
+            raise NotConvergedError.from_finding(moved.objection)
         with np.errstate(all="ignore"):  # of a variance that is none
             slopes[j, 0] = (moved.innovations - here.innovations)[known] / h / root
             slopes[j, 1] = np.log(moved.variances[known] / here.variances[known]) / h / np.sqrt(2.0)

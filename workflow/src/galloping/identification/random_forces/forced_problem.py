@@ -136,7 +136,7 @@ class ForcedProblem:
         A constant becomes what is left of its equation in the middle of the motion: if the motion
         is far from zero, the stiffness alone determines a constant otherwise.
         """
-        places, terms = np.flatnonzero(support), self.problem.of_states
+        places, terms = np.flatnonzero(support), self.problem.state_exponents
         centring, equations = np.eye(len(places)), self.problem.candidates[places, 0]
         degrees = np.where(self.always, self.problem.degrees, -1)[places]
         for n in np.flatnonzero(degrees == 0):
@@ -221,7 +221,7 @@ class ForcedProblem:
     def _prior_samples(self, model: ForcedModel) -> list[FilterResult]:
         """Return what priors of coefficients expect beyond a model, as a sample each."""
         problem = self.problem
-        mean, precision = map(problem.of_candidates, (problem.expected, problem.precision))
+        mean, precision = map(problem.candidate_values, (problem.expected, problem.precision))
         told, none = np.flatnonzero(precision), np.empty(0)
         error, variance = np.full((2, len(told), len(self.channels.names)), np.nan)
         error[:, 0], variance[:, 0] = (mean - model.coefficients)[told], 1.0 / precision[told]
@@ -287,7 +287,7 @@ def _scaled_problem(
     """
     channels, (about, largest) = Channels.from_recordings(recordings), factors
     size, mean, deviation = motion_sizes(recordings, channels, period)
-    moved = np.prod(size**problem.of_states, axis=1) * largest
+    moved = np.prod(size**problem.state_exponents, axis=1) * largest
     unit = np.array([2.0 * np.pi / period * size[i] / moved[j] for i, j in problem.candidates])
     middle = np.zeros(len(problem.states))
     middle[list(channels.values)] = mean[: len(channels.values)]
@@ -306,14 +306,14 @@ def _initial_coefficients(
 
     factors: as of `_input_factor_moments`.
     """
-    problem, powers, (about, largest) = posed.problem, posed.problem.of_states, factors
+    problem, powers, (about, largest) = posed.problem, posed.problem.state_exponents, factors
     alike = np.all(powers[:, np.newaxis] == powers, axis=2)
-    expected, known = problem.of_candidates(problem.expected), problem.known + problem.expected
+    expected, known = problem.candidate_values(problem.expected), problem.known + problem.expected
     constant = -(system @ posed.middle)[:, np.newaxis]
     rows = np.where(powers.sum(axis=1) > 0, system @ powers.T, constant)
     rows = (rows - (about * known) @ alike) / np.where(about == 0.0, largest, about)
-    free = np.where(posed.always, problem.of_candidates(rows), 0.0)
-    return np.where(problem.of_candidates(problem.precision) > 0.0, expected, free)
+    free = np.where(posed.always, problem.candidate_values(rows), 0.0)
+    return np.where(problem.candidate_values(problem.precision) > 0.0, expected, free)
 
 
 def _input_factor_moments(
@@ -332,11 +332,11 @@ def _linear_candidates(problem: Problem, steady: np.ndarray) -> np.ndarray:
     Of terms that differ in their inputs alone, the one of the lowest powers of those that are
     mostly there: steady, (n_terms,).
     """
-    always = problem.of_candidates(problem.precision) > 0.0
+    always = problem.candidate_values(problem.precision) > 0.0
     simplest: dict[tuple[int, ...], list[tuple[int, int]]] = {}
     for k, (i, j) in enumerate(problem.candidates):
         if problem.degrees[k] <= 1 and steady[j]:
             powers = sum(map(abs, problem.terms[j][len(problem.states) :]))
-            simplest.setdefault((i, *problem.of_states[j]), []).append((powers, k))
+            simplest.setdefault((i, *problem.state_exponents[j]), []).append((powers, k))
     always[[min(alike)[1] for alike in simplest.values()]] = True
     return always

@@ -199,7 +199,8 @@ def _with_chosen_terms(fit: ForcedFit, allowed: np.ndarray, noise: np.ndarray) -
     posed, problem, unit = fit.posed, fit.posed.problem, fit.posed.unit
     pairs = {velocity: [velocity, i] for i, velocity in posed.channels.pairs.items()}
     powers = [
-        problem.of_states[j][pairs[i]] if i in pairs else (0, 0) for i, j in problem.candidates
+        problem.state_exponents[j][pairs[i]] if i in pairs else (0, 0)
+        for i, j in problem.candidates
     ]
     damping, stiffness = np.array(powers).T
     damped = (damping == 1) & (problem.degrees == 1)
@@ -207,7 +208,7 @@ def _with_chosen_terms(fit: ForcedFit, allowed: np.ndarray, noise: np.ndarray) -
     prices = np.where(posed.always, 0.0, problem.least_prices(posed.penalty))
     information, right = fit.normal_equations
     about, support = fit.model.coefficients / unit, allowed.copy()
-    apart = problem.chosen_about(fit.model.coefficients) / unit
+    apart = problem.selection_offset(fit.model.coefficients) / unit
     support[allowed] = select_support(
         information[np.ix_(allowed, allowed)], right[allowed],
         [fit.support[allowed], np.ones(allowed.sum(), bool)], prices[allowed], apart[allowed],
@@ -230,12 +231,12 @@ def _select_terms(fit: ForcedFit, penalty: float) -> np.ndarray:
     that by itself is hardly told.
     """
     posed, problem, support = fit.posed, fit.posed.problem, fit.support.copy()
-    judged = support & posed.always & (problem.of_candidates(problem.precision) == 0.0)
+    judged = support & posed.always & (problem.candidate_values(problem.precision) == 0.0)
     own = {velocity: i for i, velocity in posed.channels.pairs.items()}
     groups: dict[tuple[int, ...], list[int]] = {}
     for k in np.flatnonzero(judged):
         equation, j = problem.candidates[k]
-        moved = next((s for s, e in enumerate(problem.of_states[j]) if e), None)
+        moved = next((s for s, e in enumerate(problem.state_exponents[j]) if e), None)
         if moved is None:  # a constant, which goes alone
             coordinates: tuple[int, ...] = (own[equation], int(k))
         else:

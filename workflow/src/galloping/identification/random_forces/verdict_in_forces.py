@@ -38,7 +38,9 @@ def assess_forced_fit(found: FinalFit) -> IdentifiedModel:
     unit = posed.unit[support]
     errors = np.full(len(support), np.nan)
     errors[support] = np.sqrt(np.diag(fit.coefficient_covariance)) * unit
-    covariance = problem.of_model(fit.coefficient_covariance * np.outer(unit, unit), support)
+    covariance = problem.model_covariance(
+        fit.coefficient_covariance * np.outer(unit, unit), support
+    )
     sigma = np.full((len(recordings), len(problem.states)), np.nan)
     for c, i in enumerate(channels.values):
         there = [np.isfinite(one.samples[:, c]).any() for one in posed.data]
