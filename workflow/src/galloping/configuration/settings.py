@@ -201,7 +201,7 @@ MEASUREMENT_KEYS: Any = keys(
 class MeasurementSection(MEASUREMENT_KEYS):
     """What a recording keeps of the trajectory."""
 
-    protocols: selection(ProtocolName) = setting(
+    protocols: selection(ProtocolName) = setting(  # type: ignore[valid-type]
         tuple(protocol.name for protocol in PROTOCOLS if protocol.by_default),
         "what is measured: "
         + ", ".join(f"{protocol.meaning} ({protocol.name})" for protocol in PROTOCOLS),
@@ -214,21 +214,19 @@ LIBRARY_KEYS: Any = keys("library")
 class LibrarySection(LIBRARY_KEYS):
     """What models are found of, and how."""
 
-    methods: selection(MethodName) = setting(
+    methods: selection(MethodName) = setting(  # type: ignore[valid-type]
         tuple(m.name for m in METHODS if m.by_default), "identification methods"
     )
 
 
-# with a section for each method that has settings
+METHOD_SECTIONS: Any = {  # of each method that has settings
+    m.name: (m.options, Field(default_factory=m.options)) for m in METHODS if m.options.model_fields
+}
 Identification = create_model(
     "Identification",
     __base__=LibrarySection,
     __doc__="How models are found.",
-    **{
-        m.name: (m.options, Field(default_factory=m.options))
-        for m in METHODS
-        if m.options.model_fields
-    },
+    **METHOD_SECTIONS,
 )
 
 

@@ -39,7 +39,8 @@ def sensitivities(
     start = np.asarray(initial_state, float)
     diverges = "the solution of the model diverges, or its time scale is too short"
     if model.inputs:
-        measured = list(check_inputs(model, inputs or {}, time).values())
+        checked = check_inputs(model, inputs or {}, time)
+        measured = [one for one in checked.values() if isinstance(one, Input)]  # all are
         most = EQUAL_STEPS * max_steps(time)
         try:
             states, moved, _ = solve_driven(

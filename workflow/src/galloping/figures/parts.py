@@ -316,8 +316,9 @@ def legend(
             named.setdefault(label, handle)
     if named.pop(BEYOND, None):
         named[BEYOND] = key(BEYOND, marker="v", mfc="white", mec="k", mew=0.7)
-    look: dict[str, Any] = {"columnspacing": 1.4, "handlelength": 2.4} | options
+    look: dict[str, Any] = {
+        "loc": loc, "ncols": columns, "columnspacing": 1.4, "handlelength": 2.4
+    } | options  # fmt: skip
     if named:
-        figure.legend(
-            handles=list(named.values()), labels=list(named), loc=loc, ncols=columns, **look
-        )
+        handles: list[Any] = list(named.values())
+        figure.legend(handles, list(named), **look)

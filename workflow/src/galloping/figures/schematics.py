@@ -151,7 +151,8 @@ def draw_aerodynamic_load(trajectory: Sequence[Motion], settings: Mapping) -> Fi
     if motion.status != "ok":
         velocity = np.zeros(1)  # of a line that diverges no angle is shown
     figure = Figure(figsize=(SINGLE, 2.85), layout="constrained")
-    above, below = figure.subfigures(2, 1, height_ratios=(1.2, 1))
+    halves: Any = figure.subfigures(2, 1, height_ratios=(1.2, 1))
+    above, below = halves
     _draw_vectors(above.subplots())
     attack = velocity / case["wind"]["speed"]
     left, right = below.subplots(1, 2)

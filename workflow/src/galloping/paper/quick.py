@@ -116,7 +116,7 @@ class QuickStudy:
         """R2 (draws, 2), -inf for a model that diverges, and amplitude (draws, 2), inf for it."""
         # the first monomial is the constant: nothing makes it, and -1 stands for it
         made = [(0, 0), *factor_monomials(self.terms)[1:]]
-        last, lower = np.ascontiguousarray(np.maximum(made, 0).T)
+        last, lower = np.ascontiguousarray(np.maximum(np.array(made, int), 0).T)
         displacements = list(score.DISPLACEMENT_COLUMNS.values())
         true = np.ascontiguousarray(self.motion.states[::STEP, displacements])
         step = STEP / self.amounts.sampling_rate

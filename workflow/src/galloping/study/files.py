@@ -39,7 +39,7 @@ def read(path: str | os.PathLike) -> object:
 def read_all(files: Mapping[str, str | Sequence], names: Mapping[str, Sequence[str]]) -> dict:
     """Return what files hold, by name; of a list of files a dict, by those of `names`."""
     return {
-        key: dict(zip(names[key], map(read, of), strict=True)) if key in names else read(of)
+        key: read(of) if isinstance(of, str) else dict(zip(names[key], map(read, of), strict=True))
         for key, of in files.items()
     }
 

@@ -121,13 +121,13 @@ def trial(
             }  # fmt: skip
             if found.is_forced:
                 places = np.argwhere(found.support)
-                exponents = np.array(found.model.terms)[places[:, 1]]
+                exponents: np.ndarray = np.array(found.model.terms)[places[:, 1]]
                 moved = [
                     (i, np.flatnonzero(e)) for (i, _), e in zip(places, exponents, strict=True)
                 ]
                 said, slopes = decays(found.model.jacobian(np.zeros((1, 4)))[0], moved)
                 errors = np.sqrt(np.einsum("mi,ij,mj->m", slopes, found.covariance, slopes))
-                lasted, held = found.diagnostics["duration"], []
+                lasted, held = float(found.diagnostics["duration"]), []
                 row["terms"] = len(places)
                 for k, direction in enumerate("vw"):
                     low, high = decay_interval(-said[k].real, errors[k], lasted)

@@ -133,7 +133,7 @@ def exact_terms(
     """
     system, step = SETTINGS[case]
     true = system.model
-    time = step * np.arange(round(LONGEST[case] / step))
+    time = step * np.arange(round(LONGEST[case] / step), dtype=np.float64)
     motion = Simulator(true.states, true.terms)(
         true, np.array(system.start, np.float64), time
     ).states

@@ -167,7 +167,8 @@ class StateSpaceModel:
     @cached_property
     def is_linear(self) -> bool:
         """Whether it is, and no input bears on it."""
-        exponents, n = np.array(self.model.terms), len(self.size)
+        exponents: np.ndarray = np.array(self.model.terms)
+        n = len(self.size)
         others = (exponents[:, :n].sum(axis=1) > 1) | exponents[:, n:].any(axis=1)
         return not self.model.coefficients[:, others].any()
 

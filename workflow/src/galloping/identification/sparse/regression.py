@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.identified_model import UNSTATED, IdentifiedModel
 from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.model.polynomial import Exponents, PolynomialModel
@@ -45,9 +45,7 @@ class ReducedRegression:
     terms: tuple[Exponents, ...]
     held_out: np.ndarray | None = None
 
-    def model(
-        self, coefficients: np.ndarray, thresholds: np.ndarray | None = None
-    ) -> IdentifiedModel:
+    def model(self, coefficients: np.ndarray, thresholds: np.ndarray = UNSTATED) -> IdentifiedModel:
         """Return what a method makes of it: (n_states, n_terms) coefficients, without a verdict."""
         model = PolynomialModel(self.states, self.terms, coefficients)
         return IdentifiedModel(model, "unjudged", thresholds=thresholds)
