@@ -73,7 +73,7 @@ def test_with_the_wind_recorded_the_model_holds_at_other_winds(tmp_path):
     model = gusts / "model.json"
     assert IdentifiedModel.load(model).status == "ok"
     summary = (gusts / "summary.md").read_text(encoding="utf-8")
-    assert "input U is not known for" in summary and "U, at the mean of which" in summary
+    assert "input U is not known for" in summary and "U, its mean" in summary
     figure = gusts / "winds.png"
     rows = json.loads(run("assess", model, "--at", "U=4:14:5", "--json", "--figure", figure))
     assert figure.read_bytes()[:4] == b"\x89PNG" and figure.with_suffix(".svg").exists()

@@ -150,7 +150,7 @@ def test_importance_sampling_integrates_a_likelihood_that_is_known(monkeypatch):
         assert logsumexp(run["log_weight"]) == pytest.approx(expected, abs=0.4)
     evidence, error = tables._log_evidence(tried)
     assert error < 0.1 and abs(evidence - expected) < 3 * error
-    weights = tables._normalised(tried["log_weight"])
+    weights = tables._normalise_weights(tried["log_weight"])
     x = np.log(tried[list(unknowns.NAMES)].to_numpy(float))
     np.testing.assert_allclose(weights @ x, centre, atol=0.4 * width.max())
     np.testing.assert_allclose(np.sqrt(weights @ (x - centre) ** 2), width, rtol=0.3)
