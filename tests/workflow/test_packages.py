@@ -28,7 +28,7 @@ LOCKS = ("requirements.lock", "requirements-dev.lock")
 # Of the library, what commands run and jobs never do.
 WITHOUT_JOBS = {"publication", "plan", "lock", "repair"}
 COMPILED = (
-    "taylor",
+    "trajectory.taylor",
     "identification.likelihood.condense",
     "identification.preparation.smoothing",
     "identification.random_forces.kalman",
