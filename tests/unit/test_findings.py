@@ -69,7 +69,7 @@ def test_infinite_numbers_and_severities_come_back_from_json():
     one = Finding(Code.TERM_MAY_HIDE, Severity.INEXACT, "x", {"term": "y", "share": np.inf}, 2)
     plain = json.loads(json.dumps(one.as_dict(), allow_nan=False))
     assert Finding(**plain) == one
-    assert sentence_of(one) == "y would not show, were it many times its equation."
+    assert sentence_of(one) == "y would not be detected if it were many times its equation."
 
 
 def test_what_weighs_more_is_said_first_and_once():

@@ -378,7 +378,7 @@ def dry_run(study, folder, *edits):
     return {
         Output(rule, Path(name).relative_to("results/smoke"), plan == "update pending")
         for name, _, rule, *_, plan in lines[1:]
-        if rule != REPORT
+        if rule != REPORT and not name.endswith(".receipt")
     }
 
 

@@ -295,7 +295,7 @@ class MaximumLikelihood:
         return {name: getattr(self, name) for name in signature(type(self)).parameters}
 
     def set_params(self, **options: Any) -> "MaximumLikelihood":
-        """Set options by name. Raises ValueError for one that there is not."""
+        """Set options by name. Raises ValueError for an unknown name."""
         names = list(signature(type(self)).parameters)
         for name, value in options.items():
             if name not in names:

@@ -34,7 +34,7 @@ class Family:
 
 
 def constant(model: PolynomialModel, sizes: np.ndarray | float = 1.0) -> Family:
-    """Return the same model at every value. sizes: as of `Family`."""
+    """Return a family with the same model at every value. sizes: as in `Family`."""
     return Family(lambda _: model, sizes=sizes)
 
 

@@ -241,7 +241,7 @@ def dot(
     axes: Axes, y: float, values: Sequence[float], limits: tuple[float, float], color: str,
     marker: str, size: float, bar: Mapping | None = None,
 ) -> None:  # fmt: skip
-    """Median and the interval (low, high) in a row; a median off the axis is an open arrowhead.
+    """Draw a median and its interval in a row; a median off the axis is an open arrowhead.
 
     values: median, low, high, places on the axis. bar: look of the interval.
     """

@@ -36,7 +36,7 @@ class FurtherMode:
 
     @property
     def is_steady(self) -> bool:
-        """Whether it neither grows nor decays, as what a steady force moves."""
+        """Whether it neither grows nor decays, as an oscillation driven by a steady force does."""
         return self.growth == 0.0
 
     def __call__(self, time: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""What was noticed in recordings, in sentences."""
+"""Sentences on findings that bear on no verdict, and on further modes, for the user."""
 
 from collections.abc import Iterable, Iterator
 

@@ -128,7 +128,7 @@ def design_matrix(x: np.ndarray, terms: tuple[Exponents, ...]) -> np.ndarray:
 def split_functions(
     terms: tuple[Exponents, ...],
 ) -> tuple[tuple[Function, ...], tuple[tuple[int, ...], ...]]:
-    """The functions of terms, and the terms as exponents, those of the functions last."""
+    """Return the functions in terms, and the terms as exponents, those of the functions last."""
     functions = tuple(sorted({own for term in terms for own in term if isinstance(own, Function)}))
     if not functions:
         return (), terms

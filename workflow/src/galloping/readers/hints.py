@@ -62,7 +62,7 @@ def likely_unit(order: int, values: np.ndarray, alike: Iterable[np.ndarray] = ()
 
 
 def likely_input_unit(name: str) -> str:
-    """Return m/s for a wind, else 1, by which the numbers of an input are taken as they are."""
+    """Return m/s for a wind, else 1, which leaves the numbers of an input as they are."""
     return "m/s" if words_of(name) & WINDS else "1"
 
 

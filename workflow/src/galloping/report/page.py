@@ -72,7 +72,7 @@ class Item:
 
     @property
     def width(self) -> str:
-        """Of an SVG on the page, its printed size enlarged for a screen; '' of other files."""
+        """Return the width of an SVG on the page, enlarged for a screen; '' for other files."""
         return (
             f"{ENLARGED * self._width_in_points:.0f}px" if isfinite(self._width_in_points) else ""
         )

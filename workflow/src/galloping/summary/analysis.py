@@ -242,7 +242,7 @@ def identify_field(field: Field, question: FieldQuestion) -> tuple[Field, Summar
 
 
 def check_telling(series: Sequence[Series], terms: Sequence[Exponents], n_states: int) -> None:
-    """Refuse inputs that tell nothing, or that a library divides by where they cross zero.
+    """Refuse inputs that never change, or that cross zero although a library divides by them.
 
     series: of all files. terms: exponents of states and inputs. Raises ValueError.
     """

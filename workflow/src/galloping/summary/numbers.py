@@ -234,7 +234,7 @@ def findings(
 
 
 def keeps(known: Dynamics) -> bool:
-    """Whether a motion of any size goes on as it is."""
+    """Whether all damping is zero: no motion grows or decays."""
     return all(abs(value.value) < ROUNDING for value in known.damping.values())
 
 

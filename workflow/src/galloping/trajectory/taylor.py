@@ -670,7 +670,7 @@ def integrate(
 def at_points(
     compiled: System, window: np.ndarray, tau: np.ndarray, windows: int, n_states: int
 ) -> tuple[np.ndarray, Samples | None, np.ndarray]:
-    """Functionals of steps that are the states at points of time.
+    """Return functionals of the Taylor steps that give the states at points of time.
 
     window: (n,) the step of each point, non-decreasing. tau: (n,) its time in the step, 0 to 1.
     Returns what `integrate` takes for it, functionals of all states (windows, n_states, n_rows,

@@ -59,7 +59,7 @@ class Candidate:
 
     @property
     def stands_out(self) -> bool:
-        """Whether there is more than noise."""
+        """Whether the power exceeds what noise is allowed."""
         return self.power > self.allowed
 
 

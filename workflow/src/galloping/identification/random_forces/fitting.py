@@ -101,7 +101,7 @@ class Parameters:
         return dict(zip(counts, map(slice, ends[:-1], ends[1:]), strict=True))
 
     def to_vector(self, model: ForcedModel) -> np.ndarray:
-        """Return (n_parameters,) of a model."""
+        """Return the parameters (n_parameters,) of a model as one vector."""
         scaled = self.centring @ (model.coefficients / self.posed.unit)[self.support]
         diagonal, swings = np.diag(model.root), model.extra_modes
         least = self.posed.least_noise

@@ -95,7 +95,7 @@ class Innovations:
 
     @property
     def standardised(self) -> np.ndarray:
-        """Innovations in their deviations."""
+        """Innovations divided by their standard deviations."""
         return self.innovations / np.sqrt(self.variances)
 
 

@@ -105,7 +105,7 @@ class SeveralModes:
         return Channels.from_recordings(self.recordings)
 
     def slowest(self, apart: tuple[float, float] = FAR_APART) -> Iterator[ModeSelection]:
-        """Select as many of the slowest modes as coordinates, if there are more.
+        """Select the slowest modes, one per coordinate, if there are more modes than coordinates.
 
         apart: times the last of these modes, between which the next one is.
         """

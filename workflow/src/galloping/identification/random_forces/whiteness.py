@@ -80,7 +80,7 @@ class Whiteness:
 
     @property
     def is_white(self) -> bool:
-        """Whether it is white noise, for all that can be told."""
+        """Whether no test tells the innovations from white noise."""
         apart = self.shows_line or self.has_jump or self.goes_with
         return self.statistic <= self.allowed and not apart
 
