@@ -54,7 +54,7 @@ def test_only_what_belongs_to_trials_is_made(tried):
         "published_intervals.csv", "published_intervals.svg", "published_intervals.png",
     }  # fmt: skip
     report = (tried / "report.html").read_text(encoding="utf-8")
-    assert "Of 1 fits to default line, 1 were ok, 0 of them wrong" in report
+    assert "1 of 1 fits to default line were ok, 0 of these were wrong (0 % of all)" in report
     assert "how often each status is right" in report
 
 

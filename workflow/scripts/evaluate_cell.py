@@ -3,6 +3,7 @@
 from galloping.evaluation.bounds_of_cells import cell_bounds, deviations, models_at
 from galloping.evaluation.score import Truth, evaluate
 from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.observations import Code, Finding
 from galloping.model.polynomial import extend_library, polynomial_library
 from galloping.reproducibility.job import run
 from galloping.results import BOUND
@@ -32,8 +33,8 @@ def evaluate_cell(
         known = cell_bounds(line, motions, *drawn)
         at_bound = models_at(line, known, *drawn, lacking=line.term_names[len(terms) :])
     elif is_own_model:
-        why = "bound: the line itself diverges"
-        nothing = IdentifiedModel.refused(line.states, line.terms, why)
+        why = Finding.of(Code.COMPUTATION_FAILED, error="the line itself diverges")
+        nothing = IdentifiedModel.refused(line.states, line.terms, [why])
         at_bound = [nothing] * measurement["replicates"]
     models = ({BOUND: at_bound} if at_bound else {}) | read_families(identified)
     first = motions[0]

@@ -52,7 +52,7 @@ def verdicts(trust: pd.DataFrame) -> list[str]:
         refused = int(rows["refused"].sum())
         sentences.append(
             f"{sure:,} of {fits:,} fits to {group} were ok, {wrong:,} of these were wrong "
-            f"({100 * wrong / fits:.2g} % of all), and {refused:,} were refused."
+            f"({100 * wrong / fits:.3g} % of all), and {refused:,} were refused."
         )
     return sentences
 
