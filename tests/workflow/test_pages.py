@@ -53,7 +53,7 @@ def test_every_picture_of_the_pages_is_held_by_a_test():
     held = {f"../examples/{name}.png" for name in PICTURES}
     names = ("galloping.gif", "printed.png", "overview.png", "paper/paper_region.png")
     taken = {f"../results/reference/{name}" for name in names}
-    assert shown <= held | taken
+    assert shown <= held | taken | {"rules.svg"}  # whose own test draws it
 
 
 def anchors(page):
@@ -86,7 +86,7 @@ def test_no_page_is_long(page):
 
 
 def test_pages_name_modules_that_exist():
-    paths = (ROOT / folder for folder in ("workflow/src", "examples"))
+    paths = (ROOT / folder for folder in ("workflow", "examples", "tests"))
     names = {path.name for folder in paths for path in folder.rglob("*.py")}
     text = "".join(map(read, PAGES))
     named = {name.rpartition("/")[2] for name in re.findall(r"`([\w/]+\.py)`", text)}
@@ -122,7 +122,7 @@ def test_pages_are_whole(tmp_path):
     for name, shown in (
         ("tutorial_recording", "limit cycle"),
         ("ambient", "Random forces"),
-        ("wind", "begin to grow above U"),
+        ("wind", "small motions grow above U"),
     ):
         assert shown in read(tmp_path / "pages" / f"{name}.html")
     for name in ("trust", "methods"):  # one definition, included
