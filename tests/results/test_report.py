@@ -128,4 +128,4 @@ def test_nothing_needs_scrolling_sideways(page, width):
 
 
 def test_it_is_light(results):
-    assert (results / "report.html").stat().st_size <= 12_000_000
+    assert (results / "report.html").stat().st_size <= 8_000_000
