@@ -53,7 +53,7 @@ def test_eliminated_states_leave_the_best_coefficients_and_follow_them(jump: flo
             SLOPES[:, :, :N], SLOPES[:, :, N:],
         )  # fmt: skip
         unknown = SimpleNamespace(with_prior=lambda information, right, _: (information, right))
-        record = SimpleNamespace(followed=np.flatnonzero(np.diff(OWNER) == 0), problem=unknown)
+        record = SimpleNamespace(followed_segments=np.flatnonzero(np.diff(OWNER) == 0), problem=unknown)
         precision = np.tile(np.eye(STATES) / jump**2, (COUNT, 1, 1))
         found = eliminate_with_jumps(record, linear, precision)
     else:
@@ -71,4 +71,4 @@ def test_eliminated_states_leave_the_best_coefficients_and_follow_them(jump: flo
     best = dense(jump)
     change = np.linalg.solve(found.information, found.right)
     assert change == pytest.approx(best[:N], rel=1e-5)
-    assert found.moved(change).ravel() == pytest.approx(best[N:], rel=1e-5)
+    assert found.move_states(change).ravel() == pytest.approx(best[N:], rel=1e-5)

@@ -21,7 +21,7 @@ PRICE = Price(*np.ones((3, 8)))
 def fit(misfit=10.0, support=(), place=0.0, segments=1, periods=6.0, select=None):
     """All of its coefficients are `place`, and its misfit is chi^2 of one row."""
     condensed = SimpleNamespace(rows=np.ones(1))
-    problem = SimpleNamespace(select=select)
+    problem = SimpleNamespace(select_terms=select)
     record = SimpleNamespace(problem=problem, condensed=condensed, stretch=periods)
     chosen = np.isin(np.arange(8), support)
     starts, noise = np.zeros((segments, 1)), np.ones((1, 1))
