@@ -53,7 +53,9 @@ def test_eliminated_states_leave_the_best_coefficients_and_follow_them(jump: flo
             SLOPES[:, :, :N], SLOPES[:, :, N:],
         )  # fmt: skip
         unknown = SimpleNamespace(with_prior=lambda information, right, _: (information, right))
-        record = SimpleNamespace(followed_segments=np.flatnonzero(np.diff(OWNER) == 0), problem=unknown)
+        record = SimpleNamespace(
+            followed_segments=np.flatnonzero(np.diff(OWNER) == 0), problem=unknown
+        )
         precision = np.tile(np.eye(STATES) / jump**2, (COUNT, 1, 1))
         found = eliminate_with_jumps(record, linear, precision)
     else:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
+from os import PathLike
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
@@ -36,10 +37,14 @@ def read(path: str | os.PathLike) -> object:
     raise ValueError(f"{path}: is of no kind that a study has; must be {', '.join(READERS)}")
 
 
-def read_all(files: Mapping[str, str | Sequence], names: Mapping[str, Sequence[str]]) -> dict:
+def read_all(
+    files: Mapping[str, str | PathLike | Sequence], names: Mapping[str, Sequence[str]]
+) -> dict:
     """Return what files hold, by name; of a list of files a dict, by those of `names`."""
     return {
-        key: read(of) if isinstance(of, str) else dict(zip(names[key], map(read, of), strict=True))
+        key: read(of)
+        if isinstance(of, str | PathLike)
+        else dict(zip(names[key], map(read, of), strict=True))
         for key, of in files.items()
     }
 
