@@ -34,6 +34,7 @@ SIGNIFICANT = 2.0  # standard errors
 # The same is a coefficient that moved by less than this share of its standard error, and a standard
 # error that changed by less than this share.
 SAME = 0.01
+DIGITS = 1e-8  # to which a reference keeps its numbers
 UNSTATED = 0.01  # of a coefficient, in place of a standard error that is not stated
 
 
@@ -168,7 +169,7 @@ def _describe_changes(row: Mapping[str, Any]) -> Iterator[str]:
         yield f"{row['status']} -> {row['status_now']}"
     for name in (*JUDGED, "intervals_held"):
         first, second = row[name], row[f"{name}_now"]
-        if not np.array_equal(first, second, equal_nan=True):
+        if not np.isclose(first, second, rtol=DIGITS, equal_nan=True):
             yield f"{name.replace('_', ' ')} {first:.3g} -> {second:.3g}"
     first, second = (set(row[name].split()) for name in ("findings", "findings_now"))
     for sign, codes in (("-", first - second), ("+", second - first)):
