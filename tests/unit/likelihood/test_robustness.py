@@ -95,7 +95,7 @@ def test_constant_channels_are_refused(method) -> None:
 
 def test_a_mistake_in_the_code_is_not_taken_for_a_recording_without_a_model(monkeypatch) -> None:
     begin = Mock(side_effect=ValueError("shapes differ"))
-    monkeypatch.setattr(f"{maximum_likelihood.__module__}.begin", begin)
+    monkeypatch.setattr(f"{maximum_likelihood.__module__}.make_start", begin)
     with pytest.raises(ValueError, match="shapes differ"):
         maximum_likelihood(Recording(TIME, LINE.states, X), LINE.terms)
 
