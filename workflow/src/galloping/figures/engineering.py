@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 from matplotlib.path import Path
+from PIL import Image
 
 from galloping.figures import parts
 from galloping.figures.schematics import INK, arrow
@@ -35,6 +36,7 @@ MEASURED = {
     "clearance_m": "least clearance, m",
 }
 SIZE, DPI, RATE = (7.2, 3.2), 110, 10  # inches, px/inch, frames per second
+COLOURS = 24  # of an animation
 
 
 def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapping) -> Figure:
@@ -201,12 +203,22 @@ def write_still(path: str | os.PathLike, reason: str) -> None:
 def _write_gif(
     path: str | os.PathLike, figure: Figure, update: Callable[[int], tuple], frames: range
 ) -> None:
-    """Write `frames` of a figure, which `update` changes to a frame's."""
+    """Write `frames` of a figure, which `update` changes to a frame's, in the same few colours."""
+    figure.set_dpi(DPI)
+    canvas = FigureCanvasAgg(figure)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # solved once, not in every frame
-    animation = FuncAnimation(figure, update, frames=frames, blit=False)
+    images: list[Image.Image] = []
+    for frame in frames:
+        update(frame)
+        canvas.draw()
+        image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+        palette = images[0] if images else image.quantize(COLOURS, dither=Image.Dither.NONE)
+        images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
     with replacing(path) as partial:
-        animation.save(partial, writer=PillowWriter(fps=RATE), dpi=DPI)
+        images[0].save(
+            partial, "GIF", save_all=True, append_images=images[1:], loop=0, duration=1000 // RATE
+        )
 
 
 def _prepare_scene(case: Mapping, states: np.ndarray, title: str) -> tuple:
