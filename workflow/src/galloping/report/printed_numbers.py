@@ -64,41 +64,50 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
     """
     bounds = sum(not claim.is_number for claim in PRINTED)
     text = (
-        f"The paper leaves out {len(UNKNOWNS)} numbers, from the wind to the threshold. They were "
-        f"fitted to the {len(NUMBERS)} errors and the {bounds} bounds and words that it states of "
-        "noisy recordings, so agreement with these is consistency, not confirmation."
+        f"The paper does not state {len(UNKNOWNS)} numbers that the study needs, from the wind "
+        "speed to the threshold of the method. They were fitted to what the paper states of noisy "
+        f"recordings: {len(NUMBERS)} errors, and {bounds} bounds and statements in words. "
+        "Agreement with these shows consistency; it does not confirm the paper."
     )
     if region is not None:
         first = region.drop_duplicates("unknown").set_index("unknown")["verdict"]
         determined = int((first.reindex([u.name for u in UNKNOWNS]) == "determined").sum())
-        text += f" {determined or 'None'} of them {'are' if determined > 1 else 'is'} determined."
+        verb = "are" if determined > 1 else "is"
+        text += f" {determined or 'None'} of these numbers {verb} determined by the fit."
     joint = paper[paper["role"] == "joint"]
     if len(joint):
         first = joint[joint["case"] == joint["case"].iloc[0]].to_dict("records")
-        shares = ", ".join(
-            f"{_format_percent(row['share_of_draws'])} keep "
+        shares = ", and ".join(
+            f"{_format_percent(row['share_of_draws'])} satisfy "
             + row["claim"].removesuffix(" in the same draw")
             for row in first
         )
-        text += f" Of the draws of the noise, {shares} at once."
+        text += f" Of the noise realisations, {shares} at once."
     return text
 
 
 def count(paper: pd.DataFrame) -> str:
-    """Say how many of the paper's statements come out, and what is not judged, with the reason.
+    """Say how many of the paper's statements are reproduced, which are not, and what is not judged.
 
-    A statement is counted once, and comes out where all of its rows do. paper: paper.csv.
+    A statement is counted once, and is reproduced if all of its rows are. paper: paper.csv.
     """
     single = paper[paper["role"] == "counted"]
     judged = single[~single["verdict"].isin(("not judged", "not run"))]
     held = judged.assign(held=judged["verdict"].isin(HELD)).groupby(["case", "statement"])["held"]
     statements = held.all()
-    text = f"{statements.sum()} of {len(statements)} statements of the paper come out"
+    text = f"{statements.sum()} of {len(statements)} statements of the paper are reproduced"
     lacking = single[single["verdict"] == "not run"]["statement"].nunique()
     text += f", {lacking} were not run." if lacking else "."
+    first = next(iter(paper["case"]), "")
+    missed = [
+        statement if case == first else f"{statement} ({case.replace('_', '-')})"
+        for case, statement in statements.index[~statements]
+    ]
+    if missed:
+        text += f" Not reproduced: {', '.join(missed)}."
     beyond = int((paper["role"] == "beyond").sum())
     if beyond:
-        text += f" {beyond} further sentences are beyond judgement."
+        text += f" {beyond} further sentences cannot be checked."
     for (case, reason), rows in single[single["verdict"] == "not judged"].groupby(
         ["case", "reason"], sort=False
     ):
@@ -132,7 +141,7 @@ def merged(cells: list[PaperCell]) -> PaperCell:
 
 
 def unheld(paper: pd.DataFrame) -> list[str]:
-    """Return a sentence for each claim that was judged and does not come out."""
+    """Return a sentence for each claim that was judged and is not reproduced."""
     failed = paper[~paper["verdict"].isin([*HELD, "not run", "not judged", "beyond judgement"])]
     return [f"{row['claim']}: {row['verdict']}; {row['reason']}." for _, row in failed.iterrows()]
 
