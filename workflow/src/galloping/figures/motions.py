@@ -255,6 +255,7 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
                 label=text if len(at) else None,
             )  # fmt: skip
         axes.set(xlabel=settings["x_label"], ylabel=settings["y_label"])
+        axes.locator_params(axis="x", nbins=5)
     line = parts.key(r"$\omega_v = 2\,\omega_w$", color="white", ls="-", lw=1.4, path_effects=dark)
     parts.legend(figure, line, columns=3, loc="outside lower center")
     bounded = table[np.isfinite(table["w_m"])]
