@@ -144,5 +144,5 @@ def test_an_end_in_which_nothing_moves_tests_no_forecast():
     time = np.arange(2000) / 25.0
     values = np.where(time < 60.0, np.exp(-0.1 * time) * np.cos(3.0 * time), 0.01)
     recording = Recording(time, ("q", "dq"), np.column_stack([values, np.full(2000, np.nan)]))
-    with pytest.raises(ValueError, match="nothing moves in the last"):
+    with pytest.raises(ValueError, match="no motion in the last"):
         hold_out([recording], 2.0, maximum_likelihood, np.random.default_rng(0))

@@ -187,7 +187,7 @@ def test_forecast_of_another_line_is_refused(ambient):
 def test_summary_says_first_what_an_engineer_asks(ambient):
     recording, found, _ = ambient
     text = str(summarise(found, recording))
-    first = text.index("**Random forces keep the motion up.**")
+    first = text.index("**Random forces sustain the motion.**")
     assert first < text.index("## Equations")
     assert "of critical damping is left" in text
     assert "m/s² per √Hz" in text

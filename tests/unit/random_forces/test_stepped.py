@@ -91,7 +91,7 @@ def test_a_saved_model_holds_in_other_winds(gusty, found, tmp_path):
 
 def test_the_summary_says_at_which_wind(gusty, found):
     said = str(galloping.summarise(found, gusty, allowed=ALLOWED))
-    assert "Random forces keep the motion up" in said
+    assert "Random forces sustain the motion" in said
     assert "U, its mean, for the following rows | 8" in said
 
 

@@ -71,8 +71,8 @@ class Field:
                 if one["between"] != kinds.get(one["name"], one["between"]):
                     one["between"] = kinds[one["name"]]
                     report["notes"].append(
-                        f"input {one['name']} is {IN_WORDS[one['between']]} between its samples: "
-                        "the motion tells"
+                        f"input {one['name']} is {IN_WORDS[one['between']]} between its samples, "
+                        "as the motion shows"
                     )
         series = tuple(
             replace(
@@ -251,8 +251,8 @@ def check_telling(series: Sequence[Series], terms: Sequence[Exponents], n_states
         least, most = (f([f(v[np.isfinite(v)]) for v in own]) for f in (min, max))
         if least == most:
             raise ValueError(
-                f"{series[0].path}: input {name} is {least:g} throughout: what never changes "
-                "drives nothing that could be told; leave it out"
+                f"{series[0].path}: input {name} is {least:g} throughout: the effect of a "
+                "constant input cannot be determined; leave it out"
             )
         divides = any(term[k] < 0 for term in terms)
         if divides and least <= 0.0 <= most:

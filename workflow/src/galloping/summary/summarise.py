@@ -327,7 +327,7 @@ def hold_out(
     cut = int(first_from(last.time, last.time[-1] - length))
     samples = Sensed.by(last).samples(without_outliers(last))
     if np.all(deviations_of(samples[cut:]) <= 1e-9 * deviations_of(samples)):  # rounding
-        raise StillError(f"nothing moves in the last {length:.3g} s, which were to be forecast")
+        raise StillError(f"no motion in the last {length:.3g} s, which were to be forecast")
     shown = slice(cut, None, 1 + (len(last.time) - cut) // MOST_SAMPLES)
     identified = identify([*others, last[:cut]])
     predicted = ahead.forecast(identified, last[:cut], last.time[shown], PERIODS * period, rng)

@@ -393,9 +393,9 @@ def _margin(damping: Value, turned: float, is_of_one_size: bool) -> str:
     """
     is_steady = abs(damping.value) * turned < 1.0 and (damping.high - damping.low) * turned < STEADY
     if is_steady and is_of_one_size:
-        return "swings steadily, as under a machine or in settled galloping"
+        return "has a constant amplitude, as under a machine or in settled galloping"
     if damping.low > 0.0:
-        return f"does not: at least {100 * damping.low:.2g} % of critical damping is left"
+        return f"does not: its net damping is at least {100 * damping.low:.2g} % of critical"
     if damping.high < 0.0:
         return "does: small motions grow"
     return "may: the recording is too short to show whether small motions grow"
@@ -410,7 +410,7 @@ def _missed(channels: Sequence[HeldOutChannel]) -> str:
         if not one.is_noise and isfinite(one.missed_percent)
     ]
     parts = [f"Its root-mean-square error was {listed(missed)}"] if missed else []
-    parts += [f"Only noise was left to forecast of {listed(noise)}"] if noise else []
+    parts += [f"Only noise remained to be forecast of {listed(noise)}"] if noise else []
     return ". ".join(parts)
 
 
