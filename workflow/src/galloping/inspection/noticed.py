@@ -33,8 +33,8 @@ def sentences_of(
     names = dict.fromkeys(mode.name for mode in further if mode.name in told)
     if names:
         yield (
-            f"Beside it swings {', and '.join(names)}: it is left out of the equations, and told "
-            "by itself."
+            f"The recording also contains {', and '.join(names)}. The equations do not include it; "
+            "the table does."
         )
 
 
