@@ -1,5 +1,5 @@
 # make            the environment, the whole study and its report
-# make smoke      the same in two minutes, in results/smoke
+# make smoke      the same in a few minutes, in results/smoke
 # make trust      may the verdicts be trusted? trials on thousands of recordings, in results/trust
 # make reality    what a recording gives of a line that is not its own model, in results/reality
 # make published  the settings of published methods, beside their numbers, in results/published

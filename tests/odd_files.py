@@ -483,7 +483,7 @@ QUESTIONED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "moved.csv": (lines(v=V + 0.5 * (TIME > 20.0)), PLAIN, ("row 503: v jumps by 0.4",)),
     "ice_falls.csv": (lines(v=FALLEN), PLAIN, ("shifts its mean by 0.399 m",)),
     "sign.csv": (table("t [s],v [m],acc_v [m/s^2],w [m]", TIME, V, 6.8 * V + W, W), (),
-        ("row 2: acc_v goes with 'v', and an acceleration goes against it: is its sign right?",)),
+        ("row 2: acc_v is in phase with 'v', but an acceleration has the opposite sign",)),
     "swapped.csv": (lines(v=0.01 * W, w=V), PLAIN,
         ("row 2: w moves 199 times as far as 'v'", "are the columns swapped?")),
     "coarse.csv": (lines(v=np.round(V, 1)), PLAIN, ("row 2: v has only 21 different values",)),

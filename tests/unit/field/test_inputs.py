@@ -201,7 +201,7 @@ def test_a_driven_system_is_identified_by_one_command(driven):
     assert run("show", folder / "out" / "model.json", "--latex").count(r"\frac") == 2
     summary = (folder / "out" / "summary.md").read_text(encoding="utf-8")
     assert "u is an input" in summary
-    assert "u is taken as exact" in summary and "after the recording depends on u" in summary
+    assert "u is treated as exact" in summary and "after the recording depends on u" in summary
     assert re.search(r"recordings with u below -\S+ or above \S+ N, if .* there$", summary, re.M)
     assert re.search(r"\| u, its mean, for the following rows \| \S+ N \|", summary)
     assert "follow the recording" in summary and "for values of u and motions" in summary

@@ -63,7 +63,7 @@ def test_a_summary_tells_further_modes_and_releases():
     assert value.low < 0.005 < value.high
     assert codes(found) == [Code.RELEASED]
     assert found.findings[0].data["time_s"] == pytest.approx(5.0, abs=0.1)
-    assert "Motion begins at 5" in str(summary)
+    assert "The motion begins at 5" in str(summary)
 
 
 @pytest.mark.parametrize("derivative", [0, 2])

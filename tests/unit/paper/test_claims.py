@@ -210,9 +210,9 @@ def test_what_the_comparison_rests_on_is_said_first():
     region = pd.DataFrame({"unknown": NAMES, "verdict": ["left open"] * len(NAMES)})
     said = report.describe_setting(tables(scores()), region)
     assert f"{len(NAMES)} numbers" in said and "10 errors" in said
-    assert "None of these numbers is determined" in said and "0 %" in said
+    assert "The fit determines none of" in said and "0 %" in said
     known = region.assign(verdict=["determined", *["left open"] * (len(NAMES) - 1)])
-    assert "1 of these numbers" in report.describe_setting(tables(scores()), known)
+    assert "The fit determines 1 of" in report.describe_setting(tables(scores()), known)
 
 
 def test_other_settings_are_judged_one_at_a_time():

@@ -189,7 +189,7 @@ def test_summary_says_first_what_an_engineer_asks(ambient):
     text = str(summarise(found, recording))
     first = text.index("**Random forces sustain the motion.**")
     assert first < text.index("## Equations")
-    assert "of critical damping is left" in text
+    assert "of critical damping remains" in text
     assert "m/s² per √Hz" in text
 
 

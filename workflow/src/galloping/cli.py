@@ -203,7 +203,7 @@ def identify(
         click.echo(json_text({**about, "inputs": units, **numbers, "coefficients": rows}))
     else:
         told, _, _ = (Path(output) / "summary.md").read_text(encoding="utf-8").partition(TECHNICAL)
-        click.echo(f"{told}Written to {output}: summary.md also holds the technical part")
+        click.echo(f"{told}Written to {output}: summary.md also contains the technical part")
     if identified.status == "refused":
         raise SystemExit(REFUSED)
 

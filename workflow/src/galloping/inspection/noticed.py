@@ -33,8 +33,8 @@ def sentences_of(
     names = dict.fromkeys(mode.name for mode in further if mode.name in told)
     if names:
         yield (
-            f"A further mode, {', and '.join(names)}, is not part of the equations and is listed "
-            "separately."
+            f"The recording also contains {', and '.join(names)}. The equations do not include it; "
+            "the table does."
         )
 
 

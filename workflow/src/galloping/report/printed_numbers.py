@@ -65,24 +65,23 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
     bounds = sum(not claim.is_number for claim in PRINTED)
     text = (
         f"The paper does not state {len(UNKNOWNS)} numbers that the study needs, from the wind "
-        "speed to the threshold of the method. They were fitted to what the paper states of noisy "
-        f"recordings: {len(NUMBERS)} errors, and {bounds} bounds and statements in words. "
-        "Agreement with these shows consistency; it does not confirm the paper."
+        "speed to the threshold of the method. These numbers were fitted to what the paper states "
+        f"about noisy recordings: {len(NUMBERS)} errors, and {bounds} bounds and statements in "
+        "words. Agreement with the fitted statements shows consistency; it does not confirm the "
+        "paper."
     )
     if region is not None:
         first = region.drop_duplicates("unknown").set_index("unknown")["verdict"]
         determined = int((first.reindex([u.name for u in UNKNOWNS]) == "determined").sum())
-        verb = "are" if determined > 1 else "is"
-        text += f" {determined or 'None'} of these numbers {verb} determined by the fit."
+        text += f" The fit determines {determined or 'none'} of the {len(UNKNOWNS)} numbers."
     joint = paper[paper["role"] == "joint"]
     if len(joint):
         first = joint[joint["case"] == joint["case"].iloc[0]].to_dict("records")
-        shares = ", and ".join(
-            f"{_format_percent(row['share_of_draws'])} satisfy "
-            + row["claim"].removesuffix(" in the same draw")
-            for row in first
-        )
-        text += f" Of the noise realisations, {shares} at once."
+        for row in first:
+            group = row["claim"].removesuffix(" in the same draw")
+            text += f" {_format_percent(row['share_of_draws'])} of the noise realisations satisfy "
+            text += f"{group.replace('words', 'statements in words')} at once"
+            text += ", those about noise-free recordings included." if "words" in group else "."
     return text
 
 

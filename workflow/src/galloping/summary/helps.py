@@ -33,7 +33,7 @@ def what_helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
         helps.insert(0, f"a model without {alone}, which has no motion of its own (`--states`)")
     if len({"q_v", "q_w"}.intersection(of.found.model.states)) == 1:
         helps.append(
-            "a sensor of the other direction: vertical and horizontal motion drive each other"
+            "a sensor in the other direction: vertical and horizontal motion drive each other"
         )
     for _, more in meanings_and_advice(of.found.findings, span):
         helps += [more] if more and more not in " ".join(helps) else []
@@ -41,16 +41,16 @@ def what_helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
     if advice and advice.options and advice.error > KNOWN * abs(advice.coefficient):
         name, error = advice.options[0]
         helps.append(
-            f"one more recording{' at the same wind speed' * span}, best of {name}: the standard "
-            f"error of the least certain coefficient falls from {advice.percent(advice.error)} to "
-            f"{advice.percent(error)}"
+            f"one more recording{' at the same wind speed' * span}, preferably {name}: the "
+            "standard error of the least certain coefficient falls from "
+            f"{advice.percent(advice.error)} to {advice.percent(error)}"
         )
     if of.found.status == "approximate" and PLACES not in helps:
         helps.append(f"{PLACES}; a longer recording with the same sensors does not help, since "
-                     "what the model misses does not average out")  # fmt: skip
+                     "the unexplained motion does not average out")  # fmt: skip
     if not of.found.model.inputs and WIND not in " ".join(helps):
-        helps.append(f"{WIND}, at several mean wind speeds: a single one does not show the "
-                     "wind speed from which the line gallops")  # fmt: skip
+        helps.append(f"{WIND}, in gusts or at several mean wind speeds: a steady wind does "
+                     "not show the wind speed from which the line gallops")  # fmt: skip
     if of.found.model.inputs or not span:  # which were recorded; no wind drives other systems
         helps = [each for each in helps if WIND not in each]
     if span and _both_directions(reports):

@@ -56,7 +56,8 @@ RUNS_AWAY = "in simulation the motion diverges"
 IN_SHORT = {  # by status
     "ok": "the model explains the recording down to the noise of its sensors",
     "not identifiable": "the model explains the recording, but models with other terms do as well",
-    "approximate": "the model comes near the recording, but not down to its noise",
+    "approximate": "the model follows the recording approximately, with errors larger than the "
+    "noise",
     "refused": "no model can be trusted",
     "unjudged": "the method does not assess its model",
 }
@@ -395,7 +396,7 @@ def _margin(damping: Value, turned: float, is_of_one_size: bool) -> str:
     if is_steady and is_of_one_size:
         return "has a constant amplitude, as under a machine or in settled galloping"
     if damping.low > 0.0:
-        return f"does not: its net damping is at least {100 * damping.low:.2g} % of critical"
+        return f"does not: at least {100 * damping.low:.2g} % of critical damping remains"
     if damping.high < 0.0:
         return "does: small motions grow"
     return "may: the recording is too short to show whether small motions grow"
@@ -409,8 +410,8 @@ def _missed(channels: Sequence[HeldOutChannel]) -> str:
         for one in channels
         if not one.is_noise and isfinite(one.missed_percent)
     ]
-    parts = [f"Its root-mean-square error was {listed(missed)}"] if missed else []
-    parts += [f"Only noise remained to be forecast of {listed(noise)}"] if noise else []
+    parts = [f"The root-mean-square error was {listed(missed)}"] if missed else []
+    parts += [f"Only noise was left of {listed(noise)}"] if noise else []
     return ". ".join(parts)
 
 
