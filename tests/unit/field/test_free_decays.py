@@ -49,7 +49,7 @@ def test_what_comes_to_rest_is_not_stuck(tmp_path):
     path = written(tmp_path, "t [s],angle [deg]", time, angle)
     asked = "inspect", path, "--states", "q,dq", "--measure", "q=angle"
     said = run(*asked)
-    assert "stuck" not in said and "no motion" in said
+    assert "stuck" not in said and "nothing moves" in said
     assert "no gaps" in said
     stuck = np.where(time > 0.5, angle[100], angle)  # amid its swing
     others = written(tmp_path, "t [s],angle [deg],b [deg]", time, stuck, angle + 0.5 * time)

@@ -213,9 +213,7 @@ def test_all_numbers_of_a_summary_are_there_for_programs(folder):
         assert f"{one['missed_percent']:.3g} % of the" in text
         assert f"R2 {one['r2']:.3f}, {one['inside_percent']:.0f} %" in text
     for one in numbers["absent_terms"]:
-        assert (
-            f"{one['term']} in {one['equation']}: absent, or at most {one['limit']:.3g}" in text
-        )
+        assert f"{one['term']} in {one['equation']}: absent, or at most {one['limit']:.3g}" in text
 
 
 def test_of_a_refused_recording_the_samples_are_told(tmp_path):
