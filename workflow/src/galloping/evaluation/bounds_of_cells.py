@@ -43,7 +43,7 @@ def cell_bounds(
 ) -> list[Bound]:
     """Compute the bounds of a study cell: one, or one per noise realisation if times differ.
 
-    motions, measurement, name: as for `recordings_of`. None without noise.
+    motions, measurement, name: as for `recordings_of`. Empty without noise.
     """
     if measurement["level"] == 0:
         return []

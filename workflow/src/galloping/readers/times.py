@@ -62,7 +62,7 @@ def find_instants(
 def seconds_of(
     table: FileTable, mapping: ColumnMapping, times: pd.Index | None
 ) -> tuple[np.ndarray, str, float]:
-    """Compute times in s since the first, its date, if the file has one, and its second."""
+    """Compute times in s since the first, and the first as a date, if any, and in seconds."""
     name = mapping.time.column if mapping.time else ""  # a rate alone has no empty column
     if mapping.rate is not None:
         values = _count_times(table, mapping, mapping.rate)

@@ -34,8 +34,8 @@ def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     -------
     DataFrame
         One row per reading, all with the same effort: power_of_ten, the logarithm of its evidence
-        over that of the first reading, with standard_error; effective_settings; its least probable
-        factor; its most probable setting.
+        over that of the first reading, with standard_error; effective_settings; the factor by
+        which it loses most against the first reading; its most probable setting.
     """
     rows = pd.concat([part for name, part in parts.items() if name.startswith(EQUAL_EFFORT)])
     tried, judged = (rows[rows["stage"] == stage] for stage in ("tried", "judged"))

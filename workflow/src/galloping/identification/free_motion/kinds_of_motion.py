@@ -298,7 +298,7 @@ def _running_amplitudes(
 
 
 def _with_price(stretches: list[Stretch], events: Eventful) -> float:
-    """Compute the misfit of a fit with events, and the penalty of its parameters."""
+    """Compute the misfit of a fit with events, plus the penalty of their parameters."""
     added = (len(events.stretches) - len(stretches)) * (2 * len(events.modes.poles) + 2)
     samples = sum(np.count_nonzero(np.isfinite(one.values)) for one in stretches)
     return events.modes.misfit + added * np.log(samples)
