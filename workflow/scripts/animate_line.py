@@ -1,6 +1,6 @@
-"""The first line, moving as it does at the end of the record.
+"""Animation of the line's motion at the end of the simulation.
 
-A line that diverges has no motion to show: its animation is one frame that says so.
+The animation of a line whose motion diverges is one frame that says so.
 """
 
 from galloping.evaluation.motion import steady_frequency
@@ -13,6 +13,7 @@ PERIODS = 3  # of the slower direction: the motion begins again nearly where it 
 
 
 def animate_line(animation, case, trajectory, line, window):
+    """Write the animation of the last periods of a trajectory."""
     motion = read(trajectory)[0]
     title = f"{spoken(case)}, wind {line['wind']['speed']:g} m/s"
     if motion.status != "ok":

@@ -1,4 +1,4 @@
-"""Clearance of one line, its orbits, and what measures would do, with intervals."""
+"""Clearance and orbits of one line, and effects of measures against galloping, with intervals."""
 
 from contextlib import suppress
 
@@ -23,6 +23,7 @@ def assess_line(
     case, identified, clearance, measures, orbits, line, winds, design_wind, phase_distance, limit,
     chosen, seed,
 ):  # fmt: skip
+    """Write tables of clearance and of measures, and the orbits of one line."""
     simulator, distance = Simulator(STATES, LIBRARY), tuple(phase_distance)
     winds = sorted({*winds, design_wind})
     family, start = line_family(line, "wind_speed"), np.array(initial_state(line))

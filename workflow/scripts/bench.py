@@ -1,9 +1,10 @@
-"""Measured speed, as ratios against a peer in the same run: bench.py RESULTS OUTPUT.csv [OLDER].
+"""Measured speed, as ratios to a peer in the same run: bench.py RESULTS OUTPUT.csv [OLDER].
 
-RESULTS is a finished default study, for its motions and the cost of its jobs. OLDER is the results
-folder of the same study by an older version, run on the same machine: the sums of job seconds
-stand beside each other. The study, smoke and idle times are of real runs in a temporary copy of
-the project. `make bench` sets one thread a process, as in a job, but where the default is measured.
+RESULTS is a finished default study, for its motions and the run time of its jobs. OLDER is the
+results folder of the same study by an older version, run on the same machine, whose job seconds are
+listed for comparison. The study, smoke and idle times are of real runs in a temporary copy of the
+project. `make bench` sets one thread per process, as in a job, except where the default is
+measured.
 """
 
 import os
@@ -46,18 +47,19 @@ LEVELS = 310  # noise levels of a study of 5,000 jobs
 
 
 def seconds(work: Callable, repeats: int) -> float:
-    """Median wall time of `work`."""
+    """Measure the median wall time of `work`, s."""
     return float(np.median(timeit.repeat(work, number=1, repeat=repeats)))
 
 
 def row(quantity: str, value: float, unit: str, peer: str = "", ratio: float = np.nan, bar=""):
+    """Print one measured quantity and return it as a row of the table."""
     print(f"{quantity}: {value:.4g} {unit}" + (f" ({ratio:.4g} x {peer})" if peer else ""))
     told = (quantity, value, unit, peer, ratio, bar)
     return dict(zip(("quantity", "value", "unit", "peer", "ratio", "bar"), told, strict=True))
 
 
 def simulation(results: Path) -> list[dict]:
-    """Compare the re-simulation of an identified model with pysindy's: its time and its error."""
+    """Compare time and error of re-simulating an identified model with those of pysindy."""
     line = read_model(results / f"models/{CASE}.json").model
     motion = read_trajectories(results / f"trajectories/{CASE}.npz")[0]
     grid, exact, terms = motion.time, motion.states, polynomial_library(len(line.states), 3)
@@ -112,7 +114,7 @@ def integration(results: Path) -> list[dict]:
 def heyoka_peers(
     line: PolynomialModel, free: np.ndarray, start: np.ndarray, time: np.ndarray
 ) -> Iterator[Callable]:
-    """Yield compiled equivalents of `integration`: first the states, then their derivatives."""
+    """Yield compiled heyoka equivalents of `integration`: states, then their derivatives."""
     import heyoka as hy
 
     x, values = hy.make_vars(*line.states), [hy.par[k] for k in range(len(free))]
@@ -134,7 +136,7 @@ def heyoka_peers(
 
 
 def identification(results: Path) -> list[dict]:
-    """Reduction and stlsq with threshold selection against one fit of pysindy's at a threshold."""
+    """Time STLSQ with threshold selection against one fit of pysindy at one threshold."""
     recording = recordings(results, "derivative")[0][0]
     terms = polynomial_library(len(recording.states), 3)
     sindy = ps.SINDy(
@@ -153,7 +155,7 @@ def identification(results: Path) -> list[dict]:
 
 
 def limit(results: Path) -> list[dict]:
-    """Maximum likelihood on every replicate of a cell, all stages, compiled before."""
+    """Time maximum likelihood, compiled beforehand, on every noise realisation of a study cell."""
     replicates = recordings(results, "state")
     terms = polynomial_library(4, 3)
     maximum_likelihood(list(replicates[0]), terms)
@@ -171,7 +173,7 @@ def limit(results: Path) -> list[dict]:
 
 
 def command() -> list[dict]:
-    """Return what the README's example costs a core, with the default threads and with one."""
+    """Measure the core time of the README's example, with the default threads and with one."""
     example, threads = ROOT / "examples/span", ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
     default = {name: value for name, value in os.environ.items() if name not in threads}
 
@@ -194,14 +196,14 @@ def command() -> list[dict]:
 
 
 def recordings(results: Path, protocol: str) -> list[tuple[Recording, ...]]:
-    """Those of the default study at noise level 0.05, by replicate."""
+    """Read the recordings of the default study at noise level 0.05, by noise realisation."""
     cell = Study(load({})).cell(CASE, protocol, "noise_0.05")
     motions = read_trajectories(results / f"trajectories/{CASE}.npz")
     return recordings_of(motions, name=tuple(cell.wildcards.values()), **cell.measurement)
 
 
 def costs(results: Path) -> pd.DataFrame:
-    """Snakemake's benchmarks of all jobs: rule, s (wall time), max_rss (MiB)."""
+    """Read Snakemake's benchmarks of all jobs: rule, s (wall time), max_rss (MiB)."""
     folder = results / "benchmarks"
     return pd.concat(
         pd.read_csv(path, sep="\t", na_values="-").assign(
@@ -212,7 +214,7 @@ def costs(results: Path) -> pd.DataFrame:
 
 
 def jobs(results: Path, older: Path | None) -> list[dict]:
-    """Sum job seconds by rule, with the largest resident set of a job, beside an older study."""
+    """Sum job seconds by rule, with the largest memory of a job, and compare an older study."""
     now, before = costs(results), costs(older) if older else None
     rows, peer = [row("memory of the largest job", now["max_rss"].max(), "MiB", bar="<= 1024")], {}
     for study, when in ((now, ""), (before, " before")):
@@ -226,7 +228,7 @@ def jobs(results: Path, older: Path | None) -> list[dict]:
 
 
 def planning(folder: str) -> list[dict]:
-    """Time to plan, in a copy of the project, the default study and one of 5,000 jobs."""
+    """Time the planning of the default study and of one of 5,000 jobs in a project copy."""
     larger = Path(folder) / "larger.yaml"
     levels = [round(0.001 * k, 3) for k in range(LEVELS)]
     larger.write_text(yaml.safe_dump({"results": "larger", "measurement": {"levels": levels}}))
@@ -243,7 +245,7 @@ def planning(folder: str) -> list[dict]:
 
 
 def whole_runs() -> list[dict]:
-    """Default and smoke study from nothing on two cores, and a repetition with nothing to do."""
+    """Time default and smoke study from scratch on two cores, and a repetition without changes."""
     tracked = subprocess.run(
         ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True, text=True
     ).stdout.split("\0")
@@ -269,6 +271,7 @@ def whole_runs() -> list[dict]:
 
 
 def main(results: str, output: str, older: str | None = None) -> None:
+    """Write the table of all measured speeds."""
     folder, measured = Path(results), (integration, simulation, identification, limit)
     rows = jobs(folder, Path(older) if older else None)
     rows += [each for measure in measured for each in measure(folder)]

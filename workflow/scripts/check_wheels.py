@@ -1,7 +1,7 @@
-"""Check that the locks can be installed on machines that are not at hand: check_wheels.py.
+"""Check that the lock files can be installed on other systems: check_wheels.py.
 
-uv resolves each lock for each system and Python, from wheels alone but for what is named here. It
-exits with code 1 if one cannot be resolved, with code 2 if no package index answers.
+uv resolves each lock file for each system and Python from wheels, except for the packages named
+here. The exit code is 1 if a lock file cannot be resolved, and 2 if no package index answers.
 """
 
 import subprocess
@@ -25,7 +25,7 @@ UNREACHABLE = ("Failed to fetch", "error sending request", "dns error", "Could n
 
 
 def resolved(lock: Path, system: str, python: str) -> subprocess.CompletedProcess:
-    """Return what uv says of a lock for a system and a Python; nothing is installed."""
+    """Run uv's resolution of a lock file for a system and a Python, without installing anything."""
     built = (option for name in BUILT[python] for option in ("--no-binary", name))
     with tempfile.TemporaryDirectory() as folder:
         return subprocess.run(
@@ -37,6 +37,7 @@ def resolved(lock: Path, system: str, python: str) -> subprocess.CompletedProces
 
 
 def main() -> int:
+    """Print the result for each lock file and return the exit code."""
     failed = 0
     for lock, system, python in product(LOCKS, SYSTEMS, PYTHONS):
         done = resolved(ROOT / lock, system, python)

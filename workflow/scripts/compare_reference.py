@@ -1,4 +1,4 @@
-"""The study's tables beside the reference."""
+"""Comparison of the study's tables with the reference."""
 
 from pathlib import Path
 
@@ -8,6 +8,7 @@ from galloping.tables.comparison import Origin, compare_study, processor, read_o
 
 
 def compare_reference(tables, reference, origin, summary, differences, study):
+    """Write the summary of the comparison, and the differences beyond tolerance."""
     before, now = ({Path(p).stem: read_as_written(p) for p in of} for of in (reference, tables))
     made_with = read_origin(origin[0]) if origin else None
     present = Origin(settings=study, processor=processor())

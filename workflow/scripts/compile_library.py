@@ -1,4 +1,4 @@
-"""Compile what a first fit needs, for no user to wait for it; numba keeps it by the library."""
+"""Compile what a first fit needs, so that no user waits; numba caches it beside the library."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ OSCILLATORS = {
 
 
 def forced(time: np.ndarray) -> np.ndarray:
-    """(n, 2) displacement and velocity of an oscillator in white forces."""
+    """Simulate displacement and velocity, (n, 2), of an oscillator under white-noise forces."""
     step, states = time[1] - time[0], np.zeros((len(time), 2))
     for k, kick in enumerate(np.random.default_rng(1).normal(size=len(time) - 1)):
         q, dq = states[k]
@@ -24,6 +24,7 @@ def forced(time: np.ndarray) -> np.ndarray:
 
 
 def main() -> None:
+    """Run one call of each kind that compiles code."""
     time = np.arange(600) / 20
     for library, coefficients in OSCILLATORS.items():
         terms, _ = galloping.library(library, ["q", "dq"])

@@ -6,6 +6,7 @@ from galloping.study.files import write_model
 
 
 def derive_model(line, model):
+    """Write the galloping equations of one line."""
     write_model(model, derive(line))
 
 

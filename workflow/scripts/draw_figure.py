@@ -1,4 +1,4 @@
-"""One figure: `workflow/rules/figures.smk` says by which function and of what."""
+"""One figure; `workflow/rules/figures.smk` names the function and its data."""
 
 from pkgutil import resolve_name
 
@@ -8,6 +8,7 @@ from galloping.study.files import read_all
 
 
 def draw_figure(svg, png, function, settings, look, names, **files):
+    """Draw one figure from files and write it as SVG and PNG."""
     read = read_all(files, names) | ({"settings": settings} if settings else {})
     write_figure(svg, png, lambda: resolve_name(function)(**read), **look)
 

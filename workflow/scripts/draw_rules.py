@@ -1,4 +1,4 @@
-"""The graph of the rules, as an SVG: which rule reads what which other one writes.
+"""Graph of the rules as an SVG: which rule reads the outputs of which other rule.
 
 Usage: draw_rules.py FILE
 """
@@ -27,7 +27,7 @@ Graph = dict[str, set[str]]  # by rule, those that it reads from
 
 
 def build_graph(jobs: Iterable[PlannedJob]) -> Graph:
-    """Return the rules that each rule reads from directly."""
+    """Map each rule to the rules whose outputs it reads directly."""
     jobs = list(jobs)
     rule_of = {path: job.rule for job in jobs for path in job.outputs}
     reads: Graph = {job.rule: set() for job in jobs}
@@ -44,10 +44,10 @@ def _all_before(reads: Graph, rule: str) -> set[str]:
 
 
 def draw(reads: Graph) -> str:
-    """Boxes in columns, each as far to the right as those that read from it allow."""
+    """Draw rules as boxes in columns, each as far right as its readers allow."""
 
     def count_columns_after(rule: str) -> int:
-        """Columns that are needed to the right of a rule's."""
+        """Count the columns needed to the right of a rule."""
         return max(
             (count_columns_after(each) + 1 for each in reads if rule in reads[each]), default=0
         )

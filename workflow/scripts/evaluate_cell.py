@@ -1,4 +1,4 @@
-"""The Cramer-Rao bound of one cell, and scores of its models and of models at the bound."""
+"""Cramér-Rao bound of one study cell, and scores of its models and of models at the bound."""
 
 from galloping.evaluation.bounds_of_cells import cell_bounds, deviations, models_at
 from galloping.evaluation.score import Truth, evaluate
@@ -21,6 +21,7 @@ def evaluate_cell(
     case, protocol, cell, model, trajectory, identified, bounds, scores, reconstructions,
     columns, measurement, degree, steady_window, is_own_model,
 ):  # fmt: skip
+    """Write bounds, scores and reconstructed motions of one study cell."""
     line, motions = read_model(model).model, read_trajectories(trajectory)
     terms = polynomial_library(len(line.states), degree)
     line = line.on_library(extend_library(terms, line))

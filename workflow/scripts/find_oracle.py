@@ -1,4 +1,4 @@
-"""Scores of the oracles of STLSQ, FROLS and the weak form in one cell, chosen with the truth."""
+"""Scores of STLSQ, FROLS and the weak form with the best possible tuning in one study cell."""
 
 from galloping.evaluation.oracle import oracle_rows
 from galloping.evaluation.score import Truth
@@ -13,6 +13,7 @@ def find_oracle(
     case, protocol, cell, model, trajectory, scores,
     columns, measurement, degree, path_length, steady_window,
 ):  # fmt: skip
+    """Write the scores with tuning constants that are chosen with the truth."""
     line, motions = read_model(model).model, read_trajectories(trajectory)
     # the oracle also knows of terms that the library lacks
     line = line.on_library(extend_library(polynomial_library(len(line.states), degree), line))

@@ -1,4 +1,4 @@
-"""Limit cycles of one line along a parameter, and where they begin, change and end."""
+"""Limit cycles of one line along a parameter, and their bifurcations."""
 
 from galloping.cycles.family import LIBRARY
 from galloping.cycles.rows import bifurcation_rows, limit_cycle_rows, line_diagram
@@ -14,6 +14,7 @@ COLUMNS = [  # of a line that never gallops, too
 
 
 def follow_cycles(case, cycles, bifurcations, line, parameter, ends):
+    """Write limit cycles and bifurcations of one line along a parameter."""
     along = line_diagram(line, parameter, *ends, Simulator(STATES, LIBRARY))
     write_rows(cycles, limit_cycle_rows(case, parameter, along), COLUMNS)
     write_rows(bifurcations, bifurcation_rows(case, parameter, along, line))

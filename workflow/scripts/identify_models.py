@@ -1,4 +1,4 @@
-"""Models identified by a family of methods from every replicate of one cell."""
+"""Models identified by a family of methods from every noise realisation of one study cell."""
 
 from galloping.identification.cell import identify
 from galloping.model.polynomial import polynomial_library
@@ -8,6 +8,7 @@ from galloping.study.files import read_trajectories, write_identified
 
 
 def identify_models(case, protocol, cell, trajectory, models, measurement, degree, methods):
+    """Write the models that a family of methods identifies in one study cell."""
     motions, name = read_trajectories(trajectory), (case, protocol, cell)
     recordings = recordings_of(motions, name=name, **measurement)
     terms = polynomial_library(len(motions[0].names), degree)

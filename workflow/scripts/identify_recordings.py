@@ -1,4 +1,4 @@
-"""What recordings from the field tell, as the command `galloping identify` says it."""
+"""Analysis of field recordings, as by the command `galloping identify`."""
 
 from pathlib import Path
 
@@ -9,6 +9,7 @@ from galloping.summary.analysis import FieldQuestion, analyse, read_field
 
 
 def identify_recordings(files, mapping, beside, made, question, case):
+    """Write model, summary and figures of recordings in files."""
     asked = FieldQuestion(**{**question, "known": tuple(question["known"])})
     line = (case, read_model(beside).model) if beside else None
     field = read_field(files, read_mapping(mapping))

@@ -1,4 +1,4 @@
-"""What is done with the results of a finished study, by the command of the Makefile.
+"""Verify, archive, restore and prune the results of a finished study, for the Makefile.
 
 Usage: keep_results.py COMMAND [OPTIONS] [--configfile FILE ...]
 """
@@ -42,6 +42,7 @@ FAULTS = {
 
 
 def main() -> None:
+    """Run one of the commands, with one line for an error."""
     parser = argparse.ArgumentParser(description=__doc__)
     commands = parser.add_subparsers(required=True)
     for function, *options in (
@@ -71,7 +72,7 @@ def main() -> None:
 
 @contextmanager
 def planned(configfile):
-    """Return the plan of a study that no other process works on."""
+    """Plan a study, and lock it against other processes meanwhile."""
     plan = planning(configfile)
     with locked(plan.results, make_command(configfile, "repair")):
         yield plan
@@ -95,7 +96,7 @@ def verify(configfile):
 
 
 def verify_archive(archive, sha256, configfile):
-    """Whether an archive is safe, whole and the published one, and agrees with the study here."""
+    """Check that an archive is intact and the published one, and compare it with this study."""
     try:
         with tempfile.TemporaryDirectory() as folder:
             present = check_digest(archive, sha256)
@@ -111,7 +112,7 @@ def verify_archive(archive, sha256, configfile):
 
 
 def compare(folder: Path, study: dict) -> None:
-    """Compare an unpacked archive with the study here. Exits with 1 if it differs."""
+    """Compare an unpacked archive with the study in this folder. Exits with 1 if they differ."""
     results, before = study["results"], published_settings(folder)
     if not tables_of(Path(results)):
         print(f"{results}: no study here, so that no numbers were compared")
@@ -124,7 +125,7 @@ def compare(folder: Path, study: dict) -> None:
 
 
 def publish(allow, configfile):
-    """Write the publication of a study: a folder, and an archive of it."""
+    """Write the publication of a study, as a folder and an archive."""
     allowed = allow.split(",") if allow else []
     if unknown := [kind for kind in allowed if kind not in ALLOWABLE]:
         sys.exit(f"ALLOW: {unknown[0]!r} is not allowed; must be of {', '.join(ALLOWABLE)}")
@@ -141,7 +142,7 @@ def publish(allow, configfile):
 
 
 def restore(archive, replace, sha256, configfile):
-    """Put the results of an archive in place, without computing them again."""
+    """Put the results of an archive in place, without recomputing them."""
     try:
         with planned(configfile) as plan:
             check_digest(archive, sha256)
@@ -155,7 +156,7 @@ def restore(archive, replace, sha256, configfile):
 
 
 def prune(delete, configfile):
-    """List results that the settings no longer ask for, or remove them, and leave all others."""
+    """List, or remove, results that the settings no longer ask for."""
     with planned(configfile) as plan:
         left_over = audit(plan).left_over
         for receipt in left_over:
@@ -169,7 +170,7 @@ def prune(delete, configfile):
 
 
 def take_reference(configfile):
-    """Take the numbers of a study, run on this machine, as those that later runs are compared with.
+    """Take the numbers of a finished study as the reference of later comparisons.
 
     Refuses a study in which anything is missing, damaged or not as configured.
     """

@@ -1,4 +1,4 @@
-"""One table: `workflow/rules/tables.smk` says by which function and of what."""
+"""One table; `workflow/rules/tables.smk` names the function and its data."""
 
 from pkgutil import resolve_name
 
@@ -7,6 +7,7 @@ from galloping.study.files import read_all, write_table
 
 
 def make_table(table, function, settings, names, **files):
+    """Compute one table from files and write it."""
     read = read_all(files, names) | ({"settings": settings} if settings else {})
     write_table(table, resolve_name(function)(**read))
 

@@ -1,4 +1,4 @@
-"""Replicated recordings of one cell."""
+"""Simulated recordings of one study cell, one for each noise realisation."""
 
 from galloping.recording.measurement import recordings_of
 from galloping.reproducibility.job import run
@@ -6,6 +6,7 @@ from galloping.study.files import read_trajectories, write_recordings
 
 
 def measure_motion(case, protocol, cell, trajectory, recordings, measurement):
+    """Write the recordings of one study cell."""
     motions = read_trajectories(trajectory)
     write_recordings(recordings, recordings_of(motions, name=(case, protocol, cell), **measurement))
 

@@ -1,4 +1,4 @@
-"""Limit cycles at other wind speeds, predicted from identified models, beside the truth."""
+"""Limit cycles at other wind speeds: predictions of identified models, and the truth."""
 
 from functools import cache, partial
 
@@ -32,6 +32,7 @@ def _predicted(identified, case, winds, rng) -> Prediction:
 
 
 def predict_winds(case, protocol, identified, prediction, line, winds, methods, seed):
+    """Write the predicted and the true limit cycles."""
     models = read_families(identified)
     true = steady_truth(line, winds, Simulator(STATES, LIBRARY))
     rows = []

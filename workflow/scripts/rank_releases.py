@@ -1,4 +1,4 @@
-"""Further releases of one case, the one that would help identification most first."""
+"""Further initial displacements of one case, ranked by their value for identification."""
 
 from galloping.evaluation.bounds_of_cells import ranked_releases
 from galloping.reproducibility.job import run
@@ -10,6 +10,7 @@ HEIGHTS = (1.0, 2.0, 3.0)  # m, of the further releases that are compared
 
 
 def rank_releases(case, model, trajectory, ranking, level, heights=HEIGHTS):
+    """Write the ranked initial displacements of one case."""
     ranked = ranked_releases(
         read_model(model).model, read_trajectories(trajectory)[0], level, heights
     )

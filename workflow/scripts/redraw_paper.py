@@ -1,4 +1,4 @@
-"""Many draws of the paper's study by its own method, in the cells that its claims are about."""
+"""Many noise realisations of the paper's study by its own method, in the cells of its claims."""
 
 from galloping.paper.draws import Amounts, paper_draws
 from galloping.reproducibility.job import run
@@ -6,6 +6,7 @@ from galloping.study.files import write_table
 
 
 def redraw_paper(case, draws, line, amounts, number, threshold, kinematics, degree, seed):
+    """Write the results of the paper's method for all noise realisations."""
     drawn = paper_draws(
         line, name=(case,), amounts=Amounts(**amounts), draws=number, threshold=threshold,
         kinematics=kinematics, degree=degree, seed=seed,

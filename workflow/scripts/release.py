@@ -1,8 +1,8 @@
 """Check and build a release, without publishing anything: release.py FOLDER [--draft].
 
-FOLDER gets the wheel and the source distribution, built from the files that git tracks. Of what an
-index shows, the README, links and pictures lead to the repository. With --draft what is still open
-is said, and built all the same.
+FOLDER receives the wheel and the source distribution, built from the files that git tracks. Links
+and pictures of the README that a package index shows point to the repository. With --draft open
+objections are listed, and the distributions are built nevertheless.
 """
 
 import argparse
@@ -24,7 +24,7 @@ DATED = re.compile(r"^## (\S+) - \d{4}-\d{2}-\d{2}$", re.MULTILINE)
 
 
 def objections(root: Path) -> Iterator[str]:
-    """Yield what speaks against releasing the project in a folder, a line each."""
+    """Yield one line for each objection to releasing the project in a folder."""
     text = (root / "pyproject.toml").read_text(encoding="utf-8")
     project = tomllib.loads(text)["project"]
     citation, security = (
@@ -82,6 +82,7 @@ def build(root: Path, folder: Path) -> subprocess.CompletedProcess:
 
 
 def main() -> int:
+    """Print the objections, build the distributions if allowed, and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--draft", action="store_true")

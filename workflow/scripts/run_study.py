@@ -1,8 +1,9 @@
-"""The study; one line says why when it cannot run or stops.
+"""Run the study, with one line that says why it cannot run or stops.
 
 Usage: run_study.py [--repair] [--only FILE ...] [options for snakemake]
---only: make these results, with what they need, in place of the whole study.
---repair: first make it fit to go on after a kill, a crash, an edit by hand or a lost .snakemake.
+--only: make these results and what they need, instead of the whole study.
+--repair: first make the study fit to continue after a kill, a crash, a manual edit or a lost
+.snakemake.
 """
 
 import argparse
@@ -43,6 +44,7 @@ LAST_WORDS = 20  # lines of Snakemake's that are shown where no job says what we
 
 
 def main(*arguments: str) -> int:
+    """Run the study with these arguments, and return the exit code."""
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--repair", action="store_true")
     parser.add_argument("--only", nargs="+", default=[])
@@ -98,9 +100,9 @@ def announced(
     known: dict[str, Receipt],
     options: argparse.Namespace,
 ) -> Iterator[str]:
-    """What the run will do; only what is doubtful, at once, where nothing is newer than the report.
+    """Yield lines on what the run will do, or only warnings if nothing changed since the report.
 
-    The plan says itself what is doubtful.
+    The plan contains these warnings itself.
     """
     report = receipt_path(Path(settings.results, "report.html"))
     made = report.stat().st_mtime if report.exists() else 0.0
@@ -118,7 +120,7 @@ def announced(
 
 
 def tell(results: str, made: int, seconds: float) -> None:
-    """Return what was made, where the report is, and how many of the paper's claims hold."""
+    """Print how many results are new, how many claims of the paper are met, and the report."""
     from galloping.reproducibility.plan import duration_in_words
 
     files = f"{made} files made in {duration_in_words(seconds)}"
@@ -135,13 +137,13 @@ def tell(results: str, made: int, seconds: float) -> None:
 
 
 def check_cores(text: str | None) -> None:
-    """Return a line for what Snakemake would not take for a number of cores."""
+    """Exit with one line if the text is not a number of cores that Snakemake accepts."""
     if text not in (None, "all") and not (text.isdecimal() and int(text) > 0):
         sys.exit(f"CORES: {text!r} is not a number of cores; must be all or a whole number >= 1")
 
 
 def check(results: str, configfiles: list[str], repair: str) -> list[str]:
-    """Targets for Snakemake where its own do not do: what was made and is gone.
+    """Return extra targets for Snakemake: results that were made and are missing now.
 
     Raises Obstacle if results must not be used as they are.
     """
@@ -171,7 +173,7 @@ def check(results: str, configfiles: list[str], repair: str) -> list[str]:
 
 
 def mend(results: str, configfiles: list[str]) -> list[str]:
-    """Make a study fit to go on, and say how; targets for Snakemake as of `check`."""
+    """Make a study fit to continue, print what was done, and return targets as `check` does."""
     from galloping.reproducibility.plan import planning, recorded, unlock
     from galloping.reproducibility.repair import adopt, set_aside
 
@@ -196,10 +198,10 @@ def mend(results: str, configfiles: list[str]) -> list[str]:
 
 
 def snakemake(results: str, *arguments: str) -> tuple[int, bool]:
-    """Run Snakemake; its exit code, and whether Ctrl-C came. Raises Killed if a signal ended it.
+    """Run Snakemake, and return its exit code and whether Ctrl-C interrupted it.
 
-    On a terminal it shows its own bars; elsewhere its words go to a file, and a line a minute says
-    how far it is.
+    On a terminal Snakemake shows progress bars; elsewhere its output goes to a file, and one line
+    per minute reports the progress. Raises Killed if a signal ended it.
     """
     interrupts = []
     # Ctrl-C goes to Snakemake and its jobs as well: wait until they have ended.
@@ -220,7 +222,7 @@ def snakemake(results: str, *arguments: str) -> tuple[int, bool]:
 
 
 def followed(process: subprocess.Popen, said: Path) -> int:
-    """Wait for Snakemake, and say now and then how far it is; its exit code."""
+    """Wait for Snakemake, report its progress now and then, and return its exit code."""
     told = ""
     while True:
         try:

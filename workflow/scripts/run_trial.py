@@ -1,4 +1,4 @@
-"""One batch of a trial, a row a fit: `workflow/rules/evaluate.smk` says by which function."""
+"""One batch of a trial, one row per fit; `workflow/rules/evaluate.smk` names the function."""
 
 from pkgutil import resolve_name
 
@@ -9,6 +9,7 @@ from galloping.study.files import write_table
 
 
 def run_trial(fits, function, seed, case, replicates, methods, options):
+    """Write the rows of one batch of a trial."""
     rows = resolve_name(function)(seed, case, replicates, methods, **options)
     write_table(fits, pd.DataFrame(rows))
 

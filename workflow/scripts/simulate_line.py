@@ -1,6 +1,6 @@
-"""Trajectories of one line on its sampling grid, one for each release.
+"""Trajectories of one line on its sampling grid, one for each initial displacement.
 
-A line that diverges has no motion to measure: its states are all NaN, its status says why.
+The states of a motion that diverges are all NaN, and its status gives the reason.
 """
 
 import numpy as np
@@ -12,6 +12,7 @@ from galloping.trajectory.simulation import Simulator, time_grid
 
 
 def simulate_line(model, trajectory, releases, duration, sampling_rate):
+    """Write the trajectories of one line."""
     line, time = read_model(model).model, time_grid(duration, sampling_rate)
     simulator = Simulator(line.states, line.terms)
 

@@ -1,4 +1,4 @@
-"""Trajectories of one line of many modes as the sensors along its span see it, by release."""
+"""Trajectories of a line with many modes at the sensors of its span, by initial displacement."""
 
 from galloping.line.continuous import observed
 from galloping.reproducibility.job import run
@@ -8,6 +8,7 @@ from galloping.trajectory.simulation import time_grid
 
 
 def simulate_many_modes(case, trajectory, line, truth, releases, duration, sampling_rate, seed):
+    """Write the motions that the sensors see, without noise."""
     time = time_grid(duration, sampling_rate)
     motions = [
         observed(line, truth, release, time, make_generator(seed, "gusts", case, k))

@@ -1,4 +1,4 @@
-"""Long simulations of one line at some values of a sweep; of a range that grows, the new ones."""
+"""Long simulations of one line at values of a parameter; only new values if the range grows."""
 
 import csv
 from functools import partial
@@ -14,7 +14,10 @@ from galloping.trajectory.simulation import Simulator
 
 
 def simulate_sweep(case, simulated, line, parameter, values, second, second_value, is_grown=False):
-    """is_grown: whether the file is here, made with the same settings but fewer values."""
+    """Write one row of the final motion for each value of a parameter.
+
+    is_grown: whether the file exists, made with the same settings but fewer values.
+    """
     column, rows = "x" if second else "value", {}
     if is_grown:
         with Path(simulated).open(encoding="utf-8", newline="") as file:

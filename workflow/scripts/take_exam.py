@@ -1,9 +1,9 @@
-"""The exam: answers of the identification to fixed recordings, beside those of an earlier commit.
+"""Compare the identification of fixed recordings with that of an earlier commit.
 
 Usage: take_exam.py [--stratum NAME ...] [--before FILE] [--configfile FILE ...] [options of
 run_study.py]
 --stratum: only these trials of the configuration.
---before: answers to compare with, an `answers.csv`; else those of the reference.
+--before: an `answers.csv` to compare with; by default that of the reference.
 Exit code 1 if a measure of a stratum is worse by more than two standard errors.
 """
 
@@ -28,6 +28,7 @@ SHOWN = {  # columns of `exam.sum_up_strata`, and the measures of their differen
 
 
 def main(*arguments: str) -> int:
+    """Run the trials, print the comparison, and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
     parser.add_argument("--stratum", nargs="+", default=[])
     parser.add_argument("--before")
@@ -69,7 +70,7 @@ def select_trials(study: Study, strata: Sequence[str]) -> list[Trial]:
 def read_before(study: Study, file: str | None) -> pd.DataFrame:
     """Read the answers to compare with; none if there is no reference.
 
-    Raises ValueError, in one line, for a file that is no table of answers.
+    Raises ValueError, in one line, for a file that is not a table of answers.
     """
     path = Path(file or Path(study.settings.reference, "answers.csv"))
     if not file and not path.exists():
@@ -113,7 +114,7 @@ def _format_cell(column: str, value: float, shift: dict | None) -> str:
 
 
 def format_changes(before: pd.DataFrame, now: pd.DataFrame) -> Iterator[str]:
-    """Yield a line for each answer that is another one."""
+    """Yield a line for each answer that changed."""
     if before.empty:
         yield "There are no answers to compare with."
         return

@@ -1,4 +1,4 @@
-"""Which claims of the paper hold at each value of a setting that it leaves open."""
+"""Claims of the paper that hold at each value of a setting that the paper does not print."""
 
 from galloping.paper.draws import Amounts
 from galloping.reproducibility.job import run
@@ -10,6 +10,7 @@ def vary_parameter(
     parameter, drawn, claims, case, line, values, amounts, number, threshold, kinematics,
     degree, seed,
 ):  # fmt: skip
+    """Write the claims that hold at each value of one setting."""
     plan = {
         "draws": number, "threshold": threshold, "kinematics": kinematics, "degree": degree,
         "seed": seed,

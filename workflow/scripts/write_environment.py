@@ -20,7 +20,10 @@ dependencies:
 
 
 def requirements(project: dict, extra: str) -> Iterator[tuple[str, str]]:
-    """(name, versions) of the packages of an extra, of the extras that it names, and of all."""
+    """Yield (name, versions) of the packages that all installations and those with an extra need.
+
+    The extras that the extra names are included.
+    """
     listed = [*project["dependencies"], *project["optional-dependencies"][extra]]
     for requirement in listed:
         name, within, versions = re.fullmatch(
@@ -34,7 +37,7 @@ def requirements(project: dict, extra: str) -> Iterator[tuple[str, str]]:
 
 
 def environment(pyproject: str) -> str:
-    """Return the conda environment of the study's jobs, which do not import Snakemake."""
+    """Format the conda environment of the study's jobs, which do not import Snakemake."""
     project = tomllib.loads(pyproject)["project"]
     needed = {
         name.lower(): versions

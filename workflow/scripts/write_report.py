@@ -1,4 +1,4 @@
-"""The report of a study, one self-contained page."""
+"""Report of a study, one self-contained page."""
 
 from pathlib import Path
 
@@ -43,6 +43,7 @@ def write_report(
     figures, animation, tables, recordings, region, report, labels, parts, introduction, captions,
     captions_of_recordings, headline, study,
 ):  # fmt: skip
+    """Write the report from figures, tables and recordings of a study."""
     drawn = _items([*figures, *animation], captions, labels)
     said_of = captions_of_tables()
     shown = _items(tables, {name: said_of[name] for name in (Path(t).stem for t in tables)}, {})

@@ -1,4 +1,4 @@
-"""Arrays: of a user, checked in one line; held by dataclasses, never changed; on one thread."""
+"""Arrays: checks of user input, immutable dataclasses of arrays, linear algebra on one thread."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields
@@ -17,7 +17,7 @@ Returned = TypeVar("Returned")
 
 
 class SupportsArray(Protocol):
-    """What numpy takes as an array, such as a DataFrame."""
+    """Object that numpy converts to an array, such as a DataFrame."""
 
     def __array__(self) -> NDArray[Any]: ...
 
@@ -27,10 +27,10 @@ Matrix: TypeAlias = SupportsArray | Sequence[Sequence[float] | SupportsArray]
 
 
 def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
-    """Values as an array of floats, NaN among them; None in `shape` is any length.
+    """Convert values to an array of floats, which may contain NaN.
 
-    An array of floats is returned as it is. Raises ValueError naming `name` where the values are
-    not real numbers or have another shape.
+    None in `shape` is any length. An array of floats is returned as it is. Raises ValueError naming
+    `name` if the values are not real numbers or have another shape.
     """
     try:
         array = np.asarray(values)
@@ -56,7 +56,7 @@ def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> ND
 def as_finite(
     name: str, values: ArrayLike, shape: tuple[int | None, ...], infinite: bool = False
 ) -> NDArray[np.float64]:
-    """As `as_floats`, refusing NaN and, unless `infinite`, infinity."""
+    """Convert values as `as_floats` does, refusing NaN and, unless `infinite`, infinity."""
     array = as_floats(name, values, shape)
     if np.isnan(array).any() or (np.isinf(array).any() and not infinite):
         raise ValueError(f"{name}: {array.tolist()!r:.60}; must be finite")
@@ -64,7 +64,7 @@ def as_finite(
 
 
 def checked_state(values: ArrayLike, states: tuple[str, ...]) -> NDArray[np.float64]:
-    """(n_states,) where a motion begins. Raises ValueError, naming a state without a number."""
+    """Check an initial state, (n_states,). Raises ValueError naming a state without a number."""
     start = as_finite("initial_state", values, (None,))
     if len(start) == len(states):
         return start
@@ -76,9 +76,9 @@ def checked_state(values: ArrayLike, states: tuple[str, ...]) -> NDArray[np.floa
 
 
 def as_seconds(name: str, times: Any) -> Any:
-    """Dates and times, or lengths of time, as s since the first; others as they are.
+    """Convert dates and times, or durations, to seconds since the first; return others as they are.
 
-    times: of numpy, pandas or `datetime`. Raises ValueError where one is missing.
+    times: of numpy, pandas or `datetime`. Raises ValueError if one is missing.
     """
     pandas: Any = getattr(times, "dt", times)
     in_utc = pandas.tz_convert(None) if getattr(pandas, "tz", None) is not None else times
@@ -94,7 +94,7 @@ def as_seconds(name: str, times: Any) -> Any:
 
 
 def as_increasing(name: str, values: ArrayLike) -> NDArray[np.float64]:
-    """(n,) times, strictly increasing, two or more."""
+    """Check two or more times, (n,), that increase strictly."""
     array = as_floats(name, values, (None,))
     if len(array) < 2 or not np.all(np.isfinite(array)) or not np.all(np.diff(array) > 0):
         raise ValueError(f"{name}: must be finite, strictly increasing, two samples or more")
@@ -107,17 +107,17 @@ TIME_ROUNDING = 1e-6
 
 
 def round_down(number: float) -> int:
-    """Round down to a whole number, one that is off by rounding alone to the nearest."""
+    """Round down to a whole number, tolerating rounding errors just below one."""
     return int(np.floor(number + TIME_ROUNDING))
 
 
 def round_up(number: float) -> int:
-    """Round up to a whole number, one that is off by rounding alone to the nearest."""
+    """Round up to a whole number, tolerating rounding errors just above one."""
     return int(np.ceil(number - TIME_ROUNDING))
 
 
 def first_from(time: NDArray[np.float64], moments: ArrayLike) -> NDArray[np.int_]:
-    """Find the first sample at each moment or later, whatever unit the times are in.
+    """Find the first sample at or after each moment, in any unit of time.
 
     Parameters
     ----------
@@ -141,9 +141,9 @@ def _describe_shape(shape: tuple[int | None, ...]) -> str:
 
 
 class Immutable:
-    """Base of dataclasses of `frozen=True, eq=False`, whose arrays and dicts become read-only.
+    """Base of dataclasses with `frozen=True, eq=False`, whose arrays and dicts become read-only.
 
-    Two are equal where all they hold is, NaN equal to NaN; equal ones have the same hash. Copies
+    Two are equal if all their contents are, NaN equal to NaN; equal ones have the same hash. Copies
     and pickles are read-only too. An array that can still be written elsewhere is copied.
     """
 
@@ -187,7 +187,7 @@ def _read_only(value: object) -> object:
 
 
 def _as_comparable(value: object) -> object:
-    """Equal and hashed alike where the values are: of NaN there is one, of zero one sign."""
+    """Convert a value for comparison and hashing: NaN equals NaN, and zero has no sign."""
     if isinstance(value, MappingProxyType):
         return frozenset((name, _as_comparable(each)) for name, each in value.items())
     if isinstance(value, tuple):
@@ -201,6 +201,6 @@ def _as_comparable(value: object) -> object:
 
 
 def one_thread(function: Callable[Arguments, Returned]) -> Callable[Arguments, Returned]:
-    """Give a function one thread until it ends: with small matrices others only wait."""
+    """Decorate a function to use one thread for linear algebra, faster for small matrices."""
     limited = threadpool_limits.wrap(limits=1, user_api="blas")
     return cast("Callable[Arguments, Returned]", limited(function))  # which has no types

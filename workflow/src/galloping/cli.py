@@ -1,4 +1,4 @@
-"""The command `galloping`: from files to models, from models to motions."""
+"""Command-line interface `galloping`: models from files, and motions from models."""
 
 import gc
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ REFUSED = 3  # exit code: the recordings give no model
 @click.group(cls=OneLineErrors, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="galloping")
 def main() -> None:
-    """Models of galloping lines, and of other oscillators, from recordings.
+    """Identify models of galloping lines, and of other oscillators, from recordings.
 
     Begin with: galloping identify FILE --output DIR
 
@@ -29,7 +29,7 @@ def main() -> None:
 
     \b
     Shell completion: eval "$(_GALLOPING_COMPLETE=bash_source galloping)"
-    """
+    """  # noqa: D301 (click reads the backspace)
     gc.set_threshold(COLLECTED)
 
 
@@ -84,7 +84,7 @@ def _mapping_options(command):
 
 
 def _mapping(file, options):
-    """The mapping that options tell; how columns are read by their names alone is said."""
+    """Make the mapping of columns from options; print how columns are read by their names alone."""
     from galloping.readers.mapping import mapping_of
 
     mapping, said = mapping_of(file, options)
@@ -106,7 +106,7 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, 
 
 
 def _answered(path):
-    """The model in a file. Raises ValueError where there is none."""
+    """Load the model in a file. Raises ValueError if there is none."""
     from galloping.identification.identified_model import IdentifiedModel
 
     loaded = IdentifiedModel.load(path)
@@ -116,7 +116,7 @@ def _answered(path):
 
 
 def _between(path) -> dict:
-    """What inputs are between their samples, by the recordings of a model."""
+    """Read how the inputs of a model's recordings are interpolated between samples."""
     from galloping.storage import read_json
 
     return read_json(path).get("between", {})
@@ -154,9 +154,9 @@ def identify(
     """Identify one model from FILES, recordings of one system.
 
     Columns named in plain words, such as "time [s]", "vertical [mm]" and "horizontal [mm]", need no
-    further option; "galloping inspect FILE" shows how they are read, and with --write-map writes
-    that down, to be edited and given as --map. The unit of a column stands behind its name or in
-    --unit; times may be dates.
+    further option. "galloping inspect FILE" shows how they are read; with --write-map it writes a
+    mapping to edit and give as --map. The unit of a column follows its name or is given by --unit;
+    times may be dates.
 
     A state is a quantity whose rate an equation of the model gives. Those of a span are q_v and
     q_w, the vertical and the horizontal displacement of its first mode in m, and their rates dq_v
@@ -215,10 +215,10 @@ def identify(
               help="Write how the columns are read to a new YAML file, for --map.")  # fmt: skip
 @json_option
 def inspect(file, write_map, as_json, **mapping):
-    """Tell what a recording is worth.
+    """Show the quality of a recording.
 
-    Prints how each column is read, sampling, gaps, noise, the frequencies of the motion, and what
-    is odd about the samples. Nothing is computed from them yet.
+    Prints how each column is read, sampling, gaps, noise, the frequencies of the motion, and
+    anomalies of the samples. No model is identified.
     """
     from galloping.summary.analysis import read_field
     from galloping.summary.wording import report_text
@@ -232,7 +232,7 @@ def inspect(file, write_map, as_json, **mapping):
 
 
 def _doubts_of_written(file, path, options) -> dict:
-    """Write a mapping of a file's columns, say what it leaves open, and return that by column."""
+    """Write a mapping of a file's columns, and return its uncertain entries by column."""
     from galloping.readers.mapping import MappingError, propose_mapping
     from galloping.storage import write_text
 
@@ -271,8 +271,9 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     By a MODEL; prints CSV with a 90 % band for each channel.
 
     FILE may be newer than the recordings of the model; only its end is used. Its columns are read
-    as those of "galloping identify". The inputs of a model after that are held, --at U=12, or come
-    from a file with the same columns on the same clock, or from FILE where it goes on with them.
+    as those of "galloping identify". The inputs of a model after that are constant, --at U=12, or
+    come from a file with the same columns on the same clock, or from FILE if it continues with
+    them.
     """
     import numpy as np
 
@@ -345,8 +346,8 @@ def show(model, latex, as_json):
 def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_json):
     """Simulate a MODEL and print its states as CSV.
 
-    The inputs of a model are held, --at U=12, or come from a file with columns of their names, the
-    first time of which is that of the initial state.
+    The inputs of a model are constant, --at U=12, or come from a file with columns of their names,
+    whose first time is that of the initial state.
     """
     import numpy as np
 
@@ -378,7 +379,7 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
 
 
 def _simulated(path, model, state, rate: float, last: int, inputs) -> Iterator[dict]:
-    """Rows 0 to `last` of a motion. Raises ValueError, naming the path, where it ends early."""
+    """Yield rows 0 to `last` of a motion. Raises ValueError, naming the path, if it ends early."""
     import numpy as np
 
     from galloping.trajectory.simulation import Simulator, escape_distance
@@ -411,13 +412,13 @@ def _simulated(path, model, state, rate: float, last: int, inputs) -> Iterator[d
 @click.option("--verbose", is_flag=True,
               help="Print equilibria, damping and unstable limit cycles too.")  # fmt: skip
 def assess(model, at, seed, figure, as_csv, as_json, verbose):
-    """Tell from which wind on a line gallops, how far.
+    """Compute the wind speed of the onset of galloping, and its amplitude.
 
-    From a MODEL: positions of rest and their stability, limit cycles, and the onset.
+    From a MODEL: equilibria and their stability, limit cycles, and the onset.
 
-    Inputs are held at what --at says. Along a range of one, such as U=8:16 or U=8:16:0.5, limit
-    cycles are followed, the unstable ones as well, and the onset is looked for: where small motions
-    about rest begin to grow. Intervals are of 95 %.
+    Inputs are constant at the values of --at. Along a range of one, such as U=8:16 or U=8:16:0.5,
+    limit cycles are followed, including unstable ones, and the onset is searched for, at which
+    small motions about the equilibrium begin to grow. Intervals are of 95 %.
     """
     from galloping.behaviour.assess import assess as assessed
     from galloping.behaviour.assessment import assessment_rows

@@ -12,9 +12,10 @@ INTERRUPTED = 130  # exit code: Ctrl-C
 
 
 class OneLineErrors(click.Group):
-    """Errors of input end in one line and exit code 1, interruptions in one line and 130."""
+    """Command group that reports errors of input and interruptions in one line."""
 
     def invoke(self, context: click.Context) -> object:
+        """Run the command; exit with 1 after an error of input, with 130 after an interruption."""
         with suppress(ValueError):  # of another thread than the first
             signal.signal(signal.SIGTERM, _end_command)  # so that nothing unfinished is left
         try:
@@ -40,17 +41,17 @@ class OneLineErrors(click.Group):
 
 
 def _as_printable(text: str) -> str:
-    """Lines of text, without what steers a terminal: a file may have it in its name."""
+    """Remove control characters of terminals from text, such as those in a file's name."""
     return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
 
 
 def _end_command(number: int, _: object) -> None:
-    """End as by an exception, when a signal asks for it."""
+    """End the command by an exception when a signal asks for it."""
     sys.exit(128 + number)
 
 
 def _interrupted(error: BaseException | None) -> bool:
-    """Whether an error is an interruption, or compiled code's account of one."""
+    """Decide whether an error is an interruption, or compiled code's report of one."""
     return isinstance(error, KeyboardInterrupt) or (
         error is not None and _interrupted(error.__cause__)
     )

@@ -1,8 +1,8 @@
-"""Functions as attributes of modules that are not imported: `deferred.trials.ambient.trial`.
+"""Functions of modules that are not imported, as attributes: `deferred.trials.ambient.trial`.
 
-Rules and the register of methods say which function a job calls. To import it there would take
-seconds at each start of Snakemake or of the command. Here it is `module:function`: the job imports
-that with `pkgutil.resolve_name`, and `reproducibility.digest` finds its code by it.
+Rules and the register of methods name the function of a job. To import it there would take seconds
+at each start of Snakemake or of the command. Here the function is the text `module:function`: the
+job imports it with `pkgutil.resolve_name`, and `reproducibility.digest` finds its code by it.
 """
 
 import re
@@ -14,15 +14,15 @@ SOURCE = Path(__file__).parents[1]
 
 
 class Deferred:
-    """A package or module of this library by its full name."""
+    """A package or module of this library by its full name, without importing it."""
 
     def __init__(self, name: str) -> None:
         self._name = name
 
     def __getattr__(self, name: str) -> Any:  # a Deferred or a str
-        """A module in the package, or a function as `module:function`.
+        """Return a module of the package, or a function as `module:function`.
 
-        Raises AttributeError where the files have neither.
+        Raises AttributeError if the files have neither.
         """
         below = f"{self._name}.{name}"
         if file_of(below):
@@ -35,7 +35,7 @@ class Deferred:
 
 @cache
 def file_of(name: str) -> Path | None:
-    """Of a module or package by its full name; None where there is none."""
+    """Find the file of a module or package by its full name; None if there is none."""
     base = SOURCE.joinpath(*name.split("."))
     return next(filter(Path.is_file, (base / "__init__.py", base.with_suffix(".py"))), None)
 

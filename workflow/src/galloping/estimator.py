@@ -1,4 +1,4 @@
-"""Maximum likelihood in the shape of an estimator, as pysindy and scikit-learn have them."""
+"""Maximum likelihood as an estimator in the style of pysindy and scikit-learn."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -38,7 +38,7 @@ DEFAULT_DEGREE, HIGH_ORDER_STATES, DEGREE_OF_MANY = 3, 4, 2
 
 
 class NotFittedError(ValueError, AttributeError):
-    """A method that needs a fitted estimator was called before `fit`."""
+    """Error of a method that needs a fitted estimator, called before `fit`."""
 
 
 class MaximumLikelihood:
@@ -246,10 +246,11 @@ class MaximumLikelihood:
         *,
         x_dot: Data | None = None,
     ) -> float:
-        """Return R2 of the model's motion, or of its rates where `x_dot` is given.
+        """Compute R2 of the model's motion, or of its rates if `x_dot` is given.
 
-        The recording is cut into stretches of six periods of its motion. In each the model starts
-        from the state that follows the samples best. Noisy samples need not be differentiated.
+        The recording is divided into stretches of six periods of its motion. In each the model
+        starts from the state that follows the samples best. Noisy samples need not be
+        differentiated.
 
         Parameters
         ----------
@@ -258,8 +259,9 @@ class MaximumLikelihood:
         Returns
         -------
         float
-            Mean R2 of the states, or of their rates: 1 if the motion is the samples', 0 if it is
-            no better than their mean. A stretch in which the model diverges counts as its mean.
+            Mean R2 of the states, or of their rates: 1 for a perfect match, 0 if the motion is no
+            better than the mean of the samples. A stretch in which the model diverges counts as its
+            mean.
         """
         found = self._fitted()
         recordings = self._recordings(x, t, u, x_dot, found.model.states, found.model.inputs)
@@ -273,11 +275,11 @@ class MaximumLikelihood:
         return float(np.nanmean(1.0 - left / whole))
 
     def equations(self) -> list[str]:
-        """Return the equation of each state as text, coefficients with their standard errors."""
+        """Format the equation of each state as text, coefficients with their standard errors."""
         return list(self._fitted().equations())
 
     def coefficients(self, absent: bool = False) -> "DataFrame":
-        """Return the coefficients with their errors; see `IdentifiedModel.to_frame`."""
+        """Tabulate the coefficients with their errors; see `IdentifiedModel.to_frame`."""
         return self._fitted(refused=True).to_frame(absent)
 
     def print(self, **options: Any) -> None:
@@ -291,7 +293,7 @@ class MaximumLikelihood:
     # --- what scikit-learn expects of an estimator ---
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Return the options by name. deep: has no effect, for no option is an estimator."""
+        """Return the options by name. deep: has no effect, since no option is an estimator."""
         return {name: getattr(self, name) for name in signature(type(self)).parameters}
 
     def set_params(self, **options: Any) -> "MaximumLikelihood":
@@ -315,13 +317,16 @@ class MaximumLikelihood:
         return f"{type(self).__name__}({options})"
 
     def _repr_latex_(self) -> str | None:
-        """What notebooks show after `fit`."""
+        """Format the fitted model for notebooks."""
         return self.model_._repr_latex_() if hasattr(self, "model_") else None
 
     # --- parts ---
 
     def _fitted(self, refused: bool = False) -> IdentifiedModel:
-        """The model. Raises NotFittedError, and ValueError if there is none unless `refused`."""
+        """Return the fitted model.
+
+        Raises NotFittedError before `fit`, and ValueError if there is no model unless `refused`.
+        """
         if not hasattr(self, "model_"):
             raise NotFittedError(f"this {type(self).__name__} is not fitted yet: call fit first")
         if self.model_.status == "refused" and not refused:
@@ -344,7 +349,7 @@ class MaximumLikelihood:
     def _terms(
         self, states: tuple[str, ...], inputs: tuple[str, ...]
     ) -> tuple[tuple[Exponents, ...], NDArray[np.bool_] | None]:
-        """The library, and in which equations each term may be."""
+        """Return the terms of the library, and the equations in which each may be."""
         count = len(states) + len(inputs)
         if self.library is None:
             few = count <= HIGH_ORDER_STATES

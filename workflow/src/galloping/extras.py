@@ -1,4 +1,4 @@
-"""What an installation may lack: extras of this distribution, as pyproject.toml lists them."""
+"""Optional packages that an installation may lack, as pyproject.toml lists them."""
 
 import re
 import shlex
@@ -9,9 +9,9 @@ FIELD = "field"  # what the command needs
 
 
 def missing_line(error: ModuleNotFoundError) -> str:
-    """What is missing for the command, and the line that installs all that is, in any shell.
+    """Format one line on what the command lacks, with the line that installs it in any shell.
 
-    Raises the error if what is missing is part of this library.
+    Raises the error if the missing module is part of this library.
     """
     name = (error.name or "").partition(".")[0]
     if name in ("", "galloping"):
@@ -21,7 +21,7 @@ def missing_line(error: ModuleNotFoundError) -> str:
 
 
 def _missing_requirements(extra: str) -> Iterator[str]:
-    """Requirements of an extra that are not installed; none if this library is not either."""
+    """Yield missing requirements of an extra; none if this library is not installed either."""
     try:
         requirements = metadata.requires("galloping") or []
     except metadata.PackageNotFoundError:

@@ -1,4 +1,4 @@
-"""Building blocks of the settings: strict types, and the facts that every key carries."""
+"""Building blocks of the settings: strict types, and metadata of each key."""
 
 import json
 import re
@@ -18,7 +18,7 @@ class Section(BaseModel):
 
 
 def show(value: object) -> str:
-    """A value in one short line, as a user would write it."""
+    """Format a value in one short line, as a user would write it."""
     match value:
         case None | bool():
             text = json.dumps(value)
@@ -32,7 +32,7 @@ def show(value: object) -> str:
 
 
 def make_error(text: str, *below: str) -> PydanticCustomError:
-    """What a check raises; `below` are the keys from the validated field to the one at fault."""
+    """Make the error of a check; `below`: keys from the validated field to the one at fault."""
     return PydanticCustomError("invalid", "{text}", {"text": text, "below": below})
 
 
@@ -74,43 +74,43 @@ def _distinct(values: tuple) -> tuple:
 
 
 def real(**bounds: Any) -> Any:
-    """The type of a finite number within bounds (gt, ge, lt, le)."""
+    """Make the type of a finite number within bounds (gt, ge, lt, le)."""
     return Annotated[float, Field(allow_inf_nan=False, **bounds), BeforeValidator(_number)]
 
 
 def whole(**bounds: Any) -> Any:
-    """The type of a whole number within bounds (gt, ge, lt, le)."""
+    """Make the type of a whole number within bounds (gt, ge, lt, le)."""
     return Annotated[int, Field(**bounds), BeforeValidator(_whole)]
 
 
 def one_of(names: tuple[str, ...]) -> Any:
-    """The type of one name out of `names`."""
+    """Make the type of one name out of `names`."""
     return Literal[names]
 
 
 def listing(*items: Any) -> Any:
-    """The type of a list, of `...` behind an item for any number of it.
+    """Make the type of a list; `...` after an item allows any number of it.
 
-    YAML has no tuples, so here, and only here, a list is let in as one.
+    YAML has no tuples, so only here a list is accepted as one.
     """
     types: Any = items
     return Annotated[tuple[types], Field(strict=False)]
 
 
 def distinct(item: Any, **schema: int) -> Any:
-    """The type of a list of which no two items are equal. schema: what JSON Schema says beside."""
+    """Make the type of a list without equal items. schema: further entries of the JSON schema."""
     unique = Field(strict=False, json_schema_extra={**schema, "uniqueItems": True})
     return Annotated[tuple[item, ...], unique, AfterValidator(_distinct)]
 
 
 def selection(item: Any) -> Any:
-    """The type of a list of at least one item, no two equal."""
+    """Make the type of a list of at least one item, no two equal."""
     # Checked in `_some`: min_length would also count out the items that are wrong.
     return Annotated[distinct(item, minItems=1), AfterValidator(_some)]
 
 
 def setting(default: Any, description: str, unit: str = "") -> Any:
-    """A key of the study."""
+    """Make a key of the study, with description and unit."""
     return Field(default, description=description, json_schema_extra={"unit": unit})
 
 

@@ -1,4 +1,4 @@
-"""How far a long computation is: told to whoever listens, silent otherwise."""
+"""Progress reports of long computations; silent without a listener."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,8 +10,10 @@ PASS = 0.04  # of what is left of a part: it takes ten passes or a hundred, nobo
 
 @dataclass
 class _Told:
-    """listen: to be told. part: the name of what runs, which goes from `begin` to `end` of the
-    whole, of which `done` is done.
+    """State of a progress report.
+
+    listen: function that receives it. part: name of the running part, from `begin` to `end` of the
+    whole, of which the share `done` is done.
     """
 
     listen: Callable[[str, float], object]
@@ -26,10 +28,16 @@ _told: ContextVar[_Told | None] = ContextVar("told", default=None)
 
 @contextmanager
 def progress(listen: Callable[[str, float], object]) -> Iterator[None]:
-    """While the block runs, tell `listen` what is being done, and which share of all is done.
+    """Report the progress of all calls in the block to a function.
 
-    The share, from 0 to 1, never falls. It is an estimate: iterations end when they have converged.
+    Parameters
+    ----------
+    listen : callable
+        Called with the name of the present step, and the share of the whole that is done, from 0 to
+        1. The share never decreases. It is an estimate: iterations end when they have converged.
 
+    Examples
+    --------
     >>> with progress(lambda what, share: print(f"{what}, {share:.0%}")):
     ...     with part("identify", until=0.5):
     ...         passing("join segments")
@@ -44,7 +52,7 @@ def progress(listen: Callable[[str, float], object]) -> Iterator[None]:
 
 @contextmanager
 def part(name: str, until: float) -> Iterator[None]:
-    """What runs inside is called `name`, and ends at the share `until` of what is around it."""
+    """Name the computation in the block, which ends at the share `until` of the one around it."""
     if (told := _told.get()) is None:
         yield
         return
@@ -59,7 +67,7 @@ def part(name: str, until: float) -> Iterator[None]:
 
 
 def passing(what: str) -> None:
-    """Tell that a pass of `what`, one of several, begins."""
+    """Report that a pass of `what`, one of several, begins."""
     if (told := _told.get()) is not None:
         told.done += PASS * (told.end - told.done)
         told.listen(f"{told.part}: {what}" if told.part else what, told.done)

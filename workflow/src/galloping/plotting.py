@@ -1,4 +1,4 @@
-"""Figures of a model beside its recordings, each in one call; they need matplotlib."""
+"""Figures of a model and its recordings, each in one call; they need matplotlib."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -25,7 +25,7 @@ Recordings: TypeAlias = Recording | Sequence[Recording] | None
 
 @one_thread
 def plot_fit(found: Found, recordings: Recordings = None) -> "Figure":
-    """Draw the model's motion beside the samples of a recording.
+    """Draw the model's motion and the samples of a recording.
 
     Parameters
     ----------
@@ -37,8 +37,9 @@ def plot_fit(found: Found, recordings: Recordings = None) -> "Figure":
     Returns
     -------
     Figure
-        A row for each state, and columns for the begin, the middle and the end of the recording,
-        in each of which the model starts anew. Of a model that random forces move the spectra.
+        A row for each state, and columns for the beginning, the middle and the end of the
+        recording, in each of which the model starts anew. For a model in random forces, spectra
+        instead.
     """
     from galloping.figures.style import styled
     from galloping.summary.drawing import FONT_SIZE, draw_fit, draw_spectra
@@ -60,7 +61,7 @@ def plot_forecast(
     inputs: Mapping[str, Input | float] = NONE,
     seed: int = 0,
 ) -> "Figure":
-    """Draw the end of a recording, and what the sensors will show after it with its 90 % band.
+    """Draw the end of a recording, and its forecast with the 90 % band.
 
     Parameters
     ----------
@@ -71,6 +72,11 @@ def plot_forecast(
         Inputs after the recording, by name, measured or constant.
     seed : int
         Of the draws behind the band.
+
+    Returns
+    -------
+    Figure
+        A row for each channel.
 
     Raises
     ------
@@ -102,12 +108,12 @@ def plot_phase(
     -------
     Figure
         The motion starts from the state that follows the first six periods of the last recording
-        best, and goes on through all of it; it is left out where it diverges.
+        best, and is drawn over all of it; it is left out if it diverges.
 
     Raises
     ------
     ValueError
-        If `states` are not two or three states of the model, or random forces move it.
+        If `states` are not two or three states of the model, or if random forces move it.
     """
     from galloping.figures import parts
     from galloping.figures.style import MODEL, TRUE, styled
@@ -142,7 +148,7 @@ def plot_phase(
 
 
 def _model_of(found: Found, recordings: Recordings) -> tuple[IdentifiedModel, list[Recording]]:
-    """The model and the recordings that are drawn beside it. Raises ValueError without either."""
+    """Return the model and the recordings to draw. Raises ValueError without either."""
     if isinstance(found, MaximumLikelihood):
         recordings = found.recordings_ if recordings is None else recordings
         found = found.model_

@@ -1,6 +1,6 @@
-"""What the stages of a study hand on beside recordings and identified models, and shared names.
+"""Data that the stages of a study exchange besides recordings and models, and shared names.
 
-Without what computes it: files are read and written whatever becomes of that.
+The code that computes them is elsewhere, so that files stay readable whatever changes there.
 """
 
 from collections.abc import Mapping
@@ -38,7 +38,7 @@ class Derived:
 
 @dataclass(frozen=True)
 class Motion:
-    """The motion of a line after one release.
+    """Motion of a line after one initial displacement.
 
     names: of the n_states states. time: (n,) s. states: (n, n_states), SI units.
     rates: (n, n_states), of the states, per second. status: `ok`, or why the motion ended early.
@@ -53,7 +53,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """Motion of the replicate with the median R2, and the band that 90 % of replicates stay in.
+    """Motion of the model with the median R2, and the band of 90 % of all models' motions.
 
     time: (n,) s. representative, low, high: (n, n_states), NaN where motions ended early.
     """

@@ -1,4 +1,4 @@
-"""The stages of a study as functions for a script: one line, one motion, one recording."""
+"""Stages of a study as functions for a script: one line, one motion, one recording."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -25,10 +25,26 @@ from galloping.trajectory.simulation import (
 
 
 def derive(**sections: Mapping[str, object] | float) -> PolynomialModel:
-    """The galloping equations of one line in its wind.
+    """Derive the galloping equations of one line in its wind.
 
-    sections: those of a case in config/README.md, such as `wind={"speed": 14}`; what is left out
-    takes its default. Raises ConfigurationError, a ValueError, with one line per problem.
+    The equations are a Galerkin projection on the first vertical and horizontal mode, with
+    quasi-static cubic aerodynamics.
+
+    Parameters
+    ----------
+    **sections : mapping
+        Sections of a case in config/README.md, such as `wind={"speed": 14}`; missing keys have
+        their defaults.
+
+    Returns
+    -------
+    PolynomialModel
+        With the states q_v, q_w, m, and dq_v, dq_w, m/s.
+
+    Raises
+    ------
+    ConfigurationError
+        A ValueError, with one line per problem.
     """
     try:
         settings = load({"cases": {"line": sections}})
@@ -43,10 +59,26 @@ def simulate(
     time: ArrayLike,
     inputs: Mapping[str, Input | float] | None = None,
 ) -> Trajectory:
-    """Motion of a model.
+    """Simulate the motion of a model.
 
-    initial_state: (n_states,) at time[0]. time: (n,) s, increasing. inputs: each of the model's,
-    measured or constant. Raises ValueError for other input.
+    Parameters
+    ----------
+    model : PolynomialModel
+    initial_state : (n_states,) array
+        At time[0].
+    time : (n,) array
+        s, increasing.
+    inputs : mapping of str to Input or float, optional
+        Each of the model's, measured or constant.
+
+    Returns
+    -------
+    Trajectory
+
+    Raises
+    ------
+    ValueError
+        For other input.
     """
     _check_model(model)
     start = checked_state(initial_state, model.states)
@@ -64,14 +96,33 @@ def measure(
     seed: int = 0,
     inputs: Mapping[str, Input] | None = None,
 ) -> Recording:
-    """What an instrument records of a motion of `model`.
+    """Simulate a recording of a motion, with sensor noise.
 
-    protocol: `state` (all states noisy), `displacement` (velocities not measured), `acceleration`
-    (of the velocities, nothing else) or `derivative` (exact states with noisy derivatives). level:
-    of the white noise; except for `derivative` times the standard deviation of what is measured if
-    `relative`, else absolute: 0.05 is 5 %. The same seed draws the same noise. inputs: those of a
-    model that has any, which the recording then carries. Raises ValueError for other input, such as
-    a relative level above one, and for a motion that ended early.
+    Parameters
+    ----------
+    model : PolynomialModel
+    motion : Trajectory
+        Of the model.
+    protocol : {"state", "displacement", "acceleration", "derivative"}
+        All states with noise; velocities not measured; rates of the velocities alone; or exact
+        states with noisy derivatives.
+    level : float
+        Standard deviation of the white noise; relative to that of each channel (0.05 is 5 %) if
+        `relative`, except for `derivative`, else absolute.
+    relative : bool
+    seed : int
+        Of the noise.
+    inputs : mapping of str to Input, optional
+        Each of the model's, which the recording then contains.
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    ValueError
+        For other input, such as a relative level above one, and for a motion that ended early.
     """
     _check_model(model)
     if not isinstance(motion, Trajectory):
@@ -115,15 +166,32 @@ def cramer_rao_bound(
     rate_sigma: ArrayLike | None = None,
     inputs: Mapping[str, Input] | None = None,
 ) -> NDArray[np.float64]:
-    """Least standard deviation that an unbiased method can reach, of each term of a model.
+    """Compute the smallest standard deviations that an unbiased method can reach.
 
-    initial_state: (n_states,) at time[0], itself unknown to the method. time: (n,) s, increasing.
-    sigma: (n_states,) noise of a sample of each state, infinite for one that is not measured.
-    rate_sigma: the same of each state's derivative, such as an acceleration; None for none. inputs:
-    those of a model that has any.
-    Returns (n_states, n_terms): NaN for absent terms and in the equations dX/dt = dX that the names
-    of the states tell, infinite where the recording says nothing. Raises ValueError for other
-    input, and where the model's solution diverges.
+    Parameters
+    ----------
+    model : PolynomialModel
+    initial_state : (n_states,) array
+        At time[0], unknown to the method.
+    time : (n,) array
+        s, increasing.
+    sigma : (n_states,) array
+        Noise of a sample of each state, infinite if not measured.
+    rate_sigma : (n_states,) array, optional
+        Noise of each state's derivative, such as an acceleration.
+    inputs : mapping of str to Input, optional
+        Each of the model's.
+
+    Returns
+    -------
+    (n_states, n_terms) array
+        For the coefficient of each term. NaN for absent terms and in the equations dX/dt = dX that
+        follow from the names of the states, infinite if the recording does not determine it.
+
+    Raises
+    ------
+    ValueError
+        For other input, and if the model's solution diverges.
     """
     _check_model(model)
     start = checked_state(initial_state, model.states)

@@ -15,13 +15,13 @@ PARTIAL = ".partial-"  # begins the name of what is not finished yet
 
 
 def partial_prefix() -> str:
-    """Of what this process writes; a killed process leaves such files behind."""
+    """Return the prefix of files that this process writes; a killed process leaves such files."""
     return f"{PARTIAL}{os.getpid()}-"
 
 
 @contextmanager
 def replacing(path: str | os.PathLike) -> Iterator[Path]:
-    """A temporary path beside `path` that takes its place when the block ends without error."""
+    """Yield a temporary path that replaces `path` when the block ends without error."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f"{partial_prefix()}{path.name}")
@@ -38,12 +38,12 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
 
 @contextmanager
 def replacing_folder(path: str | os.PathLike) -> Iterator[Path]:
-    """A temporary folder, the files of which are in `path` when the block ends without error.
+    """Yield a temporary folder whose files are moved to `path` when the block ends without error.
 
-    A folder that does not exist comes into being whole; in one that does, each file takes the place
-    of its namesake, and all others stay. What a process that was killed left of the same folder is
-    removed. Raises OSError, naming the folder, where it cannot be written, before the block begins
-    or when it ends; nothing is left behind then.
+    A new folder appears complete; in an existing one, each file replaces its namesake, and all
+    others stay. Remains of a killed process of the same folder are removed. Raises OSError, naming
+    the folder, if it cannot be written, before the block begins or when it ends; nothing is left
+    behind then.
     """
     place = Path(path).resolve()
     parent = place if place.is_dir() else place.parent
@@ -77,7 +77,7 @@ def replacing_folder(path: str | os.PathLike) -> Iterator[Path]:
 def _claim_folder(folder: Path) -> int | None:
     """Lock a folder as long as this process lives, or until the descriptor is closed.
 
-    None where another process has it, and where system or file system know no locks.
+    None if another process has locked it, and if system or file system know no locks.
     """
     try:
         import fcntl  # not on Windows
@@ -93,24 +93,24 @@ def _claim_folder(folder: Path) -> int | None:
 
 
 def write_arrays(path: str | os.PathLike, **arrays: np.ndarray) -> None:
-    """Arrays as an uncompressed .npz."""
+    """Write arrays as an uncompressed .npz."""
     with replacing(path) as partial, partial.open("wb") as file:
         np.savez(file, **arrays)  # type: ignore[arg-type]  # to its stub any name is a flag
 
 
 def write_text(path: str | os.PathLike, text: str) -> None:
-    """Text as UTF-8, whole or not at all."""
+    """Write text as UTF-8, whole or not at all."""
     with replacing(path) as partial:
         partial.write_text(text, encoding="utf-8")
 
 
 def write_json(path: str | os.PathLike, content: object, indent: int | None = 2) -> None:
-    """Plain values as JSON, indented or in one line. Raises ValueError for NaN and infinity."""
+    """Write plain values as JSON, indented or in one line; ValueError for NaN and infinity."""
     write_text(path, json.dumps(content, indent=indent, allow_nan=False) + "\n")
 
 
 def read_json(path: str | os.PathLike) -> dict:
-    """The mapping in a JSON file."""
+    """Read the mapping in a JSON file."""
     return json.loads(Path(path).read_text(encoding="utf-8"))
 
 
@@ -119,9 +119,9 @@ def write_rows(
     rows: Sequence[Mapping[str, object]],
     columns: Sequence[str] | None = None,
 ) -> None:
-    """Rows as CSV, ten significant digits a number.
+    """Write rows as CSV, with ten significant digits per number.
 
-    columns: by default those of the first row; to be given where there may be none.
+    columns: by default those of the first row; needed if there may be no rows.
     """
     columns = list(rows[0]) if columns is None else columns
     with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:

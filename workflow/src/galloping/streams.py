@@ -1,6 +1,6 @@
-"""Streams of random numbers by name: each the same whatever else is drawn.
+"""Streams of random numbers by name, independent of each other.
 
-A module apart, since the rooms that draw numbers share nothing else.
+This module is separate, since its users share nothing else.
 """
 
 import hashlib
@@ -9,7 +9,7 @@ import numpy as np
 
 
 def make_generator(seed: int, *names: str | int) -> np.random.Generator:
-    """Generator of the study seed and a name such as ("noise", case, protocol, cell, replicate)."""
+    """Make the generator of a seed and a name, such as ("noise", case, protocol, replicate)."""
     digest = hashlib.sha256("/".join(map(str, names)).encode()).digest()
     words = np.frombuffer(digest, dtype="<u4")
     return np.random.default_rng(np.random.SeedSequence([seed, *map(int, words)]))

@@ -1,1 +1,1 @@
-"""What an identified model says of its system: small motions, limit cycles, onset, forecasts."""
+"""Properties of an identified model: small motions, limit cycles, onset, forecasts."""

@@ -1,7 +1,7 @@
-"""What a model says of its system by itself: rest and its stability, limit cycles, onset.
+"""Equilibria, their stability, limit cycles and onset of an identified model.
 
-At a constant value of each input, or along a range of one. Intervals are those of models drawn with
-the covariance of the coefficients.
+They are computed at a constant value of each input, or along a range of one input. Intervals are
+those of models drawn with the covariance of the coefficients.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -48,11 +48,26 @@ def assess(
     *,
     seed: int = 0,
 ) -> Assessment:
-    """Equilibria, limit cycles and onset of a model.
+    """Compute equilibria, limit cycles and onset of galloping of a model.
 
-    at: a value of each of its inputs; of one of them several, along which limit cycles are followed
-    and the onset is looked for. seed: of the draws behind the intervals. Raises ValueError where
-    there is no model, where an input has no value, and as of `list_extrapolations`.
+    Parameters
+    ----------
+    found : IdentifiedModel
+    at : mapping of str to float or sequence of float, optional
+        Value of each input of the model. One input may have several values: limit cycles are then
+        followed along their range, and the onset is searched for.
+    seed : int, optional
+        Seed of the draws behind the intervals.
+
+    Returns
+    -------
+    Assessment
+
+    Raises
+    ------
+    ValueError
+        If there is no model, if an input has no value, or if a value has the other sign than nearly
+        all recorded ones and is far from these.
     """
     if found.status == "refused":
         raise ValueError(f"there is no model to assess: {found.reason}")
@@ -80,10 +95,11 @@ def assess(
 def list_extrapolations(
     found: IdentifiedModel, at: Mapping[str, float | Sequence[float]]
 ) -> list[str]:
-    """A line for each input that is asked for where it hardly was recorded, and by how much.
+    """Report each input whose requested values lie outside the bulk of the recorded ones.
 
-    at: one value or several of each. Raises ValueError for a value of the other sign than nearly
-    all that was recorded, and further from it than that is wide: no wind blows at -5 m/s.
+    at: one value or several of each input. Raises ValueError for a value that has the other sign
+    than nearly all recorded ones and is further from them than their range is wide: no wind blows
+    at -5 m/s.
     """
     said = []
     for name, values in at.items():
@@ -107,10 +123,10 @@ def list_extrapolations(
 
 @dataclass(frozen=True)
 class _Drawn:
-    """A model, models drawn with the covariance of its coefficients, and a start.
+    """A model, models drawn with the covariance of its coefficients, and an initial state.
 
-    small: models drawn for small motions, with what terms of the next degrees would change. start:
-    (n_states,) that was recorded. recorded: ends of what was recorded of states, by name.
+    small: models drawn for small motions, with the effect of terms of the next degrees. start:
+    (n_states,) recorded initial state. recorded: recorded range of states, by name.
     """
 
     model: PolynomialModel
@@ -121,7 +137,7 @@ class _Drawn:
 
     @classmethod
     def of(cls, found: IdentifiedModel, seed: int) -> "_Drawn":
-        """Of an identified model."""
+        """Draw models from an identified model."""
         known = found.initial_states[np.isfinite(found.initial_states).all(axis=1)]
         # where nothing tells how far it moves, as far as a span
         start = known[-1] if len(known) else np.full(len(found.model.states), 0.1)  # not the origin
@@ -132,7 +148,7 @@ class _Drawn:
         return cls(found.model, tuple(draws), tuple(small), start, recorded)
 
     def at(self, values: Mapping[str, float]) -> "_Drawn":
-        """The same at constant values of inputs."""
+        """Return the same models at constant values of inputs."""
         held = {name: value for name, value in values.items() if name in self.model.inputs}
         draws, small = (
             tuple(each.at(held) for each in models) for models in (self.draws, self.small)
@@ -143,7 +159,7 @@ class _Drawn:
 def _assess_condition(
     of: _Drawn, at: Mapping[str, float], known: Sequence[Point] = ()
 ) -> Condition:
-    """At one value of every input: attractors by simulation from several starts.
+    """Find equilibria and attractors at one value of every input by simulation from several states.
 
     known: limit cycles there, found otherwise.
     """
@@ -187,7 +203,7 @@ def _add_cycle(cycles: list[Point], point: Point, size: np.ndarray) -> None:
 def _assess_range(
     of: _Drawn, at: Mapping[str, float], along: str, values: np.ndarray
 ) -> tuple[tuple[Condition, ...], tuple[Onset, ...], list[str]]:
-    """The same at every value of a range, with the limit cycles that are followed along it."""
+    """Assess every value of a range, with limit cycles followed along the range."""
     of = of.at(at)
     best, span = of.model.at({along: float(values[0])}), Range(values[0], values[-1])
     middle, size = _motion_extent(best, _settle_motion(best, of.start), of.start)
@@ -232,7 +248,10 @@ def _follow_branches(
 def _find_onsets(
     found: Diagram, of: _Drawn, family: Family, span: Range, rest: np.ndarray
 ) -> Iterator[Onset]:
-    """Hopf bifurcations, and where the draws have theirs: beyond an end of the range if nowhere."""
+    """Yield the Hopf bifurcations with intervals from those of the drawn models.
+
+    A drawn model without a bifurcation in the range counts as beyond an end of the range.
+    """
     branches = []
     for model in of.small:
         passing("draw onsets")
@@ -258,7 +277,7 @@ def _find_onsets(
 
 
 def _count_growing(point: Point) -> int:
-    """How many small motions about an equilibrium grow, an oscillation as two."""
+    """Count the small motions about an equilibrium that grow, an oscillation as two."""
     return int(np.count_nonzero(point.stability.values.real > 0.0))
 
 
@@ -267,7 +286,7 @@ def _make_family(model: PolynomialModel, along: str, sizes: np.ndarray | float) 
 
 
 def _settle_motion(model: PolynomialModel, start: np.ndarray) -> Settled:
-    """Where the motion from a start (n_states,) ends up, in periods of small motions about rest."""
+    """Follow the motion from a state (n_states,) to its end, in periods of small motions."""
     rest = zero_of(model, start, filled(np.abs(start), model, start))
     pace = Pace.of(model, rest.x if rest.success else start)
     return settle_in_periods(simulator_of(model), model, start, pace)
@@ -276,7 +295,7 @@ def _settle_motion(model: PolynomialModel, start: np.ndarray) -> Settled:
 def _motion_extent(
     model: PolynomialModel, motion: Settled, start: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Middle and size of a motion, (n_states,) each; of one that ends nowhere that of its start."""
+    """Compute middle and size, (n_states,) each, of a motion; of its start if it diverges."""
     if np.isfinite(motion.states).all():
         low, high = motion.states.min(axis=0), motion.states.max(axis=0)
         middle, size = (low + high) / 2, (high - low) / 2
@@ -292,7 +311,7 @@ def _motion_extent(
 def find_equilibria(
     model: PolynomialModel, middle: np.ndarray, size: np.ndarray
 ) -> list[np.ndarray]:
-    """(n_states,) each, no further from `middle` than BEYOND times `size` in any coordinate."""
+    """Find the equilibria, (n_states,) each, within BEYOND times `size` of `middle`."""
     pairs = velocity_pairs(model.states)
     own = list(pairs) or list(range(len(model.states)))
     shares = (-BEYOND, -1.0, 0.0, 1.0, BEYOND) if len(own) < 4 else (-1.0, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""What there is at each value of the inputs of a model: rest, cycles, onset, as values and rows."""
+"""Results of an assessment at each value of the inputs: equilibria, limit cycles, onset."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class SmallMotion(Immutable):
-    """A small motion about an equilibrium: an oscillation, or where `frequency` is 0 a drift.
+    """A small motion about an equilibrium: an oscillation, or a drift if `frequency` is 0.
 
-    state: that mostly moves. frequency: Hz. damping: ratio to critical, below zero where it grows;
-    of a drift its rate of decay, 1/s.
+    state: the one that mostly moves. frequency: Hz. damping: ratio to critical, negative if the
+    motion grows; of a drift its rate of decay, 1/s.
     """
 
     state: str
@@ -29,8 +29,10 @@ class SmallMotion(Immutable):
 
 @dataclass(frozen=True, eq=False)
 class RestPosition(Immutable):
-    """place: by state. modes: those of small motions about it, the slowest first. is_extrapolated:
-    whether it lies beyond what was recorded.
+    """An equilibrium and the small motions about it.
+
+    place: by state. modes: of small motions about it, the slowest first. is_extrapolated: whether
+    it lies outside the recorded range.
     """
 
     place: Mapping[str, Value]
@@ -45,8 +47,10 @@ class RestPosition(Immutable):
 
 @dataclass(frozen=True, eq=False)
 class Cycle(Immutable):
-    """A limit cycle. half_range: by state. period: s. found: share of the draws that have it.
-    is_extrapolated: whether it is larger than what was recorded.
+    """A limit cycle.
+
+    half_range: by state. period: s. found: share of the drawn models that have it. is_extrapolated:
+    whether it is larger than the recorded motion.
     """
 
     half_range: Mapping[str, Value]
@@ -58,7 +62,10 @@ class Cycle(Immutable):
 
 @dataclass(frozen=True, eq=False)
 class Condition(Immutable):
-    """What there is at constant inputs. ends: the kinds of motions that settle on no cycle."""
+    """Equilibria and limit cycles at constant inputs.
+
+    ends: kinds of motions that do not approach a limit cycle.
+    """
 
     at: Mapping[str, float]
     equilibria: tuple[RestPosition, ...]
@@ -68,7 +75,7 @@ class Condition(Immutable):
 
 @dataclass(frozen=True, eq=False)
 class Onset(Immutable):
-    """Where along an input small motions about rest begin to grow, or cease to.
+    """Value of an input at which small motions about an equilibrium begin or cease to grow.
 
     begins: whether they grow above it. frequency: Hz.
     """
@@ -80,10 +87,20 @@ class Onset(Immutable):
 
 @dataclass(frozen=True, eq=False)
 class Assessment(Immutable):
-    """What a model says at each value of its inputs.
+    """Equilibria, limit cycles and onsets of a model at each value of its inputs.
 
-    conditions: one for each value. along: name of the input that has a range, or ''. span: the ends
-    of that range. onsets: in its order. notes: what could not be computed.
+    Attributes
+    ----------
+    conditions : tuple of Condition
+        One for each value.
+    along : str
+        Name of the input that has a range, or ''.
+    span : tuple of float
+        The ends of that range.
+    onsets : tuple of Onset
+        In the order of the range.
+    notes : tuple of str
+        What could not be computed.
     """
 
     conditions: tuple[Condition, ...]
@@ -93,7 +110,7 @@ class Assessment(Immutable):
     notes: tuple[str, ...] = ()
 
     def to_frame(self) -> "DataFrame":
-        """Return what the model says as a pandas DataFrame.
+        """Convert the assessment to a pandas DataFrame.
 
         Returns
         -------
@@ -106,8 +123,10 @@ class Assessment(Immutable):
 
 
 def assessment_rows(of: Assessment, units: Mapping[str, str]) -> list[dict]:
-    """A row for each value: inputs, then what, number, stable, quantity, value, low, high, unit,
-    and whether it is beyond what was recorded.
+    """Convert an assessment to one row for each value.
+
+    A row has the inputs, then what, number, stable, quantity, value, low, high, unit, and whether
+    the value is outside the recorded range.
     """
     found: list[tuple] = []
     for condition in of.conditions:

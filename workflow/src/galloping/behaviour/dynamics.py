@@ -1,4 +1,4 @@
-"""What a model says of a line: rest, natural frequencies, damping, limit cycle, with intervals."""
+"""Equilibrium, natural frequencies, damping and limit cycle of a model, with intervals."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -33,7 +33,13 @@ ROUNDING = 1e-9  # of a damping ratio, and of a position of rest, in sizes of th
 
 @dataclass(frozen=True, eq=False)
 class Value(Immutable):
-    """A value with its 95 % interval; NaN where there is none."""
+    """A value with its 95 % interval.
+
+    Attributes
+    ----------
+    value, low, high : float
+        NaN if unknown.
+    """
 
     value: float
     low: float = np.nan
@@ -41,17 +47,17 @@ class Value(Immutable):
 
     @classmethod
     def of(cls, value: float, ends: Iterable[float]) -> "Value":
-        """Widen the ends of an interval, as of `interval_of_draws`, to contain the value."""
+        """Widen the ends of an interval, as from `interval_of_draws`, to contain the value."""
         low, high = ends
         return cls(float(value), float(min(low, value)), float(max(high, value)))
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings(Immutable):
-    """The recorded motion, in which a position of rest is looked for.
+    """Extent of the recorded motion, in which an equilibrium is searched for.
 
-    middle, low, high: (n_states,) mean, least and greatest sample; of what is not measured zero,
-    and no bounds. rates: (n_states,) half ranges of the rates of the states, zero where unknown.
+    middle, low, high: (n_states,) mean, least and greatest sample; zero and unbounded if not
+    measured. rates: (n_states,) half ranges of the rates of the states, zero where unknown.
     """
 
     middle: NDArray[np.float64]
@@ -60,13 +66,13 @@ class Surroundings(Immutable):
     rates: NDArray[np.float64] | float = 0.0
 
     def sizes(self, model: PolynomialModel) -> NDArray[np.float64]:
-        """(n_states,) half ranges of the recorded motion, told by a model where not measured."""
+        """Compute half ranges of the motion, (n_states,), by a model where not measured."""
         half = np.where(np.isfinite(self.high - self.low), (self.high - self.low) / 2.0, 0.0)
         return filled(half, model, self.middle, self.rates)
 
     @classmethod
     def of(cls, recordings: Sequence[Recording]) -> "Surroundings":
-        """The motion of all recordings together."""
+        """Determine the extent of several recordings together."""
         values = np.concatenate([recording.values for recording in recordings])
         known = np.isfinite(values)
         counts = known.sum(axis=0)
@@ -76,14 +82,14 @@ class Surroundings(Immutable):
         return cls(middle, low, high, half_ranges(each.rates for each in recordings))
 
     def rest(self, model: PolynomialModel) -> np.ndarray | None:
-        """(n_states,) the equilibrium nearest to the middle, None where none is inside."""
+        """Find the equilibrium, (n_states,), nearest to the middle; None if none is inside."""
         found = zero_of(model, self.middle, self.sizes(model))
         inside = np.all((found.x >= self.low) & (found.x <= self.high))
         return found.x if found.success and inside else None
 
 
 def zero_of(model: PolynomialModel, start: np.ndarray, sizes: np.ndarray) -> OptimizeResult:
-    """Search for an equilibrium from a state, the middle one if dry friction holds the motion.
+    """Search for an equilibrium from a state; with dry friction, for the middle one.
 
     Parameters
     ----------
@@ -111,14 +117,24 @@ def zero_of(model: PolynomialModel, start: np.ndarray, sizes: np.ndarray) -> Opt
 
 @dataclass(frozen=True, eq=False)
 class Dynamics(Immutable):
-    """What a model says of its motion: position of rest, frequencies, damping, limit cycle.
+    """Equilibrium, natural frequencies, damping and limit cycle of a model.
 
-    rest: m, of each coordinate, the equilibrium that the recorded motion surrounds; empty where
-    there is none. frequencies: Hz, damping: ratio to critical, of small motions about it, wind
-    included; below zero they grow. Each by the coordinate that mostly moves. kind: of the motion in
-    the end, as in `settle`. half_range: by coordinate, of the limit cycle if it is one,
-    period: s, of it, None where the motion settles on a cycle that is not found exactly. at: the
-    inputs that all of this is at, held at their means.
+    Attributes
+    ----------
+    rest : mapping of str to Value
+        By coordinate, m, the equilibrium that the recorded motion surrounds; empty if there is
+        none.
+    frequencies, damping : mapping of str to Value
+        Hz and ratio to critical, of small motions about the equilibrium, wind included; negative
+        damping lets them grow. By the coordinate that mostly moves.
+    kind : str
+        Kind of the final motion, as in `settle`.
+    period : Value or None
+        s, of the limit cycle; None if there is none, or none is found exactly.
+    half_range : mapping of str to Value
+        By coordinate, of the limit cycle.
+    at : mapping of str to float
+        Values of the inputs, their means.
     """
 
     rest: Mapping[str, Value]
@@ -133,7 +149,7 @@ class Dynamics(Immutable):
 def dynamics(
     identified: IdentifiedModel, around: Surroundings, rng: np.random.Generator
 ) -> Dynamics | None:
-    """None where no state is a velocity of another one, or where there is no model."""
+    """Compute the dynamics of a model; None without a model or without any velocity state."""
     model = identified.model
     pairs = velocity_pairs(model.states)
     if not pairs or identified.status == "refused":
@@ -177,7 +193,7 @@ def _undamped_intervals(
     frequencies: Mapping[str, Value],
     damping: Mapping[str, Value],
 ) -> dict[str, Value]:
-    """Of a mode without damping the interval: what damping would have shown in its equation."""
+    """Compute the interval of the damping of a mode whose equation has no damping term."""
     model, found = identified.model, {}
     for i, velocity in pairs.items():
         name = model.states[i]
@@ -193,7 +209,7 @@ def _undamped_intervals(
 def _free_and_linear(
     identified: IdentifiedModel, pairs: dict[int, int], around: Surroundings
 ) -> Dynamics:
-    """Of a linear model of free motion, and of the further modes beside it."""
+    """Compute the dynamics of a linear model of free motion, with its further modes."""
     best, deviation, _ = _by_slopes(identified, pairs, around)
     low, high = best - NORMAL_95 * deviation, best + NORMAL_95 * deviation
     rest, frequencies, damping = (
@@ -210,8 +226,9 @@ def _free_and_linear(
 
 
 def _of_further_modes(identified: IdentifiedModel) -> tuple[dict[str, Value], dict[str, Value]]:
-    """Frequency, Hz, and damping ratio of each further mode whose errors are told, by its name;
-    without what is steady, which has no damping.
+    """Compute frequency, Hz, and damping ratio of each further mode with known errors, by name.
+
+    Steady components, which have no damping, are left out.
     """
     frequencies, damping = {}, {}
     for mode in identified.further_modes:
@@ -232,8 +249,8 @@ def _by_slopes(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Propagate the covariance of the coefficients to properties of small motions.
 
-    Returns values and standard deviations of the position of rest, frequency and damping of each
-    coordinate, as of `_linear_properties`, and standard deviations of the decays, 1/s.
+    Returns values and standard deviations of equilibrium, frequency and damping of each coordinate,
+    as `_linear_properties` has them, and standard deviations of the decays, 1/s.
     """
     model, support = identified.model, np.argwhere(identified.support)
     errors = np.sqrt(np.diag(identified.covariance))
@@ -256,7 +273,7 @@ def _by_slopes(
 def _in_random_forces(
     identified: IdentifiedModel, pairs: dict[int, int], around: Surroundings
 ) -> Dynamics:
-    """Of a model that random forces move."""
+    """Compute the dynamics of a model under random forces."""
     model = identified.model
     best, deviation, of_decay = _by_slopes(identified, pairs, around)
     decay = 2.0 * np.pi * best[1] * best[2]
@@ -282,9 +299,10 @@ def _in_random_forces(
 def expected_dynamics(
     model: PolynomialModel, identified: IdentifiedModel, around: Surroundings
 ) -> Dynamics | None:
-    """Those of a model that is known, its motion begun where that of the identified one begins.
+    """Compute the dynamics of a known model, whose motion begins as that of the identified model.
 
-    As far from its own position of rest, about zero, as that one is from the recorded one.
+    Its initial state is as far from its equilibrium, about zero, as the identified one from the
+    recorded equilibrium.
     """
     if model.states != identified.model.states:
         return None
@@ -298,7 +316,7 @@ def expected_dynamics(
 
 
 def _find_orbit(model: PolynomialModel, orbit: Orbit, pace: Pace) -> Orbit | None:
-    """The limit cycle of another model, near one or where a motion from there ends."""
+    """Find the limit cycle of another model near a known one, or by simulation from there."""
     if close := near([model], orbit):
         return close[0]
     motion = settle_in_periods(simulator_of(model), model, orbit.states[0], pace, orbit.sizes)
@@ -309,7 +327,7 @@ def _find_orbit(model: PolynomialModel, orbit: Orbit, pace: Pace) -> Orbit | Non
 def _linear_properties(
     model: PolynomialModel, pairs: dict[int, int], around: Surroundings
 ) -> np.ndarray:
-    """(3, n_coordinates) rest, m, and frequency, Hz, and damping ratio of each one's mode there."""
+    """Compute equilibrium, m, frequency, Hz, and damping ratio of the modes: (3, n_coordinates)."""
     result = np.full((3, len(pairs)), np.nan)
     if (rest := around.rest(model)) is None:
         return result

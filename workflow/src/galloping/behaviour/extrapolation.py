@@ -1,4 +1,4 @@
-"""What terms beyond the degree of a library would change in the coefficients of small motions.
+"""Bias of small motions by terms beyond the degree of the library.
 
 Over the amplitudes that were recorded, the terms of a library make up for terms of higher degree
 that the system has and the library lacks. If small motions were not recorded, their coefficients
@@ -42,7 +42,7 @@ LEAST = 1e-12  # share of the nonlinear part in an equation: less is rounding
 def with_extrapolation(
     identified: IdentifiedModel, recordings: Sequence[Recording]
 ) -> IdentifiedModel:
-    """State what terms of the next degrees would change in the coefficients of a model.
+    """Add to a model how terms of the next degrees would change its coefficients.
 
     The coefficients of these terms have a normal prior, with the deviation that continues the
     nonlinear terms of the model as a geometric series at the size of the recorded motion. Their
@@ -105,9 +105,7 @@ def with_extrapolation(
 
 
 def with_extent(identified: IdentifiedModel, recordings: Sequence[Recording]) -> IdentifiedModel:
-    """The model with the least and the greatest that was recorded of each state, as of
-    `IdentifiedModel.recorded`.
-    """
+    """Add the recorded range of each state to a model, for `IdentifiedModel.recorded`."""
     around, states = Surroundings.of(recordings), identified.model.states
     ends = zip(RANGE, (around.low, around.high), strict=True)
     extent = {
@@ -120,7 +118,7 @@ def with_extent(identified: IdentifiedModel, recordings: Sequence[Recording]) ->
 
 
 def _library_degree(model: PolynomialModel) -> int:
-    """Degree of the whole polynomial library of a model's states, 0 of any other library."""
+    """Determine the degree of a complete polynomial library, 0 for any other library."""
     if any(map(has_functions, model.terms)):
         return 0
     n = len(model.states)
@@ -130,7 +128,7 @@ def _library_degree(model: PolynomialModel) -> int:
 
 
 def _further_terms(states: tuple[str, ...], degree: int, n_equations: int) -> tuple[Exponents, ...]:
-    """Monomials of the next degrees; of one coordinate and its velocity each, if they are many."""
+    """List monomials of the next degrees; of one coordinate and its velocity each, if many."""
     found = [
         term for term in polynomial_library(len(states), degree + DEGREES) if sum(term) > degree
     ]
@@ -145,8 +143,9 @@ def _further_terms(states: tuple[str, ...], degree: int, n_equations: int) -> tu
 
 
 def _nonlinear_share(model: PolynomialModel, rest: np.ndarray, states: np.ndarray) -> np.ndarray:
-    """(n_states,) how large the nonlinear part of each equation gets over states (n, n_states), in
-    the size of the linear part, about a position of rest; one at most.
+    """Compute the ratio of nonlinear to linear part of each equation, (n_states,).
+
+    states: (n, n_states). The parts are about an equilibrium; the ratio is at most one.
     """
     linear = (states - rest) @ model.jacobian(rest[np.newaxis])[0].T
     nonlinear = np.abs(model(states) - model(rest[np.newaxis]) - linear).max(axis=0)
@@ -155,7 +154,7 @@ def _nonlinear_share(model: PolynomialModel, rest: np.ndarray, states: np.ndarra
 
 @dataclass(frozen=True)
 class _Regression:
-    """The coefficients of a model, and those of further terms beside them.
+    """The coefficients of a model, and those of further terms.
 
     The further terms are monomials of the distance from `rest`, in `sizes` of the motion, and their
     coefficients are in `rates`, (n_states,) of the linear part of each equation. equations: indices
@@ -171,7 +170,7 @@ class _Regression:
 
     @cached_property
     def expansion(self) -> tuple[tuple[Exponents, ...], np.ndarray]:
-        """Monomials of the states, and (n_terms, n_monomials) what of them each term is."""
+        """Monomials of the states, and their coefficients in each term, (n_terms, n_monomials)."""
         found: dict[Exponents, int] = {}
         entries = []
         for row, term in enumerate(self.terms):
@@ -187,8 +186,10 @@ class _Regression:
 
     @cached_property
     def wide(self) -> tuple[PolynomialModel, np.ndarray]:
-        """The model on a library with the further monomials, and (n_free, 2) the coefficients of
-        its terms and then, by equation, those of the monomials, as pairs (equation, term).
+        """Model on a library with the further monomials, and its free coefficients.
+
+        The coefficients are (n_free, 2) pairs (equation, term): those of the model, then by
+        equation those of the monomials.
         """
         model = self.identified.model
         monomials = [(*term, *(0 for _ in model.inputs)) for term in self.expansion[0]]
@@ -201,11 +202,11 @@ class _Regression:
     def of_recording(
         self, recording: Recording, start: np.ndarray
     ) -> tuple[np.ndarray, float, int, np.ndarray]:
-        """Normal equations of a recording, the residual behind the coefficients, about the motion
-        of the model from its start (n_states,); sum of squares and number of the samples taken
-        together; and (n, n_states) states of the motion.
+        """Compute the normal equations of a recording, linearised about the motion of the model.
 
-        Raises FloatingPointError if the model diverges.
+        start: (n_states,) of the motion. Returns the normal equations, with the residual after the
+        coefficients; sum of squares and number of the averaged samples; and the motion's states (n,
+        n_states). Raises FloatingPointError if the model diverges.
         """
         model, recording = self.identified.model, without_outliers(recording)
         follow, n = Following(self.identified, recording), len(model.states)
@@ -234,7 +235,10 @@ class _Regression:
     def _slopes(
         self, recording: Recording, start: np.ndarray, time: np.ndarray, follow: Following
     ) -> np.ndarray:
-        """(n, n_sensed, n_coefficients + n_states) of what sensors see at times (n,), s."""
+        """Compute the sensitivities of the channels at times (n,), s.
+
+        Returns (n, n_sensed, n_coefficients + n_states).
+        """
         wide, free = self.wide
         n, own = len(start), int(self.identified.support.sum())
         rates = np.full(n, np.inf)
@@ -254,10 +258,11 @@ class _Regression:
         return np.concatenate([of_own, *scaled, of_start], axis=2)
 
     def left_open(self, gram: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (n_support,) and covariance (n_support, n_support) of what the further terms change.
+        """Compute mean and covariance of the coefficient changes by further terms.
 
-        gram: normal equations of all recordings. shares: (n_states,) of the nonlinear part in each
-        equation, the square of the ratio of a geometric series.
+        Returns (n_support,) and (n_support, n_support). gram: normal equations of all recordings.
+        shares: (n_states,) of the nonlinear part in each equation, the square of the ratio of a
+        geometric series.
         """
         own, degrees = int(self.identified.support.sum()), np.array([*map(sum, self.terms)])
         ratios = np.maximum(shares[list(self.equations), np.newaxis], LEAST)

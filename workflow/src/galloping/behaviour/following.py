@@ -1,4 +1,4 @@
-"""Motions of a model beside the samples of a recording: what sensors see, and how it begins."""
+"""Motions of a model as the sensors of a recording see them, and their initial states."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -30,9 +30,9 @@ FEWEST = 5  # but so many samples
 
 @dataclass(frozen=True)
 class Sensed:
-    """What sensors tell of a motion: its states, and rates where no displacement is measured.
+    """Channels of a motion: its states, and rates where no displacement is measured.
 
-    rates: indices of the states whose rates are told from the others, as accelerometers alone do.
+    rates: indices of the states whose rates are measured alone, as by accelerometers.
     """
 
     states: tuple[str, ...]
@@ -40,7 +40,7 @@ class Sensed:
 
     @classmethod
     def by(cls, recording: Recording) -> "Sensed":
-        """What the sensors of a recording tell."""
+        """Determine the channels of a recording."""
         alone = {k for pair in unmeasured_displacements(recording).items() for k in pair}
         if recording.rates is None:
             return cls(recording.states, ())
@@ -49,11 +49,11 @@ class Sensed:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the n_sensed channels."""
+        """Names of the n_sensed channels."""
         return self.states + tuple(f"d{self.states[k]}" for k in self.rates)
 
     def samples(self, recording: Recording) -> np.ndarray:
-        """(n, n_sensed), NaN where missing; rates without their unknown offsets."""
+        """Read samples, (n, n_sensed), NaN where missing; rates without their unknown offsets."""
         columns = [recording.values]
         if recording.rates is None:
             return recording.values
@@ -66,7 +66,7 @@ class Sensed:
 
 
 def without_outliers(recording: Recording) -> Recording:
-    """The recording without samples far from those beside them, of which no model can tell."""
+    """Remove samples far from their neighbours, which no model describes."""
     values, rates = (
         None
         if each is None
@@ -77,7 +77,7 @@ def without_outliers(recording: Recording) -> Recording:
 
 
 def _clean_channel(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """(n,) values of a channel, NaN where they are missing or outliers."""
+    """Replace outliers among the values of a channel, (n,), by NaN."""
     known = np.isfinite(values)
     if np.count_nonzero(known) < DIFFERENT:
         return values
@@ -90,9 +90,7 @@ def _clean_channel(time: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def half_ranges(columns: Iterable[np.ndarray | None]) -> np.ndarray | float:
-    """(n_states,) half of the ranges of samples (n, n_states) of several recordings, zero of those
-    without any.
-    """
+    """Compute half ranges, (n_states,), of the samples of several recordings; zero if none."""
     given = [each for each in columns if each is not None]
     if not given:
         return 0.0
@@ -104,7 +102,7 @@ def half_ranges(columns: Iterable[np.ndarray | None]) -> np.ndarray | float:
 
 
 def simulator_of(model: PolynomialModel) -> Simulator:
-    """For the model and others with its terms."""
+    """Make a simulator for the model and others with its terms."""
     return Simulator(model.states, model.terms, model.inputs)
 
 
@@ -117,16 +115,17 @@ class Following:
 
     @cached_property
     def sensed(self) -> Sensed:
+        """Channels of the recording."""
         return Sensed.by(self.recording)
 
     @cached_property
     def samples(self) -> np.ndarray:
-        """(n, n_sensed), NaN where missing."""
+        """Samples of all channels, (n, n_sensed), NaN where missing."""
         return self.sensed.samples(self.recording)
 
     @cached_property
     def sigma(self) -> np.ndarray:
-        """(n_sensed,) noise of a sample, zero where not measured or not told by the method."""
+        """Noise of a sample, (n_sensed,); zero if not measured or not estimated by the method."""
         rates = self.sensed.names[len(self.sensed.states) :]
         told = [self.identified.diagnostics.get(f"noise_{name}", 0.0) for name in rates]
         own = self.identified.sigma[-1:].sum(axis=0)  # of no recording zero
@@ -138,7 +137,7 @@ class Following:
 
     @cached_property
     def _limit(self) -> float:
-        """Distance from zero at which a motion runs away, by the size of the recorded one."""
+        """Distance from zero beyond which a motion diverges, from the size of the recorded one."""
         model, recording = self.identified.model, self.recording
         known = np.isfinite(recording.values)
         size = np.where(known, np.abs(recording.values), 0.0).max(axis=0)
@@ -151,19 +150,19 @@ class Following:
         return {name: self.recording.inputs[name] for name in self.identified.model.inputs}
 
     def motion(self, model: PolynomialModel, start: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """(n, n_sensed) of a model from a start, not finite where it diverges."""
+        """Simulate the channels, (n, n_sensed), from a state; not finite where they diverge."""
         states = self._simulator(model, start, time, self._inputs, self._limit).states
         return self.shown(model, states, time)
 
     def shown(self, model: PolynomialModel, states: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """(n, n_sensed) of a motion (n, n_states)."""
+        """Compute the channels, (n, n_sensed), of a motion (n, n_states)."""
         if not self.sensed.rates:
             return states
         rates = rates_along(model, states, inputs_at_times(list(self._inputs.values()), time))
         return np.hstack([states, rates[:, self.sensed.rates]])
 
     def begin(self, rows: slice) -> np.ndarray | None:
-        """(n_states,) where the model must begin to follow samples best, None where it diverges."""
+        """Fit the initial state, (n_states,), to samples; None if the motion diverges."""
         guess = first_guess(self.recording, rows.start)
         return self.start(self.identified.model, rows, guess, self.samples[rows])
 
@@ -175,10 +174,10 @@ class Following:
         values: np.ndarray,
         slopes: np.ndarray | None = None,
     ) -> np.ndarray | None:
-        """The same of another model and other samples at these rows.
+        """Fit the initial state of another model to other samples at these rows.
 
         guess: (n_states,) near it. values: (n, n_sensed) the samples, NaN where missing. slopes:
-        those of a model and start near by, to spare their own.
+        sensitivities of a similar model and initial state, used instead of recomputed ones.
         """
         sigma, time = self.sigma, self.recording.time[rows]
         weight = np.isfinite(values) * np.where(sigma > 0, 1.0 / np.where(sigma > 0, sigma, 1), 0.0)
@@ -201,7 +200,7 @@ class Following:
     def slopes(
         self, model: PolynomialModel, start: np.ndarray, motion: np.ndarray, time: np.ndarray
     ) -> np.ndarray:
-        """(n_states, n, n_sensed): change of the motion (n, n_sensed) with each state at first."""
+        """Compute sensitivities of a motion to its initial state, (n_states, n, n_sensed)."""
         size = np.abs(start) + np.nanstd(motion[:, : len(start)], axis=0)
         size = STEP * np.where(size > 0.0, size, size.max() or 1.0)
         return np.array(
@@ -212,7 +211,7 @@ class Following:
         )
 
     def misfit(self, motion: np.ndarray, values: np.ndarray) -> float:
-        """chi^2 per sample of a motion (n, n_sensed), infinite where it diverges."""
+        """Compute chi^2 per sample of a motion (n, n_sensed), infinite if it diverges."""
         known = np.isfinite(values) & (self.sigma > 0)
         squares = ((values - motion) / np.where(self.sigma > 0, self.sigma, 1.0)) ** 2
         mean = np.mean(squares[known]) if known.any() else np.inf
@@ -220,7 +219,7 @@ class Following:
 
 
 def first_guess(recording: Recording, begin: int) -> np.ndarray:
-    """A state near the sample `begin`: interpolated values, slopes for unmeasured velocities."""
+    """Guess the state at a sample: interpolated values, slopes for unmeasured velocities."""
     recording = with_integrals(recording)
     time, states = recording.time, recording.states
     guess = np.zeros(len(states))

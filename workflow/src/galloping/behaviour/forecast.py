@@ -1,4 +1,4 @@
-"""Where a recorded motion goes from here, with intervals, and how such forecasts held."""
+"""Forecasts of a recorded motion with intervals, and scores of such forecasts."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -35,11 +35,18 @@ NOISE_ALONE = 3.0  # standard errors of its mean square, which samples of noise 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Forecast(Immutable):
-    """What the sensors will show.
+    """Forecast of the samples of all sensors.
 
-    names: of the n_sensed channels, the states first. time: (n,) s. median, low, high:
-    (n, n_sensed), the 90 % band of what sensors will show. chance: (n_sensed,) share of the samples
-    below which a band that is right holds once in a hundred times.
+    Attributes
+    ----------
+    names : tuple of str
+        Of the n_sensed channels, the states first.
+    time : (n,) array
+        s.
+    median, low, high : (n, n_sensed) arrays
+        Median and 90 % band of the samples.
+    chance : (n_sensed,) array
+        Share of the samples that a correct band contains with a probability of 99 %.
     """
 
     names: tuple[str, ...]
@@ -54,7 +61,7 @@ class Forecast(Immutable):
         return f"Forecast of {', '.join(self.names)} from {first:.6g} to {last:.6g} s"
 
     def channel_columns(self) -> dict[str, NDArray[np.float64]]:
-        """Of each channel the median and the ends of its 90 % band, (n,) each, by name."""
+        """Return median and ends of the 90 % band of each channel, (n,) each, by column name."""
         parts = {"": self.median, "_low": self.low, "_high": self.high}
         return {
             f"{name}{end}": values[:, k]
@@ -63,7 +70,7 @@ class Forecast(Immutable):
         }
 
     def to_frame(self) -> "DataFrame":
-        """Return the forecast as a pandas DataFrame.
+        """Convert the forecast to a pandas DataFrame.
 
         Returns
         -------
@@ -76,7 +83,7 @@ class Forecast(Immutable):
         return pd.DataFrame(self.channel_columns(), pd.Index(self.time, name="t"))
 
     def widened(self, factors: NDArray[np.float64]) -> "Forecast":
-        """The forecast with its band made wider about the median, by (n_sensed,) factors."""
+        """Widen the band about the median by factors, (n_sensed,)."""
         low, high = (self.median + factors * (end - self.median) for end in (self.low, self.high))
         return replace(self, low=low, high=high)
 
@@ -89,17 +96,17 @@ def forecast(
     rng: np.random.Generator,
     inputs: Mapping[str, Input | float] = NONE,
 ) -> Forecast:
-    """Forecast the states at `time` from the last `window` seconds of a recording.
+    """Forecast the samples at `time` from the last `window` seconds of a recording.
 
     Outliers of the recording are left out. Each of 100 draws takes coefficients from their
-    covariance, and as its start the state that follows the samples of the window best after noise
-    was added to them once more. The noise of a sample is part of the band; that of an approximate
-    model is as wide as its forecasts from earlier times of the recording were wrong. Where motions
-    of an exact model soon part, so that draws do not follow the samples, the window is halved. The
-    band at an instant does not depend on the instants after it. A model that random forces move
-    goes on from what its filter tells, in forces that are drawn anew. Raises ValueError where there
-    is no model, and where most draws do not follow the window or diverge, or where the model's
-    forecast of what was held out was of no use. Bands are widened by what that one needed.
+    covariance, and the initial state that follows the samples of the window best after noise was
+    added to them once more. The band includes the noise of a sample; of an approximate model it is
+    as wide as the errors of its forecasts from earlier times of the recording. If motions of an
+    exact model diverge from each other so soon that draws do not follow the samples, the window is
+    halved. The band at an instant does not depend on later instants. A model under random forces
+    continues from the state of its filter, in newly drawn forces. Bands are widened by the factors
+    that held-out samples required. Raises ValueError if there is no model, if most draws do not
+    follow the window or diverge, or if the forecast of held-out samples was useless.
     """
     if identified.status == "refused":
         raise ValueError(f"there is no model to forecast with: {identified.reason}")
@@ -144,15 +151,15 @@ def forecast(
 
 @dataclass(frozen=True, eq=False)
 class HeldOut(Immutable):
-    """A forecast of what was held out, and how well it held.
+    """A forecast of held-out samples, and its scores.
 
     forecast: with its band as it was computed. skill: (n_sensed,) R2 of the median. missed:
-    (n_sensed,) root mean square error of the median, in the deviation of the whole recording. held:
-    (n_sensed,) share of the samples inside the band. is_noise: (n_sensed,) boolean, whether
-    nothing but noise was left to forecast. factors: (n_sensed,) how many times as wide the band
-    must be to hold 90 % of them: 1 where no fewer are inside than chance allows, infinite where the
-    forecast is worse than the mean of the samples and of no use. NaN of channels that nothing
-    measures, their factors 1. index: of the recording whose end it is, -1 of the last.
+    (n_sensed,) root mean square error of the median, over the deviation of the whole recording.
+    held: (n_sensed,) share of the samples inside the band. is_noise: (n_sensed,) boolean, whether
+    the samples are noise alone. factors: (n_sensed,) by which the band must be widened to contain
+    90 % of them: 1 if no fewer are inside than chance allows, infinite if the forecast is worse
+    than the mean of the samples and so useless. Scores of channels without samples are NaN, their
+    factors 1. index: of the recording whose end it is, -1 of the last.
     """
 
     forecast: Forecast
@@ -169,7 +176,7 @@ class HeldOut(Immutable):
         return bool(np.isfinite(self.factors).all())
 
     def to_frame(self) -> "DataFrame":
-        """Return the scores as a pandas DataFrame.
+        """Convert the scores to a pandas DataFrame.
 
         Returns
         -------
@@ -190,8 +197,8 @@ def held_out(
 ) -> HeldOut:
     """Compare a forecast with the samples (n, n_sensed) at its times, NaN where missing.
 
-    deviation: (n_sensed,) of the whole recording, which a useful forecast does not err by. noise:
-    (n_sensed,) of a sample, zero where unknown.
+    deviation: (n_sensed,) of the whole recording, which the errors of a useful forecast do not
+    reach. noise: (n_sensed,) of a sample, zero where unknown.
     """
     known = np.isfinite(measured)
     error = np.where(known, measured - ahead.median, 0.0)
@@ -215,7 +222,7 @@ def held_out(
 
 
 def deviations_of(samples: np.ndarray) -> np.ndarray:
-    """(n_sensed,) standard deviation of samples (n, n_sensed), zero where nothing is measured."""
+    """Compute standard deviations, (n_sensed,), of samples (n, n_sensed); zero without samples."""
     known = np.isfinite(samples)
     counts = np.maximum(known.sum(axis=0), 1)
     mean = np.where(known, samples, 0.0).sum(axis=0) / counts
@@ -223,7 +230,7 @@ def deviations_of(samples: np.ndarray) -> np.ndarray:
 
 
 def with_factors(identified: IdentifiedModel, trial: HeldOut) -> IdentifiedModel:
-    """The model with what it was seen to need: how many times as wide its bands must be."""
+    """Add to a model the factors by which its forecast bands must be widened."""
     factors = {
         f"{WIDER}{name}": float(factor)
         for name, factor in zip(trial.forecast.names, trial.factors, strict=True)
@@ -233,7 +240,7 @@ def with_factors(identified: IdentifiedModel, trial: HeldOut) -> IdentifiedModel
 
 
 def _compute_quantiles(motions: np.ndarray, at: Sequence[float]) -> np.ndarray:
-    """(n_quantiles, n, n_sensed) of draws (n_draws, n, n_sensed), without those that diverged."""
+    """Compute quantiles, (n_quantiles, n, n_sensed), of the draws that do not diverge."""
     gone = ~np.isfinite(motions).all(axis=(0, 2))
     with np.errstate(invalid="ignore"):  # between two that are infinite
         found = np.quantile(motions, at, axis=0, method="weibull")
@@ -243,10 +250,10 @@ def _compute_quantiles(motions: np.ndarray, at: Sequence[float]) -> np.ndarray:
 
 
 def check_followed(identified: IdentifiedModel, recording: Recording, window: float) -> None:
-    """Raise ValueError, in one line, where the end of a recording is not the motion of a model.
+    """Raise ValueError, in one line, if a model does not follow the end of a recording.
 
-    The model is fitted to ORIGINS windows of `window` s, from the last 5 of them on, by their
-    starts alone. An approximate model may miss the samples as it missed those of its own recording.
+    The initial states of the model are fitted to ORIGINS windows of `window` s, from the last 5 of
+    them on. An approximate model may miss the samples as much as those of its own recording.
     """
     recording = without_outliers(recording)
     if identified.is_forced:
@@ -282,7 +289,7 @@ def check_followed(identified: IdentifiedModel, recording: Recording, window: fl
 def _draw_motions(
     follow: Following, time: np.ndarray, window: float, worst: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """(n_draws, n, n_sensed) motions at `time` of the draws, NaN from where one diverges.
+    """Draw motions at `time`, (n_draws, n, n_sensed), NaN from where one diverges.
 
     worst: misfit, as of `Following.misfit`, beyond which a draw does not follow its samples and is
     left out.
@@ -317,12 +324,12 @@ def _draw_motions(
 
 
 def _past_errors(follow: Following, ahead: np.ndarray, window: float) -> np.ndarray:
-    """(n, n_sensed) root mean square errors, noise included, of forecasts from earlier windows.
+    """Compute root mean square errors, (n, n_sensed), of forecasts from earlier windows.
 
-    ahead: (n,) s, of what is forecast. The forecasts begin at `ORIGINS` times of the recording,
-    the later half of it, and are of TRIED windows or a quarter of it; their errors are taken
-    together in `PARTS` of a window and do not shrink. Later ones grow with the time, as those of a
-    phase do, up to what two motions of the channel differ by at random.
+    ahead: (n,) s, of the forecast after the recording. Noise is included. The forecasts begin at
+    `ORIGINS` times in the later half of the recording, and last TRIED windows or a quarter of it;
+    their errors are averaged over `PARTS` of a window and do not decrease. Beyond, they grow with
+    time, as phase errors do, up to the difference of two unrelated motions of the channel.
     """
     time, values = follow.recording.time, follow.samples
     quarter = (time[-1] - time[0]) / 4
@@ -360,10 +367,10 @@ def _known_ahead(
     time: np.ndarray,
     ahead: Mapping[str, Input | float],
 ) -> Recording:
-    """The recording with the inputs of a model known up to the end of `time`, s.
+    """Extend the recording's inputs of a model up to the end of `time`, s.
 
-    ahead: by name, what they are after the recording: measured, or a constant. Raises ValueError
-    where one is not known.
+    ahead: by name, inputs after the recording: measured, or a constant. Raises ValueError if one is
+    not known.
     """
     inputs = dict(recording.inputs)
     for name in model.inputs:
@@ -381,7 +388,7 @@ def _known_ahead(
 
 
 def _continued(name: str, past: Input, ahead: Input | float, end: float, until: float) -> Input:
-    """An input up to `end`, s, and what it is from then on: its samples are as close as before."""
+    """Continue an input after `end`, s, at the sampling interval of its past."""
     kept = past.time <= end
     step = float(np.median(np.diff(past.time)))
     time = np.arange(past.time[kept][-1] + step, until + 2 * step, step)

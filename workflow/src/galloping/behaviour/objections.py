@@ -1,4 +1,4 @@
-"""Where recordings are not motions of one system left to itself, and a model is refused for it."""
+"""Refusal of models whose recordings are not free motions of a single system."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -46,13 +46,13 @@ def with_objections(
     faults: Sequence[Finding] = (),
     are_one: bool = False,
 ) -> IdentifiedModel:
-    """The model, refused where its recordings are not motions of one system left to itself.
+    """Refuse a model whose recordings are not free motions of a single system.
 
-    Of a single recording, the parts of which are not, this is a finding of an approximate model.
-    are_one: whether the recordings are parts of a single one. names: of the recordings, for who
-    reads the finding. period: s, the longest of the motion. identify: the method, with its library
-    and known equations. faults: of the recordings, as `quality` finds them, which are added if
-    there is no model.
+    If parts of a single recording are not, this is a finding of an approximate model. are_one:
+    whether the recordings are parts of a single one. names: of the recordings, for the text of the
+    finding. period: s, the longest of the motion. identify: the method, with its library and known
+    equations. faults: of the recordings, as `quality` finds them, which are added if there is no
+    model.
     """
     inexact = identified.status in ("approximate", "refused") and not identified.is_forced
     more = find_unmodelled_modes(list(recordings)) if inexact else []
@@ -79,7 +79,7 @@ def with_objections(
 def _find_random_forces(
     identified: IdentifiedModel, recordings: Sequence[Recording], period: float
 ) -> list[Finding]:
-    """Find whether random forces keep the motion up, in which no model follows it."""
+    """Find whether random forces sustain the motion, which no model follows then."""
     kept = [Finding.of(Code.KEPT_UP)]
     if identified.is_forced:
         return []
@@ -101,7 +101,7 @@ def _find_random_forces(
 
 
 def _find_outlived(identified: IdentifiedModel, recordings: Sequence[Recording]) -> list[Finding]:
-    """Find whether the model goes on moving where the recorded motion dies out."""
+    """Find whether the model keeps moving when the recorded motion has died out."""
     inexact = identified.status == "approximate" and not identified.is_forced
     if inexact and not identified.model.inputs:
         for parts in (excerpts(list(recordings)), recordings):
@@ -115,8 +115,9 @@ def _find_outlived(identified: IdentifiedModel, recordings: Sequence[Recording])
 def _find_changes(
     identified: IdentifiedModel, parts: Sequence[Recording], period: float, identify: Identify
 ) -> list[Finding]:
-    """What sets the parts of one recording apart, its thirds where it has no gaps, which a gusty
-    wind may do as well.
+    """Find differences between parts of one recording, as a gusty wind also causes.
+
+    A recording without gaps is divided into thirds.
     """
     if identified.status != "approximate" or identified.envelope:
         return []
@@ -141,8 +142,9 @@ def _list_spans(parts: Sequence[Recording]) -> str:
 def _changing_at_random(
     identified: IdentifiedModel, recording: Recording, period: float
 ) -> list[Finding]:
-    """What sets the halves of a recording apart that random forces moved: a frequency or a damping,
-    by UNLIKE standard errors.
+    """Find a frequency or damping that changes within a recording under random forces.
+
+    Its halves then differ by more than UNLIKE standard errors.
     """
     if identified.model.inputs or np.ptp(recording.time) < 2 * LEAST_PERIODS * period:
         return []
@@ -173,7 +175,7 @@ def _changing_at_random(
 
 
 def unaccelerated_coordinates(identified: IdentifiedModel) -> list[str]:
-    """Coordinates of whose acceleration the model knows nothing."""
+    """List the coordinates whose acceleration the model does not describe."""
     states = identified.model.states
     return [
         states[i]
@@ -183,10 +185,9 @@ def unaccelerated_coordinates(identified: IdentifiedModel) -> list[str]:
 
 
 def kept_up(identified: IdentifiedModel, recordings: Sequence[Recording]) -> bool:
-    """Whether the recorded motion of every channel lasts, above its noise, while that of the model
-    dies out.
+    """Decide whether the recorded motion of every channel lasts while that of the model dies out.
 
-    recordings: those that it was identified from, with a start of each in its `initial_states`.
+    recordings: those of the identification, with an initial state of each in `initial_states`.
     """
     kept = [
         recorded.last > LASTING * recorded.all and recorded.last > LARGER * own.last
@@ -196,7 +197,7 @@ def kept_up(identified: IdentifiedModel, recordings: Sequence[Recording]) -> boo
 
 
 def outlives_recording(identified: IdentifiedModel, recordings: Sequence[Recording]) -> bool:
-    """Whether the model's motion of a channel lasts, or runs away, where the recorded one dies out.
+    """Decide whether the model's motion lasts or diverges while the recorded one dies out.
 
     recordings: as of `kept_up`.
     """
@@ -217,9 +218,9 @@ class _Size(NamedTuple):
 def _compare_sizes(
     identified: IdentifiedModel, recordings: Sequence[Recording]
 ) -> Iterator[tuple[_Size, _Size]]:
-    """Of each channel of each recording the size of its motion, and of the model's from its start.
+    """Yield the sizes of each recorded channel and of the model's motion from its start.
 
-    Those of the model are not finite where it diverges.
+    Those of the model are not finite if it diverges.
     """
     for recording, start in zip(recordings, identified.initial_states, strict=True):
         follow, time = Following(identified, recording), recording.time
@@ -236,16 +237,16 @@ def _compare_sizes(
 
 
 def _size_above_noise(samples: np.ndarray, noise: float) -> float:
-    """Standard deviation of samples (n,) without that of their noise."""
+    """Compute the standard deviation of samples (n,), with that of the noise subtracted."""
     return float(np.sqrt(max(np.var(samples) - noise**2, 0.0)))
 
 
 @dataclass(frozen=True)
 class Difference:
-    """What sets parts of recordings apart that were identified together.
+    """Difference between parts of recordings that were identified together.
 
-    channel: of which it is plainest. missed, own: share of its motion that forecasts miss, by the
-    one model, infinite where there is none, and at the median by those of the parts.
+    channel: where the difference is clearest. missed, own: share of its motion that forecasts miss,
+    by the common model, infinite if there is none, and at the median by the models of the parts.
     """
 
     channel: str
@@ -253,14 +254,14 @@ class Difference:
     own: float
 
     def between(self, names: Sequence[str]) -> Finding:
-        """Return the finding on recordings of some names, of which no model can be trusted."""
+        """Make the finding on recordings of these names, of which no model can be trusted."""
         shares: dict[str, float | str] = {"names": ", ".join(names), "own": self.own}
         if np.isinf(self.missed):
             return Finding.of(Code.NO_COMMON_MODEL, self.channel, **shares)
         return Finding.of(Code.RECORDINGS_DIFFER, self.channel, missed=self.missed, **shares)
 
     def within(self, spans: str) -> Finding:
-        """Return the finding on parts of one recording, named by their spans."""
+        """Make the finding on parts of one recording, named by their spans."""
         shares = {"missed": self.missed, "own": self.own}
         return Finding.of(Code.PARTS_DIFFER, self.channel, spans=spans, **shares)
 
@@ -268,9 +269,9 @@ class Difference:
 def difference(
     together: IdentifiedModel, parts: Sequence[Recording], identify: Identify
 ) -> Difference | None:
-    """What sets parts of recordings apart that were identified together, None where nothing does.
+    """Find the difference between parts of recordings that were identified together; None if alike.
 
-    A model that is exact misses nothing, and what is followed by one is one system.
+    An exact model has no errors: recordings that one model follows are of one system.
     """
     if together.status not in ("approximate", "refused") or len(parts) < 2:
         return None

@@ -1,1 +1,1 @@
-"""What a study is: its settings, their checks, and the reference generated from them."""
+"""Configuration of a study: its settings, their checks, and the reference generated from them."""

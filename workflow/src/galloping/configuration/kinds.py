@@ -1,6 +1,6 @@
-"""The kinds of trials that a study can name, without importing any of them.
+"""Kinds of trials that a study can name, without importing any of them.
 
-`workflow/rules/evaluate.smk` says which function tries a kind; what it feeds is a table of
+`workflow/rules/evaluate.smk` names the function of each kind; their rows feed tables of
 `workflow/rules/tables.smk`. `systems.csv` has the published systems, see `trials.published`.
 """
 
@@ -28,11 +28,11 @@ EXAMPLES = {name: (f"examples/{name}.csv", f"examples/{name}.yaml") for name in 
 
 @dataclass(frozen=True)
 class Kind:
-    """What is tried.
+    """A kind of trial.
 
-    table: in which its rows are summed up. cases: those there are; a batch is of one of them.
-    methods: those that are compared by default. options: further keys that it takes, with their
-    defaults. usable: the methods that it can use, by default all.
+    table: which summarises its rows. cases: available ones; a batch is of one of them. methods:
+    those compared by default. options: further keys, with their defaults. usable: methods that it
+    can use, by default all.
     """
 
     table: str

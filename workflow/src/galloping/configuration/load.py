@@ -1,4 +1,4 @@
-"""From a YAML file or a mapping to settings, or to one clear line per problem."""
+"""Conversion of a YAML file or a mapping to settings, or to one clear line per problem."""
 
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
@@ -28,7 +28,7 @@ MOST_LINES = 20
 
 
 def load(mapping: dict) -> Settings:
-    """Return the settings that a mapping of keys describes, missing keys at their defaults.
+    """Convert a mapping of keys to settings, missing keys at their defaults.
 
     Raises ConfigurationError with one line per problem: the key as the user writes it, the
     value, what is allowed and the nearest valid name.
@@ -58,7 +58,7 @@ def plain(settings: Section) -> dict:
 
 
 def configured(configfiles: Iterable[str | Path]) -> Settings:
-    """Return the settings of the study of these files; a later file overrides the earlier.
+    """Load the settings of a study from files; a later file overrides the earlier.
 
     Raises ConfigurationError for a mistake anywhere in them.
     """
@@ -67,7 +67,7 @@ def configured(configfiles: Iterable[str | Path]) -> Settings:
 
 
 def _override_sections(mapping: dict, over: dict) -> dict:
-    """Sections merged and all else replaced, as Snakemake does."""
+    """Merge sections and replace all else, as Snakemake does."""
     both = {
         key: _override_sections(section, value)
         for key, value in over.items()
@@ -77,10 +77,10 @@ def _override_sections(mapping: dict, over: dict) -> dict:
 
 
 def merged(mapping: dict, files: Sequence[dict]) -> dict:
-    """Return the mapping that Snakemake merged from files, as the study takes it.
+    """Return the mapping that Snakemake merged from files, as the study uses it.
 
-    Its keys stand in the order in which the files name them, see `ordered`, and a case that is set
-    to null is left out.
+    Its keys are in the order of the files, see `ordered`, and a case that is set to null is left
+    out.
     """
     mapping = ordered(mapping, files)
     cases = mapping.get("cases")
@@ -90,10 +90,10 @@ def merged(mapping: dict, files: Sequence[dict]) -> dict:
 
 
 def ordered(mapping: dict, files: Sequence[dict]) -> dict:
-    """Return a merged mapping with its keys in the order in which the files name them.
+    """Sort the keys of a merged mapping in the order in which the files name them.
 
-    The order of cases and releases counts, and Snakemake puts the keys of a file that overrides
-    before those of the file that it overrides. Keys that no file names come last.
+    The order of cases and initial displacements matters, and Snakemake puts the keys of a file that
+    overrides before those of the overridden file. Keys that no file names come last.
     """
     keys = dict.fromkeys([*(key for file in files for key in file if key in mapping), *mapping])
     sections = {key: [f[key] for f in files if isinstance(f.get(key), dict)] for key in keys}
@@ -104,7 +104,7 @@ def ordered(mapping: dict, files: Sequence[dict]) -> dict:
 
 
 def _describe_fault(mapping: dict, fault: ErrorDetails) -> str:
-    """One line about one fault that pydantic found."""
+    """Format one fault that pydantic found as one line."""
     kind, location = fault["type"], fault["loc"]
     if kind in ("extra_forbidden", "invalid_key"):
         return _unknown_key(location)
@@ -152,7 +152,7 @@ def _unknown_key(location: tuple) -> str:
 
 
 def _bad_name(location: tuple) -> str:
-    """Return a name that the user chose in a mapping of names."""
+    """Find the invalid name that the user chose in a mapping of names."""
     *parents, name = location
     node = _find_node(parents)
     if options := names(node):

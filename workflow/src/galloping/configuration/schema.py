@@ -1,4 +1,4 @@
-"""The JSON schema of the settings, the one source for messages and docs, and what is made of it.
+"""JSON schema of the settings, the single source of messages and documentation.
 
 python -m galloping.configuration.schema config/README.md workflow/schemas/config.schema.json
 """
@@ -15,12 +15,12 @@ from galloping.configuration.settings import Settings
 
 @cache
 def schema() -> dict:
-    """JSON schema of a study, generated from the models."""
+    """Generate the JSON schema of a study from the models."""
     return Settings.model_json_schema()
 
 
 def resolve(node: dict) -> dict:
-    """Return the node with references followed and an optional value replaced by the value."""
+    """Follow the references of a node and replace an optional value by the value."""
     if "$ref" in node:
         definition = schema()["$defs"][node["$ref"].rpartition("/")[2]]
         return definition | {key: value for key, value in node.items() if key != "$ref"}
@@ -31,31 +31,31 @@ def resolve(node: dict) -> dict:
 
 
 def child(node: dict, key: object) -> dict:
-    """Return the node of a key, or of a name chosen by the user."""
+    """Find the node of a key, or of a name chosen by the user."""
     if key in node.get("properties", {}):
         return resolve(node["properties"][key])
     return resolve(named_value(node))
 
 
 def item(node: dict) -> dict:
-    """Return the node of the items of a list."""
+    """Find the node of the items of a list."""
     return resolve(node["items"] if "items" in node else node["prefixItems"][0])
 
 
 def named_value(node: dict) -> dict:
-    """Return the node of the values in a mapping whose names the user chooses."""
+    """Find the node of the values in a mapping whose names the user chooses."""
     if "patternProperties" in node:
         return next(iter(node["patternProperties"].values()))
     return node["additionalProperties"]
 
 
 def names(node: dict) -> list[str]:
-    """Return the keys a mapping may have; empty where the user chooses them."""
+    """List the keys a mapping may have; empty if the user chooses them."""
     return list(node.get("properties", ())) or node.get("propertyNames", {}).get("enum", [])
 
 
 def leaves(node: dict | None = None, path: str = "") -> Iterator[tuple[str, dict]]:
-    """All keys with their nodes, in order: `cases.<name>.wind.speed` and so on."""
+    """Yield all keys with their nodes, in order: `cases.<name>.wind.speed` and so on."""
     node = resolve(node or schema())
     if "properties" in node:
         for key, value in node["properties"].items():
@@ -67,7 +67,7 @@ def leaves(node: dict | None = None, path: str = "") -> Iterator[tuple[str, dict
 
 
 def allowed(node: dict, with_unit: bool = True) -> str:
-    """Describe what a value may be: `> 0 m`, `a whole number 1..10000`, `one of irvine, sine`."""
+    """Describe the allowed values: `> 0 m`, `a whole number 1..10000`, `one of irvine, sine`."""
     unit = node.get("unit", "") if with_unit else ""
     text = _describe_type(node, "" if unit in ("", "1") else unit)
     text = f"null or {text}" if "optional" in node else text
@@ -124,9 +124,9 @@ HEADER = ("Key", "Default", "Unit", "Allowed", "Provenance", "Meaning")
 
 
 def with_key_table(text: str) -> str:
-    """Update the table of every key between the two markers of a Markdown text.
+    """Update the table of all keys between the two markers of a Markdown text.
 
-    Raises ValueError where a marker is missing.
+    Raises ValueError if a marker is missing.
     """
     before, begin, below = text.partition(BEGIN)
     _, end, after = below.partition(END)
@@ -157,7 +157,7 @@ OWN_WORDS = ("unit", "symbol", "provenance", "note", "rule", "why")  # that JSON
 
 
 def schema_for_editors() -> str:
-    """Return the JSON schema of one configuration file, as text.
+    """Format the JSON schema of one configuration file, for editors.
 
     Any key may be missing, since files are merged. A case may be null, which leaves it out. Units
     and rules beyond JSON schema are part of the descriptions, which editors show.

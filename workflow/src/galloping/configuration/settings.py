@@ -1,4 +1,4 @@
-"""The settings of a study; what each key is, `keys/keys.csv` says."""
+"""Settings of a study; `keys/keys.csv` describes each key."""
 
 from inspect import signature
 from itertools import pairwise
@@ -26,7 +26,7 @@ LARGEST_SAG = 0.25  # of the span: beyond, the parabola is off by more than a te
 
 
 class InitialStateSection(INITIAL_STATE_KEYS):
-    """Where the trajectory starts."""
+    """Initial state of the trajectory."""
 
 
 SPACERS_KEYS: Any = keys("spacers")
@@ -72,7 +72,7 @@ TRUTH_KEYS: Any = keys("truth", gusts=GUSTS)
 
 
 class TruthSection(TRUTH_KEYS):
-    """What moves, and where it is observed."""
+    """The simulated system and the positions of its sensors."""
 
     @model_validator(mode="after")
     def _only_what_counts(self) -> Self:
@@ -126,7 +126,7 @@ class CaseSection(CASE_KEYS):
 
 
 def paper_cases() -> dict[str, CaseSection]:
-    """Return the two lines of the paper: tuned to internal resonance, and away from it."""
+    """Make the two lines of the paper: at internal resonance, and away from it."""
     wide = InitialStateSection(q_w=3)
     non_resonant = CaseSection(line=LineSection(tension=35000), releases={"wide": wide})
     return {"internal_resonance": CaseSection(), "non_resonant": non_resonant}
@@ -155,11 +155,11 @@ SIMULATION_KEYS: Any = keys("simulation")
 
 
 class SimulationSection(SIMULATION_KEYS):
-    """The record that is simulated for each case."""
+    """The simulation of each case."""
 
     @property
     def samples(self) -> int:
-        """Number of samples of a record, both ends included."""
+        """Number of samples of a simulation, both ends included."""
         return round(self.duration * self.sampling_rate) + 1
 
     @field_validator("sampling_rate")
@@ -199,7 +199,7 @@ MEASUREMENT_KEYS: Any = keys(
 
 
 class MeasurementSection(MEASUREMENT_KEYS):
-    """What a recording keeps of the trajectory."""
+    """Measurement setups and noise levels of the recordings."""
 
     protocols: selection(ProtocolName) = setting(  # type: ignore[valid-type]
         tuple(protocol.name for protocol in PROTOCOLS if protocol.by_default),
@@ -212,7 +212,7 @@ LIBRARY_KEYS: Any = keys("library")
 
 
 class LibrarySection(LIBRARY_KEYS):
-    """What models are found of, and how."""
+    """Candidate terms of the models, and the identification methods."""
 
     methods: selection(MethodName) = setting(  # type: ignore[valid-type]
         tuple(m.name for m in METHODS if m.by_default), "identification methods"
@@ -288,7 +288,7 @@ SWEEP_KEYS: Any = keys("sweep", parameter=SWEPT, second=SWEPT)
 
 
 class SweepSection(SWEEP_KEYS):
-    """One parameter of every line over a range, or two."""
+    """Range of one parameter, or two, of every line."""
 
     @field_validator("values", "second_values")
     @classmethod
@@ -335,7 +335,7 @@ class MeasureSection(MEASURE_KEYS):
 
     @property
     def places(self) -> tuple[float, ...]:
-        """Where on the span it is, m."""
+        """Positions on the span, m."""
         return self.positions or (() if self.position is None else (self.position,))
 
 
@@ -350,7 +350,7 @@ ASSESSMENT_KEYS: Any = keys(
 
 
 class AssessmentSection(ASSESSMENT_KEYS):
-    """What a line engineer asks of the lines: how far they gallop, and what stops them."""
+    """Questions of an engineer: amplitude of galloping, clearance, and measures against it."""
 
 
 def _default_sweeps() -> dict[str, SweepSection]:
@@ -392,7 +392,7 @@ class Settings(SETTINGS_KEYS):
 
     @model_validator(mode="after")
     def _check_whole_study(self) -> Self:
-        """Sections that are right in themselves must fit together."""
+        """Check that sections that are valid in themselves fit together."""
         if not (self.cases or self.trials):
             raise make_error(
                 "there is none; must hold at least one, or there must be trials", "cases"

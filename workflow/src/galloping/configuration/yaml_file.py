@@ -1,4 +1,4 @@
-"""The mapping in a YAML file, or one clear line that says why there is none."""
+"""Reading of the mapping in a YAML file, or one clear line that says why there is none."""
 
 from pathlib import Path
 
@@ -12,14 +12,14 @@ ENDLESS = f"lists or sections are nested without end; must be at most {MOST_LEVE
 
 
 class ConfigurationError(ValueError):
-    """Settings that cannot be used; its text is one line per problem."""
+    """Error of settings that cannot be used; its text has one line per problem."""
 
 
 def read(path: str | Path) -> dict:
-    """Return the mapping in a YAML file.
+    """Read the mapping in a YAML file.
 
-    Raises ConfigurationError with one line that names the file, and the line in it where there
-    is one: unreadable, empty, not YAML, not a mapping, or a key given twice.
+    Raises ConfigurationError with one line that names the file, and its line if known: unreadable,
+    empty, not YAML, not a mapping, or a duplicate key.
     """
     try:
         content = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=_Loader)
@@ -46,9 +46,9 @@ def read(path: str | Path) -> dict:
 
 
 def refuse_endless(content: object) -> None:
-    """Raise ConfigurationError where lists and sections are nested without end, or almost.
+    """Raise ConfigurationError if lists and sections are nested without end, or almost.
 
-    YAML's anchors let a short file hold itself, or a list of 10^9 items.
+    With YAML's anchors a short file can contain itself, or a list of 10^9 items.
     """
     level, values, depth = [content], 0, 0
     while level:
@@ -65,7 +65,7 @@ def refuse_endless(content: object) -> None:
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML in which a key given twice is an error, where PyYAML would keep the last one."""
+    """YAML loader that refuses duplicate keys, of which PyYAML keeps the last one."""
 
     def construct_object(self, node: Node, deep: bool = False) -> object:
         try:

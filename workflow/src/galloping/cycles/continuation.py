@@ -1,9 +1,9 @@
 """Pseudo-arclength continuation of solutions along a parameter, through folds.
 
-Predictor along the tangent, Newton corrector on the plane across it, step controlled by the
-corrector and the turn of the tangent (Keller 1977; Seydel, Practical Bifurcation and Stability
-Analysis, ch. 4). What is continued, equilibria or limit cycles, is a `BranchProblem`: m equations
-in m + 1 unknowns, of which the last is the parameter.
+A predictor along the tangent is followed by a Newton corrector on the plane across it; the step
+follows the corrector and the turn of the tangent (Keller 1977; Seydel, Practical Bifurcation and
+Stability Analysis, ch. 4). The continued solutions, equilibria or limit cycles, are those of a
+`BranchProblem`: m equations in m + 1 unknowns, of which the last is the parameter.
 """
 
 from dataclasses import dataclass
@@ -24,12 +24,12 @@ CLOSED = 1e-3  # relative difference of period and size at which a branch has re
 
 @dataclass(frozen=True)
 class Equations:
-    """What is solved, linearised at some unknowns.
+    """Equations of a branch, linearised at some unknowns.
 
-    solution: with a `vector` (n,) of all that tells it from others, a `value` of the parameter,
-    which is the vector's last entry, and a `signature` that tells two at one value apart.
-    unknowns: (m + 1,). residual: (m,), jacobian: (m, m + 1) of the equations. moved: (n, m + 1)
-    derivative of the vector by the unknowns.
+    solution: with a `vector` (n,) that identifies it, a `value` of the parameter, which is the
+    vector's last entry, and a `signature` that differs between solutions at one value. unknowns: (m
+    + 1,). residual: (m,), jacobian: (m, m + 1) of the equations. moved: (n, m + 1) derivative of
+    the vector by the unknowns.
     """
 
     solution: Any
@@ -39,16 +39,16 @@ class Equations:
     moved: np.ndarray
 
     def bordered(self, border: np.ndarray) -> np.ndarray:
-        """(m + 1, m + 1) with the condition `border` (n,) on changes of the vector as last row."""
+        """Append the condition `border` (n,) on the vector as last row: (m + 1, m + 1)."""
         return np.vstack([self.jacobian, border @ self.moved])
 
     def along(self, border: np.ndarray) -> np.ndarray:
-        """(n,) the change of the vector that keeps the equations, of one across the border."""
+        """Compute the tangent change of the vector, (n,), of size one across the border."""
         return self.moved @ np.linalg.solve(self.bordered(border), np.eye(len(self.unknowns))[-1])
 
 
 class BranchProblem(Protocol):
-    """What is continued: solutions of the models of a family.
+    """Solutions of the models of a family along its parameter.
 
     sought: the solutions in words, for messages.
     """
@@ -58,43 +58,44 @@ class BranchProblem(Protocol):
 
     @property
     def metric(self) -> np.ndarray:
-        """(n,) weights of the squares of a change; a step of length one is the longest."""
+        """Weights of the squares of a change, (n,); a step of length one is the longest."""
 
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
-        """(m + 1,) of a solution with this vector (n,)."""
+        """Extract the unknowns, (m + 1,), of a solution with this vector (n,)."""
 
     def linearise(self, unknowns: np.ndarray) -> Equations:
-        """Raise NotConverged where the equations cannot be evaluated."""
+        """Linearise the equations. Raises NotConverged if they cannot be evaluated."""
 
     def examine(self, at: Equations, tangent: np.ndarray) -> tuple[Any, dict[str, float]]:
-        """Stability of a solution, and the tests whose sign changes are bifurcations."""
+        """Compute stability, and the tests whose sign changes are bifurcations."""
 
     def confirmed(self, name: str, stability: Any) -> bool:
-        """Whether a zero of test `name` is the bifurcation of that name."""
+        """Decide whether a zero of test `name` is the bifurcation of that name."""
 
     def moved(self, solution: Any) -> Self:
         """Return the problem about a new solution."""
         return self
 
     def ended(self, solution: Any) -> str:
-        """Why the branch cannot go on at a solution just found, or ''."""
+        """Return why the branch ends at a solution just found, or ''."""
         return ""
 
     def along_parameter(self) -> np.ndarray:
-        """(n,) the condition that picks the parameter's change."""
+        """Return the condition, (n,), that selects the parameter's change."""
         return np.append(np.zeros(len(self.metric) - 1), 1.0)
 
     def length(self, change: np.ndarray) -> float:
+        """Compute the length of a change of the vector, in longest steps."""
         return float(np.sqrt(np.sum(self.metric * change**2)))
 
 
 class NotConverged(Exception):
-    """The corrector found no solution; the message says why."""
+    """Exception: the corrector found no solution; the message gives the reason."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """solution on the branch, its tangent (n,), its stability and the values of the tests."""
+    """Solution on a branch, its tangent (n,), its stability and the values of the tests."""
 
     solution: Any
     tangent: np.ndarray
@@ -104,9 +105,9 @@ class Point:
 
 @dataclass(frozen=True)
 class Bifurcation:
-    """name: as in the literature. point: where the branch has it.
+    """A bifurcation of a branch, by its name in the literature.
 
-    located: False where only the point after it on the branch could be computed.
+    located: False if only the next point of the branch could be computed.
     """
 
     name: str
@@ -116,10 +117,10 @@ class Bifurcation:
 
 @dataclass(frozen=True)
 class Branch:
-    """Points in order, the bifurcations between them, and how it ended.
+    """Points in order, the bifurcations between them, and the reason of the end.
 
-    complete: whether it ended where it was meant to: at a bound of the parameter, at an
-    equilibrium, at a period doubling or where it began. reason: how it ended, in words.
+    complete: whether the branch ended at a bound of the parameter, at an equilibrium, at a period
+    doubling or where it began. reason: of the end, in words.
     """
 
     points: tuple[Point, ...]
@@ -130,7 +131,7 @@ class Branch:
 
 @dataclass(frozen=True)
 class Range:
-    """Where a branch is followed: low <= parameter <= high, in at most max_points points.
+    """Range of a branch: low <= parameter <= high, in at most max_points points.
 
     longest: step of the parameter; a fiftieth of the range by default. ceiling: size of an orbit
     (`Orbit.spread`) beyond which cycles are not followed.
@@ -173,14 +174,14 @@ def corrected(
 
 
 def point_at(problem: BranchProblem, at: Equations, border: np.ndarray) -> Point:
-    """Return the solution with its tangent, oriented so that `border` (n,) is positive on it."""
+    """Compute the tangent of a solution, oriented so that `border` (n,) is positive on it."""
     tangent = at.along(border)
     tangent = tangent / problem.length(tangent)
     return Point(at.solution, tangent, *problem.examine(at, tangent))
 
 
 def first(problem: BranchProblem, guess: np.ndarray, border: np.ndarray) -> Point:
-    """Return the point near a guess, see `corrected` and `point_at`. Raises ValueError."""
+    """Compute the point near a guess, see `corrected` and `point_at`. Raises ValueError."""
     try:
         return point_at(problem, corrected(problem, guess, border), border)
     except NotConverged as failure:
@@ -189,7 +190,7 @@ def first(problem: BranchProblem, guess: np.ndarray, border: np.ndarray) -> Poin
 
 
 def follow(problem: BranchProblem, start: Point, span: Range) -> Branch:
-    """Return the branch from `start` in the direction of its tangent."""
+    """Follow the branch from `start` in the direction of its tangent."""
     points: list[Point] = [start]
     bifurcations: list[Bifurcation] = []
     step = FIRST_STEP
@@ -229,7 +230,7 @@ def follow(problem: BranchProblem, start: Point, span: Range) -> Branch:
 
 
 def _next_point(problem: BranchProblem, last: Point, step: float) -> Point:
-    """Return the point one step ahead. Raises NotConverged."""
+    """Compute the point one step ahead. Raises NotConverged."""
     border = problem.metric * last.tangent
     guess = last.solution.vector + step * last.tangent
     point = point_at(problem, corrected(problem, guess, border), border)
@@ -240,7 +241,7 @@ def _next_point(problem: BranchProblem, last: Point, step: float) -> Point:
 
 
 def _at_value(problem: BranchProblem, near: Point, value: float) -> Point:
-    """Return the point of the branch at a value of the parameter close to that of `near`."""
+    """Compute the point of the branch at a value of the parameter close to that of `near`."""
     problem = problem.moved(near.solution)
     factor = (value - near.solution.value) / near.tangent[-1]
     guess = near.solution.vector + factor * near.tangent
@@ -251,7 +252,7 @@ def _at_value(problem: BranchProblem, near: Point, value: float) -> Point:
 def _find_bifurcations(
     problem: BranchProblem, last: Point, point: Point, step: float
 ) -> list[Bifurcation]:
-    """Bifurcations between two points, in order, each located along the step."""
+    """Find the bifurcations between two points, in order, each located along the step."""
     between = []
     for name, before in last.tests.items():
         if before * point.tests[name] < 0:
@@ -268,14 +269,14 @@ def _find_bifurcations(
 def _locate_zero(
     problem: BranchProblem, last: Point, name: str, step: float
 ) -> tuple[float, Point]:
-    """Length along the last tangent and the point where a test vanishes."""
+    """Find the length along the last tangent, and the point, at which a test vanishes."""
     ahead = cache(lambda s: _next_point(problem, last, s) if s else last)
     root = brentq(lambda s: ahead(s).tests[name], 0.0, step, xtol=1e-9, rtol=1e-12, maxiter=60)
     return root, ahead(root)
 
 
 def _has_returned(start: Any, last: Any, now: Any) -> bool:
-    """Whether the branch passes its start between two solutions."""
+    """Decide whether the branch passes its start between two solutions."""
     begin, end = last.value, now.value
     if begin == end or not min(begin, end) <= start.value <= max(begin, end):
         return False

@@ -1,4 +1,4 @@
-"""Equilibria along a parameter and all limit cycles that leave them: the bifurcation diagram."""
+"""Bifurcation diagram: equilibria along a parameter and all limit cycles that branch off."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,18 +22,23 @@ HOPF, FOLD, BRANCH_POINT = "Hopf", "fold", "branch point"
 
 @dataclass(frozen=True)
 class FixedPoint:
-    """vector: (n_states + 1,), the state where dx/dt = 0 and the value of the parameter."""
+    """An equilibrium at a value of the parameter.
+
+    vector: (n_states + 1,), the state with dx/dt = 0, and the value.
+    """
 
     vector: np.ndarray
 
     @property
     def state(self) -> np.ndarray:
+        """The equilibrium, (n_states,)."""
         return self.vector[:-1]
 
     signature = state
 
     @property
     def value(self) -> float:
+        """Value of the parameter."""
         return float(self.vector[-1])
 
 
@@ -48,13 +53,16 @@ class EquilibriumProblem(continuation.BranchProblem):
 
     @property
     def metric(self) -> np.ndarray:
+        """Weights of the squares of a change, (n_states + 1,), from sizes and longest step."""
         sizes = np.broadcast_to(self.family.sizes, self.n_states)
         return np.append(sizes, self.resolution) ** -2.0
 
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
+        """Return the vector, which is the unknowns."""
         return vector
 
     def linearise(self, unknowns: np.ndarray) -> Equations:
+        """Compute rates and their derivatives by states and parameter."""
         model, x = self.family.model(unknowns[-1]), unknowns[np.newaxis, :-1]
         slope = self.family.slope(unknowns[-1], self.resolution)
         by_value = design_matrix(x, model.terms) @ slope.T
@@ -63,6 +71,7 @@ class EquilibriumProblem(continuation.BranchProblem):
         return Equations(found, unknowns, model(x)[0], jacobian, moved)
 
     def examine(self, at: Equations, tangent: np.ndarray) -> tuple[Modes, dict[str, float]]:
+        """Compute eigenvalues, and tests for Hopf bifurcation, fold and branch point."""
         modes = Modes.of(at.jacobian[:, :-1])
         sums = np.array([a + b for a, b in combinations(modes.values, 2)])  # none of one state
         return modes, {
@@ -80,9 +89,9 @@ class EquilibriumProblem(continuation.BranchProblem):
 
 
 def equilibrium_branch(family: Family, state: np.ndarray, span: Range) -> Branch:
-    """Equilibria from the one near `state` (n_states,) at the low end of a range, along it.
+    """Follow the equilibria from the one near `state` (n_states,) at the low end of a range.
 
-    Raises ValueError where there is no equilibrium near the state.
+    Raises ValueError if there is no equilibrium near the state.
     """
     problem = EquilibriumProblem(family, len(state), span.longest)
     start = continuation.first(problem, np.append(state, span.low), problem.along_parameter())
@@ -90,7 +99,7 @@ def equilibrium_branch(family: Family, state: np.ndarray, span: Range) -> Branch
 
 
 def hopf_points(branch: Branch) -> list[Bifurcation]:
-    """Return the Hopf bifurcations of a branch of equilibria, in its order."""
+    """List the Hopf bifurcations of a branch of equilibria, in its order."""
     return [b for b in branch.bifurcations if b.name == HOPF and b.located]
 
 
@@ -103,10 +112,11 @@ def _follow_hopf(family: Family, hopf: Bifurcation, span: Range) -> tuple[Branch
 
 @dataclass(frozen=True)
 class Diagram:
-    """equilibria: one branch. cycles: all branches that leave it, each after its origin, by where
-    they come from, such as `Hopf 1, period doubling 1`: side 1 leads to lower values of the
+    """Branch of equilibria, and all branches of limit cycles that start from it.
+
+    cycles: by origin, such as `Hopf 1, period doubling 1`: side 1 leads to lower values of the
     parameter and side 2 to higher ones; from a branch point, they are its two directions. failures:
-    what could not be followed, in words; a branch that stopped early says so itself.
+    what could not be followed, in words; a branch that stopped early has its own reason.
     """
 
     family: Family
@@ -122,11 +132,11 @@ def diagram(
     depth: int = 1,
     motion: tuple[float, np.ndarray, np.ndarray] | None = None,
 ) -> Diagram:
-    """Return the diagram of the equilibrium near `rest` (n_states,) over the range `span`.
+    """Compute the diagram of the equilibrium near `rest` (n_states,) over the range `span`.
 
-    depth: how many period doublings and branch points in a row are followed. motion: where no Hopf
-    bifurcation lies in the range, a settled motion to start from: the parameter's value, times
-    (n,) in s and states (n, n_states). Raises ValueError where there is no equilibrium near that.
+    depth: number of successive period doublings and branch points to follow. motion: without a Hopf
+    bifurcation in the range, a settled motion to start from: the parameter's value, times (n,) in s
+    and states (n, n_states). Raises ValueError if there is no equilibrium near `rest`.
     """
     equilibria = equilibrium_branch(family, rest, span)
     queue = [
@@ -156,7 +166,7 @@ def diagram(
 
 @dataclass(frozen=True)
 class _Start:
-    """Branches yet to be followed, and an orbit of theirs by which they may be known already."""
+    """Branches to follow, and an orbit of theirs by which to recognise known ones."""
 
     name: str
     level: int
@@ -168,7 +178,7 @@ class _Start:
 def _leaving_branches(
     family: Family, branch: Branch, name: str, level: int, depth: int, span: Range
 ) -> Iterator[_Start]:
-    """Branches that leave a branch, and the one on which a doubled branch ends."""
+    """Yield the branches that start from a branch, and the one on which a doubled branch ends."""
     if branch.reason == limit_cycles.ENDED_DOUBLED:
         last = branch.points[-1].solution
         phase = np.linspace(0, 1, 401)
@@ -188,7 +198,7 @@ def _leaving_branches(
 
 
 def _is_passed(branches: Iterable[Branch], value: float, period: float) -> bool:
-    """Whether a branch goes by an orbit of this period at this value of the parameter."""
+    """Decide whether a branch passes an orbit of this period at this value of the parameter."""
     for branch in branches:
         for before, after in pairwise(branch.points):
             first, second = before.solution, after.solution

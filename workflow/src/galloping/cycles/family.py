@@ -14,11 +14,11 @@ DIFFERENCE = 1e-5  # of the parameter's scale: central differences are good to a
 
 @dataclass(frozen=True)
 class Family:
-    """Models along a parameter: dx/dt = C(parameter) theta(x) on one library.
+    """Models along a parameter: dx/dt = C(parameter) theta(x) with one library.
 
-    model: from a value of the parameter to the model; its states and terms must not change.
-    parameter, unit: what varies, for reports. sizes: (n_states,) of the motion, in which distances
-    between states are measured; one by default, as for a span in SI units.
+    model: function of the parameter that returns the model; its states and terms must not change.
+    parameter, unit: name and unit of the parameter, for reports. sizes: (n_states,) of the motion,
+    in which distances between states are measured; one by default, as for a span in SI units.
     """
 
     model: Callable[[float], PolynomialModel]
@@ -27,14 +27,14 @@ class Family:
     sizes: np.ndarray | float = 1.0
 
     def slope(self, value: float, scale: float) -> np.ndarray:
-        """dC/dp (n_states, n_terms) by central differences, `scale` being the parameter's size."""
+        """Compute dC/dp, (n_states, n_terms), by central differences. scale: of the parameter."""
         step = DIFFERENCE * scale
         above, below = (self.model(value + change).coefficients for change in (step, -step))
         return (above - below) / (2 * step)
 
 
 def constant(model: PolynomialModel, sizes: np.ndarray | float = 1.0) -> Family:
-    """Return a family with the same model at every value. sizes: as in `Family`."""
+    """Make a family with the same model at every value. sizes: as in `Family`."""
     return Family(lambda _: model, sizes=sizes)
 
 
@@ -45,10 +45,10 @@ LIBRARY = tuple(dict.fromkeys([(0, 0, 1, 0), (0, 0, 0, 1), *_DERIVED]))
 
 @dataclass(frozen=True)
 class Parameter:
-    """What can be varied: words and unit for reports.
+    """A parameter of a line that can be varied, with name and unit for reports.
 
-    places: section and key of a case where its value stands. change: what the case is at a value,
-    of one that stands in no place of its own.
+    places: section and key of its value in a case. change: function that changes a case, for a
+    parameter without a key of its own.
     """
 
     label: str
@@ -57,7 +57,7 @@ class Parameter:
     change: Callable[[Mapping, float], dict] | None = None
 
     def at(self, case: Mapping, value: float) -> dict:
-        """Return the case at a value."""
+        """Change a case to a value of the parameter."""
         if self.change is not None:
             return self.change(case, value)
         own = dict(case)
@@ -67,7 +67,7 @@ class Parameter:
 
 
 def _set_span(case: Mapping, value: float) -> dict:
-    """Change the span; spacers keep their place relative to it."""
+    """Change the span; spacers keep their relative position."""
     share = value / case["line"]["span"]
     positions = [share * position for position in case["spacers"]["positions"]]
     return {
@@ -106,19 +106,19 @@ PARAMETERS = {
 
 
 def parameter(name: str) -> Parameter:
-    """Raise ValueError for a name that no sweep can vary."""
+    """Find a parameter by its name. Raises ValueError for a name that no sweep can vary."""
     if name not in PARAMETERS:
         raise ValueError(f"{name}: a sweep cannot vary it; it can vary {', '.join(PARAMETERS)}")
     return PARAMETERS[name]
 
 
 def line_model(case: Mapping) -> PolynomialModel:
-    """Return the two-mode model of a case, on LIBRARY."""
+    """Derive the two-mode model of a case, on LIBRARY."""
     return galerkin.model(galerkin.coefficients(case)).on_library(LIBRARY)
 
 
 def line_family(case: Mapping, name: str) -> Family:
-    """Return the models of a case along the parameter `name` of PARAMETERS.
+    """Derive the models of a case along the parameter `name` of PARAMETERS.
 
     Raises ValueError for a name that no sweep can vary.
     """
@@ -129,10 +129,10 @@ def line_family(case: Mapping, name: str) -> Family:
 
 
 def critical_wind(case: Mapping) -> float:
-    """Wind speed in m/s from which the vertical mode gallops, in closed form: gamma_1 = 0.
+    """Compute the onset wind speed of the vertical mode in m/s, in closed form: gamma_1 = 0.
 
     The structural damping 2 zeta omega equals the aerodynamic one, rho D U b1 <phi^2> / (2 m_v)
-    (Den Hartog 1932 for a mode of the span); infinite where the ice does not destabilise.
+    (Den Hartog 1932 for a mode of the span); infinite if the ice does not destabilise.
     """
     line, vertical, _ = galerkin.at_rest(case)
     (b1, _, _), _ = galerkin.ice_coefficients(case["ice"])
@@ -144,5 +144,5 @@ def critical_wind(case: Mapping) -> float:
 
 
 def initial_state(case: Mapping) -> list[float]:
-    """Where the case's trajectory starts, in the order of the states."""
+    """Return the initial state of a case, in the order of the states."""
     return [case["initial_state"][state] for state in galerkin.STATES]

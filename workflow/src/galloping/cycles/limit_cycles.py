@@ -1,8 +1,8 @@
-"""Limit cycles along a parameter by shooting: their stability and where it changes (Kuznetsov,
-Elements of Applied Bifurcation Theory, ch. 5 and 10).
+"""Limit cycles along a parameter by shooting, and their bifurcations.
 
-One period is integrated with its derivatives by start and parameter; that by the start, over the
-whole period, is the monodromy matrix.
+One period is integrated with its derivatives by initial state and parameter; the derivative by the
+initial state over the whole period is the monodromy matrix (Kuznetsov, Elements of Applied
+Bifurcation Theory, ch. 5 and 10).
 """
 
 from contextlib import suppress
@@ -40,7 +40,7 @@ class Orbit:
     """A periodic solution.
 
     states: (n, n_states) at even phases of the period, n a multiple of PHASES. period: s. value: of
-    the parameter. steps: of an integration of the period that resolves it. sizes: as of `Family`.
+    the parameter. steps: of an integration that resolves the period. sizes: as of `Family`.
     """
 
     states: np.ndarray
@@ -57,7 +57,7 @@ class Orbit:
 
     @cached_property
     def at(self) -> CubicSpline:
-        """States (n_phases, n_states) at phases of the period (its fractions, any real number)."""
+        """Spline of the states, (n_phases, n_states), by phase, in periods."""
         closed = np.vstack([self.states, self.states[:1]])
         return CubicSpline(np.linspace(0, 1, len(closed)), closed, bc_type="periodic")
 
@@ -68,10 +68,11 @@ class Orbit:
 
     @property
     def signature(self) -> np.ndarray:
+        """Period, s, and spread, which differ between orbits at one value of the parameter."""
         return np.array([self.period, self.spread])
 
     def half_range(self) -> np.ndarray:
-        """Half of the range of each state over a period: (n_states,), zero of one that rests."""
+        """Compute half of the range of each state over a period, (n_states,), zero if constant."""
         turns = self.at.derivative().roots(extrapolate=False)  # NaN where a state never moves
         half = np.array([np.ptp(self.at(turn)[:, k]) / 2 for k, turn in enumerate(turns)])
         return np.where(
@@ -79,11 +80,10 @@ class Orbit:
         )
 
     def halves(self) -> np.ndarray:
-        """By how much the second half of an orbit differs from the first: (PHASES / 2, n_states),
-        in `sizes`.
+        """Compute the difference of both halves of an orbit, (PHASES / 2, n_states), in `sizes`.
 
-        A branch of doubled period ends where both are one orbit; what continuation finds beyond is
-        the branch again, with the halves exchanged.
+        A branch of doubled period ends where both are one orbit; beyond, continuation finds the
+        same branch again, with the halves exchanged.
         """
         first, second = np.split(self.vector[:-2].reshape(PHASES, -1) / self.sizes, 2)
         return second - first
@@ -96,16 +96,17 @@ def circle(
     value: float,
     sizes: np.ndarray | float = 1.0,
 ) -> Orbit:
-    """Centre + Re(mode exp(2 pi i t / period)). sizes: as of `Family`."""
+    """Make the orbit centre + Re(mode exp(2 pi i t / period)). sizes: as of `Family`."""
     turn = np.exp(2j * np.pi * np.arange(PHASES) / PHASES)[:, np.newaxis]
     return Orbit(centre + (mode * turn).real, period, value, sizes=sizes)
 
 
 @dataclass(frozen=True)
 class Floquet:
-    """multipliers: (n_states - 1,) complex, largest first, without the trivial one.
+    """Floquet multipliers of a limit cycle.
 
-    trivial_defect: |mu - 1| of the multiplier along the orbit, which is 1 for an exact orbit.
+    multipliers: (n_states - 1,) complex, largest first, without the trivial one. trivial_defect:
+    |mu - 1| of the multiplier along the orbit, which is 1 for an exact orbit.
     """
 
     multipliers: np.ndarray
@@ -118,11 +119,12 @@ class Floquet:
 
     @property
     def stable(self) -> bool:
+        """Whether all multipliers are inside the unit circle."""
         return self.largest < 1
 
 
 def floquet(monodromy: np.ndarray) -> Floquet:
-    """Multipliers of a limit cycle, the largest first, and the error of the trivial one."""
+    """Compute the multipliers of a limit cycle and the error of the trivial one."""
     values = np.linalg.eigvals(monodromy).astype(complex)
     trivial = np.argmin(np.abs(values - 1))
     others = np.delete(values, trivial)
@@ -132,12 +134,12 @@ def floquet(monodromy: np.ndarray) -> Floquet:
 
 @dataclass(frozen=True)
 class CycleProblem(continuation.BranchProblem):
-    """Limit cycles of a family about a reference orbit, whose phase is kept.
+    """Limit cycles of a family about a reference orbit, which fixes the phase.
 
     Unknowns are the state at phase 0, the period and the parameter. resolution: longest step of the
-    parameter. slope: (n_states, n_terms) of the coefficients along the parameter, at the reference.
-    largest: size of the largest orbit so far. ceiling: size (`Orbit.spread`) beyond which the
-    branch is not followed.
+    parameter. slope: (n_states, n_terms) derivative of the coefficients by the parameter, at the
+    reference. largest: size of the largest orbit so far. ceiling: size (`Orbit.spread`) beyond
+    which the branch is not followed.
     """
 
     family: Family
@@ -152,32 +154,35 @@ class CycleProblem(continuation.BranchProblem):
     def about(
         cls, family: Family, orbit: Orbit, resolution: float, ceiling: float = np.inf
     ) -> Self:
-        """Return a branch that begins near an orbit."""
+        """Make the problem of a branch that begins near an orbit."""
         slope = family.slope(orbit.value, resolution)
         return cls(family, orbit, resolution, slope, ceiling, orbit.spread)
 
     @cached_property
     def metric(self) -> np.ndarray:
+        """Weights of the squares of a change of the vector, (n,), from sizes of the orbit."""
         orbit = self.reference
         states = self._of_states / (PHASES * (STEP * orbit.spread) ** 2)
         return np.append(states, [(STEP * orbit.period) ** -2.0, self.resolution**-2.0])
 
     @cached_property
     def _of_states(self) -> np.ndarray:
-        """(PHASES n_states,) squares of what turns states at all phases into `Family.sizes`."""
+        """Inverse squared sizes of the states at all phases, (PHASES n_states,)."""
         sizes = np.broadcast_to(self.family.sizes, self.reference.states.shape[1])
         return np.tile(sizes**-2.0, PHASES)
 
     @cached_property
     def phase(self) -> np.ndarray:
-        """(n,) the integral phase condition on changes of the vector."""
+        """Integral phase condition on changes of the vector, (n,)."""
         velocity = self.reference.at(np.arange(PHASES) / PHASES, 1)
         return np.append(self._of_states * velocity.ravel() / PHASES, [0.0, 0.0])
 
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
+        """Extract initial state, period and parameter from a vector."""
         return np.append(vector[: len(self.slope)], vector[-2:])
 
     def linearise(self, unknowns: np.ndarray) -> Equations:
+        """Integrate one period, with more steps until it is accurate enough."""
         n, (period, value) = len(self.slope), unknowns[-2:]
         model = self.family.model(value)
         free = np.argwhere(self.slope)
@@ -205,6 +210,7 @@ class CycleProblem(continuation.BranchProblem):
         return Equations(orbit, unknowns, np.append(end - unknowns[:n], off), jacobian, moved)
 
     def examine(self, at: Equations, tangent: np.ndarray) -> tuple[Floquet, dict[str, float]]:
+        """Compute Floquet multipliers, and tests for the bifurcations of limit cycles."""
         n = len(self.slope)
         stability = floquet(at.jacobian[:n, :n] + np.eye(n))
         mu = stability.multipliers
@@ -217,18 +223,20 @@ class CycleProblem(continuation.BranchProblem):
         }
 
     def confirmed(self, name: str, stability: Floquet) -> bool:
-        """Two real multipliers whose product is one are no Neimark-Sacker bifurcation."""
+        """Reject two real multipliers with product one, which are no Neimark-Sacker bifurcation."""
         if name != NEIMARK_SACKER:
             return True
         mu = stability.multipliers
         return bool(np.any((np.abs(mu.imag) > 1e-6) & (np.abs(np.abs(mu) - 1) < 1e-4)))
 
     def moved(self, orbit: Orbit) -> Self:
+        """Return the problem with a new reference orbit."""
         slope = self.family.slope(orbit.value, self.resolution)
         largest = max(self.largest, orbit.spread)
         return replace(self, reference=orbit, slope=slope, largest=largest)
 
     def ended(self, orbit: Orbit) -> str:
+        """Return why the branch ends at an orbit, or ''."""
         if orbit.spread > self.ceiling:
             return f"grew beyond {self.ceiling:g}"
         if np.sum(orbit.halves() * self.reference.halves()) < 0:
@@ -237,8 +245,10 @@ class CycleProblem(continuation.BranchProblem):
 
 
 def _integrate_period(compiled, start: np.ndarray, period: float, steps: int) -> tuple:
-    """One period from `start` (n,): states at even phases, their derivatives by the parameter
-    and the start, the same of the end, and the truncation error.
+    """Integrate one period from `start` (n,).
+
+    Returns states at even phases, their derivatives by the parameter and the start, the same of the
+    end, and the truncation error.
     """
     n, places = len(start), np.arange(max(1, PHASES // steps))
     window = np.repeat(np.arange(steps), len(places))
@@ -254,7 +264,7 @@ def _integrate_period(compiled, start: np.ndarray, period: float, steps: int) ->
 
 
 def from_hopf(family: Family, hopf: Bifurcation, span: Range, size: float = 1e-3) -> Branch:
-    """Return the limit cycles that leave a Hopf bifurcation of `equilibrium_branch`.
+    """Follow the limit cycles that start from a Hopf bifurcation of `equilibrium_branch`.
 
     size: of the first one, in the sizes of the family.
     """
@@ -268,10 +278,10 @@ def from_hopf(family: Family, hopf: Bifurcation, span: Range, size: float = 1e-3
 
 
 def from_branching(family: Family, at: Bifurcation, span: Range) -> tuple[Branch, ...]:
-    """Return the limit cycles that leave a branch at a period doubling or a branch point.
+    """Follow the limit cycles that start from a branch at a period doubling or a branch point.
 
     Two branches leave a branch point; those that leave a period doubling are one, shifted in phase.
-    Raises ValueError for a bifurcation of another name, and where nothing branches off.
+    Raises ValueError for a bifurcation of another name, or if nothing branches off.
     """
     orbit, tangent = at.point.solution, at.point.tangent
     if at.name not in (PERIOD_DOUBLING, BRANCH_POINT) or not at.located:
@@ -297,17 +307,17 @@ def from_branching(family: Family, at: Bifurcation, span: Range) -> tuple[Branch
 
 
 def _repeat_orbit(states: np.ndarray) -> np.ndarray:
-    """Two turns of an orbit at as many phases (PHASES, n_states)."""
+    """Sample two turns of an orbit at as many phases, (PHASES, n_states)."""
     return np.tile(states[::2], (2, 1))
 
 
 def from_motion(
     family: Family, value: float, time: np.ndarray, states: np.ndarray, span: Range
 ) -> tuple[Branch, Branch]:
-    """Return the limit cycles below and above the one that a motion has settled on.
+    """Follow the limit cycles below and above the one that a motion has reached.
 
-    time: (n,) s, states: (n, n_states) of the settled motion at `value` of the parameter; several
-    periods of it. Raises ValueError where it does not come back to itself.
+    time: (n,) s, states: (n, n_states) of the settled motion at `value` of the parameter, several
+    periods long. Raises ValueError if the motion does not repeat.
     """
     start = settled(family, value, time, states, span.longest)
     problem = CycleProblem.about(family, start.solution, span.longest, span.ceiling)
@@ -319,7 +329,7 @@ def from_motion(
 def settled(
     family: Family, value: float, time: np.ndarray, states: np.ndarray, resolution: float
 ) -> Point:
-    """Return the limit cycle on which a motion has settled, as in `from_motion`."""
+    """Correct a settled motion to the limit cycle that it has reached, as in `from_motion`."""
     orbit = _last_turn(time, states, value, family.sizes)
     point = _correct_orbit(family, orbit, resolution)
     if (turns := _count_turns(point.solution)) <= 1:
@@ -331,16 +341,16 @@ def settled(
 
 
 def _correct_orbit(family: Family, orbit: Orbit, resolution: float) -> Point:
-    """Return the limit cycle near an orbit, at its value of the parameter."""
+    """Correct an orbit to the limit cycle near it, at its value of the parameter."""
     problem = CycleProblem.about(family, orbit, resolution)
     return continuation.first(problem, orbit.vector, problem.along_parameter())
 
 
 def _count_turns(orbit: Orbit) -> int:
-    """How often an orbit goes round in its period: what all its harmonics are multiples of; zero
-    where it rests.
+    """Count the turns of an orbit in its period, by the common divisor of its harmonics.
 
-    Samples of a motion may pass the place where it ends at too great a distance, for some turns.
+    Zero if the orbit is constant. A motion sampled coarsely may come close to its end only after
+    several turns.
     """
     changes = orbit.vector[:-2].reshape(PHASES, -1) / orbit.sizes
     strength = np.linalg.norm(np.fft.rfft(changes, axis=0), axis=1)[1:]
@@ -348,7 +358,7 @@ def _count_turns(orbit: Orbit) -> int:
 
 
 def cycle_of(family: Family, value: float, motion: Settled) -> Point | None:
-    """Return the limit cycle that a motion has settled on; None where there is none near enough."""
+    """Compute the limit cycle that a motion has reached; None if none is near enough."""
     if motion.kind == "cycle":
         with suppress(ValueError):
             return settled(family, value, motion.time, motion.states, resolution=1.0)
@@ -358,7 +368,7 @@ def cycle_of(family: Family, value: float, motion: Settled) -> Point | None:
 def _last_turn(
     time: np.ndarray, states: np.ndarray, value: float, sizes: np.ndarray | float
 ) -> Orbit:
-    """Return the last period of a motion: since it was last closest to where it ends."""
+    """Extract the last period of a motion, since it was last closest to its end."""
     distance = np.linalg.norm((states - states[-1]) / sizes, axis=1)
     near = distance < 0.05 * np.max(distance)
     away = np.flatnonzero(~near)
@@ -373,9 +383,9 @@ def _last_turn(
 
 
 def at_value(family: Family, branch: Branch, value: float) -> list[Point]:
-    """Return the limit cycles at which a branch passes a value of the parameter.
+    """Compute the limit cycles at which a branch passes a value of the parameter.
 
-    Raises ValueError where one cannot be computed from its neighbours.
+    Raises ValueError if one cannot be computed from its neighbours.
     """
     points = []
     for before, after in pairwise(branch.points):

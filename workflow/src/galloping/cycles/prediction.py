@@ -1,10 +1,10 @@
-"""What an identified model says of other wind speeds, by the quasi-static law of its terms.
+"""Prediction of limit cycles at other wind speeds, by the quasi-static law of the terms.
 
-A load that is quasi-static in alpha = (velocity)/U carries a term with p velocity factors as
-U^(2-p): linear damping by the wind grows with U, quadratic stays, cubic falls as 1/U, and terms
-without velocities are the structure's and stay. The linear damping of a coordinate by its own
-velocity has both parts. They are told apart by known structural damping ratios, or by recordings
-at two wind speeds.
+A load that is quasi-static in alpha = (velocity)/U has terms with p velocity factors proportional
+to U^(2-p): linear aerodynamic damping grows with U, quadratic damping is constant, cubic damping
+falls as 1/U. Terms without velocities are structural and constant. The linear damping of a
+coordinate by its own velocity has both parts. They are separated by known structural damping
+ratios, or by recordings at two wind speeds.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -42,11 +42,11 @@ CEILING = 5.0  # of the recorded motion: what is larger a recording does not tel
 
 @dataclass(frozen=True)
 class Split:
-    """A model told apart into structure and wind: what it is at any wind speed.
+    """A model separated into structural and aerodynamic parts, for any wind speed.
 
-    fixed: (n_states, n_terms) what is known: kinematic equations, known structural damping.
-    entries: (n, 2) equation and term of each unknown part, powers: (n,) of the wind speed in it,
-    values: (n,) its coefficient of U^power, SI units, covariance: (n, n) of the values.
+    fixed: (n_states, n_terms) known part: kinematic equations, known structural damping. entries:
+    (n, 2) equation and term of each unknown part, powers: (n,) of the wind speed in it, values:
+    (n,) its coefficient of U^power, SI units, covariance: (n, n) of the values.
     """
 
     states: tuple[str, ...]
@@ -58,7 +58,7 @@ class Split:
     covariance: np.ndarray
 
     def model(self, wind: float, values: np.ndarray | None = None) -> PolynomialModel:
-        """At a wind speed in m/s, with other values of the unknown parts where given."""
+        """Make the model at a wind speed, m/s, optionally with other values of the parts."""
         parts = (self.values if values is None else values) * wind**self.powers
         coefficients = self.fixed.copy()
         np.add.at(coefficients, tuple(self.entries.T), parts)
@@ -68,16 +68,17 @@ class Split:
         return PolynomialModel(self.states, terms, coefficients[:, present])
 
     def by_term(self) -> dict[tuple[int, Exponents, float], float]:
-        """Return the value of each unknown part by its equation, term and power of the wind."""
+        """Map equation, term and power of the wind of each unknown part to its value."""
         rows, columns = self.entries.T.tolist()
         terms = (self.terms[column] for column in columns)
         return dict(zip(zip(rows, terms, self.powers, strict=True), self.values, strict=True))
 
     def family(self) -> Family:
+        """Make the family of models along the wind speed."""
         return Family(lambda wind: self.model(float(wind)), "wind speed", "m/s")
 
     def sampled(self, rng: np.random.Generator) -> np.ndarray:
-        """(DRAWS, n) values drawn from their distribution; (0, n) where it is not known."""
+        """Draw values, (DRAWS, n), from their distribution; (0, n) if it is not known."""
         if not np.all(np.isfinite(self.covariance)):
             return np.zeros((0, len(self.values)))
         return draw_normal(self.values, self.covariance, DRAWS, rng)
@@ -88,11 +89,11 @@ def split(
     winds: Sequence[float],
     damping: Mapping[str, float] | None = None,
 ) -> Split:
-    """Structure and wind of models identified at known wind speeds (m/s), by least squares.
+    """Separate models identified at known wind speeds (m/s) into structure and wind.
 
-    damping: structural damping ratio of each velocity state, such as {"dq_v": 0.005}, where it is
-    known. Raises ValueError where it is not and all wind speeds are equal, or where a ratio names
-    no velocity.
+    The method is least squares. damping: structural damping ratio of each velocity state, such as
+    {"dq_v": 0.005}, if known. Raises ValueError if it is unknown and all wind speeds are equal, or
+    if a ratio names no velocity.
     """
     first = identified[0].model
     velocities = sorted(velocity_pairs(first.states).values())
@@ -129,7 +130,7 @@ def split(
 
 
 def _squared_frequency(identified: Sequence[Identified], equation: int) -> float:
-    """Square of the natural frequency of an equation of motion, rad^2/s^2."""
+    """Compute the squared natural frequency of an equation of motion, rad^2/s^2."""
     model = identified[0].model
     position = model.states.index(model.states[equation][1:])
     linear = model.terms.index(linear_term(position, len(model.states)))
@@ -143,8 +144,9 @@ def _squared_frequency(identified: Sequence[Identified], equation: int) -> float
 
 
 def _least_squares(identified, winds, fixed, entries, powers) -> Split:
-    """Weighted by the covariance of each model; where one states none, all count alike and the
-    result has none.
+    """Solve for the unknown parts, weighted by the covariance of each model.
+
+    If a model has no covariance, all have the same weight and the result has none.
     """
     stated = all(one.covariance.size for one in identified)
     model = identified[0].model
@@ -169,7 +171,7 @@ def _least_squares(identified, winds, fixed, entries, powers) -> Split:
 class Prediction:
     """The stable limit cycle at each wind speed, with a 95 % band.
 
-    winds: (n,) m/s. amplitude, low, high: (n, n_states) half range; NaN where there is none.
+    winds: (n,) m/s. amplitude, low, high: (n, n_states) half range; NaN if there is none.
     unresolved: (n,) share of the samples without a cycle near the predicted one; the band is that
     of the others. reason: what was not predicted and why, or ''.
     """
@@ -183,7 +185,7 @@ class Prediction:
 
     @classmethod
     def nothing(cls, winds: Sequence[float], n_states: int, reason: str = "") -> Self:
-        """No limit cycle at any of the wind speeds."""
+        """Make a prediction without a limit cycle at any of the wind speeds."""
         amplitude, low, high = np.full((3, len(winds), n_states), np.nan)
         return cls(np.asarray(winds, float), amplitude, low, high, np.ones(len(winds)), reason)
 
@@ -198,8 +200,8 @@ def predict(
 ) -> Prediction:
     """Predict the limit cycles at `winds` (m/s) that continue the one at the recorded wind speed.
 
-    start: (n_states,) from which the model is simulated there until it has settled. draws: of
-    `draw_splits`, from which the band is.
+    start: (n_states,) initial state of the simulation until the motion has settled. draws: of
+    `draw_splits`, for the band.
     """
     found, missing = Prediction.nothing(winds, len(parts.states)), []
     motion = settle(simulator, parts.model(recorded), start, RECORDED)
@@ -240,10 +242,10 @@ def draw_splits(
     damping: Mapping[str, float] | None,
     rng: np.random.Generator,
 ) -> list[Split]:
-    """Draw models that the recording does not rule out, rivals with other terms among them.
+    """Draw models that the recording does not rule out, including rivals with other terms.
 
-    wind: of the recording, m/s. damping: as of `split`. Empty where the model has no covariance; a
-    model whose damping cannot be told apart is left out.
+    wind: of the recording, m/s. damping: as of `split`. Empty if the model has no covariance; a
+    model whose damping cannot be separated is left out.
     """
     found: list[Split] = []
     if not len(identified.covariance):
@@ -256,8 +258,9 @@ def draw_splits(
 
 
 def intervals(orbits: Sequence[Orbit], n_states: int, fewest: float = MOST) -> np.ndarray:
-    """(2, n_states + 1) ends of the 95 % intervals of half range and, last, period, s, of drawn
-    models' limit cycles; fewest: as of `interval_of_draws`.
+    """Compute 95 % intervals of half ranges and period, s, of drawn limit cycles.
+
+    Returns (2, n_states + 1), the period last. fewest: as of `interval_of_draws`.
     """
     values = [[*orbit.half_range(), orbit.period] for orbit in orbits]
     return interval_of_draws(np.reshape(values, (-1, n_states + 1)), fewest)
@@ -266,10 +269,10 @@ def intervals(orbits: Sequence[Orbit], n_states: int, fewest: float = MOST) -> n
 def near(
     models: Iterable[PolynomialModel], orbit: Orbit, best: PolynomialModel | None = None
 ) -> list[Orbit]:
-    """Return the limit cycles of other models near an orbit, of those that have one.
+    """Find the limit cycles of other models near an orbit, for those that have one.
 
-    best: the model of the orbit, in the terms of the others. Where it is given, a cycle that is not
-    found at once is followed from the orbit in steps, with coefficients between the two models'.
+    best: the model of the orbit, in the terms of the others. If given, a cycle that is not found at
+    once is followed from the orbit in steps, with coefficients between the two models'.
     """
     found = []
     for model in models:
@@ -299,13 +302,12 @@ def _follow_models(models: Sequence[PolynomialModel], orbit: Orbit) -> Orbit | N
 def limit_cycle_ahead(
     identified: IdentifiedModel, start: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The limit cycle to which an identified model leads from `start` (n_states,): (n_states,) its
-    half range, and low and high ends of the 95 % interval of that.
+    """Find the limit cycle that an identified model reaches from `start` (n_states,).
 
-    The interval is that of models that the recording does not rule out, rivals with other terms
-    among them; NaN where the model has no covariance, and where most of these models have no limit
-    cycle near by. Raises ValueError where there is no model, and where it does not lead to a limit
-    cycle.
+    Returns (n_states,) half range, and low and high ends of its 95 % interval. The interval is that
+    of models that the recording does not rule out, including rivals with other terms; NaN if the
+    model has no covariance, or if most of these models have no limit cycle nearby. Raises
+    ValueError if there is no model, or if it reaches no limit cycle.
     """
     if identified.status == "refused":
         raise ValueError(f"there is no model to simulate: {identified.reason}")

@@ -1,4 +1,4 @@
-"""What a measure does to galloping: critical wind, limit cycle at the design wind, clearance."""
+"""Effect of measures against galloping: onset wind, limit cycle at the design wind, clearance."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,8 +21,10 @@ DAMPING = (("dq_v", "vertical"), ("dq_w", "horizontal"))
 
 @dataclass(frozen=True)
 class Design:
-    """What a line is judged by: wind in m/s, the state it is released from (n_states,), distance
-    (horizontal, vertical) in m of two phases at rest and the clearance in m they must keep.
+    """Conditions for which a line is assessed.
+
+    wind: m/s. start: (n_states,) initial state. distance: (horizontal, vertical) in m of two phases
+    at rest. limit: clearance that they must keep, m.
     """
 
     wind: float
@@ -32,12 +34,12 @@ class Design:
 
 
 def damping_ratios(case: Mapping) -> dict[str, float]:
-    """Of the structure, by velocity state."""
+    """Return the structural damping ratio by velocity state."""
     return {state: case["damping"][name] for state, name in DAMPING}
 
 
 def derived(case: Mapping) -> Split:
-    """Structure and wind of a case as derived, at no uncertainty."""
+    """Derive structural and aerodynamic parts of a case, without uncertainty."""
     line = model(coefficients(case))
     exact = IdentifiedModel(line, "unjudged", known=(0, 1))
     exact = replace(exact, covariance=np.eye(exact.support.sum()))
@@ -46,8 +48,10 @@ def derived(case: Mapping) -> Split:
 
 
 def changed(parts: Split, case: Mapping, measure: Measure) -> Split:
-    """An identified line (or `derived`) with a measure: each part of it changes in proportion, as
-    it does in the derivation. parts: of the line that `case` describes.
+    """Apply a measure to an identified line (or to `derived`).
+
+    Each part changes in proportion, as it does in the derivation. parts: of the line that `case`
+    describes.
     """
     after = measure.change(case)
     old, new = derived(case), derived(after)
@@ -78,9 +82,9 @@ def changed(parts: Split, case: Mapping, measure: Measure) -> Split:
 
 
 def critical_winds(parts: Split, values: np.ndarray) -> np.ndarray:
-    """(n,) wind speeds where the vertical mode's own damping vanishes, for samples (n, n_values).
+    """Compute wind speeds, (n,), of zero damping of the vertical mode, for samples (n, n_values).
 
-    That of the model where its linear damping is not coupled, as in the derivation.
+    The result is the model's onset if its linear damping is uncoupled, as in the derivation.
     """
     row = STATES.index("dq_v")
     term = parts.terms.index(linear_term(row, len(STATES)))
@@ -99,12 +103,12 @@ def with_measure(
     simulator: Simulator,
     draws: np.ndarray,
 ) -> dict:
-    """One measure on the line `parts`, identified or `derived`, that `case` describes: a row.
+    """Evaluate one measure on a line, identified or `derived`, that `case` describes: a row.
 
-    draws: (n, n_values) samples of the parts' values, from which the intervals are; may be empty.
-    A number has the interval that they leave, `_low` and `_high`, NaN where unknown:
-    critical_wind_m_s, infinite where the line never gallops; v_m and w_m, half ranges at the design
-    wind; clearance_m. kind: of the motion there, `cycle`, `rest`, or what else it is.
+    draws: (n, n_values) samples of the parts' values, for the intervals; may be empty. A number has
+    the interval `_low` and `_high`, NaN if unknown: critical_wind_m_s, infinite if the line never
+    gallops; v_m and w_m, half ranges at the design wind; clearance_m. kind: of the motion there,
+    `cycle`, `rest`, or another.
     """
     line = changed(parts, case, measure)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -143,15 +147,17 @@ def with_measure(
 
 
 def outline(motion: Settled) -> np.ndarray:
-    """(n, 2) places (w, v) that a motion takes: one after the other on a limit cycle, whose periods
-    are alike, else from its whole window.
+    """Sample the places (w, v) of a motion, (n, 2).
+
+    They are successive on a limit cycle, whose periods are alike; otherwise they are taken from the
+    whole window.
     """
     every = 1 if motion.kind == "cycle" else max(1, len(motion.states) // OUTLINE)
     return places(motion.states[::every][:OUTLINE])
 
 
 def places(states: np.ndarray) -> np.ndarray:
-    """(n, 2) places (w, v) at mid-span, of states (n, n_states)."""
+    """Compute places (w, v) at mid-span, (n, 2), of states (n, n_states)."""
     return states[:, [STATES.index("q_w"), STATES.index("q_v")]]
 
 
@@ -163,7 +169,7 @@ def ranked(
     simulator: Simulator,
     draws: np.ndarray,
 ) -> list[dict]:
-    """Rows of `with_measure`, of the line as it is and with each measure, with the rank of each.
+    """Rank the line as it is and with each measure, by rows of `with_measure`.
 
     The smallest vertical motion comes first, and of two lines at rest the one with the higher
     critical wind; a line without a bounded motion comes last.

@@ -1,6 +1,6 @@
-"""Sweep points as tidy rows: limit cycles, bifurcations, maps, predictions, clearance.
+"""Tidy rows of sweeps: limit cycles, bifurcations, maps, predictions, clearance.
 
-Their columns are those of `report/tables.csv`.
+Their columns are described in `report/tables.csv`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,10 +29,10 @@ CEILING = 2.0  # sags: a larger orbit is no line's any more
 def line_diagram(
     case: Mapping, name: str, low: float, high: float, simulator: Simulator
 ) -> Diagram:
-    """Return the diagram of a case along a parameter.
+    """Compute the diagram of a case along a parameter.
 
-    Where no Hopf bifurcation lies in the range, it starts from what the case settles to in the
-    middle of the range; a range without a limit cycle says so among the failures. Raises
+    Without a Hopf bifurcation in the range, it starts from the final motion of the case in the
+    middle of the range; a range without a limit cycle is listed among the failures. Raises
     ValueError for a parameter that cannot be varied.
     """
     family = line_family(case, name)
@@ -53,12 +53,12 @@ def line_diagram(
 
 
 def settled_line(case: Mapping, simulator: Simulator, watch: Watch = SPAN) -> Settled:
-    """Simulate what a case settles to from its initial state."""
+    """Simulate a case from its initial state to its final motion."""
     return settle(simulator, line_model(case), np.array(initial_state(case)), watch)
 
 
 def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:
-    """Every limit cycle of a diagram; label: of the case, name: of the parameter."""
+    """Tabulate every limit cycle of a diagram; label: of the case, name: of the parameter."""
     return [
         _place_columns(label, name, along.family.unit, point.solution.value)
         | {"branch": branch, "point": k, "stable": point.stability.stable}
@@ -80,7 +80,7 @@ def _place_columns(label: str, name: str, unit: str, value: float) -> dict:
 
 
 def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> list[dict]:
-    """Bifurcations in the order of their branches, and how each branch ended."""
+    """Tabulate the bifurcations in the order of their branches, and the end of each branch."""
     rows = []
 
     def row(branch: str, value: float, what: str, **further: Any) -> None:
@@ -117,7 +117,7 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
 def simulation_rows(
     label: str, case: Mapping, name: str, values: Sequence[float], simulator: Simulator
 ) -> list[dict]:
-    """Return the long simulation of a case from its initial state at each value of a parameter."""
+    """Tabulate the final motion of a case from its initial state at each value of a parameter."""
     varied = parameter(name)
     return [
         _place_columns(label, name, varied.unit, value)
@@ -144,7 +144,7 @@ def map_rows(
     up: tuple[str, Sequence[float]],
     simulator: Simulator,
 ) -> list[dict]:
-    """Return what the motion settles to over two parameters, from the case's initial state.
+    """Tabulate the final motion over two parameters, from the case's initial state.
 
     across, up: name and values of each.
     """
@@ -166,10 +166,10 @@ def map_rows(
 def prediction_rows(
     cell: Mapping[str, object], predicted: Prediction, true: np.ndarray, verdict: str
 ) -> list[dict]:
-    """One model's prediction beside the truth: a row for each wind speed and direction.
+    """Compare one model's prediction with the truth: a row for each wind speed and direction.
 
     cell: case, protocol, method, replicate, which begin each row. true: (n_winds, 2) half ranges
-    (v, w). verdict: of the identification, which says whether the band can be trusted.
+    (v, w). verdict: of the identification, which says whether the band is reliable.
     """
     rows, columns = [], (predicted.amplitude, predicted.low, predicted.high, true)
     for (k, wind), (axis, direction) in product(enumerate(predicted.winds), enumerate("vw")):
@@ -191,9 +191,9 @@ def clearance_rows(
     distance: tuple[float, float],
     limit: float,
 ) -> list[dict]:
-    """Room that orbits at mid-span and design ellipses need, and the clearance of two phases.
+    """Tabulate the space of orbits at mid-span and of design ellipses, and the phase clearance.
 
-    motions: what the line settles to, by wind speed in m/s. distance: (horizontal, vertical) in m
+    motions: final motion of the line, by wind speed in m/s. distance: (horizontal, vertical) in m
     of the phases at rest; limit: clearance in m to keep.
     """
     outlines = [(what, np.nan, each.outline()) for what, each in design_ellipses(case).items()]
@@ -212,7 +212,7 @@ def clearance_rows(
 
 
 def steady_truth(case: Mapping, winds: Sequence[float], simulator: Simulator) -> np.ndarray:
-    """(n_winds, 2) half ranges (v, w) to which a case settles; NaN where it finds no cycle."""
+    """Compute final half ranges (v, w) of a case, (n_winds, 2); NaN without a limit cycle."""
     at = parameter("wind_speed").at
     motions = [settled_line(at(case, wind), simulator, PATIENT) for wind in winds]
     return np.array(

@@ -1,4 +1,4 @@
-"""Where motions end up: on a limit cycle, at rest, or nowhere."""
+"""Final motion of a simulation: a limit cycle, rest, or neither."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -13,9 +13,9 @@ STEADY = 0.01  # relative spread over the pieces up to which a motion is a limit
 
 @dataclass(frozen=True)
 class Watch:
-    """How long a motion is followed, and how its end is judged.
+    """Duration of a simulation, and the window in which its end is classified.
 
-    duration: s, of which the last `window` s are judged, in pieces of `piece` s, each of many
+    duration: s, of which the last `window` s are examined, in pieces of `piece` s, each of many
     periods. rate: Hz, of the samples. rest: half range, of any state or (n_states,) of each, below
     which a motion has died out.
     """
@@ -27,7 +27,7 @@ class Watch:
     rest: np.ndarray | float
 
     def during(self, duration: float, window: float | None = None) -> Self:
-        """Return the same for a motion of another duration and, where it is given, window, s."""
+        """Change the duration and, if given, the window, s."""
         return replace(self, duration=duration, window=window or self.window)
 
 
@@ -37,7 +37,9 @@ SPAN = Watch(duration=4000.0, window=1000.0, piece=50.0, rate=20.0, rest=1e-3)
 
 @dataclass(frozen=True)
 class Settled:
-    """half_range: (n_states,) half of the range over the window; lowest, highest: the least and
+    """The last window of a motion, and its kind.
+
+    half_range: (n_states,) half of the range over the window; lowest, highest: the least and
     greatest of those over its pieces. kind: `cycle`, `rest`, `irregular` (never repeating, or not
     yet settled), or why the simulation stopped. time: (n,) s, states: (n, n_states), the window.
     """
@@ -53,9 +55,9 @@ class Settled:
 def settle(
     simulator: Simulator, model: PolynomialModel, x0: np.ndarray, watch: Watch = SPAN
 ) -> Settled:
-    """Return the last window of a motion from x0 (n_states,).
+    """Simulate a motion from x0 (n_states,) and classify its last window.
 
-    On a limit cycle all pieces of the window have one range.
+    On a limit cycle all pieces of the window have the same range.
     """
     count = round(watch.window * watch.rate)
     times = watch.duration - watch.window + np.arange(1, count + 1) / watch.rate
@@ -64,7 +66,7 @@ def settle(
 
 
 def _judge_window(time: np.ndarray, states: np.ndarray, status: str, watch: Watch) -> Settled:
-    """Return what a window of a motion is. status: of its simulation."""
+    """Classify the window of a motion. status: of its simulation."""
     pieces = np.array_split(states, max(1, round(watch.window / watch.piece)))
     ranges = np.array([np.ptp(piece, axis=0) / 2 for piece in pieces])
     lowest, highest = ranges.min(axis=0), ranges.max(axis=0)
@@ -84,16 +86,16 @@ def _judge_window(time: np.ndarray, states: np.ndarray, status: str, watch: Watc
 
 @dataclass(frozen=True)
 class Pace:
-    """slow, fast: s, the longest and the shortest period of a model's own motions."""
+    """Longest and shortest period of a model's own motions: slow, fast, s."""
 
     slow: float
     fast: float
 
     @classmethod
     def of(cls, model: PolynomialModel, state: np.ndarray) -> Self:
-        """Periods of the small motions of a model without inputs about a state (n_states,).
+        """Compute the periods of small motions of a model without inputs about a state (n_states,).
 
-        Where none oscillates, the times in which they grow or decay, each over a radian.
+        If none oscillates, the times are those in which they grow or decay, each over a radian.
         """
         modes = model.small_motions(state)
         omega = modes.omega[modes.oscillating]
@@ -108,18 +110,19 @@ def filled(
     state: np.ndarray,
     rates: np.ndarray | float = 0.0,
 ) -> np.ndarray:
-    """Sizes of a motion, those of zero told by the others.
+    """Fill unknown sizes of a motion from the known ones.
 
-    Of a displacement, its velocity and its acceleration one is the other times the frequency of
-    small motions; what nothing tells is as large as the largest of its kind.
+    A velocity or an acceleration is the displacement or velocity times the frequency of small
+    motions, and conversely; others are as large as the largest of their kind.
 
     Parameters
     ----------
     sizes : (n_states,) array
+        Zero where unknown.
     model : PolynomialModel
         Without inputs.
     state : (n_states,) array
-        About which its small motions are.
+        Centre of the small motions.
     rates : (n_states,) array
         Sizes of the rates of the states, zero where unknown.
 
@@ -157,14 +160,14 @@ def settle_in_periods(
     pace: Pace,
     sizes: np.ndarray | float = 0.0,
 ) -> Settled:
-    """Where a motion of any oscillator ends up, whatever the units of its states and of time.
+    """Simulate any oscillator to its final motion, in any units of its states and of time.
 
     Parameters
     ----------
     simulator : Simulator
     model : PolynomialModel
     x0 : (n_states,) array
-        Where the motion begins.
+        Initial state.
     pace : Pace
         Of the model.
     sizes : (n_states,) array
@@ -173,8 +176,8 @@ def settle_in_periods(
     Returns
     -------
     Settled
-        Of the first window, after a transient, of a motion that has settled, or whose size goes up
-        and down; of the last one of a motion that still approaches its end after 4,000 periods.
+        Of the first window after a transient if the motion has settled, or its size varies up and
+        down; of the last window if the motion still changes after 4,000 periods.
     """
     window = WINDOW * pace.slow
     rate = min(PER_PERIOD / pace.fast, MOST_SAMPLES / window)

@@ -1,1 +1,1 @@
-"""How far models are from the truth: identified ones from the line, two modes from many."""
+"""Errors of models against the truth: identified ones, and the two-mode model of a line."""

@@ -1,4 +1,4 @@
-"""The Cramer-Rao bound: how precisely any unbiased method can know each coefficient."""
+"""Cramér-Rao bound: the smallest errors of coefficients that an unbiased method can have."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -32,9 +32,9 @@ def sensitivities(
 
     free: (n_free, 2) pairs (equation, term) of the coefficients to differentiate by; absent ones
     too. initial_state: (n_states,) at time[0]. time: (n,), s, increasing. inputs: the model's.
-    Returns the states (n, n_states) and the sensitivities (n, n_states, n_free + n_states), by
-    the free coefficients and then by the initial state.
-    Raises ValueError where the solution leaves the range of numbers.
+    Returns the states (n, n_states) and the sensitivities (n, n_states, n_free + n_states), by the
+    free coefficients and then by the initial state. Raises ValueError if the solution leaves the
+    range of numbers.
     """
     start = np.asarray(initial_state, float)
     diverges = "the solution of the model diverges, or its time scale is too short"
@@ -62,12 +62,12 @@ def sensitivities(
 
 @dataclass(frozen=True)
 class Experiment:
-    """What one recording measures: where it starts, when it samples, and how well.
+    """Initial state, sampling times and noise of one recording.
 
     initial_state: (n_states,). time: (n,), s, increasing, any sampling; the state at time[0] is
     `initial_state`. sigma: (n_states,) standard deviation of the noise on each state, in the
     state's unit, infinite for a state that is not measured. rate_sigma: the same of the states'
-    rates, None where none is measured. inputs: those of a model that has any.
+    rates, None if none is measured. inputs: those of a model that has any.
     """
 
     initial_state: np.ndarray
@@ -79,11 +79,11 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Bound:
-    """The bound of each free coefficient.
+    """Cramér-Rao bound of each free coefficient.
 
     free: (n_free, 2) pairs (equation, term). std: (n_free,) least standard deviation, in the
-    coefficient's unit, infinite where the data say nothing. t: (n_free,) |coefficient| / std.
-    covariance: (n_free, n_free), the inverse of the information, infinite where it is singular.
+    coefficient's unit, infinite if undetermined. t: (n_free,) |coefficient| / std. covariance:
+    (n_free, n_free), the inverse of the information, infinite where it is singular.
     """
 
     free: np.ndarray
@@ -93,20 +93,21 @@ class Bound:
 
 
 def state_bound(model: PolynomialModel, free: np.ndarray, experiments: list[Experiment]) -> Bound:
-    """Bound from noisy states: protocols `state` and `displacement`, subsets, several recordings.
+    """Compute the bound from noisy states, of one or several recordings.
 
-    free: (n_free, 2) pairs (equation, term). The recordings share the coefficients; the initial
-    state of each is unknown. The information is the sum over samples of S^T S / sigma^2.
-    Raises ValueError where the model's solution diverges.
+    This covers the protocols `state` and `displacement`, and subsets. free: (n_free, 2) pairs
+    (equation, term). The recordings share the coefficients; the initial state of each is unknown.
+    The information is the sum over samples of S^T S / sigma^2. Raises ValueError if the model's
+    solution diverges.
     """
     total = sum((information(model, free, one) for one in experiments), np.zeros(()))
     return bound_of(model, free, total)
 
 
 def information(model: PolynomialModel, free: np.ndarray, experiment: Experiment) -> np.ndarray:
-    """(n_free, n_free) Fisher information of one recording, its initial state eliminated.
+    """Compute the Fisher information, (n_free, n_free), of one recording with unknown start.
 
-    Raises ValueError where the model's solution diverges, and as `fisher_information`.
+    Raises ValueError if the model's solution diverges, and as `fisher_information`.
     """
     return fisher_information(weighted_sensitivities(model, free, experiment), len(free))
 
@@ -114,10 +115,10 @@ def information(model: PolynomialModel, free: np.ndarray, experiment: Experiment
 def weighted_sensitivities(
     model: PolynomialModel, free: np.ndarray, experiment: Experiment
 ) -> np.ndarray:
-    """(n, n_channels, n_free + n_states): what samples depend on, in deviations of their noise.
+    """Compute sensitivities of the samples, (n, n_channels, n_free + n_states), over their noise.
 
-    Channels are the states and then, where any is measured, their derivatives. Columns, and what it
-    raises: as of `sensitivities`.
+    Channels are the states and then, if any is measured, their derivatives. Columns, and errors
+    raised: as of `sensitivities`.
     """
     time, inputs = experiment.time, experiment.inputs
     states, moved = sensitivities(model, free, experiment.initial_state, time, inputs)
@@ -134,10 +135,10 @@ def weighted_sensitivities(
 
 
 def fisher_information(weighted: np.ndarray, n_free: int) -> np.ndarray:
-    """(n_free, n_free), of the samples of `weighted_sensitivities`, or of some of them, the initial
-    state eliminated.
+    """Compute the Fisher information, (n_free, n_free), with the initial state eliminated.
 
-    Raises ValueError where it leaves the range of numbers, as of a long chaotic motion.
+    weighted: samples of `weighted_sensitivities`, or some of them. Raises ValueError if the
+    information leaves the range of numbers, as for a long chaotic motion.
     """
     rows = weighted.reshape(-1, weighted.shape[2])
     by_coefficients, by_state = rows[:, :n_free], rows[:, n_free:]
@@ -157,7 +158,7 @@ def fisher_information(weighted: np.ndarray, n_free: int) -> np.ndarray:
 def derivative_bound(
     model: PolynomialModel, free: np.ndarray, x: np.ndarray, sigma: np.ndarray
 ) -> Bound:
-    """Bound from exact states and noisy derivatives: sigma^2 (Theta^T Theta)^-1, per equation.
+    """Compute the bound from exact states and noisy derivatives: sigma^2 (Theta^T Theta)^-1.
 
     x: (n, n_states) the sampled states, with the inputs beside them if there are any. sigma:
     (n_states,) noise of each state derivative.
@@ -173,7 +174,7 @@ def derivative_bound(
 
 
 def covariance_of(information: np.ndarray) -> np.ndarray:
-    """Inverse of an information matrix, its diagonal infinite where a parameter is undetermined."""
+    """Invert an information matrix, the diagonal infinite where a parameter is undetermined."""
     diagonal = np.diag(information).copy()
     seen = diagonal > 0
     covariance = np.full(information.shape, np.inf)
@@ -191,7 +192,7 @@ def covariance_of(information: np.ndarray) -> np.ndarray:
 
 
 def bound_of(model: PolynomialModel, free: np.ndarray, total: np.ndarray) -> Bound:
-    """Return the bound from the information `total` (n_free, n_free)."""
+    """Compute the bound from the information `total` (n_free, n_free)."""
     covariance = covariance_of(total)
     std = np.sqrt(np.diag(covariance))
     t = np.abs(model.coefficients[free[:, 0], free[:, 1]]) / std
@@ -202,7 +203,7 @@ def bound_of(model: PolynomialModel, free: np.ndarray, total: np.ndarray) -> Bou
 
 
 def free_terms(model: PolynomialModel, equations: Sequence[int]) -> np.ndarray:
-    """(n_free, 2) pairs (equation, term) of the terms present in the unknown `equations`."""
+    """List pairs (equation, term), (n_free, 2), of the present terms in unknown `equations`."""
     pairs = np.argwhere(model.support)
     return pairs[np.isin(pairs[:, 0], equations)]
 
@@ -214,10 +215,10 @@ def bounds_of(
     noises: Sequence[Noise],
     samplings: Sequence[Sequence[np.ndarray | slice]],
 ) -> list[Bound]:
-    """Return the bound on the present terms from recordings of a system, for each sampling.
+    """Compute the bound on the present terms from recordings of a system, for each sampling.
 
     motions, noises: one for each recording. samplings: indices of the samples of each recording.
-    Raises ValueError for rates of exact states where their noise differs.
+    Raises ValueError for rates of exact states if their noise differs.
     """
     free = free_terms(model, equations)
     rates = [n.rates if np.any(np.isfinite(n.rates)) else None for n in noises]
@@ -246,7 +247,7 @@ def bounds_of(
 
 
 def on_library(model: PolynomialModel, found: Bound) -> np.ndarray:
-    """Return standard deviations of a bound as (n_states, n_terms), NaN for terms without one."""
+    """Expand standard deviations of a bound to (n_states, n_terms), NaN for terms without one."""
     std = np.full(model.coefficients.shape, np.nan)
     std[tuple(found.free.T)] = found.std
     return std

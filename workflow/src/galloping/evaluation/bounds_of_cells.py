@@ -1,4 +1,4 @@
-"""Bounds of the recordings of a cell, models drawn at them, and which further one helps most."""
+"""Bounds of a study cell, models drawn at them, and the most useful further recording."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -21,9 +21,9 @@ from galloping.trajectory.simulation import Simulator
 def at_the_bound(
     model: PolynomialModel, found: Bound, rng: np.random.Generator, lacking: Sequence[str] = ()
 ) -> IdentifiedModel:
-    """Return what an efficient method that knows the terms would find: one draw at the bound.
+    """Draw the result of an efficient method that knows the terms: one draw at the bound.
 
-    lacking: names of the terms that the candidate library lacks. Where there are any, or the data
+    lacking: names of the terms that the candidate library lacks. If there are any, or the data
     leave a coefficient undetermined, there is no such method, and no model.
     """
     if lacking or not np.all(np.isfinite(found.covariance)):
@@ -41,10 +41,9 @@ def at_the_bound(
 def cell_bounds(
     model: PolynomialModel, motions: Sequence[Motion], measurement: Mapping, name: Sequence[str]
 ) -> list[Bound]:
-    """Return the bounds of a cell: one, or one for each replicate if their times differ.
+    """Compute the bounds of a study cell: one, or one per noise realisation if times differ.
 
-    motions, measurement, name: of what its recordings are drawn, see `recordings_of`. None without
-    noise.
+    motions, measurement, name: as for `recordings_of`. Empty without noise.
     """
     if measurement["level"] == 0:
         return []
@@ -65,7 +64,7 @@ def models_at(
     name: Sequence[str],
     lacking: Sequence[str] = (),
 ) -> list[IdentifiedModel]:
-    """Draw what an efficient method would find from each replicate; without noise, the line."""
+    """Draw an efficient method's model from each noise realisation; without noise, the line."""
     if not bounds:
         return [IdentifiedModel(model, "unjudged")]
     models = []
@@ -76,9 +75,9 @@ def models_at(
 
 
 def deviations(model: PolynomialModel, bounds: Sequence[Bound], candidates: int) -> np.ndarray:
-    """(n_bounds, n_states, n_terms) standard deviations, NaN without noise.
+    """Compute standard deviations, (n_bounds, n_states, n_terms), NaN without noise.
 
-    candidates: how many terms of the model, the first, the candidate library has. No method
+    candidates: number of terms of the model, the first ones, in the candidate library. No method
     estimates the others: they have no bound, NaN.
     """
     if not bounds:
@@ -91,11 +90,12 @@ def deviations(model: PolynomialModel, bounds: Sequence[Bound], candidates: int)
 def ranked_releases(
     line: PolynomialModel, first: Motion, level: float, heights: Sequence[float]
 ) -> list[dict]:
-    """One row a release from rest at one of the `heights` (m) in either direction, the best first.
+    """Rank initial displacements of a further recording by their information, the best first.
 
-    first: the recording that there is. level: of the noise on every state, in units of its
-    deviation. Releases from which the line's motion ends early are left out; where that of `first`
-    does, or there is no noise, which leaves nothing to learn, all are.
+    They are at rest at one of the `heights` (m) in either direction, a row each. first: the
+    existing recording. level: of the noise on every state, over its deviation. Initial
+    displacements from which the motion diverges are left out; all are if that of `first` does, or
+    if there is no noise.
     """
     if first.status != "ok" or level == 0:
         return []

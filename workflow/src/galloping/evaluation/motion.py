@@ -1,19 +1,19 @@
-"""Motions: steady amplitude and frequency, and how well one follows another.
+"""Steady amplitude and frequency of motions, and their agreement.
 
-Apart from `score`: jobs that measure a motion and score no model need not run again for an edit of
-a score.
+This module is separate from `score`, so that jobs that measure a motion need not run again after a
+change of a score.
 """
 
 import numpy as np
 
 
 def steady_amplitude(states: np.ndarray) -> np.ndarray:
-    """Half peak to peak of each state: (n, n_states) -> (n_states,)."""
+    """Compute half of the peak-to-peak range of each state: (n, n_states) -> (n_states,)."""
     return np.ptp(states, axis=0) / 2
 
 
 def steady_frequency(states: np.ndarray, step: float) -> np.ndarray:
-    """Frequency of the highest spectral peak of each state, Hz.
+    """Find the frequency of the highest spectral peak of each state, Hz.
 
     states: (n, n_states) sampled every `step` s. Hann window, peak by a parabola through the
     logarithms of its three highest lines.
@@ -32,9 +32,9 @@ def steady_frequency(states: np.ndarray, step: float) -> np.ndarray:
 
 
 def r_squared(true: np.ndarray, model: np.ndarray) -> np.ndarray:
-    """Coefficient of determination of each state (paper, eq. 18): (n_states,).
+    """Compute the coefficient of determination of each state (paper, eq. 18): (n_states,).
 
-    -inf where the model's motion ended early: no value is worse than a failure.
+    -inf if the model's motion ended early: no value is worse than a failure.
     """
     residual = np.sum((true - model) ** 2, axis=0)
     total = np.sum((true - true.mean(axis=0)) ** 2, axis=0)

@@ -1,6 +1,6 @@
-"""The best that any setting of a method could do, chosen with the truth and so out of its reach.
+"""Best possible tuning of a method, chosen with the truth.
 
-Of pysindy's STLSQ and FROLS on smoothed states, and of STLSQ on the weak form; of no other method.
+It is computed for pysindy's STLSQ and FROLS on smoothed states, and for STLSQ on the weak form.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -24,10 +24,10 @@ CHOICES = ("least error", "right terms")
 
 
 def oracles(true: PolynomialModel, models: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients (n_states, n_terms) with the lowest mean error, and of the right terms if any.
+    """Select coefficients (n_states, n_terms) with the least mean error, and with the right terms.
 
-    true: on the candidate library. models: (k, n_terms) for each equation, one a setting. The mean
-    error is that over the orders; the second model takes the right terms wherever some setting
+    true: on the candidate library. models: (k, n_terms) for each equation, one per setting. The
+    mean error is that over the orders; the second model has the right terms wherever some setting
     finds them, with the lowest error among those.
     """
     least, right = np.empty_like(true.coefficients), np.empty_like(true.coefficients)
@@ -40,7 +40,7 @@ def oracles(true: PolynomialModel, models: Sequence[np.ndarray]) -> tuple[np.nda
 
 
 def _error_weights(true: PolynomialModel) -> np.ndarray:
-    """(n_states, n_terms) of each absolute error in the mean over orders of relative errors."""
+    """Compute the weight of each absolute error in the mean over orders, (n_states, n_terms)."""
     degree = np.array([sum(term) for term in true.terms])
     judged = true.support.copy()
     judged[[i for i in range(len(judged)) if i not in UNKNOWN]] = False
@@ -57,10 +57,10 @@ def _error_weights(true: PolynomialModel) -> np.ndarray:
 def oracle_rows(
     truth: Truth, replicates: Iterable[Sequence[Recording]], path_length: int
 ) -> list[dict]:
-    """Scores of the oracles of STLSQ, FROLS and the weak form: rows as of `evaluation.score`.
+    """Score the best possible tuning of STLSQ, FROLS and the weak form, as `evaluation.score` does.
 
-    Each has its `choice` of CHOICES. truth: its model is on the candidate library. replicates:
-    recordings of each. path_length: of the thresholds tried.
+    Each row has its `choice` of CHOICES. truth: its model is on the candidate library. replicates:
+    recordings of each. path_length: number of thresholds tried.
     """
     named, models = [], []
     thresholds = partial(stlsq.models_along, threshold_path(path_length))
@@ -86,7 +86,7 @@ def _choose_candidates(
     make: Callable[..., Regressions],
     paths: Mapping[str, Path],
 ) -> Iterator[tuple[str, list[IdentifiedModel]]]:
-    """Yield the models of both CHOICES by each method that works on the same evidence."""
+    """Yield the models of both CHOICES for each method that uses the same regression problems."""
     try:
         evidence = make(recordings, true.terms)
         models = {method: alternatives(evidence, path) for method, path in paths.items()}
@@ -100,9 +100,9 @@ def _choose_candidates(
 
 
 def alternatives(evidence: Regressions, path: Path) -> list[np.ndarray]:
-    """Return the distinct models of each equation, (k, n_terms), over all settings of the evidence.
+    """List the distinct models of each equation, (k, n_terms), over all settings.
 
-    path: the models that a method's thresholds give.
+    path: the models for all thresholds of a method.
     """
     found: list[list[np.ndarray]] = [[] for _ in evidence.tuned.states]
     for problem in [each.reduced for each in evidence.filters] or [evidence.tuned]:

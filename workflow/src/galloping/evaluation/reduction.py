@@ -1,4 +1,4 @@
-"""What the paper's two-mode model is worth: its motion against that of the continuous line."""
+"""Accuracy of the paper's two-mode model: its motion compared with that of the continuous line."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,7 +22,10 @@ COMMON = 2.0  # a factor by which the two differ at most where they move in the 
 
 @dataclass(frozen=True)
 class LineVariant:
-    """A continuous line to compare with, as in `continuous`; antisymmetric: m, of its release."""
+    """A continuous line for comparison, as in `continuous`.
+
+    antisymmetric: m, of its initial displacement.
+    """
 
     modes: int
     aerodynamics: str = "small_angle"
@@ -45,8 +48,9 @@ VARIANTS = {
 
 
 def reduction_table(settings: Mapping) -> pd.DataFrame:
-    """The table of `reduction` for VARIANTS. settings: case; seed, length_scale and spectrum of
-    the gusts.
+    """Compute the table of `reduction` for VARIANTS.
+
+    settings: case; seed, length_scale and spectrum of the gusts.
     """
     case, gusts = settings["case"], {k: settings[k] for k in ("seed", "length_scale", "spectrum")}
     return reduction(case, {name: variant_motion(case, v, **gusts) for name, v in VARIANTS.items()})
@@ -55,10 +59,10 @@ def reduction_table(settings: Mapping) -> pd.DataFrame:
 def variant_motion(
     case: Mapping, variant: LineVariant, *, length_scale: float, spectrum: str, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the continuous line, released as the two-mode model is. The rest is that of the gusts.
+    """Simulate the continuous line from the initial displacement of the two-mode model.
 
-    At mid-span, and half of the difference between both quarters of the span: (n, 2) m each,
-    vertical and horizontal.
+    Returns the motion at mid-span, and half of the difference between both quarters of the span:
+    (n, 2) m each, vertical and horizontal. The keywords are of the gusts.
     """
     line = continuous.continuous_line(
         case, variant.modes, aerodynamic=variant.aerodynamics, drag=variant.drag
@@ -86,14 +90,14 @@ def _simulate_release(
 
 
 def reduction(case: Mapping, motions: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> pd.DataFrame:
-    """One row for each line and direction, at mid-span, the two-mode model first.
+    """Compare the two-mode model with continuous lines: one row for each line and direction.
 
-    motions: of the lines, as `variant_motion` gives them. Amplitude and frequency are those of
-    200-300 s; limit_cycle_m is the amplitude after 1400 s. Errors are those of the two-mode model
-    against the line, NaN where the two differ in either direction by more than COMMON and so
-    share no motion to compare; R2 is of its displacement, over stretches of 100 s, in which it
-    falls out of step. antisymmetric_m, the amplitude of the limit cycle at a quarter of the span
-    in antisymmetric modes, is what the two-mode model cannot see.
+    motions: of the lines, as `variant_motion` returns them, at mid-span. Amplitude and frequency
+    are those of 200-300 s; limit_cycle_m is the amplitude after 1400 s. Errors are those of the
+    two-mode model against the line, NaN if the two differ in either direction by more than COMMON
+    and so have no common motion; R2 is of its displacement, over stretches of 100 s, since phases
+    drift apart. antisymmetric_m, the amplitude of the limit cycle at a quarter of the span in
+    antisymmetric modes, is not part of the two-mode model.
     """
     model = _simulate_release(continuous.continuous_line(case, 0), np.array(initial_state(case)))
     of_model, tables = _describe_motion(*model), []
@@ -118,7 +122,7 @@ def _samples_between(begin: float, end: float) -> np.ndarray:
 
 
 def _describe_motion(mid_span: np.ndarray, antisymmetric: np.ndarray) -> dict[str, np.ndarray]:
-    """Amplitude, frequency, limit cycle and antisymmetric motion, (2,) each."""
+    """Compute amplitude, frequency, limit cycle and antisymmetric motion, (2,) each."""
     steady, settled = _samples_between(*STEADY), _samples_between(*LIMIT_CYCLE)
     return {
         "amplitude_m": steady_amplitude(mid_span[steady]),

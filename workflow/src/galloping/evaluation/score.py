@@ -1,4 +1,4 @@
-"""Scores of one identified model, and of all models of a cell with their motions."""
+"""Scores of identified models, and of all models of a study cell with their motions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,21 +22,21 @@ PLOT_RATE = 20.0  # Hz, an order of magnitude above the fastest harmonic that ma
 
 
 def gallops(model: PolynomialModel) -> bool:
-    """Whether the line at rest is unstable in its wind, so that its motion has an amplitude.
+    """Decide whether the line at rest is unstable in its wind, so that its motion has an amplitude.
 
     Some eigenvalue of the linearised equations has a positive real part (Den Hartog 1932, with
-    damping). Where none has, motion decays, and what is left of it depends on when one looks.
+    damping). Otherwise the motion decays, and its amplitude depends on the time.
     """
     return bool(model.small_motions(np.zeros(len(model.states))).values.real.max() > 0)
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What identified models are compared with.
+    """Reference with which identified models are compared.
 
     model: on the candidate library and the terms that it lacks (`polynomial.extend_library`). time:
-    (n,) s. states: (n, n_states). steady: window in s. status: `ok`, or why the line itself has
-    no motion to compare with, as in `Trajectory`. is_own_model: whether the motion is the model's;
+    (n,) s. states: (n, n_states). steady: window in s. status: `ok`, or why the line itself has no
+    motion to compare with, as in `Trajectory`. is_own_model: whether the motion is the model's;
     that of a continuous line is not, and no coefficients are true.
     """
 
@@ -49,18 +49,18 @@ class Truth:
 
     @property
     def steady_rows(self) -> slice:
-        """Samples within the steady window, its ends included."""
+        """Samples within the steady window, both ends included."""
         first, last = np.searchsorted(self.time, np.add(self.steady, (-1e-9, 1e-9)))
         return slice(int(first), int(last))
 
     @property
     def step(self) -> float:
-        """Of the time grid, s."""
+        """Step of the time grid, s."""
         return float(self.time[1] - self.time[0])
 
     @cached_property
     def amplitude(self) -> np.ndarray:
-        """Steady amplitude of each displacement, m; NaN where the line does not gallop."""
+        """Steady amplitude of each displacement, m; NaN if the line does not gallop."""
         return np.where(gallops(self.model), steady_amplitude(self._steady_rows), np.nan)
 
     @cached_property
@@ -74,7 +74,7 @@ class Truth:
 
 
 def _on_terms_of(truth: Truth, values: np.ndarray, absent: float) -> np.ndarray:
-    """(n_states, n_terms) of the truth, from values on the candidate library, which comes first."""
+    """Expand values on the candidate library to all terms of the truth, (n_states, n_terms)."""
     lacking = len(truth.model.terms) - values.shape[1]
     return np.pad(values, ((0, 0), (0, lacking)), constant_values=absent)
 
@@ -82,12 +82,12 @@ def _on_terms_of(truth: Truth, values: np.ndarray, absent: float) -> np.ndarray:
 def score(
     truth: Truth, result: IdentifiedModel, motion: Trajectory, bound: np.ndarray
 ) -> dict[str, Any]:
-    """All metrics of one replicate; failures score inf (errors) or -inf (R2), never nothing.
+    """Compute all metrics of one model; failures score inf (errors) or -inf (R2).
 
-    bound: (n_states, n_terms) Cramer-Rao standard deviations, NaN without noise. What the
-    candidate library lacks is missing from the model. NaN is what is undefined: every number
-    where the line itself diverges, those of coefficients where there are no true ones, the
-    amplitude's error where it does not gallop.
+    bound: (n_states, n_terms) Cramér-Rao standard deviations, NaN without noise. Terms that the
+    candidate library lacks are missing from the model. NaN is undefined: every number if the line
+    itself diverges, those of coefficients if there are no true ones, the amplitude's error if it
+    does not gallop.
     """
     coefficients = _on_terms_of(truth, result.model.coefficients, absent=0.0)
     standard_errors = _on_terms_of(truth, result.standard_errors, absent=np.nan)
@@ -123,7 +123,7 @@ def score(
 
 
 def _relative_error(measure, expected: np.ndarray, model: np.ndarray) -> np.ndarray:
-    """Relative error of a steady quantity, inf where the motion ended early."""
+    """Compute the relative error of a steady quantity, inf if the motion ended early."""
     if not np.all(np.isfinite(model)):
         return np.where(np.isnan(expected), np.nan, np.inf)
     return np.abs(measure(model) - expected) / np.abs(expected)
@@ -132,10 +132,10 @@ def _relative_error(measure, expected: np.ndarray, model: np.ndarray) -> np.ndar
 def evaluate(
     truth: Truth, models: Mapping[str, Sequence[IdentifiedModel]], deviations: np.ndarray
 ) -> tuple[list[dict], dict[str, Reconstruction]]:
-    """One row of scores a model, and what the models of each method do.
+    """Score every model, one row each, and reconstruct the motions of each method.
 
-    models: replicates by method. deviations: (1 or n_replicates, n_states, n_terms), the
-    Cramer-Rao bound.
+    models: noise realisations by method. deviations: (1 or n_replicates, n_states, n_terms), the
+    Cramér-Rao bound.
     """
     rows, reconstructions = [], {}
     for method, replicates in models.items():
@@ -152,10 +152,9 @@ def evaluate(
 def reconstruction(
     time: np.ndarray, states: Sequence[np.ndarray], quality: np.ndarray
 ) -> Reconstruction:
-    """Return the motions of all replicates.
+    """Summarise the motions of all noise realisations.
 
-    time: (n,) s. states: (n, n_states) of each replicate. quality: (n_replicates,), the higher
-    the better.
+    time: (n,) s. states: (n, n_states) of each. quality: (n_replicates,), the higher the better.
     """
     stride = max(1, round(1 / (PLOT_RATE * (time[1] - time[0]))))
     middle = np.argsort(quality, kind="stable")[len(quality) // 2]
@@ -165,7 +164,7 @@ def reconstruction(
 
 
 def reconstruct(truth: Truth, replicates: Sequence[IdentifiedModel]) -> list[Trajectory]:
-    """Return the motion of each model from the true initial state."""
+    """Simulate each model from the true initial state."""
     simulator = Simulator(truth.model.states, replicates[0].model.terms)
     motions = []
     for identified in replicates:
@@ -183,7 +182,7 @@ def reconstruct(truth: Truth, replicates: Sequence[IdentifiedModel]) -> list[Tra
 def mean_error_by_order(
     true: PolynomialModel, coefficients: np.ndarray, equations: tuple[int, ...]
 ) -> dict[str, float]:
-    """Mean |c_hat - c| / |c| of the true terms of each order in `equations`; inf for no model."""
+    """Average |c_hat - c| / |c| over the true terms of each order; inf without a model."""
     chosen, degree, means = list(equations), np.array([sum(term) for term in true.terms]), {}
     with np.errstate(divide="ignore", invalid="ignore"):
         errors = np.abs(coefficients - true.coefficients) / np.abs(true.coefficients)
@@ -195,7 +194,7 @@ def mean_error_by_order(
 
 
 def support_scores(true: PolynomialModel, coefficients: np.ndarray) -> dict[str, float]:
-    """Missing and spurious terms, and TP / (TP + FN + FP); a failed fit found nothing."""
+    """Count missing and spurious terms, with TP / (TP + FN + FP); a failed fit has no terms."""
     found = np.nan_to_num(coefficients) != 0
     hit = int(np.sum(found & true.support))
     missing = int(np.sum(true.support & ~found))
@@ -208,7 +207,7 @@ def support_scores(true: PolynomialModel, coefficients: np.ndarray) -> dict[str,
 
 
 def relative_norm_error(true: PolynomialModel, coefficients: np.ndarray) -> float:
-    """E2 = |c_hat - c| / |c| over all coefficients; inf for no model."""
+    """Compute E2 = |c_hat - c| / |c| over all coefficients; inf without model."""
     error = np.linalg.norm(coefficients - true.coefficients) / np.linalg.norm(true.coefficients)
     return float(error) if np.isfinite(error) else np.inf
 
@@ -216,11 +215,11 @@ def relative_norm_error(true: PolynomialModel, coefficients: np.ndarray) -> floa
 def efficiency(
     true: PolynomialModel, coefficients: np.ndarray, bound: np.ndarray, equations: tuple[int, ...]
 ) -> float:
-    """Root mean square of error / Cramer-Rao standard deviation over the true terms.
+    """Compute the root mean square of error over Cramér-Rao deviation of the true terms.
 
-    1 is what an efficient method reaches on average; inf for no model. NaN where the bound of
-    any of the terms is infinite or undefined, as it is without noise: there is no best to compare
-    with then, and the other terms alone would flatter a method that missed this one.
+    An efficient method has 1 on average; inf without model. NaN if the bound of any of the terms is
+    infinite or undefined, as it is without noise: there is no best to compare with then, and the
+    other terms alone would flatter a method that missed this one.
     """
     chosen = list(equations)
     terms = true.support[chosen]
@@ -237,9 +236,9 @@ def coverage(
     standard_errors: np.ndarray,
     equations: tuple[int, ...],
 ) -> dict[str, float]:
-    """How many of the true coefficients the method's 95 % intervals hold.
+    """Count the true coefficients that the method's 95 % intervals contain.
 
-    A method that states no interval at all has no counts (NaN); a term it missed is not held.
+    A method without any interval has no counts (NaN); a missed term is not contained.
     """
     chosen = list(equations)
     errors = standard_errors[chosen]

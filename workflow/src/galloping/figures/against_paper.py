@@ -1,6 +1,4 @@
-"""The paper's printed numbers beside realisations of its own method, and what they determine of the
-settings that the paper leaves out.
-"""
+"""Numbers of the paper beside noise realisations of its method, and the settings they imply."""
 
 import re
 from collections.abc import Mapping
@@ -22,7 +20,7 @@ RANGE = {"color": style.FAINT, "height": 0.55}
 
 
 def _percent_axis(axes: Axes, low: float, high: float, label: str) -> tuple[float, float]:
-    """Decades of percent, with a tick each; they are the limits of what is drawn."""
+    """Set a logarithmic axis of percent with a tick per decade, and return its limits."""
     axes.set_xscale("log")
     ticks = 10.0 ** np.arange(np.log10(low), np.log10(high) + 1)
     axes.set(xlim=(low / 1.5, high * 1.5), xlabel=label)
@@ -31,9 +29,9 @@ def _percent_axis(axes: Axes, low: float, high: float, label: str) -> tuple[floa
 
 
 def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
-    """Left the printed errors on the draws' 5 to 95 %, right the share of draws that keep a bound.
+    """Draw the printed errors on the range of realisations, and how many of these keep each bound.
 
-    table: paper.csv. settings: case, the paper's, that the numbers are about.
+    table: paper.csv. settings: case, that of the paper's numbers.
     """
     rows = table[(table["case"] == settings["case"]) & table["median"].notna()]
     rows = rows[rows["claim"].isin(BY_NAME) & (rows["role"] == "counted")]
@@ -90,7 +88,7 @@ def _shorten_claim(name: str) -> str:
 
 
 def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:
-    """Draw what the printed numbers leave of each unknown number, and the evidence of readings.
+    """Draw the range of each unknown number that the paper's numbers allow, and the evidence.
 
     region: paper_region.csv. readings: of `tables.inference.paper_readings`.
     """

@@ -21,7 +21,7 @@ APART = 0.3  # between the symbols of one term
 
 
 def _typeset_symbol(symbol: str) -> str:
-    """gamma_10 as a symbol."""
+    """Typeset a symbol such as gamma_10."""
     letter, _, number = symbol.partition("_")
     return f"$\\{letter}_{{{number}}}$"
 
@@ -40,7 +40,7 @@ def draw_coefficients(
     model : Derived
         Of the line.
     identified : Mapping
-        Replicates by cell and method.
+        Models of all noise realisations by study cell and method.
     settings : Mapping
         case, protocol, method and kind; levels by cell, and the label of the noise; degree of the
         library.
@@ -81,7 +81,7 @@ def draw_coefficients(
 
 
 def _draw_false_terms(axes: Axes, scores: pd.DataFrame, possible: int, label: str) -> None:
-    """Median and 5th to 95th percentile of the number of false terms against the noise level."""
+    """Draw median, 5th and 95th percentile of the number of false terms against noise."""
     parts.letter(axes, 0, f"false terms, of {possible} possible ones")
     noisy = scores[scores["level"] > 0]
     places = parts.LogAxis.of(noisy["level"])
@@ -95,7 +95,7 @@ def _draw_false_terms(axes: Axes, scores: pd.DataFrame, possible: int, label: st
 
 
 def _divide_by_truth(table: pd.DataFrame) -> np.ndarray:
-    """Median and interval over the true value, sorted: (n_terms, 3)."""
+    """Divide median and interval by the true value, sorted: (n_terms, 3)."""
     true = table[table["true"] != 0]
     ratio = true[["identified", "low", "high"]].to_numpy(float) / true[["true"]].to_numpy(float)
     ratio[:, 1:].sort(axis=1)
@@ -106,7 +106,7 @@ def _draw_ratios(
     axes: Axes, x: np.ndarray, terms: pd.DataFrame, limits: tuple, color: str, marker: str,
     label: str,
 ) -> None:  # fmt: skip
-    """terms: of both equations, over all realisations at one level."""
+    """Draw the ratios of one noise level. terms: of both equations, over all realisations."""
     _, lows, highs = np.clip(_divide_by_truth(terms), *limits).T
     axes.vlines(x, lows, highs, color=color, lw=1.2)
     parts.points(axes, x, _divide_by_truth(terms)[:, 0], limits, color, marker, 3.5)

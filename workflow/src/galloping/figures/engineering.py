@@ -1,6 +1,4 @@
-"""What a line engineer asks: the galloping span, its orbits beside the design ellipses, and what
-stops it.
-"""
+"""Figures for the line engineer: galloping span, orbits beside design ellipses, measures."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -40,7 +38,7 @@ COLOURS = 24  # of an animation
 
 
 def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapping) -> Figure:
-    """Lissajous figures at mid-span, one panel for each case, equal scales in both directions.
+    """Draw orbits at mid-span, one panel for each case, with equal scales in both directions.
 
     orbits: of each case, by wind speed in m/s, (n, 2) places (w, v) in m about rest. settings:
     cases, sections of the configuration by name.
@@ -70,7 +68,7 @@ def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapp
 
 
 def _first_outside(case: Mapping, orbits: Mapping[float, np.ndarray]) -> float | None:
-    """Return the lowest of the winds at which an orbit has places outside of all ellipses."""
+    """Find the lowest wind speed whose orbit is partly outside of all ellipses."""
     outlines = [Path(ellipse.outline()) for ellipse in design_ellipses(case).values()]
     for wind, places in sorted(orbits.items()):
         if not np.any([outline.contains_points(places) for outline in outlines], axis=0).all():
@@ -109,7 +107,7 @@ def _draw_orbits_of_case(
 
 
 def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
-    """Vertical motion at the design wind, critical wind and clearance of each measure.
+    """Draw vertical motion at the design wind, critical wind and clearance of each measure.
 
     table: measures.csv. settings: cases.
     """
@@ -144,7 +142,7 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
 
 
 def _most_useful(of_case: pd.DataFrame) -> str:
-    """Say the vertical amplitude as the line is, and with the best measure that leaves the ice."""
+    """Describe the vertical amplitude without and with the best measure that keeps the ice."""
     galloping = of_case[of_case["v_m"] > 0].set_index("measure")["v_m"]
     if NOTHING.label not in galloping or galloping.idxmin() == NOTHING.label:
         return ""
@@ -155,7 +153,7 @@ def _most_useful(of_case: pd.DataFrame) -> str:
 
 
 def _format_value(value: float) -> str:
-    """Return a value with three digits, or why there is none."""
+    """Format a value with three digits, or why there is none."""
     if np.isfinite(value):
         return f"{value:.3g}"
     return "never" if np.isposinf(value) else "no bounded motion"
@@ -164,10 +162,10 @@ def _format_value(value: float) -> str:
 def write_animation(
     path: str | os.PathLike, case: Mapping, time: np.ndarray, states: np.ndarray, title: str
 ) -> None:
-    """Write the motion of a span as a GIF that repeats; the same bytes for the same motion.
+    """Write the motion of a span as a repeating GIF; the same bytes for the same motion.
 
-    The span is drawn in elevation (vertical motion to the scale of the sag) and in plan; the path
-    of mid-span to scale, in real time.
+    The span is drawn in elevation (vertical motion to the scale of the sag) and in plan, with the
+    path of mid-span to scale, in real time.
 
     Parameters
     ----------
@@ -203,7 +201,7 @@ def write_still(path: str | os.PathLike, reason: str) -> None:
 def _write_gif(
     path: str | os.PathLike, figure: Figure, update: Callable[[int], tuple], frames: range
 ) -> None:
-    """Write `frames` of a figure, which `update` changes to a frame's, in the same few colours."""
+    """Write `frames` of a figure that `update` changes, with one common palette of few colours."""
     figure.set_dpi(DPI)
     canvas = FigureCanvasAgg(figure)
     figure.draw_without_rendering()

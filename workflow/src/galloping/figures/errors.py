@@ -1,6 +1,4 @@
-"""Figures 6, 7 and 10, errors of the paper's method against noise and amount of data, and the
-overview of methods beside the Cramér-Rao bound.
-"""
+"""Figures 6, 7 and 10: errors of the paper's method; overview of methods beside the bound."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -31,8 +29,8 @@ BAR = {"marker": "_", "ms": 16, "mew": 1.4, "zorder": 2, "label": "paper: at lea
 class Quantity:
     """Columns of scores.csv that share an axis.
 
-    columns: each with its name in the legend. label: of the axis. in_words: what a value is, with
-    the name of a column in it.
+    columns: each with its name in the legend. label: of the axis. in_words: description of a value,
+    with the name of a column in it.
     """
 
     columns: Mapping[str, str]
@@ -41,7 +39,7 @@ class Quantity:
     is_r2: bool = False
 
     def limits(self, values: np.ndarray) -> tuple[float, float]:
-        """Of places on the axis: R2 from zero on, errors over whole decades around all values."""
+        """Compute the limits of the axis: R2 from zero on, errors over whole decades."""
         if self.is_r2:
             low, high = map(parts.r2_place, parts.R2_LIMITS)
             return float(low), float(high)
@@ -50,7 +48,7 @@ class Quantity:
         return float(10 ** np.floor(np.log10(low))), float(10 ** np.ceil(np.log10(high)))
 
     def place(self, values: ArrayLike) -> np.ndarray:
-        """Where values are drawn; R2 below zero is beyond the axis."""
+        """Compute the positions of values on the axis; R2 below zero is beyond it."""
         values = np.asarray(values, float)
         if not self.is_r2:
             return values
@@ -58,14 +56,14 @@ class Quantity:
         return np.where(values < parts.R2_LIMITS[0], beyond, parts.r2_place(values))
 
     def prepare(self, axes: Axes, limits: tuple[float, float]) -> None:
-        """limits: as of `limits`."""
+        """Set up the axis. limits: as of `limits`."""
         if self.is_r2:
             parts.prepare_r2(axes, self.label)
             return
         parts.prepare_log(axes, (limits[0] / 1.6, limits[1] * 1.6), self.label)
 
     def say(self, value: float) -> str:
-        """One value with its unit."""
+        """Format one value with its unit."""
         if not np.isfinite(value):
             return "no model"
         return f"{value:.4g}" if self.is_r2 else f"{value:.2g} %"
@@ -96,12 +94,12 @@ AT = {"level": "at noise {:g}", "points": "from {:,.0f} samples"}
 
 
 def printed(column: str, case: str) -> list[Claim]:
-    """Return the paper's values and bounds of a column of scores.csv, for one case."""
+    """List the paper's values and bounds of a column of scores.csv, for one case."""
     return [c for c in CLAIMS if c.column == column and c.case in (case, "") and not c.minus]
 
 
 def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | None = None) -> Figure:
-    """Draw median and 5th to 95th percentile of the noise realisations, and what the paper prints.
+    """Draw median and 5th to 95th percentile of the noise realisations, and the paper's values.
 
     A panel for each quantity, a line for each of its columns.
 
@@ -155,7 +153,7 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
 def _draw_series(
     axes: Axes, x: Sequence[float], values: np.ndarray, limits: tuple[float, float], index: int
 ) -> None:
-    """Medians on a line, with bars. values: (3, n) median, low and high, places on the axis."""
+    """Draw medians on a line, with bars. values: (3, n) median, low, high, places on the axis."""
     (color, marker), (median, low, high) = SERIES[index], np.clip(values, *limits)
     axes.vlines(x, low, high, color=color, lw=1.0)
     axes.plot(x, median, color=color, ls=DASHES[index])
@@ -163,7 +161,7 @@ def _draw_series(
 
 
 def _describe_trend(chosen: pd.DataFrame, x: str, quantity: Quantity) -> str:
-    """Say the median of the quantity's first column at both ends of the axis."""
+    """Describe the median of the quantity's first column at both ends of the axis."""
     name, label = next(iter(quantity.columns.items()))
     if chosen.get(name, NONE).isna().all():
         return ""
@@ -176,7 +174,7 @@ def _describe_trend(chosen: pd.DataFrame, x: str, quantity: Quantity) -> str:
 def replace_cells(
     table: pd.DataFrame, draws: pd.DataFrame | None, settings: Mapping
 ) -> pd.DataFrame:
-    """Return the scores of one method in cells of one kind, of the cells in `draws` those there.
+    """Select the scores of one method in cells of one kind, from `draws` where it has the cell.
 
     table, draws: as of `draw_draws`. settings: case, protocol, method and kind.
     """
@@ -191,15 +189,16 @@ def replace_cells(
 
 
 def _tabulate_interval(table: pd.DataFrame, x: str, name: str) -> pd.DataFrame:
-    """Median, low and high of a column at each x, the index."""
+    """Tabulate median, low and high of a column at each x, the index."""
     return table.dropna(subset=name).groupby(x).agg(**spread(name)).astype(float)
 
 
 def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -> Figure:
-    """Draw the mean coefficient error over the orders against noise, by one protocol.
+    """Draw the mean coefficient error over the orders against noise, for one measurement setup.
 
-    The paper's method, the best of pysindy, its oracle, ours, and the bound; those that the study
-    has. Errors are of the fits that gave a model; how many did not is written above.
+    Drawn are the paper's method, the best of pysindy, its best possible tuning, our method, and the
+    bound, as far as the study has them. Errors are of the fits that gave a model; the number of
+    failures is written above.
 
     Parameters
     ----------
@@ -249,7 +248,7 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
 
 
 def _compare_methods(errors: pd.DataFrame, names: Mapping[str, str]) -> str:
-    """Say the median error of each drawn method at the level in the middle, the least first."""
+    """Describe the median error of each drawn method at the middle level, the least first."""
     levels = np.unique(errors["level"])
     middle = levels[(len(levels) - 1) // 2]
     medians = errors[errors["level"] == middle].set_index("method")["median"]
@@ -272,14 +271,14 @@ def _note_failures(axes: Axes, errors: pd.DataFrame, places: parts.LogAxis) -> N
 
 
 def best_of_pysindy(table: pd.DataFrame) -> str | None:
-    """Return the method with the lowest median, over the noisy levels, of the median error."""
+    """Find the method with the lowest median, over the noisy levels, of the median error."""
     medians = table.groupby("method")["median"].agg(np.median)
     medians = medians.reindex([method for method in PYSINDY if method in medians]).dropna()
     return None if medians.empty else medians.idxmin()
 
 
 def beaten_at(table: pd.DataFrame) -> str:
-    """Return the noise levels where the oracle's median is below ours, or ''."""
+    """List the noise levels at which pysindy's best possible tuning beats our method, or ''."""
     medians = table.pivot_table(index="level", columns="method", values="median")
     if not {ORACLES, OURS} <= set(medians):
         return ""
@@ -289,8 +288,10 @@ def beaten_at(table: pd.DataFrame) -> str:
 def _tabulate_errors(
     scores: pd.DataFrame, peers: pd.DataFrame, case: str, protocol: str
 ) -> pd.DataFrame:
-    """method, level, median, low, high of the fits with a model, count and failures, at the levels
-    above zero; of the oracle the lowest of STLSQ, FROLS and the weak form.
+    """Tabulate method, level, median, low, high, count and failures at the levels above zero.
+
+    Errors are of the fits with a model; those of the best possible tuning are the lowest of STLSQ,
+    FROLS and the weak form.
     """
     cells, others = (
         parts.where(rows[rows["level"] > 0], case=case, protocol=protocol)

@@ -1,6 +1,4 @@
-"""Motions: figures 4, 8 and 9, true and reconstructed; what a line settles to along a parameter and
-over two, and as identified models predict it at other wind speeds.
-"""
+"""Figures of motions: 4, 8 and 9, limit cycles, maps over two parameters, and predictions."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -30,7 +28,7 @@ def draw_recovery(
     reconstructions: Mapping[str, Mapping[str, Reconstruction]],
     settings: Mapping,
 ) -> Figure:
-    """Draw the end of the first case's record, and how far each reconstruction is from the truth.
+    """Draw the end of the first case's motion, and the error of each reconstruction.
 
     trajectories: motions by case, of which the first counts. reconstructions: by case and method,
     of the cell at the lowest level. settings: cases, protocol, method and level.
@@ -66,13 +64,13 @@ def draw_recovery(
 
 
 def _last_window(true: Motion) -> tuple[float, float]:
-    """Return the last part of a motion, s."""
+    """Return the limits of the last part of a motion, s."""
     begin, end = true.time[0], true.time[-1]
     return end - LAST * (end - begin), end
 
 
 def _largest_distance(true: Motion, motion: Reconstruction) -> tuple[np.ndarray, np.ndarray]:
-    """Return times, and the largest displacement error so far; NaN after a motion ended."""
+    """Compute times, and the largest displacement error so far; NaN after a motion ended."""
     count = len(style.STATE_LABELS)
     expected = np.column_stack(
         [np.interp(motion.time, true.time, true.states[:, j]) for j in range(count)]
@@ -86,7 +84,7 @@ def draw_histories(
     reconstructions: Mapping[str, Mapping[str, Reconstruction]],
     settings: Mapping,
 ) -> Figure:
-    """Draw the vertical displacement at the end of the record, a row for each cell, by one method.
+    """Draw the vertical displacement at the end of the motion, a row for each cell, by one method.
 
     trajectory: the true motions, of which the first counts. reconstructions: by cell and method.
     settings: case, protocol, method; the labels of the cells.
@@ -151,7 +149,7 @@ def _set_title(axes: Axes, index: int, state: str, more: str = "") -> None:
 def draw_limit_cycles(
     cycles: pd.DataFrame, bifurcations: pd.DataFrame, settings: Mapping
 ) -> Figure:
-    """Amplitude against a parameter: a row for each case, a column for each direction.
+    """Draw amplitude against a parameter: a row for each case, a column for each direction.
 
     cycles, bifurcations: limit_cycles.csv and bifurcations.csv. settings: parameter and its label;
     cases, each with its line, to mark motions beyond small angles, or None.
@@ -179,7 +177,7 @@ def draw_limit_cycles(
 
 
 def _beyond_small_angles(panels: Sequence[Axes], case: Mapping) -> None:
-    """Shade amplitudes whose velocity, at the mode's own frequency, is not small to the wind."""
+    """Shade amplitudes at which the velocity of the mode is not small against the wind."""
     low, high = panels[0].get_ylim()  # all panels share it
     for axes, mode in zip(panels, at_rest(case)[1:], strict=False):
         wind = np.array(axes.get_xlim())
@@ -220,9 +218,9 @@ def _draw_branches(
 
 
 def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
-    """Amplitude of both directions over wind and tension, and where the frequencies are 2:1.
+    """Draw amplitudes of both directions over wind and tension, and the 2:1 frequency ratio.
 
-    table: resonance_map.csv, which may hold maps over other parameters as well. settings: case,
+    table: resonance_map.csv, which may contain maps over other parameters as well. settings: case,
     x_label, y_label, y_scale (units of the axis in one of the table, such as 1000 for kN).
     """
     if len(table):  # without a map it has no such columns
@@ -269,7 +267,7 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
 
 
 def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
-    """Draw amplitude against wind: truth, and what models of one recording predict.
+    """Draw amplitude against wind: truth, and predictions of models of one recording.
 
     table: prediction.csv. settings: case, protocol, method, replicate, recorded (wind speed of
     the recording, m/s) and, where another method is to be compared, peer.
@@ -301,7 +299,7 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
 
 
 def _draw_predictions(axes: Axes, lines: Mapping[str, pd.DataFrame]) -> None:
-    """lines: rows by method, of which the first has an interval."""
+    """Draw the predicted lines. lines: rows by method, of which the first has an interval."""
     first = next(iter(lines.values()))
     axes.plot(first["wind_m_s"], first["true_m"], color=style.TRUE, lw=4, zorder=0.9, label="truth")
     axes.vlines(first["wind_m_s"], first["low_m"], first["high_m"], color="k", lw=1.6, zorder=5,
@@ -318,6 +316,6 @@ def _draw_predictions(axes: Axes, lines: Mapping[str, pd.DataFrame]) -> None:
 
 
 def _describe_doubt(line: pd.DataFrame) -> str:
-    """Return the status of a method in brackets, if it judges its models and it is not ok."""
+    """Return the status of a method in brackets, if it assesses its models and it is not ok."""
     doubtful = sorted(set(line["verdict"]) - {"ok", "unjudged"})
     return f" ({doubtful[0].partition(':')[0]})" if doubtful else ""

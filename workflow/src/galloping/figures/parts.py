@@ -26,7 +26,7 @@ R2_TICKS = (0.0, 0.9, 0.95, 0.99, 0.999, 0.9999)
 
 
 class ShownFigure(Figure):
-    """A figure that notebooks show, although pyplot does not know it."""
+    """A figure that notebooks display, although pyplot does not manage it."""
 
     def _repr_png_(self) -> bytes:
         written = BytesIO()
@@ -35,7 +35,7 @@ class ShownFigure(Figure):
 
 
 def nothing(axes: Axes, reason: str) -> None:
-    """Leave a panel empty but for the reason."""
+    """Leave a panel empty except for the reason."""
     hidden: dict[str, Any] = {
         "bottom": False,
         "left": False,
@@ -50,39 +50,39 @@ def nothing(axes: Axes, reason: str) -> None:
 def panels(
     height: float, rows: int = 1, columns: int = 1, width: float = DOUBLE, **options: Any
 ) -> tuple[Figure, np.ndarray]:
-    """Return a figure, its size in inches, and its panels (rows, columns)."""
+    """Make a figure, its size in inches, and its panels (rows, columns)."""
     figure = ShownFigure(figsize=(width, height), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
 def nothing_at_all(reason: str) -> Figure:
-    """Return a figure that says why there is nothing to show."""
+    """Make a figure that says why there is nothing to show."""
     figure, ((axes,),) = panels(1.2)
     nothing(axes, reason)
     return figure
 
 
 def letter(axes: Axes, index: int, text: str) -> None:
-    """Label a panel with (a), (b), ..., (z), (aa), (bb), ... and what it shows."""
+    """Label a panel with (a), (b), ..., (z), (aa), (bb), ... and its subject."""
     axes.set_title(f"({chr(ord('a') + index % 26) * (1 + index // 26)}) {text}", loc="left")
 
 
 def typeset(text: str) -> str:
-    """R2, q_v and q_w as symbols, percent points in short."""
+    """Typeset R2, q_v and q_w as symbols, and shorten percent points."""
     for plain, symbol in (("R2", "$R^2$"), *STATE_LABELS.items(), ("percent points", "% points")):
         text = text.replace(plain, symbol)
     return text
 
 
 def height(head: float, each: float, count: int) -> float:
-    """Of a figure, in inches: `each` for so many rows below its head, less where there are many."""
+    """Compute the height of a figure, inches: its head and `each` per row, less for many rows."""
     return head + min(each * count, TALLEST - head)
 
 
 def case_grids(
     cases: Sequence[str], rows: int, columns: int, head: float, each: float, sharex: bool = True
 ) -> tuple[Figure, dict[str, np.ndarray]]:  # fmt: skip
-    """Return a headed block of rows x columns panels for each case. head, each: as of `height`."""
+    """Make a headed block of rows x columns panels for each case. head, each: as of `height`."""
     figure = Figure(figsize=(DOUBLE, height(head, each, len(cases))), layout="constrained")
     blocks, grids = figure.subfigures(len(cases), 1, squeeze=False)[:, 0], {}
     for case, block in zip(cases, blocks, strict=True):
@@ -92,7 +92,7 @@ def case_grids(
 
 
 def wrapped_grid(count: int, columns: int, height: float) -> tuple[Figure, list[Axes]]:
-    """So many panels with the same axes, at most `columns` beside each other.
+    """Make `count` panels with the same axes, at most `columns` in a row.
 
     height: of the figure, in inches. Panels with none below have the labels of the x axis.
     """
@@ -111,24 +111,24 @@ def wrapped_grid(count: int, columns: int, height: float) -> tuple[Figure, list[
 
 @dataclass(frozen=True)
 class LogAxis:
-    """A logarithmic axis of positive values, with zero in a place of its own at the left."""
+    """A logarithmic axis of positive values, with a separate place for zero at the left."""
 
     values: tuple[float, ...]
     zero: float
 
     @classmethod
     def of(cls, values: Sequence[float]) -> "LogAxis":
-        """With these values as ticks; zero stands at half of the least above it."""
+        """Make an axis with these values as ticks; zero is at half of the least above it."""
         values = tuple(sorted({float(v) for v in values}))
         least = next((v for v in values if v > 0), 2.0)
         return cls(values, least / 2)
 
     def position(self, value: float, shift: float = 0.0) -> float:
-        """Where a value stands; shift: in decades, to keep methods apart."""
+        """Compute the position of a value; shift: in decades, to keep methods apart."""
         return (value if value > 0 else self.zero) * 10**shift
 
     def prepare(self, axes: Axes, label: str) -> None:
-        """Make it the x axis of a panel."""
+        """Set the x axis of a panel."""
         places = [self.position(v) for v in self.values]
         axes.set_xscale("log")
         axes.set_xlim(min(places) / 1.3, max(places) * 1.3)
@@ -143,7 +143,7 @@ class LogAxis:
 
 
 def short(value: float) -> str:
-    """Return a value as a tick has it, thousands as k."""
+    """Format a value as a tick label, thousands as k."""
     return f"{value / 1000:g}k" if value >= 1000 else f"{value:g}"
 
 
@@ -155,7 +155,7 @@ def prepare_log(axes: Axes, limits: tuple[float, float], label: str) -> None:
 
 
 def r2_place(r2: float | np.ndarray) -> float | np.ndarray:
-    """-log10(1 - R2), which spreads the values near one."""
+    """Compute -log10(1 - R2), which spreads the values near one."""
     return -np.log10(1 - np.clip(r2, *R2_LIMITS))
 
 
@@ -182,11 +182,11 @@ def series(
     method: str,
     limits: tuple[float, float],
 ) -> None:
-    """Medians of one method on a line, intervals as bars.
+    """Draw medians of one method on a line, intervals as bars.
 
-    x: (n,). values: (3, n) median, low and high, places on the axis. Values beyond `limits`,
-    failures (inf) among them, stand at the limit as open triangles. A method without a marker is
-    its line alone.
+    x: (n,). values: (3, n) median, low, high, places on the axis. Values beyond `limits`, including
+    failures (inf), are drawn at the limit as open triangles. A method without a marker is a line
+    alone.
     """
     style, look = method_style(method), line_look(method)
     heights = np.asarray(values, float)
@@ -204,7 +204,7 @@ def points(
     axes: Axes, x: ArrayLike, y: ArrayLike, limits: tuple[float, float],
     color: str, marker: str, size: float,
 ) -> None:  # fmt: skip
-    """Markers, those beyond the limits at the limit as open triangles."""
+    """Draw markers, those beyond the limits at the limit as open triangles."""
     across, up = np.asarray(x, float), np.asarray(y, float)
     look: dict[str, Any] = {"ls": "", "mec": color, "mew": 0.7, "ms": size, "zorder": 5}
     for chosen, own, face, label in (
@@ -229,7 +229,7 @@ def band(
 
 
 def rows(axes: Axes, labels: Sequence[str], lines: bool = True) -> None:
-    """Label the rows of a panel, the first on top; lines: between them."""
+    """Label the rows of a panel, the first on top; lines: separators."""
     axes.set_yticks(range(len(labels)), labels)
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(labels) - 0.5, -0.5)
@@ -259,13 +259,13 @@ def dot(
 
 
 def origin(settings: Mapping) -> str:
-    """Case, method and protocol of the settings, as a title says them."""
+    """Format case, method and measurement setup of the settings, for a title."""
     method = method_style(settings["method"]).label
     return f"{spoken(settings['case'])}, {method}, protocol {settings['protocol']}"
 
 
 def line_look(method: str) -> dict:
-    """Colour, dashes and sizes of a method's line and marker."""
+    """Return colour, dashes and sizes of a method's line and marker."""
     style = method_style(method)
     return {
         "color": style.color,
@@ -276,7 +276,7 @@ def line_look(method: str) -> dict:
 
 
 def shifts(methods: Sequence[str], width: float) -> dict[str, float]:
-    """Small displacements that keep bars apart, `width` decades for six; lines alone stay."""
+    """Compute small shifts that separate bars, `width` decades for six; lines are not shifted."""
     marked = [method for method in methods if method_style(method).marker]
     step = width / max(5, len(marked) - 1)
     middle = (len(marked) - 1) / 2
@@ -285,19 +285,19 @@ def shifts(methods: Sequence[str], width: float) -> dict[str, float]:
 
 
 def where(table: pd.DataFrame, **values: object) -> pd.DataFrame:
-    """Return the rows with these values in the columns of these names."""
+    """Select the rows with these values in the columns of these names."""
     for name, value in values.items():
         table = table[table[name] == value]
     return table
 
 
 def key(label: str, **look: Any) -> Line2D:
-    """Return an entry of a legend: a marker alone unless the look has a line."""
+    """Make an entry of a legend: a marker alone unless the look has a line."""
     return Line2D([], [], label=label, **{"ls": "", **look})
 
 
 def method_keys(names: Sequence[str] | Mapping[str, str]) -> list[Line2D]:
-    """Entries of methods, as their styles or a mapping name them."""
+    """Make legend entries of methods, named by their styles or by a mapping."""
     labels = names if isinstance(names, Mapping) else {}
     return [
         key(labels.get(name, style.label), marker=style.marker, **line_look(name))
@@ -309,7 +309,7 @@ def legend(
     figure: Figure, *keys: Artist, columns: int = 5, loc: str = "outside upper center",
     **options: Any,
 ) -> None:  # fmt: skip
-    """Add the keys, and all that is labelled in any panel, each once."""
+    """Add a legend with the keys and the labels of all panels, each once."""
     named: dict[str, Any] = {str(entry.get_label()): entry for entry in keys}
     for axes in figure.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):

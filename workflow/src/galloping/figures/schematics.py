@@ -48,15 +48,15 @@ def arrow(
 
 
 def _add_texts(axes: Axes, *texts: tuple[float, float, str, str, str], **look: Any) -> None:
-    """Texts, each by its place, its words and how they are aligned, across and upright."""
+    """Add texts, each with position, words and alignment, horizontal and vertical."""
     for x, y, words, ha, va in texts:
         axes.text(x, y, words, ha=ha, va=va, **look)
 
 
 def draw_line(model: Derived, settings: Mapping) -> Figure:
-    """Elevation with a stated exaggeration, and the bundle's cross-section (not to scale).
+    """Draw the elevation with a stated exaggeration, and the bundle's cross-section (not to scale).
 
-    model: what follows from the line. settings: case, its name; line, its parameters.
+    model: quantities derived from the line. settings: case, its name; line, its parameters.
     """
     case = settings["line"]
     figure = Figure(figsize=(SINGLE, HEIGHT))
@@ -119,7 +119,7 @@ def _draw_elevation(axes: Axes, case: Mapping, derived: Mapping, name: str) -> N
 
 
 def _draw_section(axes: Axes, count: int) -> None:
-    """Sub-conductors on a regular polygon around the reference curve."""
+    """Draw sub-conductors on a regular polygon around the reference curve."""
     turn = np.pi / count + 2 * np.pi * np.arange(count) / count
     ring = 0.0 if count == 1 else 1.0
     x, y = ring * np.cos(turn), ring * np.sin(turn)
@@ -142,7 +142,7 @@ def _draw_section(axes: Axes, count: int) -> None:
 
 
 def draw_aerodynamic_load(trajectory: Sequence[Motion], settings: Mapping) -> Figure:
-    """Wind and forces on the section, and the force coefficients without their static parts.
+    """Draw wind and forces on the section, and the force coefficients without their static parts.
 
     trajectory: the line's motions, of which the first counts. settings: line, its parameters.
     """
@@ -180,7 +180,7 @@ def _draw_force_curve(axes: Axes, values: tuple[float, ...], attack: np.ndarray,
 
 
 def _draw_vectors(axes: Axes) -> None:
-    """Draw the velocities and forces of a section that moves up: the wind comes from above."""
+    """Draw velocities and forces of a section that moves up: the relative wind comes from above."""
     iced_conductor(axes, 0, 0, 0.3)
     tip, start, above = (-0.62, 0.0), (-2.17, 0.0), (-2.17, 0.62)
     arrow(axes, start, tip, color=MODEL, width=1.5)
@@ -209,7 +209,7 @@ def _draw_vectors(axes: Axes) -> None:
 
 
 def draw_flow(settings: Mapping) -> Figure:
-    """Boxes joined in reading order, and the way of the truth into the comparison.
+    """Draw the flow chart: boxes in reading order, with the truth leading to the comparison.
 
     settings: degree of the library, methods; least and greatest of the noise levels and of the
     points of the subsets.
@@ -247,7 +247,7 @@ def draw_flow(settings: Mapping) -> Figure:
 
 
 def _describe_boxes(settings: Mapping) -> list[tuple[str, str]]:
-    """Title and text of each box, in the order of `PATH`."""
+    """Return title and text of each box, in the order of `PATH`."""
     degree = settings["degree"]
     candidates = comb(len(STATES) + degree, degree)
     noise = " to ".join(f"{level:g}" for level in dict.fromkeys(settings["levels"]))

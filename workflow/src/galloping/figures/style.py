@@ -1,5 +1,6 @@
-"""One look for all figures: sizes, fonts, how each method is drawn wherever it appears, and how a
-figure is written: whole or not at all, the same bytes for the same figure.
+"""Common style of all figures: sizes, fonts, appearance of methods, and reproducible files.
+
+A figure is written whole or not at all, with the same bytes for the same figure.
 """
 
 import os
@@ -45,9 +46,9 @@ BLANKS = re.compile(r"(?<=\d)\s+([LCQz])|(?<=[MLCQ]) ")  # around the commands o
 
 @dataclass(frozen=True)
 class MethodStyle:
-    """How one method is drawn: no two methods share colour, marker and line at once.
+    """Appearance of one method: no two methods share colour, marker and line at once.
 
-    marker: empty for a line alone. weight: of line and marker, in those of a usual method.
+    marker: empty for a line alone. weight: of line and marker, relative to those of a usual method.
     """
 
     label: str
@@ -90,12 +91,12 @@ def method_style(name: str) -> MethodStyle:
 
 
 def spoken(name: str) -> str:
-    """Return a name of the configuration as words."""
+    """Convert a name of the configuration to words."""
     return name.replace("_", " ").replace("non ", "non-")
 
 
 def scientific(value: float) -> str:
-    """One digit and a power of ten."""
+    """Format a value as one digit and a power of ten."""
     digit, exponent = f"{value:.0e}".split("e")
     power = f"10^{{{int(exponent)}}}"
     return f"${power}$" if digit == "1" else f"${digit} \\times {power}$"
@@ -103,7 +104,7 @@ def scientific(value: float) -> str:
 
 @contextmanager
 def styled(font_size: float) -> Iterator[None]:
-    """Matplotlib's defaults and this style, whatever the user's own settings are."""
+    """Use matplotlib's defaults and this style, ignoring the user's own settings."""
     labels = ("legend.fontsize", "xtick.labelsize", "ytick.labelsize")
     sizes = {"font.size": font_size, **dict.fromkeys(labels, 0.85 * font_size)}
     with matplotlib.style.context(["default", LOOK, sizes]):
@@ -117,7 +118,7 @@ def write_figure(
     dpi: float,
     font_size: float,
 ) -> None:
-    """Draw and write what `draw` returns in the project's style, with its label as the title."""
+    """Draw and write a figure in the project's style, with its label as the title."""
     with styled(font_size):
         figure = draw()
         title = figure.get_label()
@@ -136,7 +137,7 @@ def write_figure(
 
 
 def _shorten_paths(svg: Path) -> None:
-    """Paths of an SVG without needless blanks, to a tenth of a point (720 dpi), in place."""
+    """Shorten the paths of an SVG in place, to a tenth of a point (720 dpi)."""
     text = re.sub(r"\n +(?=<)", "\n", svg.read_text(encoding="utf-8"))
     text = PATHS.sub(lambda path: BLANKS.sub(r"\1", DIGITS.sub(r"\1", path[0])), text)
     svg.write_text(text, encoding="utf-8")

@@ -1,5 +1,6 @@
-"""How often statuses and intervals are right: on trials whose truth is known, beside published
-methods, and on lines that are not their own model.
+"""Reliability of statuses and intervals, on trials whose truth is known.
+
+Compared are published methods, and lines that differ from their model.
 """
 
 from typing import Any
@@ -41,7 +42,7 @@ HEIGHT = 0.62  # of a row, shared by the methods
 
 
 def draw_trust(table: pd.DataFrame) -> Figure:
-    """Draw a panel for each group of fits, a bar for each status: how often it is right.
+    """Draw how often each status is right: a panel for each group of fits.
 
     table: fits.csv.
     """
@@ -73,10 +74,10 @@ def draw_trust(table: pd.DataFrame) -> Figure:
 
 
 def _is_right(fits: pd.DataFrame) -> pd.Series:
-    """Whether the status of each fit is right: a claim that holds, or a doubt that is due.
+    """Decide whether the status of each fit is right: a correct claim, or a justified doubt.
 
-    It is due where the terms found are not exactly the true ones, or where the recording has a
-    fault; no model of the library being right, and a refusal, are due to a fault alone.
+    A doubt is justified if the identified terms are not exactly the true ones, or if the recording
+    has a fault; the status that no model of the library is right, and a refusal, only by a fault.
     """
     status, faulty = fits["status"], fits["cause_named"].notna()
     unsure = (status == "not identifiable") & ~fits["exact"]
@@ -116,7 +117,7 @@ def draw_published_terms(table: pd.DataFrame) -> Figure:
 
 
 def draw_published_intervals(table: pd.DataFrame) -> Figure:
-    """How often the quadratic term is found, and how often its interval holds, by its size.
+    """Draw how often the quadratic term is found, and the coverage of its interval, by its size.
 
     table: published_intervals.csv, of which the rows of our method are drawn.
     """
@@ -149,10 +150,11 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
 
 
 def draw_model_error(table: pd.DataFrame) -> Figure:
-    """Draw a panel for each quantity, a row for each line and sensors, a marker per method.
+    """Draw errors of frequencies, damping and amplitudes, a row for each line and its sensors.
 
-    Errors in percent, median over the answered replicates, a line on to the worst of them; the last
-    panel says how many were answered, with how many terms. table: model_error.csv.
+    There is a panel for each quantity, and a marker per method. Errors in percent are medians over
+    the identified noise realisations, with a line to the worst; the last panel shows how many were
+    identified, with how many terms. table: model_error.csv.
     """
     truths = sorted(table["truth"].unique(), key=lambda truth: (truth.startswith("two"), truth))
     methods = sorted(table["method"].unique(), key=lambda method: method != OURS)

@@ -1,1 +1,1 @@
-"""From a recording to a sparse model: candidate methods behind one interface."""
+"""Identification of a sparse model from recordings: all methods, with one interface."""

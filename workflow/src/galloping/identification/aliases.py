@@ -1,9 +1,9 @@
-"""Terms that recorded inputs cannot tell apart: of an input that has two values, all its powers.
+"""Terms that are equal at all recorded values of the inputs, such as powers of a two-valued input.
 
 A term is a product of powers and functions of states, times a factor, a monomial of the inputs. At
-the recorded values some factors are linear combinations of others, exactly: F^2 is 2 F where F was
-0 and 2. No recording of these values tells their terms apart, so the simplest is a candidate alone.
-Elsewhere the terms differ, which the rivals of the model show.
+the recorded values some factors are linear combinations of others, exactly: F^2 is 2 F if F was 0
+and 2. No recording of these values distinguishes their terms, so only the simplest is a candidate.
+At other values the terms differ, which the rivals of the model show.
 """
 
 from collections.abc import Sequence
@@ -44,9 +44,9 @@ class Alias:
 
 
 def remove_aliases(problem: Problem, recordings: Sequence[Recording]) -> Problem:
-    """Leave out candidates that equal combinations of simpler ones at the recorded inputs.
+    """Remove candidates that equal combinations of simpler ones at the recorded inputs.
 
-    Candidates with a prior or bounds of their own stay.
+    Candidates with a prior or bounds of their own are kept.
     """
     if not problem.inputs:
         return problem
@@ -75,7 +75,7 @@ def remove_aliases(problem: Problem, recordings: Sequence[Recording]) -> Problem
 
 
 def _distinct_input_values(problem: Problem, recordings: Sequence[Recording]) -> np.ndarray:
-    """Return the different combinations of values that inputs were recorded at, (n, n_inputs)."""
+    """List the distinct combinations of recorded values of the inputs, (n, n_inputs)."""
     found = []
     for one in recordings:
         inputs = [one.inputs[name] for name in problem.inputs]
@@ -89,7 +89,7 @@ def _distinct_input_values(problem: Problem, recordings: Sequence[Recording]) ->
 
 
 def _complexity_key(factor: tuple[int, ...]) -> tuple:
-    """Sort key: fewer powers come first, then fewer inputs, multiplication before division."""
+    """Return the sort key of a factor: powers, then inputs, multiplication before division."""
     powers = [abs(e) for e in factor]
     return sum(powers), np.count_nonzero(powers), sum(e < 0 for e in factor), factor[::-1]
 
@@ -97,7 +97,7 @@ def _complexity_key(factor: tuple[int, ...]) -> tuple:
 def _find_combinations(
     places: Sequence[int], factors: Sequence[tuple[int, ...]], values: np.ndarray
 ) -> list[tuple[int, dict[int, float]]]:
-    """Return the factors that are combinations of earlier ones at all values, each with these.
+    """Find the factors that are combinations of earlier ones at all values, each with these.
 
     A product with an infinite value, of a division by zero, is no combination.
     """
@@ -125,10 +125,10 @@ def _find_combinations(
 
 
 def add_alias_rivals(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
-    """Add the models that have other terms and are the same at all recorded values of the inputs.
+    """Add the models with other terms that are equal at all recorded values of the inputs.
 
-    In each of them one alias stands for a term of the model that it contains. All are as probable
-    as the model itself, so that intervals at values that were not recorded hold what they say.
+    In each of them one alias replaces a term of the model that it contains. All are as probable as
+    the model itself, so that intervals at values that were not recorded are valid.
     """
     model = identified.model
     if not problem.aliases or identified.status == "refused" or not len(identified.covariance):
@@ -165,7 +165,7 @@ def add_alias_rivals(problem: Problem, identified: IdentifiedModel) -> Identifie
 def _exchange_finding(
     problem: Problem, identified: IdentifiedModel, exchanges: Sequence[tuple[Alias, Exponents]]
 ) -> Finding:
-    """Return which terms could be others."""
+    """Make the finding on terms that could be others."""
     names = identified.model.names
     parts = dict.fromkeys(
         f"{term_name(alias.term, names)} from {term_name(term, names)} in "

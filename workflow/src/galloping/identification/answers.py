@@ -1,7 +1,4 @@
-"""Parts of an answer beside its verdict.
-
-The path of a model, a refusal, and what known inputs and coefficients make of the errors.
-"""
+"""Parts of an identification result: path, refusal, effects of known inputs and coefficients."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -18,14 +15,14 @@ from galloping.recording.samples import Recording
 
 
 def prepend_path(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:
-    """Put stages before those of the path by which a model was found."""
+    """Prepend stages to the path by which a model was found."""
     own = identified.diagnostics.get("path")
     stages = [*path, *([str(own)] if own else [])]
     return replace(identified, diagnostics={**identified.diagnostics, "path": ", ".join(stages)})
 
 
 def refused_model(problem: Problem, findings: Iterable[Finding]) -> IdentifiedModel:
-    """Return the answer if there is no model, with what was noticed."""
+    """Make the result without a model, with all findings."""
     return IdentifiedModel.refused(problem.states, problem.terms, findings, problem.inputs)
 
 
@@ -34,7 +31,7 @@ def expand_terms(problem: Problem, identified: IdentifiedModel) -> IdentifiedMod
     places = [problem.terms.index(term) for term in identified.model.terms]
 
     def spread_values(values: np.ndarray, elsewhere: float) -> np.ndarray:
-        """(..., n_terms) values, `elsewhere` of the terms that were left out."""
+        """Expand values to (..., n_terms), `elsewhere` for the terms that were left out."""
         whole = np.full((*values.shape[:-1], len(problem.terms)), elsewhere)
         whole[..., places] = values
         return whole
@@ -50,13 +47,13 @@ def expand_terms(problem: Problem, identified: IdentifiedModel) -> IdentifiedMod
 
 
 def check_prior_conflict(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
-    """Add a finding for each coefficient that contradicts what was known of it.
+    """Add a finding for each coefficient that contradicts its prior or bounds.
 
-    A coefficient does so if recordings alone would put it MOST_SURPRISE deviations from its prior,
-    or further, or out of its bounds: then the prior is wrong, or the model is.
+    It does so if recordings alone would put it MOST_SURPRISE deviations from its prior, or further,
+    or out of its bounds: then the prior is wrong, or the model is.
 
-    The estimate is the mean of both, weighted by their precisions. Its distance from what was known
-    has the variance of what was known, less the variance of the estimate.
+    The estimate is the mean of both, weighted by their precisions. Its distance from the prior mean
+    has the variance of the prior, less the variance of the estimate.
     """
     identified = replace(identified, bounds=problem.bounds)
     found, mean = identified.model.coefficients, problem.expected
@@ -91,8 +88,8 @@ def add_input_errors(
     The diagnostics have the share of samples without inputs, and the range that contains nine
     tenths of the samples of each input (`IdentifiedModel.recorded`).
 
-    A factor on an input, unknown by its `error`, is one on every coefficient of a term with it, to
-    the power of the input. given: recordings as they came; used: the stretches with inputs.
+    An unknown factor on an input, of deviation `error`, is a factor on every coefficient of a term
+    with it, to the power of the input. given: all recordings; used: their stretches with inputs.
     """
     names = identified.model.inputs
     if not names or identified.status == "refused":
@@ -126,13 +123,11 @@ def add_input_errors(
 def find_weakly_determined_input_terms(
     identified: IdentifiedModel, sizes: Sequence[float], about: Mapping[str, float | str]
 ) -> list[Finding]:
-    """Find the linear terms whose change with the inputs is hardly determined.
+    """Find the linear terms whose dependence on the inputs is hardly determined.
 
-    There is a finding for each input, with its recorded range.
-
-    Of such a term the same with another power of the inputs is absent, though it may be a quarter
-    as large as those found: at other inputs they part. sizes: root mean square of each input.
-    about: diagnostics, with the ranges.
+    There is a finding for each input, with its recorded range. The same term with another power of
+    the inputs is absent, although it may be a quarter as large as those found: at other inputs they
+    differ. sizes: root mean square of each input. about: diagnostics, with the ranges.
     """
     model, n = identified.model, len(identified.model.states)
     of_states, of_inputs = np.hsplit(exponent_matrix(model.terms, len(model.names)), [n])

@@ -1,6 +1,7 @@
-"""A cell's replicates through a family of methods; what gives no model is a row with the reason.
+"""Identification of all noise realisations of a study cell by a family of methods.
 
-Apart from `model`, which jobs import that only read models: they need not run again for an edit.
+A realisation without a model is a row with the reason. This module is separate from `model`, which
+jobs import that only read models, so that these need not run again after an edit.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,11 +21,12 @@ def identify(
     terms: tuple[Exponents, ...],
     name: Sequence[str],
 ) -> dict[str, list[IdentifiedModel]]:
-    """Identify models from each replicate, by method.
+    """Identify models from each noise realisation, by method.
 
     methods: `Method.settings` by name. replicates: the recordings of each, which share one model.
-    terms: of the candidate library. name: of the cell, for random numbers. Methods that work on
-    the same evidence share it. A mistake in a call or in the code is raised, and is no row.
+    terms: of the candidate library. name: of the cell, for random numbers. Methods that use the
+    same regression problems share them. A mistake in a call or in the code is raised, and is no
+    row.
     """
     models: dict[str, list[IdentifiedModel]] = {method: [] for method in methods}
     for replicate, recordings in enumerate(replicates):
@@ -50,5 +52,5 @@ def identify(
 def _make_evidence(
     recordings: Sequence[Recording], terms: tuple[Exponents, ...], maker: str | None
 ) -> object:
-    """Make what methods work on (see `registry.Method`)."""
+    """Make the regression problems that methods use (see `registry.Method`)."""
     return resolve_name(maker)(recordings, terms) if maker else recordings

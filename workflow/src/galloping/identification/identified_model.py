@@ -1,4 +1,4 @@
-"""What every identification method returns: a model, how sure it is, and why."""
+"""Result of every identification method: a model, its uncertainty, and the reasons."""
 
 from __future__ import annotations
 
@@ -46,46 +46,72 @@ BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IdentifiedModel(Immutable):
-    """A model identified from recordings, with its uncertainty and a verdict.
+    """A model identified from recordings, with its uncertainty and a status.
 
-    model: on the candidate library, zero where a term is absent, NaN where there is no model;
-    known equations included.
-    status: `ok`; `not identifiable` where the data leave open which terms there are, the model
-    being one of those possible; `approximate` where no model of the library is right, and this
-    one is near; `refused` where there is no model; `unjudged` where the method states no verdict.
-    findings: what was noticed, from which the status follows (`status_of`).
-    standard_errors: (n_states, n_terms) of the present terms were they known to be the terms.
-    unconditional_errors: the same without that trust, of present and absent terms.
-    detection_limits: (n_states, n_terms), the size from which an absent term would have shown.
-    All three are NaN where a term has none or the method states none.
-    covariance: (n_support, n_support) behind `standard_errors`, in the order of
-    np.argwhere(support); (0, 0) where the method states none.
-    rivals: (n_rivals, n_states, n_terms), coefficients drawn of the models of other terms that data
-    and prior do not rule out, each as often as it is probable, known equations included.
-    rival_share: how probable these models are together, zero where the method weighs none.
-    extrapolation_shift, extrapolation_covariance: (n_support,) and (n_support, n_support), in the
-    order of `covariance`, mean and covariance of what terms of the next degrees, which the library
-    lacks, would change: of coefficients where motions smaller than all recorded ones are told by
-    them. Of no length where not stated.
-    initial_states: (n_recordings, n_states), at the first sample of each recording.
-    sigma: (n_recordings, n_states) noise of a sample of each channel, NaN where not measured; for
-    recordings with derivatives, noise of the derivatives.
-    thresholds: (n_states,) of each equation, in the method's unit, NaN where it has none.
-    chi2: misfit per degree of freedom against the noise measured, NaN where unknown.
-    known: indices of the equations that were known and not identified.
-    diagnostics: figures behind the verdict, by name; in words, as `path`, the stages by which
-    `maximum_likelihood` found the model, in order.
-    further_modes: what recordings hold besides the model.
-    envelope: of an `approximate` model of free motion that is no exponential, frequency and damping
-    for each amplitude.
-    forces: (n_states, n_states) covariance in a second of white forces in the equations, which then
-    are dx = f(x) dt + dW; zero where nothing but the start moves the model. slow_forces: the same
-    of what drives forces that decay at rates, 1/s, `slow_rate_dX` of the diagnostics. resonances:
-    of what is moved so in more modes than it has coordinates.
-    bounds: of coefficients, that were known: equation, term, least and greatest.
-    An array that is not given is NaN of its shape. All of them are read-only; models that are equal
-    in everything are equal, and have the same hash.
-    Raises ValueError for a status that is none of these.
+    Arrays that are not given are NaN. All arrays are read-only; models with equal contents are
+    equal, and have the same hash.
+
+    Parameters
+    ----------
+    model : PolynomialModel
+        On the candidate library, zero where a term is absent, NaN without a model; including known
+        equations.
+    status : {"ok", "not identifiable", "approximate", "refused", "unjudged"}
+        `not identifiable`: the data do not determine the terms, and the model is a possible one.
+        `approximate`: no model of the library is right, and this one is near. `refused`: there is
+        no model. `unjudged`: the method has no status.
+    findings : tuple of Finding
+        From which the status follows (`status_of`).
+    standard_errors : (n_states, n_terms) array
+        Of the present terms, if these are the right ones. This array and the next two are NaN for
+        other terms, and if the method states none.
+    unconditional_errors : (n_states, n_terms) array
+        Of present and absent terms, including that other terms may be right.
+    detection_limits : (n_states, n_terms) array
+        Size from which an absent term would have been selected.
+    covariance : (n_support, n_support) array
+        Behind `standard_errors`, in the order of np.argwhere(support); (0, 0) if not stated.
+    rivals : (n_rivals, n_states, n_terms) array
+        Coefficients drawn from models with other terms that data and prior do not rule out, as
+        often as these are probable, including known equations.
+    rival_share : float
+        Total probability of these models, zero if the method does not compute it.
+    extrapolation_shift, extrapolation_covariance : (n_support,) and (n_support, n_support) arrays
+        Mean and covariance of the change, by terms of the next degrees that the library lacks, of
+        coefficients for motions smaller than all recorded ones. Empty if not stated.
+    initial_states : (n_recordings, n_states) array
+        At the first sample of each recording.
+    sigma : (n_recordings, n_states) array
+        Noise of a sample of each channel, NaN if not measured; for recordings with derivatives,
+        noise of the derivatives.
+    thresholds : (n_states,) array
+        Of each equation, in the method's unit, NaN without one.
+    chi2 : float
+        Misfit per degree of freedom against the measured noise, NaN if unknown.
+    known : tuple of int
+        Equations that were known and not identified.
+    diagnostics : mapping of str to float or str
+        Numbers behind the status, by name; `path` lists the stages by which `maximum_likelihood`
+        found the model, in order.
+    further_modes : tuple of FurtherMode
+        Modes of the recordings besides the model.
+    envelope : tuple of EnvelopePart
+        Frequency and damping for each amplitude, of an `approximate` model of free motion that is
+        not exponential.
+    forces : (n_states, n_states) array
+        Covariance per second of white forces in the equations, which then are dx = f(x) dt + dW;
+        zero without random forces.
+    slow_forces : (n_states, n_states) array
+        The same of the drive of forces that decay at rates, 1/s, `slow_rate_dX` of the diagnostics.
+    resonances : tuple of Resonance
+        Modes beyond one per coordinate that random forces excite.
+    bounds : tuple of Bound
+        Known bounds of coefficients: equation, term, least and greatest.
+
+    Raises
+    ------
+    ValueError
+        For another status.
     """
 
     model: PolynomialModel
@@ -129,7 +155,7 @@ class IdentifiedModel(Immutable):
         findings: Iterable[Finding],
         inputs: tuple[str, ...] = (),
     ) -> IdentifiedModel:
-        """Return the answer if there is no model, with what was noticed."""
+        """Make the result without a model, with all findings."""
         findings = tuple(findings)
         if status_of(findings) != "refused":
             findings += (Finding.of(Code.NO_MODEL),)
@@ -139,7 +165,7 @@ class IdentifiedModel(Immutable):
 
     @property
     def support(self) -> NDArray[np.bool_]:
-        """(n_states, n_terms) boolean: the terms found in the equations that were identified."""
+        """Identified terms of the identified equations, (n_states, n_terms) boolean."""
         present = np.nan_to_num(self.model.coefficients) != 0
         present[list(self.known)] = False
         return present
@@ -151,28 +177,28 @@ class IdentifiedModel(Immutable):
 
     @property
     def tells_little(self) -> bool:
-        """Whether there is no model, or it hardly tells the motion from what came before."""
+        """Whether there is no model, or its forecasts explain little of the motion."""
         inexact = self.status in ("approximate", "refused")
         return inexact and float(self.diagnostics.get("forecast_r2", 0.0)) < LITTLE_TOLD
 
     def with_findings(self, *findings: Finding) -> IdentifiedModel:
-        """Add what else was noticed, from which the status follows anew."""
+        """Add findings, from which the status follows anew."""
         findings = (*self.findings, *findings)
         status = self.status if self.status == "unjudged" else status_of(findings)
         return replace(self, status=status, findings=findings)
 
     def has_finding(self, *codes: Code) -> bool:
-        """Whether a finding of one of some codes is among those of the model."""
+        """Decide whether the model has a finding with one of these codes."""
         return any(each.code in codes for each in self.findings)
 
     @property
     def codes(self) -> str:
-        """Return the codes of all findings, separated by spaces."""
+        """Codes of all findings, separated by spaces."""
         return " ".join(each.code for each in self.findings)
 
     @property
     def reason(self) -> str:
-        """Why the model has its status, in one line for people; programs read `findings`."""
+        """Reason of the status, in one line for people; programs read `findings`."""
         return reason_of(self.findings)
 
     @property
@@ -183,17 +209,36 @@ class IdentifiedModel(Immutable):
     def recorded(self, name: str) -> tuple[float, ...]:
         """Return the ends of the recorded range of an input or a state.
 
-        Nine tenths of the samples of an input are in its range. That of a state, in the model of a
-        `Summary`, is from its least to its greatest. Empty if unknown.
+        Parameters
+        ----------
+        name : str
+
+        Returns
+        -------
+        tuple of float
+            For an input the range of nine tenths of its samples, for a state, in the model of a
+            `Summary`, that from the least to the greatest. Empty if unknown.
         """
         ends = tuple(f"{name}{end}" for end in RANGE)
         return tuple(float(self.diagnostics[end]) for end in ends if end in self.diagnostics)
 
     def at(self, values: Mapping[str, float]) -> IdentifiedModel:
-        """Return the model at constant values of inputs, its terms merged; the other inputs stay.
+        """Reduce the model to constant values of inputs, merging its terms.
 
-        Covariance and errors follow the merged coefficients. Raises ValueError as
-        `PolynomialModel.at` does.
+        Parameters
+        ----------
+        values : mapping of str to float
+            By input; other inputs remain.
+
+        Returns
+        -------
+        IdentifiedModel
+            With covariance and errors of the merged coefficients.
+
+        Raises
+        ------
+        ValueError
+            As `PolynomialModel.at` does.
         """
         model = self.model.at(values)
         _, merge = merge_inputs(self.model, values)
@@ -227,7 +272,7 @@ class IdentifiedModel(Immutable):
         return replace(self, **kept)
 
     def equations(self) -> tuple[str, ...]:
-        """Return the equation of each state, coefficients with their standard errors if stated."""
+        """Format the equation of each state, coefficients with their standard errors if stated."""
         return self.model.equations(self.standard_errors)
 
     def __repr__(self) -> str:
@@ -244,10 +289,25 @@ class IdentifiedModel(Immutable):
         time: ArrayLike,
         inputs: Mapping[str, Input | float] | None = None,
     ) -> Trajectory:
-        """Motion of the model from `initial_state` (n_states,) at time[0], on `time` (n,), s.
+        """Simulate the motion of the model.
 
-        inputs: each of the model's, measured or constant. Raises ValueError where there is no
-        model, and for other input.
+        Parameters
+        ----------
+        initial_state : (n_states,) array
+            At time[0].
+        time : (n,) array
+            s, increasing.
+        inputs : mapping of str to Input or float, optional
+            Each of the model's, measured or constant.
+
+        Returns
+        -------
+        Trajectory
+
+        Raises
+        ------
+        ValueError
+            If there is no model, and for other input.
         """
         from galloping.trajectory.simulation import (  # compiles; few callers need it
             Simulator,
@@ -263,7 +323,10 @@ class IdentifiedModel(Immutable):
         )
 
     def further_motion(self, time: NDArray[np.float64], recording: int = 0) -> NDArray[np.float64]:
-        """(n, n_states) of a recording's further modes at `time` (n,), s from its first sample."""
+        """Compute the motion of a recording's further modes, (n, n_states), at `time` (n,).
+
+        time: s from the first sample.
+        """
         motion = np.zeros((len(time), len(self.model.states)))
         for mode in self.further_modes:
             if mode.recording == recording:
@@ -271,11 +334,11 @@ class IdentifiedModel(Immutable):
         return motion
 
     def latex(self) -> str:
-        """Return the equations as LaTeX, for amsmath; a velocity dX is written as X with a dot."""
+        """Format the equations as LaTeX, for amsmath; a velocity dX is written as X with a dot."""
         return self.model.latex(self.standard_errors)
 
     def _repr_latex_(self) -> str | None:
-        """Return what notebooks show: the equations, and the status; None without a model."""
+        """Format equations and status for notebooks; None without a model."""
         if self.status == "refused":
             return None
         body = self.latex().removesuffix("\n\\end{aligned}")
@@ -287,8 +350,8 @@ class IdentifiedModel(Immutable):
         Returns
         -------
         low, high : (n_states, n_terms) arrays
-            Ends of the intervals, inside the bounds of the coefficients. The interval of a term
-            that is absent is its detection limit. NaN where neither is stated.
+            Ends of the intervals, inside the bounds of the coefficients. The interval of an absent
+            term is its detection limit. NaN if neither is stated.
         """
         present = np.nan_to_num(self.model.coefficients) != 0
         half = np.where(present, NORMAL_95 * self.standard_errors, self.detection_limits)
@@ -300,19 +363,21 @@ class IdentifiedModel(Immutable):
         return low, high
 
     def to_frame(self, absent: bool = False) -> DataFrame:
-        """Return the coefficients as a pandas DataFrame.
+        """Convert the coefficients to a pandas DataFrame.
 
         Parameters
         ----------
-        absent : whether terms that are not in the model have rows too
+        absent : bool
+            Whether terms that are not in the model have rows too.
 
         Returns
         -------
         DataFrame
             A row for each term of each equation, by the index `equation`, `term`, and the columns
-            `coefficient`, `standard_error` (were the terms known), `unconditional_error` (without
-            that), `low` and `high`, the ends of the 95 % interval. Those of an absent term are its
-            detection limit. Errors of known coefficients are zero, and NaN of known equations.
+            `coefficient`, `standard_error` (if the terms are right), `unconditional_error`
+            (including that they may not be), `low` and `high`, the ends of the 95 % interval. Those
+            of an absent term are its detection limit. Errors of known coefficients are zero, and
+            NaN of known equations.
         """
         import pandas as pd  # an extra, and slow to import
 
@@ -330,7 +395,7 @@ class IdentifiedModel(Immutable):
         return pd.DataFrame({name: of[shown] for name, of in columns.items()}, index)
 
     def to_plain(self) -> dict[str, object]:
-        """Return everything as plain values for JSON; numbers that are not finite are text."""
+        """Convert everything to plain values for JSON; numbers that are not finite are text."""
         of = self.model
         terms = [term_to_plain(term) for term in of.terms]
         content: dict[str, Any] = {"states": of.states, "inputs": of.inputs, "terms": terms}
@@ -345,9 +410,9 @@ class IdentifiedModel(Immutable):
 
     @classmethod
     def from_plain(cls, content: Mapping[str, Any]) -> IdentifiedModel:
-        """Return what `to_plain` was called of, which other keys do not change.
+        """Restore a model from the values of `to_plain`, ignoring other keys.
 
-        Raises KeyError, or ValueError and its kin, for anything else.
+        Raises KeyError, or ValueError and its subclasses, for anything else.
         """
         states, inputs = _parse_names(content["states"]), _parse_names(content["inputs"])
         terms = tuple(map(from_plain, content["terms"]))
@@ -387,15 +452,19 @@ class IdentifiedModel(Immutable):
         )
 
     def save(self, path: str | os.PathLike, **about: object) -> None:
-        """Write everything as JSON, as of `to_plain`.
+        """Write the model as JSON.
 
-        about: further plain values, such as units, which `load` leaves aside.
+        Parameters
+        ----------
+        path : path-like
+        **about : object
+            Further plain values, such as units, which `load` ignores.
         """
         write_json(path, self.to_plain() | about)
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> IdentifiedModel:
-        """Load what `save` wrote. Raises ValueError if the file contains something else."""
+        """Load a model that `save` wrote. Raises ValueError if the file contains something else."""
         try:
             content = read_json(path)
             if not isinstance(content, dict):
@@ -409,7 +478,7 @@ class IdentifiedModel(Immutable):
 
 
 def _parse_names(content: Iterable[Any]) -> tuple[str, ...]:
-    """Names of states or inputs. Raises ValueError for anything else."""
+    """Parse names of states or inputs. Raises ValueError for anything else."""
     names = tuple(content)
     if not all(
         isinstance(name, str) and name.isprintable() and 0 < len(name) <= LONGEST_NAME
@@ -422,7 +491,7 @@ def _parse_names(content: Iterable[Any]) -> tuple[str, ...]:
 
 
 def _parse_records(kind: type, contents: Sequence[Mapping[str, Any]]) -> tuple:
-    """Objects of numbers and names, as `_as_plain` has written them."""
+    """Parse objects of numbers and names, as `_as_plain` has written them."""
 
     def value(name: str, plain: Any) -> Any:
         if name in ("recording", "state"):
@@ -433,7 +502,7 @@ def _parse_records(kind: type, contents: Sequence[Mapping[str, Any]]) -> tuple:
 
 
 def _array_shapes(states: int, terms: int) -> dict[str, tuple[int, ...]]:
-    """Of each array of a model, by name; -1 where its length is free."""
+    """Return the shape of each array of a model, by name; -1 for any length."""
     square = (states, states)
     return dict.fromkeys(BY_TERM, (states, terms)) | {
         "rivals": (-1, states, terms), "initial_states": (-1, states), "sigma": (-1, states),
@@ -442,7 +511,7 @@ def _array_shapes(states: int, terms: int) -> dict[str, tuple[int, ...]]:
 
 
 def _as_plain(value: Any) -> Any:
-    """As JSON has it; numbers that are not finite are text."""
+    """Convert a value for JSON; numbers that are not finite are text."""
     if isinstance(value, Finding):
         return value.as_dict()
     if isinstance(value, FurtherMode | Resonance | EnvelopePart):

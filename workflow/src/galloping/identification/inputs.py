@@ -1,4 +1,4 @@
-"""What a user hands to an identification, or one line that says what is wrong with it."""
+"""Checks of the arguments of an identification, with one line for each error."""
 
 from collections.abc import Sequence
 from numbers import Integral
@@ -20,9 +20,10 @@ FEWEST = 100  # samples: fewer hold no oscillation that could be told from noise
 
 
 def checked_recordings(recordings: object) -> list[Recording]:
-    """One recording or several as a list.
+    """Make a list of one recording or several.
 
-    Raises ValueError where they are none, not recordings, differ in their states, or are too short.
+    Raises ValueError if there are none, or if they are not recordings, differ in their states, or
+    are too short.
     """
     wanted = "must be a Recording, or a list of recordings of one system"
     if isinstance(recordings, Recording):
@@ -60,8 +61,8 @@ def validated_problem(
 ) -> Problem:
     """Make the problem of recordings, without terms that are aliases at their inputs.
 
-    Raises ValueError where the library or what is known is not about their states and inputs, or
-    `prior` is no `Prior`, and what `make_problem` raises.
+    Raises ValueError if the library or the known equations do not fit the states and inputs, if
+    `prior` is no `Prior`, and as `make_problem` does.
     """
     states, inputs = recordings[0].states, tuple(recordings[0].inputs)
     n = len(states)
@@ -110,7 +111,7 @@ def validated_problem(
 def segments_with_inputs(recordings: list[Recording], inputs: tuple[str, ...]) -> list[Recording]:
     """Cut recordings to the stretches in which the inputs are present (`Recording.driven`).
 
-    Raises IdentificationError where they are there during fewer than FEWEST samples in a row.
+    Raises IdentificationError if they are present during fewer than FEWEST consecutive samples.
     """
     found = [piece for one in recordings for piece in one.driven(inputs, FEWEST)]
     if not found:

@@ -1,4 +1,4 @@
-"""Why a search leads to no model: errors with a finding, and the value that stands for them."""
+"""Failures of a search: errors with a finding, and a value instead of a model."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from galloping.identification.sentences import sentence_of
 
 
 class NoModelError(Exception):
-    """A finding because of which a search gives no model."""
+    """Error with the finding because of which a search gives no model."""
 
     def __init__(self, code: Code, subject: str = "", **data: float | str) -> None:
         self.finding = Finding.of(code, subject, **data)
@@ -21,16 +21,16 @@ class NoModelError(Exception):
 
     @classmethod
     def from_finding(cls, finding: Finding) -> Self:
-        """Make an error of what an earlier one said."""
+        """Make an error from the finding of an earlier one."""
         return cls(finding.code, finding.subject, **finding.data)
 
 
 class IdentificationError(NoModelError, ValueError):
-    """Why recordings give no model: an answer, not a mistake in a call."""
+    """Error of recordings that give no model: a result, not a mistake in a call."""
 
 
 class NotConvergedError(NoModelError, FloatingPointError):
-    """Why a numerical search ended without a solution."""
+    """Error of a numerical search that ended without a solution."""
 
 
 # `IdentificationError`, and what numerics raise where there is no model: a solution diverges, or
@@ -41,7 +41,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class NoModel:
-    """What a search returns that leads to no model: why it does not."""
+    """Result of a search without a model: the reasons."""
 
     findings: tuple[Finding, ...] = ()
     tells_little = True  # as of an `IdentifiedModel`
@@ -56,7 +56,7 @@ def attempt(search: Callable[[], Result]) -> Result | NoModel:
 
 
 def as_finding(error: Exception) -> Finding:
-    """Return what an error of NO_MODEL says."""
+    """Convert an error of NO_MODEL to a finding."""
     if isinstance(error, NoModelError):
         return error.finding
     lines = str(error).splitlines() or [type(error).__name__]

@@ -1,8 +1,7 @@
-"""What identification notices in recordings, as values: a code with its data, and no sentences.
+"""Findings on recordings, as values: a code with its data, and no sentences.
 
 `findings.csv` has a row for each code: its severity, the keys of its data, and three templates, of
-the sentence in a verdict, of what that means to an engineer and of what would help. `sentences`
-fills them in.
+the sentence in a verdict, of its meaning to an engineer and of advice. `sentences` fills them in.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from galloping.arrays import Immutable
 
 
 class Severity(StrEnum):
-    """What a finding means for the model."""
+    """Consequence of a finding for the model."""
 
     NOTE = "note"  # the model holds
     WARNING = "warning"  # other models may be right as well
@@ -27,7 +26,7 @@ class Severity(StrEnum):
 
 
 class Code(StrEnum):
-    """Kinds of findings, those that weigh more first. Times are in s on a recording's clock."""
+    """Kinds of findings, the most important first. Times are in s on a recording's clock."""
 
     RELEASED = "released"
     CAME_TO_REST = "came_to_rest"
@@ -144,7 +143,7 @@ class Code(StrEnum):
 
 @dataclass(frozen=True)
 class Kind:
-    """What all findings of a code have in common: a row of `findings.csv`."""
+    """Common properties of all findings of a code: a row of `findings.csv`."""
 
     severity: Severity
     keys: frozenset[str]
@@ -155,7 +154,7 @@ class Kind:
 
 @cache
 def finding_kinds() -> dict[Code, Kind]:
-    """Read what is common to the findings of each code."""
+    """Read the common properties of the findings of each code."""
     text = files(__package__).joinpath("findings.csv").read_text(encoding="utf-8")
     return {
         Code(row["code"]): Kind(
@@ -168,7 +167,7 @@ def finding_kinds() -> dict[Code, Kind]:
 
 @dataclass(frozen=True, eq=False)
 class Finding(Immutable):
-    """Something that was noticed in a recording.
+    """An observation on a recording, with its consequence for the model.
 
     Parameters
     ----------
@@ -209,7 +208,7 @@ class Finding(Immutable):
         return cls(code, finding_kinds()[code].severity, subject, data)
 
     def as_dict(self) -> dict[str, object]:
-        """Return the arguments of the finding as plain values; infinite numbers are text."""
+        """Convert the arguments of the finding to plain values; infinite numbers are text."""
         data = {
             name: str(value) if value in (float("inf"), -float("inf")) or value != value else value
             for name, value in self.data.items()
@@ -227,7 +226,7 @@ def _number_or_name(value: float | str) -> float | str:
 
 
 def as_warnings(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Return findings of searches that failed, as they bear on a model that another one found."""
+    """Convert findings of failed searches for a model that another search found."""
     return tuple(
         replace(each, severity=Severity.WARNING) if each.severity == Severity.FAULT else each
         for each in findings

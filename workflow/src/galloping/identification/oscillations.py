@@ -1,4 +1,4 @@
-"""Oscillations that an identified model describes beside its equations."""
+"""Oscillations that an identified model describes besides its equations."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ MOST_DAMPING = 0.3
 class FurtherMode:
     """An oscillation of a recording that is not in its model: a sinusoid that grows or decays.
 
-    recording: index; state: the one whose sensor reads it. frequency: rad/s; growth: 1/s, of its
-    amplitude. cosine, sine: in the unit of the state, at the first sample. frequency_error,
-    growth_error: standard errors, zero where they are not told and of the growth of a steady one.
+    recording: index; state: that of the sensor. frequency: rad/s; growth: 1/s, of its amplitude.
+    cosine, sine: in the unit of the state, at the first sample. frequency_error, growth_error:
+    standard errors, zero if unknown, and of the growth of a steady one.
     """
 
     recording: int
@@ -31,16 +31,16 @@ class FurtherMode:
 
     @property
     def name(self) -> str:
-        """What sentences call the mode."""
+        """Name of the mode in sentences."""
         return f"the mode at {self.frequency / (2.0 * np.pi):.3g} Hz"
 
     @property
     def is_steady(self) -> bool:
-        """Whether it neither grows nor decays, as an oscillation driven by a steady force does."""
+        """Whether the mode neither grows nor decays, like a response to a steady force."""
         return self.growth == 0.0
 
     def __call__(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(n,) what it adds to the state at `time` (n,), s from the first sample."""
+        """Compute the contribution to the state, (n,), at `time` (n,), s from the first sample."""
         angle = self.frequency * time
         return np.exp(self.growth * time) * (
             self.cosine * np.cos(angle) + self.sine * np.sin(angle)
@@ -49,13 +49,13 @@ class FurtherMode:
 
 @dataclass(frozen=True)
 class Resonance:
-    """A mode that a model in random forces has beside those of its coordinates.
+    """A mode of a model in random forces besides those of its coordinates.
 
-    It is a force r in their equations that swings by itself, r'' + 2 damping frequency r' +
-    frequency^2 r = a white force.
+    It is an oscillating force r in their equations, r'' + 2 damping frequency r' + frequency^2 r =
+    a white force.
 
     frequency: rad/s. damping: ratio. errors: standard errors of both. onto: (n_states,) what r adds
-    to each equation. drive: (n_states + n_resonances,) covariance in a second of its white force
+    to each equation. drive: (n_states + n_resonances,) covariance per second of its white force
     with those in the equations and those of all resonances.
     """
 
@@ -69,26 +69,26 @@ class Resonance:
     def is_mode(self) -> bool:
         """Whether the resonance is a mode of the line.
 
-        What dies out faster, to half in a period, is how forces differ from white ones.
+        One that decays faster, to half in a period, is a colour of the forces.
         """
         return self.damping < MOST_DAMPING / 3.0
 
     @property
     def name(self) -> str:
-        """What sentences call the resonance."""
+        """Name of the resonance in sentences."""
         return f"the mode at {self.frequency / (2.0 * np.pi):.3g} Hz"
 
 
 @dataclass(frozen=True)
 class EnvelopePart:
-    """Frequency and damping of an oscillation in a stretch of a recording, for its amplitude there.
+    """Frequency and damping of an oscillation at one amplitude, in a stretch of a recording.
 
     Parameters
     ----------
     recording : int
-        Index among the stretches that the model is of.
+        Index among the stretches of the model.
     state : str
-        Whose sensor reads it, or `dX` for a sensor of the rate of a state X.
+        That of the sensor, or `dX` for a sensor of the rate of a state X.
     time, amplitude : float
         Middle of the stretch, s on the recording's clock, and amplitude there, in the unit of the
         state.

@@ -1,4 +1,4 @@
-"""The supports that the data do not rule out, and the errors of coefficients over all of them."""
+"""Supports that the data do not rule out, and errors of coefficients over all of them."""
 
 from dataclasses import dataclass, replace
 
@@ -15,7 +15,7 @@ MISS_RATE = 0.01
 
 @dataclass(frozen=True)
 class Plausible:
-    """Supports that the data do not rule out, the selected one first, each at its best.
+    """Supports that the data do not rule out, with optimal coefficients, the selected one first.
 
     supports: (n_supports, n) boolean. chi2, weight: (n_supports,), the weights of sum one.
     coefficients, variances: (n_supports, n), zero where absent.
@@ -33,10 +33,11 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
 
     A support's weight is exp(-(chi^2 + price |support|)/2), as in the averaging of models by an
     information criterion (Burnham and Anderson 2002). The price of a term is not the penalty of the
-    selection, which would hide every rival that has one more term, but the chi^2 that the best of
-    all terms without effect brings in one of ten: by it a term is more plausible than not. Measured
-    on 240 fits to random lines (seed 20261122): supports are right as often as their weights say;
-    of models that others outweigh by 0.05 to 0.5, 10 of 35 hold a false term where 7 are expected.
+    selection, which would hide every rival with one more term, but the decrease of chi^2 that the
+    best of all terms without effect exceeds with probability one tenth: beyond it a term is more
+    plausible than not. Measured on 240 fits to random lines (seed 20261122): supports are right as
+    often as their weights say; of models that others outweigh by 0.05 to 0.5, 10 of 35 have a false
+    term where 7 are expected.
     """
     absent = max(int(np.sum(whitened.is_usable & ~support)), 1)
     prices = np.full(len(support), 2.0 * gammaincinv(0.5, 0.9 ** (1.0 / absent)))
@@ -66,9 +67,9 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
 def weigh_by_prior(problem: Problem, plausible: Plausible) -> Plausible:
     """Weigh supports by the prior of higher degrees as well.
 
-    The prior settles ties, but speaks neither against a support of fewer terms than the selected
-    one nor against one of more terms whose chi^2 is lower by 5: what low degrees imitate with
-    another number of terms is no tie.
+    The prior decides between equal fits, but is no argument against a support of fewer terms than
+    the selected one, nor against one of more terms whose chi^2 is lower by 5: an imitation by low
+    degrees with another number of terms is no equal fit.
     """
     if problem.prior is None:
         return plausible
@@ -84,7 +85,7 @@ def weigh_by_prior(problem: Problem, plausible: Plausible) -> Plausible:
 def _fit_supports(
     whitened: Whitened, supports: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """chi^2 (m,), and coefficients and variances (m, n) in the original units; supports: (m, n)."""
+    """Compute chi^2 (m,), coefficients and variances (m, n), unscaled, of supports (m, n)."""
     chi2 = np.full(len(supports), whitened.target @ whitened.target)
     coefficients, variances = np.zeros((2, *supports.shape))
     sizes = supports.sum(axis=1)
@@ -103,12 +104,12 @@ def _fit_supports(
 
 
 def unconditional_errors(plausible: Plausible, deviation: np.ndarray) -> np.ndarray:
-    """(n,) standard error of each coefficient about the selected one, the support not trusted.
+    """Compute the standard error of each coefficient, (n,), including errors of the support.
 
-    The error of a term found is taken over all plausible supports; that of an absent term over
-    those that have the term, or, where none has, it is the term's `deviation` (n,) were it alone
-    added. It is the root mean square distance from the selected coefficient, or more where the
-    distance has a heavy tail: four errors hold all but a share of MISS_RATE.
+    The error of a present term is over all plausible supports; that of an absent term over those
+    that have the term, or, if none has, it is the term's `deviation` (n,) if it alone were added.
+    It is the root mean square distance from the selected coefficient, or more if the distance has a
+    heavy tail: four errors contain all but a share of MISS_RATE.
     """
     selected = plausible.supports[0]
     distance = np.abs(plausible.coefficients - plausible.coefficients[0])
@@ -124,9 +125,9 @@ def unconditional_errors(plausible: Plausible, deviation: np.ndarray) -> np.ndar
 
 
 def detection_limits(errors: np.ndarray, support: np.ndarray, penalty: float) -> np.ndarray:
-    """(n,) size that an absent term would have been selected from, but for a rate of MISS_RATE.
+    """Compute the size from which an absent term would be selected, (n,), except at MISS_RATE.
 
-    errors: unconditional ones, which hold what is estimated of the absent term. NaN for the
-    terms of the support.
+    errors: unconditional ones, which include the estimate of the absent term. NaN for the terms of
+    the support.
     """
     return np.where(support, np.nan, (np.sqrt(penalty) - ndtri(MISS_RATE)) * errors)

@@ -1,4 +1,4 @@
-"""What is known beforehand of the terms of a model and of single coefficients."""
+"""Prior knowledge of the terms of a model and of single coefficients."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,37 +13,54 @@ from galloping.model.terms import Bounds, Known
 
 @dataclass(frozen=True)
 class Prior:
-    """How probable a set of terms (support) is before any data: written, not left to a penalty.
+    """Prior odds of the terms of a model.
 
-    Terms are there or not independently of each other. A linear term has the odds `term` for it, a
-    constant, the simplest of all, the odds `constant`; a nonlinear term `nonlinear` times those of
-    a linear one, and a constant in the equation of the rate of a displacement, which counts from
-    rest, `nonlinear` twice: among models that data cannot tell apart, the simpler one. Each power
-    of an input, by which a term is multiplied or divided, has the odds `power` of the term without
-    it: enough to decide between terms that fit alike, such as those of a motion at one value of the
-    input. Degrees and odds have no unit, so neither the choice nor the verdict depends on those of
-    the recording.
+    Terms are present independently of each other. Among models that data cannot distinguish, these
+    odds prefer the simpler one. They have no unit, so neither the choice nor the status depends on
+    the units of the recording.
 
-    With the likelihood the prior makes the evidence of a support. The integral over the
-    coefficients of a term costs ln N in units of chi^2 for N samples of all channels (in
-    `derivative_fit` of its equation's derivative), where the data tell the coefficient, for a
-    prior of them that is worth one sample (R. E. Kass and L. Wasserman, J. Am. Stat. Assoc. 90,
-    1995, after G. Schwarz, Ann. Stat. 6, 1978). So the support is chosen by the least
+    With the likelihood the prior gives the evidence of a support. The integral over the coefficient
+    of a term adds ln N in units of chi^2 for N samples of all channels (in `derivative_fit` of its
+    equation's derivative), if the data determine the coefficient, for a prior of it with the
+    information of one sample (unit information; Kass and Wasserman, after Schwarz). The selected
+    support has the least
 
         chi^2 + sum over its terms of [ln N - 2 ln odds].
 
-    Constants and linear terms are cheap only where noise hides what is there. Of little noise a
-    prior worth one sample is narrower than the coefficients that the motion leaves open: up to w,
-    at which a term alone would make up its equation (that of the weak form). Where the data tell
-    the coefficient of such a term with a standard error s, and w / s is larger than the root of N,
-    the integral over a prior as wide as w costs 2 ln(w / s) in place of ln N; a term leaves that is
-    worth neither that nor the price of a nonlinear term. Without this rule as many terms came in
-    that noise makes up where noise is small as where it is large. In the equation of the rate of a
-    displacement linear terms stay cheap: the net damping of a line is a small one.
+    If noise is small, a prior with the information of one sample is narrower than the range of
+    possible coefficients: up to w, at which a term alone would balance its equation (that of the
+    weak form). If the data determine the coefficient of a constant or linear term with a standard
+    error s, and w / s is larger than the root of N, the integral over a prior as wide as w adds 2
+    ln(w / s) in place of ln N; a term is removed that reaches neither this penalty nor that of a
+    nonlinear term. Without this rule as many false terms were selected with small noise as with
+    large noise. In the equation of the rate of a displacement the penalty of linear terms stays
+    low, since the net damping of a line is small.
 
-    The odds were calibrated on recordings of seeds that report nothing, and what each rule is worth
+    The odds were calibrated on recordings of seeds that report nothing, and the effect of each rule
     was counted on others (docs/identification_parts.csv).
-    Raises ValueError where one of the odds is not in (0, 1].
+
+    Parameters
+    ----------
+    term : float
+        Odds of a linear term.
+    constant : float
+        Odds of a constant, the simplest of all.
+    nonlinear : float
+        Factor on the odds of a linear term, for a nonlinear one. It applies twice to a constant in
+        the equation of the rate of a displacement, which is measured from the equilibrium.
+    power : float
+        Factor for each power of an input by which a term is multiplied or divided: it decides
+        between terms that fit alike, such as those of a motion at one value of the input.
+
+    Raises
+    ------
+    ValueError
+        If one of the odds is not in (0, 1].
+
+    References
+    ----------
+    - R. E. Kass and L. Wasserman, J. Am. Stat. Assoc. 90, 1995.
+    - G. Schwarz, Ann. Stat. 6, 1978.
     """
 
     term: float = 1.0 / 3.0
@@ -58,7 +75,7 @@ class Prior:
                 raise ValueError(f"prior: {name}: {value!r:.60}; must be a number in (0, 1]")
 
     def prices(self, complexity: NDArray[np.int_], powers: NDArray[np.int_]) -> NDArray[np.float64]:
-        """Compute the price of terms, (n,), less that of a linear term.
+        """Compute the penalty of terms, (n,), less that of a linear term.
 
         complexity: (n,) of `Problem.term_complexity`. powers: (n,) number of powers of inputs.
         """
@@ -74,15 +91,19 @@ SMALLEST = 1e-9  # deviation of what is known, in its mean: less is rounding
 
 @dataclass(frozen=True)
 class Coefficient:
-    """What is known of one coefficient before any recording, in the coefficient's unit.
+    """Prior knowledge of one coefficient, in the coefficient's unit.
 
     Parameters
     ----------
-    state : in whose equation the coefficient is
-    term : exponents of its term, and functions
-    mean, deviation : of its Gaussian prior; a deviation of zero fixes the coefficient. Without a
-        mean there is no such prior.
-    lower, upper : bounds; a coefficient whose bounds are on one side of zero is always there
+    state : str
+        In whose equation the coefficient is.
+    term : Exponents
+        Exponents of its term, and functions.
+    mean, deviation : float
+        Of its Gaussian prior; a deviation of zero fixes the coefficient. Without a mean there is no
+        such prior.
+    lower, upper : float
+        Bounds; a coefficient whose bounds are on one side of zero is always present.
 
     Raises
     ------
@@ -123,12 +144,12 @@ class Coefficient:
 
     @property
     def is_bounded(self) -> bool:
-        """Whether it has a bound."""
+        """Whether the coefficient has a bound."""
         return self.lower > -np.inf or self.upper < np.inf
 
 
 def as_coefficients(known: Known | Bounds) -> Iterator[Coefficient]:
-    """Yield what is known of single coefficients, as an identification takes it."""
+    """Yield prior knowledge of single coefficients, as arguments of an identification."""
     if isinstance(known, Bounds):
         yield Coefficient(known.state, known.term, lower=known.lower, upper=known.upper)
     else:

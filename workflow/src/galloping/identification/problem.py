@@ -1,4 +1,4 @@
-"""What is asked of an identification: the library, what is known, the free coefficients."""
+"""Statement of an identification problem: library, known equations, free coefficients."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -36,7 +36,7 @@ MOST_SURPRISE = 4.0
 
 @dataclass(frozen=True)
 class Problem:
-    """dx/dt = C theta(x, u), with some of C known and the others to be identified.
+    """Identification problem dx/dt = C theta(x, u), with some coefficients of C known.
 
     states: names of the n_states states. terms: exponents of the n_terms candidates, in the states
     and then in the inputs, with their functions. known: (n_states, n_terms), the coefficients of
@@ -44,8 +44,8 @@ class Problem:
     equations to identify, increasing. open: (n_states, n_terms) boolean, which coefficients of the
     unknown equations are candidates. expected, precision: (n_states, n_terms) means of Gaussian
     priors of candidates and 1/variance, zero of those without. prior: of the supports; None: all
-    are as probable. inputs: names of the n_inputs inputs. bounds: of coefficients. aliases: terms
-    that are no candidates, since the recorded inputs cannot tell them from simpler ones.
+    are equally probable. inputs: names of the n_inputs inputs. bounds: of coefficients. aliases:
+    terms that are no candidates, since they equal simpler ones at the recorded inputs.
     """
 
     states: tuple[str, ...]
@@ -62,13 +62,13 @@ class Problem:
 
     @cached_property
     def candidates(self) -> np.ndarray:
-        """(n_candidates, 2) pairs (equation, term), by equation and then by term."""
+        """Pairs (equation, term), (n_candidates, 2), by equation and then by term."""
         pairs = [(i, j) for i in self.unknown for j in range(len(self.terms))]
         return np.array([pair for pair in pairs if self.open[pair]], int).reshape(-1, 2)
 
     @cached_property
     def state_exponents(self) -> np.ndarray:
-        """(n_terms, n_states) exponents of the states in each term."""
+        """Exponents of the states in each term, (n_terms, n_states)."""
         return exponent_matrix(self.terms, len(self.states))
 
     @cached_property
@@ -83,17 +83,16 @@ class Problem:
 
     @cached_property
     def is_velocity_equation(self) -> np.ndarray:
-        """(n_candidates,) boolean: whether in the equation of the velocity of a displacement."""
+        """Whether a candidate is in the equation of a velocity, (n_candidates,) boolean."""
         return np.isin(self.candidates[:, 0], list(velocity_pairs(self.states).values()))
 
     @cached_property
     def term_complexity(self) -> np.ndarray:
         """Complexity of each term for the `Prior`, (n_candidates,).
 
-        -1 of a constant, 0 of a linear term, 1 of a nonlinear one, 2 of a constant beside a
-        displacement, which counts from rest.
-
-        What inputs alone make counts as a constant.
+        -1 for a constant, 0 for a linear term, 1 for a nonlinear one, 2 for a constant in the
+        equation of a velocity, whose displacement is measured from the equilibrium. A function of
+        inputs alone counts as a constant.
         """
         return np.where(
             self.degrees == 0, np.where(self.is_velocity_equation, 2, -1), self.degrees > 1
@@ -101,7 +100,7 @@ class Problem:
 
     @property
     def prior_prices(self) -> np.ndarray:
-        """(n_candidates,) of `Prior.prices`, zero without a prior."""
+        """Penalties of `Prior.prices`, (n_candidates,), zero without a prior."""
         if self.prior is None:
             return np.zeros(len(self.candidates))
         powers = exponent_matrix(self.terms, len(self.names))[:, len(self.states) :]
@@ -120,13 +119,13 @@ class Problem:
 
     @property
     def known_equations(self) -> tuple[int, ...]:
-        """Indices of the equations that are not to be identified."""
+        """Indices of the known equations."""
         return tuple(i for i in range(len(self.states)) if i not in self.unknown)
 
     def change_terms(
         self, change: Callable[[np.ndarray], np.ndarray], terms: Sequence[Exponents]
     ) -> Self:
-        """Return the problem with other terms.
+        """Replace the terms of the problem.
 
         change: from an array by the terms, (n_states, n_terms), to that by the other terms.
         """
@@ -135,24 +134,24 @@ class Problem:
         return replace(self, terms=tuple(terms), **values)
 
     def drop_terms(self, left_out: Callable[[Exponents], bool]) -> Self:
-        """Return the problem without some terms."""
+        """Remove some terms from the problem."""
         kept = np.array([not left_out(term) for term in self.terms])
         if kept.all():
             return self
         return self.change_terms(lambda values: values[:, kept], list(compress(self.terms, kept)))
 
     def candidate_names(self, candidates: Sequence[int] | np.ndarray) -> str:
-        """Return the names of some candidates, '' of none."""
+        """Format the names of some candidates, '' of none."""
         return " with ".join(
             self.coefficient_name(i, j) for i, j in self.candidates[list(candidates)]
         )
 
     def coefficient_name(self, equation: int, term: int) -> str:
-        """Return what findings call a term in an equation."""
+        """Format a term in an equation as findings do."""
         return f"{term_name(self.terms[term], self.names)} in d({self.states[equation]})/dt"
 
     def linear(self, state: int) -> int:
-        """Index of the term that is this state alone."""
+        """Find the index of the term that is this state alone."""
         return self.terms.index(linear_term(state, len(self.names)))
 
     def same_state_monomial(self, support: np.ndarray) -> np.ndarray:
@@ -163,7 +162,10 @@ class Problem:
         return np.array([name in found for name in names])
 
     def integrator_signals(self, states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-        """(n, n_states + n_factors) what the integrator multiplies; inputs: (n, n_inputs)."""
+        """Compute the factors of terms for the integrator, (n, n_states + n_factors).
+
+        inputs: (n, n_inputs).
+        """
         if not self.inputs:
             return states
         return np.hstack([states, design_matrix(inputs, self.tables.factors)])
@@ -209,12 +211,12 @@ class Problem:
         return information + np.diag(precision), right + precision * (mean - about)
 
     def candidate_values(self, values: np.ndarray, pairs: np.ndarray | None = None) -> np.ndarray:
-        """Entries of `values`, (n_states, n_terms), for the candidates, or for `pairs` (n, 2)."""
+        """Extract entries of `values`, (n_states, n_terms), for candidates, or `pairs` (n, 2)."""
         return values[tuple((self.candidates if pairs is None else pairs).T)]
 
     @cached_property
     def coefficient_bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """(n_candidates,) least and greatest coefficients that the bounds allow."""
+        """Least and greatest coefficients that the bounds allow, (n_candidates,)."""
         lower, upper = np.full((2, len(self.candidates)), [[-np.inf], [np.inf]])
         places = {(i, self.terms[j]): k for k, (i, j) in enumerate(self.candidates)}
         for equation, term, least, most in self.bounds:
@@ -226,7 +228,7 @@ class Problem:
     def selection_offset(self, about: np.ndarray | float = 0.0) -> np.ndarray:
         """Return `about` for `selection.whiten` that always selects coefficients with a prior.
 
-        Terms are chosen that are far from zero, and these are moved 1e4 deviations of their prior.
+        Terms far from zero are chosen, and these are moved by 1e4 deviations of their prior.
         """
         root = np.sqrt(self.candidate_values(self.precision))
         return about + np.divide(1e4, root, out=np.zeros(len(root)), where=root > 0.0)
@@ -242,11 +244,9 @@ class Problem:
     ) -> np.ndarray:
         """Select the best support of a regression on candidates, (n,) boolean.
 
-        As `selection.select_support`.
-
-        about: (n,) coefficients at which `right` is measured. among: indices of the candidates. A
-        term that would have a coefficient beyond its bounds is left out, unless these leave out
-        zero: then it is always there.
+        The method is `selection.select_support`. about: (n,) coefficients at which `right` is
+        measured. among: indices of the candidates. A term whose coefficient would be beyond its
+        bounds is left out, unless these exclude zero: then it is always present.
         """
         apart = self.selection_offset()[among]
         if not self.bounds:
@@ -305,7 +305,7 @@ class Problem:
         return np.pad(covariance, ((0, 1), (0, 1)))[np.ix_(own, own)]  # the last of no variance
 
     def on_library(self, values: np.ndarray, fixed: float = np.nan) -> np.ndarray:
-        """Values (n_candidates,) as (n_states, n_terms), NaN in the known equations.
+        """Expand values (n_candidates,) to (n_states, n_terms), NaN in the known equations.
 
         fixed: of single coefficients that are known and not zero.
         """
@@ -315,13 +315,13 @@ class Problem:
         return full
 
     def coefficients(self, free: np.ndarray) -> np.ndarray:
-        """All of C, (n_states, n_terms), from the candidates' coefficients `free`."""
+        """Assemble C, (n_states, n_terms), from the candidates' coefficients `free`."""
         full = self.known.copy()
         full[tuple(self.candidates.T)] = free
         return full
 
     def term_prices(self, penalty: float, largest: np.ndarray) -> Price:
-        """Compute the price of each term, by the prior of supports and of coefficients.
+        """Compute the penalty of each term, by the prior of supports and of coefficients.
 
         penalty: 2 ln N of N samples. largest: (n_candidates,) of the function
         `largest_coefficients`.
@@ -335,9 +335,9 @@ class Problem:
         return Price(least, most, largest / np.exp(penalty / 4.0))
 
     def least_prices(self, penalty: float) -> np.ndarray:
-        """(n_candidates,) what terms have to bring, in units of chi^2, to be chosen.
+        """Compute the decrease of chi^2 that each term needs to be chosen, (n_candidates,).
 
-        penalty: 2 ln N. Without a prior all of it, so that what noise makes up is kept out.
+        penalty: 2 ln N. Without a prior all of it, to exclude terms that fit only noise.
         """
         if self.prior is None:
             return np.full(len(self.candidates), penalty)
@@ -352,7 +352,7 @@ class Problem:
         return compile_system(self.tables, self.coefficients(free), pairs)
 
     def model(self, free: np.ndarray) -> PolynomialModel:
-        """Return the model with the candidates' coefficients `free` (n_candidates,)."""
+        """Make the model with the candidates' coefficients `free` (n_candidates,)."""
         return PolynomialModel(self.states, self.terms, self.coefficients(free), self.inputs)
 
 
@@ -381,12 +381,12 @@ def make_problem(
 ) -> Problem:
     """Make the identification problem of a library.
 
-    The equation of a state X is known, dX/dt = dX, where `dX` is a state too. Further equations
-    are known through `known`, a model whose rows named in `known_states` are taken as they are.
-    inputs: names of the recordings' inputs; a library in the states alone leaves these aside.
-    coefficients: what is known of single coefficients of the other equations. allowed: (n_states,
-    n_terms) boolean, in which equations each term is sought; in all by default. Raises ValueError
-    where what is known is outside of the library, or nothing is left to find.
+    The equation of a state X is known, dX/dt = dX, if `dX` is a state too. Further equations are
+    known through `known`, a model whose rows named in `known_states` are used unchanged. inputs:
+    names of the recordings' inputs, unused by a library in the states alone. coefficients: priors
+    and bounds of single coefficients of the other equations. allowed: (n_states, n_terms) boolean,
+    equations in which each term is sought; all by default. Raises ValueError if known coefficients
+    are outside of the library, or nothing is unknown.
     """
     rows = np.zeros((len(states), len(terms)))
     inputs = tuple(inputs)[: n_exponents(terms[0]) - len(states)]
@@ -440,14 +440,14 @@ def make_problem(
 
 
 def largest_coefficients(problem: Problem, values: np.ndarray, rates: np.ndarray) -> np.ndarray:
-    """(n_candidates,) coefficients at which each term alone would make up its equation.
+    """Compute coefficients, (n_candidates,), at which each term alone would balance its equation.
 
     Then the root mean squares of term and rate are equal. values: (n, n_states + n_inputs), rates:
     (n, n_states), NaN where missing.
     """
 
     def root_mean_square(values: np.ndarray) -> np.ndarray:
-        """Root mean square of each column."""
+        """Compute the root mean square of each column."""
         there = np.isfinite(values)
         squares = np.sum(np.where(there, values, 0.0) ** 2, axis=0)
         return np.sqrt(squares / np.maximum(there.sum(axis=0), 1))

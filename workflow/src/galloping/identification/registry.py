@@ -1,4 +1,4 @@
-"""The identification methods a study can name, without importing any of them."""
+"""Identification methods that a study can name, without importing any of them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,11 +28,11 @@ else:
 
 
 class NoOptions(Section):
-    """A method without settings."""
+    """Settings of a method without any."""
 
 
 class Thresholded(Section):
-    """A threshold on terms."""
+    """Settings of a method with a threshold on terms."""
 
     threshold: Positive | None = setting(
         None, "in the method's unit; null: each equation chooses its own from the data", "1"
@@ -40,13 +40,13 @@ class Thresholded(Section):
 
 
 class Scanned(Thresholded):
-    """A threshold, chosen out of a path of candidates."""
+    """Settings of a method with a threshold, chosen from several."""
 
     path_length: Length = setting(30, "candidate thresholds scanned where the data choose", "1")
 
 
 class Paper(Scanned):
-    """The paper's method."""
+    """Settings of the paper's method."""
 
     kinematics: Kinematics = setting(
         IDENTIFIED,
@@ -55,7 +55,7 @@ class Paper(Scanned):
 
 
 class Ensemble(Scanned):
-    """An ensemble."""
+    """Settings of an ensemble."""
 
     models: Count = setting(20, "bagged models of an ensemble", "1")
 
@@ -66,19 +66,18 @@ likelihood = identification.likelihood.study_methods
 
 @dataclass(frozen=True)
 class Method:
-    """One way from a recording to a sparse model.
+    """An identification method.
 
     family: the methods that share a job: imports, recordings, and evidence where it is the same.
-    evidence: the function, as `deferred` names it, that makes what the method works on of the
-    recordings of one replicate, which share one model, and the terms of the library; None for the
-    recordings themselves.
-    function: named likewise, imported only by the job that runs it. It takes the evidence of a
-    replicate and the keywords `options`, and returns an `IdentifiedModel`.
-    options: its own section of the `identification` settings, keywords of the function.
-    is_random: whether the function takes a further keyword, `rng` of the replicate.
-    by_default: whether a study has it that names none.
-    takes: what a protocol may measure: DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE, RATES.
-    needs_uniform: whether the samples must be equally spaced, which random subsets are not.
+    evidence: the function, as `deferred` names it, that prepares the data of the method from the
+    recordings of one noise realisation, which share one model, and the terms of the library; None
+    for the recordings themselves. function: named likewise, imported only by the job that runs it.
+    Its arguments are the evidence of a realisation and the keywords `options`, and it returns an
+    `IdentifiedModel`. options: its own section of the `identification` settings, keywords of the
+    function. is_random: whether the function has a further keyword, `rng` of the realisation.
+    by_default: whether a study has it that names none. takes: what a measurement setup may measure:
+    DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE, RATES. needs_uniform: whether the samples must be
+    equally spaced, unlike random subsets.
     """
 
     name: str
@@ -93,25 +92,24 @@ class Method:
 
     @property
     def protocols(self) -> tuple[str, ...]:
-        """Names of the protocols whose recordings it can use."""
+        """Names of the measurement setups whose recordings the method can use."""
         return tuple(each.name for each in PROTOCOLS if each.measures in self.takes)
 
     @property
     def modules(self) -> tuple[str, ...]:
-        """What a job imports by name to run it."""
+        """Modules that a job of the method imports by name."""
         return tuple(filter(None, (self.evidence, self.function)))
 
     def can_use(self, protocol: Protocol, uniform: bool) -> bool:
-        """Whether it can use recordings by a protocol, of equally spaced samples or not."""
+        """Decide whether the method can use recordings of a setup, equally spaced or not."""
         return protocol.measures in self.takes and (uniform or not self.needs_uniform)
 
     def settings(self, identification: Mapping, seed: int) -> dict:
-        """Return what a job reads of the settings of a study.
+        """Return the settings of a study that a job of the method reads.
 
-        An edit of the settings of another family changes none.
-
-        identification: that section. seed: of the study. The options without `rng`, which the job
-        makes from `seed` and the name of each replicate; no seed where the method draws nothing.
+        An edit of the settings of another family changes none. identification: that section. seed:
+        of the study. The options are without `rng`, which the job makes from `seed` and the name of
+        each noise realisation; no seed if the method draws nothing.
         """
         return {
             "evidence": self.evidence,

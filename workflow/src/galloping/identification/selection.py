@@ -1,4 +1,4 @@
-"""Choosing the terms on a quadratic model of the misfit, by least chi^2 plus a price a term."""
+"""Selection of terms on a quadratic model of the misfit, by least chi^2 plus penalties."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ def solve_support(
 
 @dataclass(frozen=True)
 class Price:
-    """What terms have to bring, in units of chi^2, to be chosen.
+    """Penalties of terms: decrease of chi^2 that each needs to be chosen.
 
-    least, most: (n,) bounds of the price of each term. width: (n,) coefficients c: where a term's
-    standard error s is smaller, its price is higher than the least by 2 ln(c / s), the evidence of
-    a prior so much wider, but not above the most (see `Prior`).
+    least, most: (n,) bounds of the penalty of each term. width: (n,) coefficients c: if a term's
+    standard error s is smaller, its penalty exceeds the least by 2 ln(c / s), the evidence of a
+    prior so much wider, up to the most (see `Prior`).
     """
 
     least: np.ndarray
@@ -51,15 +51,15 @@ class Price:
     width: np.ndarray
 
     def scale_by(self, dear: float) -> Price:
-        """Return the same prices, `dear` times as high."""
+        """Multiply the penalties by `dear`."""
         return Price(dear * self.least, dear * self.most, self.width)
 
     def of_terms(self, terms: np.ndarray) -> Price:
-        """Return the prices of some terms, by their indices."""
+        """Extract the penalties of some terms, by their indices."""
         return Price(self.least[terms], self.most[terms], self.width[terms])
 
     def with_errors(self, errors: np.ndarray, terms: np.ndarray) -> np.ndarray:
-        """(m,) prices of terms, by their indices (m,), with the standard errors `errors` (m,)."""
+        """Compute penalties of terms, (m,), by their indices and their standard errors."""
         wider = self.least[terms] + 2.0 * np.log(np.maximum(self.width[terms] / errors, 1.0))
         return np.minimum(wider, self.most[terms])
 
@@ -71,15 +71,15 @@ def select_support(
     price: Price | np.ndarray | float,
     about: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Select the best support: least chi^2 plus the price of its terms.
+    """Select the best support: least chi^2 plus the penalties of its terms.
 
-    From each of `starts`, (n,) boolean: removes the term that is least worth its price while there
-    is one that is not; then, while it pays, adds a term or two, or exchanges one for one, one for
-    two or two for one, while work is left. In this search a `Price` counts by its least: beside a
-    term that imitates it a term has a large error, and so a price that does not compare. From the
-    best support terms then leave that are not worth their price with the errors they have there.
-    price: of each term (n,), in units of chi^2, or one of all. Shapes as in `solve_support`; about:
-    as in `whiten`. Returns the (n,) boolean support.
+    From each of `starts`, (n,) boolean, the least useful term is removed while it does not reach
+    its penalty; then, while the criterion falls, one or two terms are added, or one is exchanged
+    for one or two, or two for one, as long as work is left. In this search a `Price` counts by its
+    least, since a term beside a similar one has a large error, and so an incomparable penalty.
+    Finally, from the best support terms are removed that do not reach their penalties with the
+    errors they have there. price: of each term (n,), in units of chi^2, or one of all. Shapes as in
+    `solve_support`; about: as in `whiten`. Returns the (n,) boolean support.
     """
     whitened = whiten(information, right, about)
     least = np.broadcast_to(price.least if isinstance(price, Price) else price, len(right))
@@ -99,11 +99,11 @@ def select_support(
 
 @dataclass(frozen=True)
 class Whitened:
-    """The problem of `solve_support` as the least squares of |target - columns c|^2.
+    """Least-squares form |target - columns c|^2 of the problem of `solve_support`.
 
-    columns: (n, n), target: (n,). unit: (n,), by which c is multiplied to give the original
-    coefficients, zero for terms without information. Sums of squares of the columns keep the digits
-    that a product with an inverse loses where terms imitate each other.
+    columns: (n, n), target: (n,). unit: (n,), factor from c to the original coefficients, zero for
+    terms without information. Sums of squares of the columns keep the digits that a product with an
+    inverse loses if terms are similar.
     """
 
     columns: np.ndarray
@@ -112,15 +112,15 @@ class Whitened:
 
     @property
     def is_usable(self) -> np.ndarray:
-        """(n,) boolean: the terms with information."""
+        """Terms with information, (n,) boolean."""
         return self.unit > 0.0
 
 
 def whiten(information: np.ndarray, right: np.ndarray, about: np.ndarray | None = None) -> Whitened:
-    """Information (n, n) and right-hand side (n,), factored with each term in its own unit.
+    """Factor information (n, n) and right-hand side (n,), with each term in its own unit.
 
-    about: (n,) coefficients of a good fit, from which `right`, half the fall of chi^2 with each,
-    is then measured: small, where the right-hand side at zero would lose its digits.
+    about: (n,) coefficients of a good fit, at which `right`, half the decrease of chi^2 with each,
+    is then measured: small, whereas the right-hand side at zero would lose its digits.
     """
     diagonal = np.diag(information)
     usable = diagonal > 0.0
@@ -141,11 +141,11 @@ def whiten(information: np.ndarray, right: np.ndarray, about: np.ndarray | None 
 
 @dataclass(frozen=True)
 class Tableau:
-    """The problem seen from a support at its best: what every small move would do.
+    """A support with optimal coefficients, and the effect of every small move from it.
 
     kept, out: indices of the support and of the terms that could be added. coefficients (n_kept,)
     with their covariance. chi2: misfit of the support, above that of all terms. share: (n_kept,
-    n_out), by how much each coefficient falls as one that is added grows. gradient (n_out,) and
+    n_out), decrease of each coefficient per increase of one that is added. gradient (n_out,) and
     information (n_out, n_out) of the added ones, the support refitted.
     """
 
@@ -160,25 +160,25 @@ class Tableau:
 
     @property
     def removal_rises(self) -> np.ndarray:
-        """(n_kept,) rise of chi^2 when one term is removed."""
+        """Rise of chi^2, (n_kept,), when one term is removed."""
         return self.coefficients**2 / np.diag(self.covariance)
 
     def addition_falls(self) -> np.ndarray:
-        """(n_out,) fall of chi^2 when one term is added."""
+        """Compute the fall of chi^2, (n_out,), when one term is added."""
         return self.gradient**2 / np.diag(self.information)
 
     @cached_property
     def pair_places(self) -> np.ndarray:
-        """(2, n_pairs) places in `out` of every two terms that could be added."""
+        """Places in `out` of every two terms that could be added, (2, n_pairs)."""
         return np.array(np.triu_indices(len(self.out), 1))
 
     def pair_falls(self) -> np.ndarray:
-        """(n_pairs,) fall of chi^2 when two terms are added, zero where they are one."""
+        """Compute the fall of chi^2, (n_pairs,), when two terms are added, zero if equal."""
         between = self.information[tuple(self.pair_places)]
         return _pair_falls(self.gradient, np.diag(self.information), between, self.pair_places)
 
     def exchange_rises(self) -> np.ndarray:
-        """(n_kept, n_out) rise of chi^2 when one term is exchanged for another."""
+        """Compute the rise of chi^2, (n_kept, n_out), when one term is exchanged for another."""
         variance = np.diag(self.covariance)[:, None]
         gradient = self.gradient + self.share * (self.coefficients[:, None] / variance)
         return self.removal_rises[:, None] - gradient**2 / (
@@ -186,7 +186,7 @@ class Tableau:
         )
 
     def exchange_rises_for_two(self) -> np.ndarray:
-        """(n_kept, n_pairs) rise of chi^2 when one term is exchanged for two."""
+        """Compute the rise of chi^2, (n_kept, n_pairs), when one term is exchanged for two."""
         variance, (i, j) = np.diag(self.covariance)[:, None], self.pair_places
         gradient = self.gradient + self.share * (self.coefficients[:, None] / variance)
         per_variance = self.share / variance
@@ -197,7 +197,10 @@ class Tableau:
         )
 
     def exchange_rises_of_two(self) -> tuple[np.ndarray, np.ndarray]:
-        """Rise of chi^2 (n_pairs, n_out) when two terms are exchanged for one; (n_pairs, 2)."""
+        """Compute the rise of chi^2, (n_pairs, n_out), when two terms are exchanged for one.
+
+        Returns the pairs too, (n_pairs, 2).
+        """
         pairs = np.column_stack(np.triu_indices(len(self.kept), 1))
         i, j = pairs.T
         block = self.covariance[pairs[:, :, None], pairs[:, None, :]]
@@ -213,7 +216,7 @@ class Tableau:
 
 
 def make_tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
-    """Make the tableau of a support, (n,) boolean; terms that it imitates cannot be added."""
+    """Make the tableau of a support, (n,) boolean; its linear combinations cannot be added."""
     kept, out = np.flatnonzero(support), np.flatnonzero(~support & whitened.is_usable)
     count_work(2e-4 + 1e-10 * len(support) ** 3)
     q, r = np.linalg.qr(whitened.columns[:, kept])
@@ -239,7 +242,7 @@ def _pair_falls(
 ) -> np.ndarray:
     """Compute the fall of chi^2 when two terms are added, (..., n_pairs).
 
-    It is zero for terms that are one but for rounding. diagonal: (..., n), between: (..., n_pairs),
+    It is zero for terms that differ only by rounding. diagonal: (..., n), between: (..., n_pairs),
     of the information about them.
     """
     (g, h), (d, e) = (values[..., two].swapaxes(0, -2) for values in (gradient, diagonal))
@@ -255,10 +258,9 @@ def find_moves(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the `most` best small moves from a support (n,).
 
+    One term is removed, one or two are added, or one is exchanged for one or two, or two for one.
     Returns the rise of chi^2 plus `prices` (n,) with each, (m,), increasing, and the supports that
     they lead to, (m, n).
-
-    A term leaves; one or two enter; one is exchanged for one or for two, or two for one.
     """
     kept, out, none = here.kept[:, None], here.out[:, None], np.zeros((1, 0), int)
     two = here.out[here.pair_places.T]
@@ -316,7 +318,7 @@ def _descend_by_moves(
 
 
 def _remove_terms(whitened: Whitened, support: np.ndarray, prices: np.ndarray) -> np.ndarray:
-    """Backward elimination; the inverse is updated by one rank at each removal, then made anew."""
+    """Eliminate terms backward; the inverse is updated at each removal, then recomputed."""
     while True:
         here = make_tableau(whitened, support)
         c, inverse, price = here.coefficients, here.covariance, prices[here.kept]
@@ -337,9 +339,9 @@ def _remove_terms(whitened: Whitened, support: np.ndarray, prices: np.ndarray) -
 
 
 def added_deviation(information: np.ndarray, support: np.ndarray) -> np.ndarray:
-    """(n,) standard deviation that each excluded coefficient would have, were it alone added.
+    """Compute the standard deviation of each excluded coefficient, (n,), if it alone were added.
 
-    NaN within the support; infinite where the supported terms imitate the excluded one.
+    NaN within the support; infinite for a linear combination of the supported terms.
     """
     whitened = whiten(information, np.zeros(len(support)))
     here = make_tableau(whitened, support)
@@ -352,12 +354,11 @@ def mixture_information(information: np.ndarray, largest: np.ndarray) -> np.ndar
     """Compute the information on mixtures of all terms, (n,), least first.
 
     The mixtures are together as large as the motion: below one, noise hides a mixture of that size.
-
     information: (n, n) of the coefficients. largest: (n,) each alone as large as the motion.
     """
     return np.linalg.eigvalsh(information * largest * largest[:, None])
 
 
 def n_unidentifiable_directions(information: np.ndarray, largest: np.ndarray) -> int:
-    """How many mixtures of terms, together as large as the motion, change the fit by no noise."""
+    """Count mixtures of terms, as large as the motion, that change the fit by less than noise."""
     return int(np.sum(mixture_information(information, largest) < 1.0))

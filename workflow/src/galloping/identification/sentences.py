@@ -1,4 +1,4 @@
-"""Findings in words: the only place where what was noticed becomes text, by `findings.csv`."""
+"""Text of findings, by `findings.csv`: the only place where findings become sentences."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -9,12 +9,12 @@ PLACES = {code: place for place, code in enumerate(Code)}  # what weighs more co
 
 
 def sentence_of(finding: Finding) -> str:
-    """Return what a finding is, in one technical sentence; '' if it bears on no verdict."""
+    """Format a finding as one technical sentence; '' if it does not affect the status."""
     return finding_kinds()[finding.code].sentence.format_map(_template_values(finding))
 
 
 def reason_of(findings: Iterable[Finding]) -> str:
-    """Return the technical sentences of all findings, those that weigh more first."""
+    """Join the technical sentences of all findings, the most important first."""
     return " ".join(filter(None, dict.fromkeys(map(sentence_of, _sort_by_weight(findings)))))
 
 
@@ -25,15 +25,15 @@ def explain(
     words: Mapping[str, str] | None = None,
     units: Mapping[str, tuple[str, str]] | None = None,
 ) -> list[tuple[str, str]]:
-    """Say what findings mean to an engineer, and what would help.
+    """Explain findings to an engineer, with advice.
 
     Parameters
     ----------
     findings : iterable of Finding
     is_verdict : bool
-        Whether the findings that bear on the verdict are explained, or the others.
+        Whether to explain the findings that affect the status, or the others.
     is_span : bool
-        Whether what `findings.csv` has in <> is said, or what is behind a bar in it.
+        Whether to use the phrases of `findings.csv` in <>, or those behind a bar in it.
     words : mapping of str to str, optional
         Phrases that several rows share, by their names there.
     units : mapping of str to (str, str), optional
@@ -42,8 +42,8 @@ def explain(
     Returns
     -------
     list of (str, str)
-        Meaning and advice, either of which may be ''. That the model is inadequate, the last row,
-        is said if nothing else is.
+        Meaning and advice, either of which may be ''. The last row, that the model is inadequate,
+        is used if there is no other.
     """
     side, told = 0 if is_span else 1, dict[tuple[str, str], None]()
     for finding in _sort_by_weight(findings) if is_verdict else findings:
@@ -62,7 +62,7 @@ def explain(
 
 
 def _fill_template(template: str, side: int, values: Mapping[str, object]) -> str:
-    """Fill in a template. side: which of the two phrases in <> is said."""
+    """Fill in a template. side: which of the two phrases in <> is used."""
     text = re.sub("<(.*?)>", lambda of: f"{of[1]}|".split("|")[side], template)
     return text.format_map(values).replace(" .", ".").replace(" ,", ",")
 
@@ -72,7 +72,7 @@ def _sort_by_weight(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def _template_values(finding: Finding) -> dict[str, object]:
-    """Return what templates may name: subject, data, and shares in percent and in words."""
+    """Collect the values of templates: subject, data, and shares in percent and in words."""
     values: dict[str, object] = {"subject": finding.subject, **finding.data}
     if "share" in finding.data:
         share = float(finding.data["share"])

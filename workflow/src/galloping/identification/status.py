@@ -1,4 +1,4 @@
-"""The status of an identified model, which follows from its findings alone."""
+"""Status of an identified model, which follows from its findings alone."""
 
 from collections.abc import Iterable
 
@@ -8,7 +8,7 @@ STATUSES = ("ok", "not identifiable", "approximate", "refused", "unjudged")
 
 
 def status_of(findings: Iterable[Finding]) -> str:
-    """Derive the status of a model from all that was noticed.
+    """Derive the status of a model from all its findings.
 
     Parameters
     ----------

@@ -1,9 +1,8 @@
 """Limits of the work of a search for a model.
 
-Work is counted, not timed, so that the same recording is answered alike on every machine.
-
-Work is counted in seconds of a core that others use as well, by the sizes of what is computed:
-each part says where it counts how long it takes there.
+Work is counted, not timed, so that the same recording has the same result on every machine. The
+unit is the second of a shared core, estimated from the sizes of computations: each part documents
+its time where it counts.
 """
 
 from __future__ import annotations
@@ -27,10 +26,10 @@ AFTER = 12.0  # s, that forecasts, limit cycles and figures take, which are not 
 
 @dataclass
 class Work:
-    """Work of a search, counted.
+    """Counted work of a search.
 
-    most: s, that a search may compute. spent: s, that it has computed. ended: whether anything was
-    left undone for lack of work. around: the work that this is a part of.
+    most: s, limit of the search. spent: s, used. ended: whether anything was omitted for lack of
+    work. around: the work that this is a part of.
     """
 
     most: float
@@ -40,7 +39,7 @@ class Work:
 
     @property
     def remaining(self) -> float:
-        """s, that may still be computed; negative where too much was."""
+        """Remaining work, s; negative if the limit was exceeded."""
         return self.most - self.spent
 
     def downgrade_if_ended(self, found: IdentifiedModel) -> IdentifiedModel:
@@ -55,13 +54,13 @@ _work: ContextVar[Work] = ContextVar("work", default=_UNLIMITED)
 
 
 def work_limit(rows: int, most: float = MOST) -> float:
-    """s, the work of a search in recordings of so many times of sampling."""
+    """Compute the work of a search, s, in recordings with this number of sampling times."""
     return most * max(1.0, rows / TIMES)
 
 
 @contextmanager
 def limit_work(recordings: Sequence[Recording], most: float = MOST) -> Iterator[Work]:
-    """Give the block the work of a search in these recordings, or what is left of that around it.
+    """Limit the work in the block to that of a search in these recordings, or the remaining work.
 
     most: s, for recordings sampled at up to TIMES times in all.
     """
@@ -72,9 +71,9 @@ def limit_work(recordings: Sequence[Recording], most: float = MOST) -> Iterator[
 
 @contextmanager
 def sub_budget(share: float) -> Iterator[Work]:
-    """Give the block a share of the work that is left.
+    """Limit the work in the block to a share of the remaining work.
 
-    What the block leaves undone for lack of work counts as left undone by the search around it.
+    If the block omits anything for lack of work, so does the search around it.
     """
     around = _work.get()
     with _nested_work(share * around.remaining) as work:
@@ -97,12 +96,12 @@ def _nested_work(most: float) -> Iterator[Work]:
 
 
 def count_work(seconds: float) -> None:
-    """Count work that is done."""
+    """Count work that is done, s."""
     _work.get().spent += seconds
 
 
 def work_counted() -> tuple[float, float]:
-    """Return the work counted so far, s, and what is left at most until all is written, s.
+    """Return the work counted so far, s, and the most that remains until all is written, s.
 
     Infinite without a limit.
     """
@@ -114,7 +113,7 @@ def work_counted() -> tuple[float, float]:
 
 
 def is_exhausted() -> bool:
-    """Whether no work is left; what is not begun for that makes the search one that ended early."""
+    """Decide whether no work is left; a search that asks this and stops has ended early."""
     work = _work.get()
     work.ended |= work.remaining <= 0.0
     return work.remaining <= 0.0

@@ -1,1 +1,1 @@
-"""What a recording is worth before anything is identified."""
+"""Quality of a recording before any identification."""

@@ -1,4 +1,4 @@
-"""Stretches of long recordings, so that what a model costs is bounded."""
+"""Stretches of long recordings, which bound the cost of a model."""
 
 from collections.abc import Callable
 from typing import Any
@@ -25,14 +25,14 @@ TINY = 1e-9  # deviations of a channel
 
 
 def excerpts(recordings: list[Recording]) -> list[Recording]:
-    """The recordings, of long ones only stretches, so that what a model costs is bounded.
+    """Select stretches of long recordings, which bound the cost of a model.
 
     They are at most STRETCHES of PERIODS in all, but one at least of every recording. A longer
     recording is cut into equal parts. From every other part comes the stretch in which the size of
-    the motion varies most, for what grows and decays tells of damping; from the others that in
-    which the motion is largest, for it tells of the cubic terms. Stretches without gaps go before
-    others. Recordings of which no channel varies above its noise have no period, and stay whole,
-    and so do those of whose stretches there were fewer than FEWEST samples.
+    the motion varies most, since growth and decay contain information on damping; from the others
+    that in which the motion is largest, for the cubic terms. Stretches without gaps are preferred.
+    Recordings of which no channel varies above its noise have no period, and stay whole, and so do
+    those whose stretches would have fewer than FEWEST samples.
     """
     try:
         period = shortest_period([with_integrals(recording) for recording in recordings])
@@ -50,9 +50,10 @@ def identify_excerpts(
     *question: Any,
     **options: Any,
 ) -> IdentifiedModel:
-    """The model that a method finds in the excerpts of recordings, without their rests; of free
-    motion, and of motion that random forces keep up, of which every swing tells as much as another,
-    in the whole of them.
+    """Identify the model of excerpts of recordings, without their rests.
+
+    Free motion, and motion under random forces, of which all parts are equally informative, are
+    identified in the whole recordings.
     """
     if "forced" in options:
         return method(recordings, terms, *question, **options)
@@ -99,9 +100,10 @@ def _choose_pieces(recording: Recording, count: int, period: float) -> list[Reco
 
 
 def _part_sizes(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """(n_parts, n_channels) size of the motion in the parts between `edges`, TINY without samples.
+    """Compute the size of the motion in the parts between `edges`, (n_parts, n_channels).
 
-    values: (n, n_states). edges: (n_parts + 1,) samples. In units of the channel's deviation.
+    values: (n, n_states). edges: (n_parts + 1,) samples. In units of the channel's deviation, TINY
+    without samples.
     """
     values = values[:, np.isfinite(values).any(axis=0)]
     known = np.isfinite(values)

@@ -1,4 +1,4 @@
-"""Sentences on findings that bear on no verdict, and on further modes, for the user."""
+"""Sentences for the user on further modes, and on findings that do not affect the status."""
 
 from collections.abc import Iterable, Iterator
 
@@ -16,15 +16,15 @@ def sentences_of(
     further: Iterable[FurtherMode] = (),
     of_model: Iterable[str] = (),
 ) -> Iterator[str]:
-    """What was noticed, and which modes swing beside the model, a sentence each.
+    """Yield a sentence on each finding that does not affect the status, and one on further modes.
 
     Parameters
     ----------
     findings : iterable of Finding
-        Those that bear on the verdict are left aside.
+        Those that affect the status are ignored.
     further : iterable of FurtherMode
     of_model : iterable of str
-        Names of the modes that are told with an interval.
+        Names of the modes that are listed with an interval.
     """
     findings = list(findings)
     units = {each.subject: _name_and_unit(each.subject) for each in findings}
@@ -44,7 +44,7 @@ def _name_and_unit(subject: str) -> tuple[str, str]:
 
 
 def envelope_rows(parts: Iterable[EnvelopePart]) -> Iterator[str]:
-    """Rows of a table: amplitude, frequency and damping, each with its 95 % interval."""
+    """Yield rows of a table: amplitude, frequency and damping, each with its 95 % interval."""
     for part in parts:
         hz = np.array([part.frequency, NORMAL_95 * part.frequency_error]) / (2.0 * np.pi)
         omega = np.hypot(part.frequency, part.growth)

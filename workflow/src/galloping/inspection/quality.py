@@ -1,4 +1,4 @@
-"""What a recording is worth before anything is identified: sampling, gaps, noise, spectrum."""
+"""Quality of a recording before any identification: sampling, gaps, noise, spectrum."""
 
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any
@@ -44,10 +44,10 @@ FREQUENCIES = 0.02, 20.0  # Hz, of galloping and of what else moves a span that 
 
 
 def quality(series: "Series", mapping: "ColumnMapping") -> dict:
-    """Plain values: `sampling`, entries of `channels` and `inputs` by column, `problems`, `notes`.
+    """Inspect a recording: `sampling`, `channels` and `inputs` by column, `problems`, `notes`.
 
-    A problem names its column, the row in the file where it begins, its code with data, and what it
-    is, in words. Frequencies in Hz, times in s, values in SI units.
+    The values are plain. A problem names its column, the row in the file where it begins, its code
+    with data, and a description. Frequencies in Hz, times in s, values in SI units.
     """
     time = series.time
     steps = np.diff(time)
@@ -101,15 +101,15 @@ def _make_problem(row: int, finding: Finding) -> dict:
 
 
 def finding_of(problem: dict) -> Finding:
-    """Return a problem of a report as a finding on its column."""
+    """Convert a problem of a report to a finding on its column."""
     return Finding.of(Code(problem["code"]), problem["column"], **problem["data"])
 
 
 def _too_short(series: "Series", mapping: "ColumnMapping", report: dict) -> list[dict]:
-    """Problems of channels that hold fewer than PERIODS of their motion.
+    """List problems of channels with fewer than PERIODS of their motion.
 
-    What does not recur is no motion of its own where another channel holds as many periods: it
-    follows gusts, say. What moves about another mean is a problem by that.
+    A motion that does not recur is ignored if another channel has as many periods: it follows
+    gusts, for example. A change of the mean is reported separately.
     """
     moved = {one["column"] for one in report["problems"] if one["code"] == Code.MEAN_MOVES}
     few, enough, least = {}, False, PERIODS * (1.0 - TIME_ROUNDING)
@@ -128,7 +128,7 @@ def _too_short(series: "Series", mapping: "ColumnMapping", report: dict) -> list
 
 
 def _is_recurrent(time: np.ndarray, values: np.ndarray, frequency: float) -> bool:
-    """Whether values are alike about a period later, as far as the recording goes on so long."""
+    """Decide whether values are alike a period later, as far as the recording is long enough."""
     longest = min(NEAR / frequency, 2.0 / 3.0 * np.ptp(time))
     alike = [0.0]
     for lag in np.linspace(1.0 / NEAR / frequency, longest, 33):
@@ -140,10 +140,9 @@ def _is_recurrent(time: np.ndarray, values: np.ndarray, frequency: float) -> boo
 
 
 def _shown_twice(series: "Series", mapping: "ColumnMapping", channels: dict) -> list[dict]:
-    """Problems of channels that show the motion of another coordinate and nothing of their own.
+    """List problems of channels that only repeat the motion of another coordinate.
 
-    That holds where some combination of the two channels varies no more than their noise does
-    (total least squares).
+    Some combination of the two channels then varies no more than their noise (total least squares).
     """
     step, found = float(np.median(np.diff(series.time))), []
     for (i, one), (j, other) in combinations(enumerate(mapping.channels), 2):
@@ -172,7 +171,7 @@ def _shown_twice(series: "Series", mapping: "ColumnMapping", channels: dict) -> 
 
 
 def _mixed_up(series: "Series", mapping: "ColumnMapping", channels: dict) -> list[dict]:
-    """Problems of channels whose sign, or whose place beside another one, is most likely wrong."""
+    """List problems of channels whose sign, or whose order, is most likely wrong."""
     found, by_measure = [], {one.measures: k for k, one in enumerate(mapping.channels)}
     for measures, k in by_measure.items():
         column, against = mapping.channels[k].column, by_measure.get(measures.removeprefix("dd"))
@@ -196,19 +195,19 @@ def _mixed_up(series: "Series", mapping: "ColumnMapping", channels: dict) -> lis
 
 
 def noise(values: np.ndarray) -> float:
-    """Standard deviation of white noise on a slow signal, from fourth differences.
+    """Estimate the standard deviation of white noise on a slow signal from fourth differences.
 
-    values: (n,) equally spaced. Their median size is that of the noise as long as the motion has
-    more than some ten samples a period.
+    values: (n,) equally spaced. Their median size is that of the noise if the motion has more than
+    some ten samples a period.
     """
     differences = np.diff(values, 4)
     return float(np.median(np.abs(differences)) / (0.6745 * np.sqrt(70.0)))
 
 
 def spectrum(time: np.ndarray, values: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies, Hz, and the share of each in the variance.
+    """Compute frequencies, Hz, and the share of each in the variance.
 
-    Short gaps are bridged by lines; of what long ones part, the powers are added.
+    Short gaps are interpolated linearly; the powers of parts between long gaps are added.
     """
     signals = []
     own = float(np.median(np.diff(time)))
@@ -224,19 +223,19 @@ def spectrum(time: np.ndarray, values: np.ndarray, step: float) -> tuple[np.ndar
 
 
 def pieces(time: np.ndarray, longest: float) -> list[slice]:
-    """The samples between gaps that are longer than `longest`, s."""
+    """Divide samples at gaps that are longer than `longest`, s."""
     edges = [0, *(np.flatnonzero(np.diff(time) > longest) + 1), len(time)]
     return [slice(int(a), int(b)) for a, b in pairwise(edges)]
 
 
 def sampled_time(time: np.ndarray) -> float:
-    """How long there are samples, s: the gaps left out."""
+    """Compute the duration of the samples, s, without gaps."""
     steps = np.diff(time)
     return float(steps[steps <= REPORTED_GAP * np.median(steps)].sum())
 
 
 def peaks_of(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of a `spectrum`, the share around each frequency, and where the highest peaks are.
+    """Find the highest peaks of a `spectrum`, and the share around each frequency.
 
     share: (n,). Returns (n,), and the indices of four peaks at most, the highest first.
     """
@@ -249,10 +248,10 @@ def peaks_of(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _inspect_channel(
     time: np.ndarray, values: np.ndarray, step: float, rows: np.ndarray, unit: str, is_rate: bool
 ) -> tuple[dict, list[tuple[int, Code, dict]]]:
-    """What a channel is like, and its problems: the row where each begins, its code and its data.
+    """Describe a channel, and list its problems: first row, code and data of each.
 
-    is_rate: whether it shows random forces, such as an acceleration does, which are no noise: it
-    then is hardly more than that where no frequency stands out.
+    is_rate: whether it shows random forces, as an acceleration does, which are no noise: without a
+    spectral peak it contains little else.
     """
     known = np.isfinite(values)
     t, y, row = time[known], values[known], rows[known]
@@ -307,10 +306,10 @@ def _inspect_channel(
 
 
 def find_outliers(time: np.ndarray, values: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
-    """(n,) which samples lie far from the median of those beside them.
+    """Find samples, (n,), far from the median of their neighbours.
 
-    frequencies: Hz, of the motion, the strongest first. Where that one has few samples in a period
-    nothing tells an outlier from the motion, and none is found.
+    frequencies: Hz, of the motion, the strongest first. If that one has few samples in a period,
+    outliers cannot be distinguished from the motion, and none is found.
     """
     step = float(np.median(np.diff(time)))
     if len(frequencies) and frequencies[0] * step > (1.0 + TIME_ROUNDING) / PER_PERIOD:
@@ -327,7 +326,7 @@ def find_outliers(time: np.ndarray, values: np.ndarray, frequencies: np.ndarray)
 
 
 def _find_jump(time: np.ndarray, values: np.ndarray, omega: float) -> tuple[int, float] | None:
-    """Where a channel jumps most, and by how much, where no motion and no noise does.
+    """Find where a channel jumps most, and by how much, beyond its motion and noise.
 
     A polynomial in time and a step are fitted to each half of a period. omega: the highest of the
     motion, rad/s.
@@ -353,8 +352,9 @@ def _find_jump(time: np.ndarray, values: np.ndarray, omega: float) -> tuple[int,
 
 
 def _find_mean_shift(time: np.ndarray, values: np.ndarray) -> tuple[int, float]:
-    """From which sample on a channel moves about another mean, and by how much that is another; 0
-    where a line in time is nearly as good.
+    """Find the sample from which a channel has another mean, and by how much; 0 if none.
+
+    There is none if a line in time fits nearly as well.
     """
     count, whole = np.arange(1, len(values)), values - values.mean()
     told = np.cumsum(whole)[:-1] ** 2 * len(values) / (count * (len(values) - count))
@@ -377,7 +377,7 @@ def _describe_extent(values: np.ndarray) -> dict[str, float]:
 def _find_unlikely(
     described: dict, unit: str, time: np.ndarray, values: np.ndarray
 ) -> list[tuple[Code, dict]]:
-    """What no span does, of a channel that measures one in `unit`."""
+    """List properties of a channel, measuring a span in `unit`, that no span has."""
     if unit not in RANGES:
         return []
     (least, most), size = RANGES[unit], described["highest"] - described["lowest"]

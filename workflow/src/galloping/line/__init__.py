@@ -1,1 +1,1 @@
-"""The line, its wind and its sensors: from parameters to equations of motion."""
+"""The line, its wind and its sensors: equations of motion from parameters."""

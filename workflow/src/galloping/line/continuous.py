@@ -1,8 +1,8 @@
-"""The continuous line: one span on any number of modes, in the wind, integrated in time.
+"""Continuous line: a span with any number of modes, in the wind, integrated in time.
 
-The partial differential equations behind `galerkin`, with the strain of the whole motion, the
-load integrated over the span at every instant and nothing truncated to a polynomial of two
-coordinates, so that no candidate library contains the result.
+The partial differential equations of `galerkin`, with the strain of the whole motion, and the load
+integrated over the span at every instant. Nothing is truncated to a polynomial of two coordinates,
+so that no candidate library contains the result.
 """
 
 from collections import namedtuple
@@ -42,13 +42,13 @@ Arrays = namedtuple(
 class Span:
     """A line on n in-plane and n out-of-plane shapes, per unit of modal mass.
 
-    line: what it is made of. speed: mean wind, m/s. masses: (2, n, n) kg. arrays: stiffness,
-    damping, (2, n, n), 1/s2 and 1/s, M^-1 K and M^-1 C without the strain; strain, (n,) 1/m, of the
-    in-plane coordinates; quadratic, (2, n, n) 1/m2, strain by their squares; pull, (n,), and
-    stretch, (2, n, n), M^-1 EA l times the derivatives of both; shapes, (2, n_nodes, n), at the
-    nodes of the span; loading, (2, n, n_nodes), M^-1 times shape times quadrature weight;
-    coefficients, (2, 4) of 1, alpha .. alpha^3; pressure, rho D/2; relative, whether the load is
-    that of the full relative wind.
+    line: parameters. speed: mean wind, m/s. masses: (2, n, n) kg. arrays: stiffness, damping, (2,
+    n, n), 1/s2 and 1/s, M^-1 K and M^-1 C without the strain; strain, (n,) 1/m, of the in-plane
+    coordinates; quadratic, (2, n, n) 1/m2, strain by their squares; pull, (n,), and stretch, (2, n,
+    n), M^-1 EA l times the derivatives of both; shapes, (2, n_nodes, n), at the nodes of the span;
+    loading, (2, n, n_nodes), M^-1 times shape times quadrature weight; coefficients, (2, 4) of 1,
+    alpha .. alpha^3; pressure, rho D/2; relative, whether the load is that of the full relative
+    wind.
     """
 
     line: Line
@@ -58,11 +58,11 @@ class Span:
 
     @property
     def modes(self) -> int:
-        """How many shapes each direction has."""
+        """Number of shapes in each direction."""
         return len(self.arrays.strain)
 
     def rates(self, state: np.ndarray, speed: float) -> np.ndarray:
-        """d(q, p, dq, dp)/dt, (4 n,), in a wind of `speed` m/s."""
+        """Compute d(q, p, dq, dp)/dt, (4 n,), in a wind of `speed` m/s."""
         rate = np.empty_like(state)
         _fill_rates(state, speed, self.arrays, rate, np.empty((2, self.arrays.shapes.shape[1])))
         return rate
@@ -71,14 +71,14 @@ class Span:
 def continuous_line(
     case: Mapping, sines: int = 9, *, aerodynamic: str = "small_angle", drag: float = 0.0
 ) -> Span:
-    """Return the line of a `cases` section with so many sine modes in each direction.
+    """Make the line of a `cases` section with `sines` sine modes in each direction.
 
-    sines: 0 for the two shapes of `galerkin.modes`, one in each direction.
-    aerodynamic: `small_angle`, the paper's alpha = v_t/U and F = rho D U^2 C(alpha)/2, or
-    `relative`, alpha = arctan(v_t/(U - w_t)) and the square of the relative speed. drag: static
-    horizontal coefficient; with small angles its load is linear in w_t, which damps w.
-    Spacers couple the modes; every mode of the linearised line has the case's damping ratio.
-    Raises ValueError for an unknown aerodynamic model.
+    sines: 0 for the two shapes of `galerkin.modes`, one in each direction. aerodynamic:
+    `small_angle`, the paper's alpha = v_t/U and F = rho D U^2 C(alpha)/2, or `relative`, alpha =
+    arctan(v_t/(U - w_t)) and the square of the relative speed. drag: static horizontal coefficient;
+    with small angles its load is linear in w_t, which damps w. Spacers couple the modes; every mode
+    of the linearised line has the case's damping ratio. Raises ValueError for an unknown
+    aerodynamic model.
     """
     if aerodynamic not in AERODYNAMICS:
         raise ValueError(f"aerodynamics: {aerodynamic} is none of {', '.join(AERODYNAMICS)}")
@@ -120,8 +120,9 @@ def continuous_line(
 
 
 def _solve_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (..., n), rad/s, increasing, and mode shapes normalised by mass, in columns, of
-    matrices (..., n, n).
+    """Compute frequencies (..., n), rad/s, increasing, and mode shapes normalised by mass.
+
+    The matrices are (..., n, n); shapes are in columns.
     """
     inverse = np.linalg.inv(np.linalg.cholesky(mass))
     squares, vectors = np.linalg.eigh(inverse @ stiffness @ inverse.mT)
@@ -129,7 +130,7 @@ def _solve_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, n
 
 
 def shapes_at(line: Span, places: Sequence[float]) -> np.ndarray:
-    """(2, n_places, n): the shapes of both directions at `places`, shares of the span."""
+    """Evaluate the shapes of both directions at `places`, shares of the span: (2, n_places, n)."""
     nodes = 2.0 * positions(line.line.span) / line.line.span - 1.0
     points = 2.0 * np.asarray(places) - 1.0
     # exact to rounding: the quadrature nodes are those of a polynomial of high degree
@@ -138,10 +139,10 @@ def shapes_at(line: Span, places: Sequence[float]) -> np.ndarray:
 
 
 def natural_modes(line: Span) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (2, n), rad/s, and coordinates (2, n, n) of the modes of the line without wind.
+    """Compute frequencies (2, n), rad/s, and coordinates (2, n, n) of the modes without wind.
 
-    In plane and out of plane. The modes are in columns, by frequency, scaled to one at mid-span or,
-    where that is their node, at a quarter of the span.
+    The first index is in plane, out of plane. The modes are in columns, by frequency, scaled to one
+    at mid-span or, if that is their node, at a quarter of the span.
     """
     stiffness = line.masses @ line.arrays.stiffness
     stiffness[0] += line.masses[0] @ np.outer(line.arrays.pull, line.arrays.strain)
@@ -152,17 +153,18 @@ def natural_modes(line: Span) -> tuple[np.ndarray, np.ndarray]:
 
 
 def symmetric(line: Span, coordinates: np.ndarray) -> np.ndarray:
-    """(2, n_shapes) whether each shape, of coordinates (2, n, n_shapes), is symmetric about
-    mid-span.
+    """Decide whether each shape is symmetric about mid-span, (2, n_shapes).
+
+    coordinates: (2, n, n_shapes).
     """
     shapes = line.arrays.shapes @ coordinates
     return np.sum(shapes * shapes[:, ::-1], axis=1) > 0.0
 
 
 def equilibrium(line: Span) -> np.ndarray:
-    """(4 n,) state at rest in the mean wind; not zero where there is a static drag.
+    """Find the equilibrium, (4 n,), in the mean wind; not zero with a static drag.
 
-    Raises ValueError where none is close to the line without wind.
+    Raises ValueError if none is close to the line without wind.
     """
     n = 2 * line.modes
     still = np.zeros(n)
@@ -175,7 +177,7 @@ def equilibrium(line: Span) -> np.ndarray:
 
 
 def small_motions(line: Span) -> Modes:
-    """Return the oscillations, by frequency, of the line about its equilibrium in the mean wind."""
+    """Compute oscillations, by frequency, of the line about its equilibrium in the mean wind."""
     rest = equilibrium(line)
     columns = [
         (line.rates(rest + change, line.speed) - line.rates(rest - change, line.speed)) / 2e-5
@@ -191,7 +193,7 @@ def release(
     *,
     antisymmetric: float = 0.0,
 ) -> np.ndarray:
-    """(4 n,) state released from the equilibrium in the mean wind.
+    """Make an initial state, (4 n,), displaced from the equilibrium in the mean wind.
 
     displacement, velocity: m and m/s at mid-span, vertical and horizontal, in the first symmetric
     mode of each direction. antisymmetric: m at a quarter of the span, in the first antisymmetric
@@ -215,11 +217,11 @@ def simulate(
     speed: np.ndarray | None = None,
     step: float = STEP,
 ) -> np.ndarray:
-    """(n, 4 n_modes) coordinates and velocities (q, p, dq, dp) at `time`.
+    """Simulate coordinates and velocities (q, p, dq, dp) at `time`, (n, 4 n_modes).
 
     start: the state at time[0]. time: (n,) s, equally spaced. speed: (n,) wind at those times,
-    linear between them; the mean wind where not given. step: s, of which none is longer, of the
-    Runge-Kutta method of order 4.
+    linear between them; the mean wind by default. step: s, the longest step of the Runge-Kutta
+    method of order 4.
     """
     interval = (time[-1] - time[0]) / (len(time) - 1)
     substeps = max(1, int(np.ceil(interval / step - 1e-9)))
@@ -232,13 +234,13 @@ def simulate(
 def wind(
     line: Span, gusts: Mapping, time: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray | None:
-    """(n,) m/s at `time`, s, with the `gusts` of a `truth` section; None where it is steady."""
+    """Draw the wind, (n,) m/s, at `time`, s, with `gusts` of a `truth` section; None if steady."""
     return wind_speed(time, mean=line.speed, rng=rng, **gusts) if gusts["intensity"] else None
 
 
 @njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
 def _fill_rates(state, speed, line, rate, load):
-    """Fill `rate` (4 n,) for `state` in a wind of `speed`; load: (2, n_nodes), room to work in."""
+    """Fill `rate` (4 n,) for `state` in a wind of `speed`; load: (2, n_nodes), working memory."""
     n, nodes = len(line.strain), line.shapes.shape[1]
     shapes, coefficients, loading = line.shapes, line.coefficients, line.loading
     tension = 0.0
@@ -281,7 +283,7 @@ def _fill_rates(state, speed, line, rate, load):
 
 @njit(cache=True, error_model="numpy")
 def _runge_kutta(start, step, substeps, wind, line):
-    """`simulate`, with the arrays of a `Span`."""
+    """Integrate as `simulate`, with the arrays of a `Span`."""
     states = np.empty((len(wind), len(start)))
     states[0] = start
     x = start.copy()
@@ -311,8 +313,10 @@ QUARTERS = (0.25, 0.5, 0.75)  # of the span: three sensors that tell the first t
 
 
 def sensor_readings(line: Span, states: np.ndarray, places: Sequence[float]) -> np.ndarray:
-    """(n, n_sensors, 4) of states (n, 4 n_modes): displacements, v and w, m, and velocities, m/s,
-    at `places`, shares of the span; of rates of states: velocities and accelerations, m/s2.
+    """Compute displacements v and w, m, and velocities, m/s, at sensors, (n, n_sensors, 4).
+
+    states: (n, 4 n_modes); of their rates, the result is velocities and accelerations, m/s2.
+    places: shares of the span.
     """
     each = states.reshape(len(states), 2, 2, line.modes)
     read = np.einsum("dsk,nhdk->nshd", shapes_at(line, places), each)
@@ -320,7 +324,7 @@ def sensor_readings(line: Span, states: np.ndarray, places: Sequence[float]) -> 
 
 
 def first_modes(line: Span, values: np.ndarray, places: Sequence[float]) -> np.ndarray:
-    """Coordinates of as many sine modes as there are sensors: the matrix of sines inverted.
+    """Compute coordinates of as many sine modes as sensors, by inverting the matrix of sines.
 
     values: (n, n_sensors, ...) at `places`, shares of the span. Same shape, by mode.
     """
@@ -336,12 +340,12 @@ def observed(
     time: np.ndarray,
     rng: np.random.Generator,
 ) -> Motion:
-    """Motion of the line of a `cases` section as the sensors along its span see it.
+    """Simulate the motion of a `cases` section at the sensors along its span.
 
-    truth: section of that name. start: by state, m and m/s at mid-span, from where it is released.
-    time: (n,) s, equally spaced. rng: draws the gusts.
-    Readings of the sensors become the coordinates of as many sine modes, of which the first are
-    the states; nothing else is known of the others. A motion that is not finite is all NaN.
+    truth: section of that name. start: by state, m and m/s at mid-span, initial displacement. time:
+    (n,) s, equally spaced. rng: draws the gusts. Readings of the sensors become the coordinates of
+    as many sine modes, of which the first are the states; the others are unknown. A motion that is
+    not finite is all NaN.
     """
     load = {"aerodynamic": truth["aerodynamics"], "drag": truth["drag"]}
     line = continuous_line(case, truth["modes"], **load)

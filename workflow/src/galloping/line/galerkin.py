@@ -1,4 +1,4 @@
-"""The galloping equations: gamma and kappa of two coupled oscillators, from the continuous line."""
+"""Galloping equations: gamma and kappa of two coupled oscillators, from the continuous line."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class Line:
 
     @classmethod
     def from_case(cls, case: Mapping) -> Self:
-        """Return the bundle of a `cases` section of the configuration."""
+        """Make the bundle of a `cases` section of the configuration."""
         n = case["bundle"]["subconductors"]
         conductor, line, spacers = case["conductor"], case["line"], case["spacers"]
         return cls(
@@ -51,24 +51,24 @@ class Line:
 
     @property
     def sag(self) -> float:
-        """Mid-span sag of the parabola, m."""
+        """Sag of the parabola at mid-span, m."""
         return self.mass * self.gravity * self.span**2 / (8 * self.tension)
 
     @property
     def irvine_parameter(self) -> float:
-        """lambda^2, the ratio of the stiffness by sag to the stiffness by tension (Irvine 1981)."""
+        """Ratio lambda^2 of the stiffness by sag to that by tension (Irvine 1981)."""
         stretch = (self.mass * self.gravity * self.span / self.tension) ** 2
         return stretch * self.axial_stiffness / self.tension
 
     def static_curvature(self) -> float:
-        """Y'' of the parabola, 1/m."""
+        """Compute the curvature Y'' of the parabola, 1/m."""
         return self.mass * self.gravity / self.tension
 
 
 def irvine_root(irvine_parameter: float) -> float:
-    """Dimensionless frequency x of the first symmetric in-plane mode, pi < x < 3 pi.
+    """Solve for the dimensionless frequency x of the first symmetric in-plane mode, pi < x < 3 pi.
 
-    Root of tan(x/2) = x/2 - (4/lambda^2)(x/2)^3 (Irvine 1981), written without its poles.
+    It is the root of tan(x/2) = x/2 - (4/lambda^2)(x/2)^3 (Irvine 1981), written without its poles.
     """
     from scipy.optimize import brentq  # slow to import
 
@@ -92,31 +92,31 @@ class ModeShape:
 
 
 def positions(span: float) -> np.ndarray:
-    """Quadrature nodes along the span, m."""
+    """Return the quadrature nodes along the span, m."""
     return span * (_NODES + 1) / 2
 
 
 def weights(span: float) -> np.ndarray:
-    """Weights of the quadrature at `positions`, m."""
+    """Return the weights of the quadrature at `positions`, m."""
     return _WEIGHTS * span / 2
 
 
 def integrate(values: np.ndarray, span: float) -> float:
-    """<f>, the integral over the span of values at `positions`."""
+    """Integrate values at `positions` over the span."""
     return float(values @ _WEIGHTS) * span / 2
 
 
 def sine_mode(line: Line, order: int = 1) -> ModeShape:
-    """sin(order pi s / l)."""
+    """Make the mode shape sin(order pi s / l)."""
     k, spacers = pi * order / line.span, np.asarray(line.spacer_positions, dtype=float)
     at = k * positions(line.span)
     return ModeShape(np.sin(at), k * np.cos(at), -(k**2) * np.sin(at), np.sin(k * spacers))
 
 
 def irvine_mode(line: Line) -> ModeShape:
-    """First symmetric in-plane mode of a shallow sagging cable, scaled to 1 at mid-span.
+    """Make the first symmetric in-plane mode of a shallow sagging cable, scaled to 1 at mid-span.
 
-    1 - tan(x/2) sin(x s/l) - cos(x s/l) written about mid-span, where it has no pole.
+    1 - tan(x/2) sin(x s/l) - cos(x s/l) is written about mid-span, where it has no pole.
     """
     x = irvine_root(line.irvine_parameter)
     k, edge = x / line.span, cos(x / 2)
@@ -162,7 +162,7 @@ EQUATIONS = {2: "vertical", 3: "horizontal"}
 
 
 def model(values: Mapping[str, float]) -> PolynomialModel:
-    """Return the galloping equations with the coefficients `values`, by symbol of TERMS."""
+    """Make the galloping equations with the coefficients `values`, by symbol of TERMS."""
     present = [(*TERMS[symbol], -value) for symbol, value in values.items() if value != 0]
     places = [(0, (0, 0, 1, 0), 1.0), (1, (0, 0, 0, 1), 1.0), *present]
     terms = tuple(dict.fromkeys(term for _, term, _ in places))
@@ -173,7 +173,7 @@ def model(values: Mapping[str, float]) -> PolynomialModel:
 
 
 def symbol_of(row: int, exponents: Exponents) -> str:
-    """gamma_i or kappa_i of a term, or its name where the paper has no symbol for it."""
+    """Return gamma_i or kappa_i of a term, or its name if the paper has no symbol for it."""
     return SYMBOLS.get((row, exponents)) or term_name(exponents, STATES)
 
 
@@ -186,14 +186,14 @@ READINGS = {
 
 
 def ice_coefficients(ice: Mapping) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """(beta_1..beta_3, eta_1..eta_3), vertical and horizontal, of an `ice` section."""
+    """Return vertical (beta_1..beta_3) and horizontal (eta_1..eta_3) of an `ice` section."""
     if ice["reading"] == "custom":
         return tuple(ice["vertical"]), tuple(ice["horizontal"])
     return READINGS[ice["reading"]]
 
 
 def modes(case: Mapping, line: Line) -> tuple[ModeShape, ModeShape]:
-    """Mode shapes of the vertical (configured) and the horizontal (sine) motion."""
+    """Make the mode shapes of the vertical (configured) and the horizontal (sine) motion."""
     return MODES[case["line"]["mode_shape"]](line), sine_mode(line)
 
 
@@ -212,7 +212,7 @@ class LinearMode(ModeShape):
 
 
 def at_rest(case: Mapping) -> tuple[Line, LinearMode, LinearMode]:
-    """Return the line of a case, its vertical and its horizontal mode."""
+    """Make the line of a case, its vertical and its horizontal mode."""
     line = Line.from_case(case)
     phi, psi = modes(case, line)
     strain = -line.static_curvature() * integrate(phi.shape, line.span) / line.span
@@ -232,10 +232,10 @@ def _linear_mode(line: Line, own: ModeShape, strain: float) -> LinearMode:
 
 
 def coefficients(case: Mapping) -> dict[str, float]:
-    """gamma_1..gamma_8, kappa_1..kappa_10 of a case (SI units, on the left-hand side).
+    """Compute gamma_1..gamma_8, kappa_1..kappa_10 of a case (SI units, on the left-hand side).
 
-    Galerkin projection of the line's energies on its two modes, with quasi-static cubic
-    aerodynamics, alpha = V_t / U (paper, eqs. 10-13).
+    The method is a Galerkin projection of the line's energies on its two modes, with quasi-static
+    cubic aerodynamics, alpha = V_t / U (paper, eqs. 10-13).
     """
     line, v, w = at_rest(case)
     phi, psi, stretch = v.shape, w.shape, line.axial_stiffness * line.span
@@ -270,7 +270,7 @@ def coefficients(case: Mapping) -> dict[str, float]:
 
 
 def derive(case: Mapping) -> Derived:
-    """All that follows from a case without simulating it."""
+    """Compute all properties of a case that need no simulation."""
     line, v, w = at_rest(case)
     values = coefficients(case)
     quantities = {

@@ -1,18 +1,18 @@
 """Stationary random wind: the along-wind speed of atmospheric turbulence.
 
-Apart from `continuous`, whose compiled code the trials that draw a wind alone do without.
+This module is separate from `continuous`, so that trials with wind alone need not compile it.
 """
 
 import numpy as np
 
 
 def von_karman(reduced: np.ndarray) -> np.ndarray:
-    """N S/sigma^2 at the reduced frequency n L/U, one-sided (von Karman, PNAS 34, 1948)."""
+    """Evaluate n S/sigma^2, one-sided, at reduced frequencies n L/U (von Karman, PNAS 34, 1948)."""
     return 4.0 * reduced / (1.0 + 70.8 * reduced**2) ** (5.0 / 6.0)
 
 
 def kaimal(reduced: np.ndarray) -> np.ndarray:
-    """N S/sigma^2 at the reduced frequency n L/U (Kaimal et al. 1972, as in IEC 61400-1)."""
+    """Evaluate n S/sigma^2 at reduced frequencies n L/U (Kaimal et al. 1972, in IEC 61400-1)."""
     return 4.0 * reduced / (1.0 + 6.0 * reduced) ** (5.0 / 3.0)
 
 
@@ -28,13 +28,13 @@ def wind_speed(
     spectrum: str,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """U(t) = mean (1 + intensity x(t)), x Gaussian, of unit variance and the named spectrum.
+    """Draw U(t) = mean (1 + intensity x(t)), x Gaussian, of unit variance and the named spectrum.
 
-    time: (n,) s, equally spaced. mean: m/s, over these times, as wind speeds and intensities are
-    stated of the stretch that they were averaged over. intensity: standard deviation over mean.
-    length_scale: integral length of the turbulence along the wind, m. spectrum: of `SPECTRA`.
-    Harmonics of twice the duration with Gaussian amplitudes (Shinozuka and Jan 1972), so that the
-    end does not repeat the beginning. Returns (n,), m/s.
+    time: (n,) s, equally spaced. mean: m/s, over these times, since wind speeds and intensities
+    refer to an averaging interval. intensity: standard deviation over mean. length_scale: integral
+    length of the turbulence along the wind, m. spectrum: of `SPECTRA`. Harmonics of twice the
+    duration have Gaussian amplitudes (Shinozuka and Jan 1972), so that the end does not repeat the
+    beginning. Returns (n,), m/s.
     """
     step = time[1] - time[0]
     harmonics = len(time)

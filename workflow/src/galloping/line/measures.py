@@ -1,9 +1,9 @@
-"""Measures against galloping, as changes of a case, and the room that a galloping span needs.
+"""Measures against galloping, as changes of a case, and the space of a galloping span.
 
-The line keeps its two modes: a measure changes what it hangs from, what it carries or what the
-wind finds, and the derivation of the model is repeated.
-All lengths are in metres; formulas that their sources print in feet are converted inside. An
-ellipse stands upright at mid-span (major axis vertical); sag is that of the iced line at rest.
+The line keeps its two modes: a measure changes its supports, masses or aerodynamics, and the
+derivation of the model is repeated. All lengths are in metres; formulas that their sources print in
+feet are converted inside. An ellipse is upright at mid-span (major axis vertical); sag is that of
+the iced line at rest.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -21,12 +21,11 @@ CIGRE = "CIGRE Technical Brochure 322 (2007)"
 
 @dataclass(frozen=True)
 class Measure:
-    """One change of a line.
+    """One measure against galloping.
 
-    label: in words, with its size. change: of the case. damping: viscous dampers to earth, pairs
-    of a place on the span (m) and a coefficient (N s/m). masses: added point masses, pairs of a
-    place (m) and a mass (kg). source: of the physical model. limit: what the model cannot say, or
-    ''.
+    label: in words, with its size. change: of the case. damping: viscous dampers to earth, pairs of
+    a place on the span (m) and a coefficient (N s/m). masses: added point masses, pairs of a place
+    (m) and a mass (kg). source: of the physical model. limit: limitation of the model, or ''.
     """
 
     label: str
@@ -41,7 +40,7 @@ NOTHING = Measure("as it is")
 
 
 def tension(factor: float) -> Measure:
-    """Tension times a factor: stiffer, with less sag and another ratio of the frequencies."""
+    """Multiply the tension: stiffer, with less sag and another frequency ratio."""
     word = "more" if factor > 1 else "less"
 
     def change(case: Mapping) -> dict:
@@ -57,14 +56,14 @@ def damper(position: float, coefficient: float) -> Measure:
 
 
 def spacers(mass: float, positions: Sequence[float]) -> Measure:
-    """Other spacers: their mass lowers both frequencies, each by its mode at their places."""
+    """Replace the spacers: their mass lowers both frequencies, each by its mode at their places."""
     label = f"spacers of {mass:g} kg at {', '.join(f'{p:g}' for p in positions)} m"
     new = {"mass": mass, "positions": list(positions)}
     return Measure(label, lambda case: {**case, "spacers": new}, source=CIGRE)
 
 
 def pendulum(mass: float, positions: Sequence[float]) -> Measure:
-    """Detuning pendulums: of them, this model knows the mass."""
+    """Add detuning pendulums, modelled by their mass alone."""
     return Measure(
         f"pendulums of {mass:g} kg, mass alone",
         masses=tuple((position, mass) for position in positions),
@@ -74,7 +73,7 @@ def pendulum(mass: float, positions: Sequence[float]) -> Measure:
 
 
 def ice_removal() -> Measure:
-    """No ice: a round conductor has no lift that depends on the angle of attack."""
+    """Remove the ice: a round conductor has no lift that depends on the angle of attack."""
     bare = {"reading": "custom", "vertical": [0.0, 0.0, 0.0], "horizontal": [0.0, 0.0, 0.0]}
     return Measure("ice removed", lambda case: {**case, "ice": bare}, source=CIGRE)
 
@@ -83,7 +82,7 @@ KINDS = {kind.__name__: kind for kind in (tension, damper, spacers, pendulum, ic
 
 
 def usual(case: Mapping) -> tuple[Measure, ...]:
-    """Measures of a size that practice uses, for a case; other spacers where it has any."""
+    """List measures of a usual size for a case; other spacers if it has any."""
     span, mass = case["line"]["span"], case["spacers"]["mass"]
     positions = case["spacers"]["positions"]
     thirds = [float(round(share * span)) for share in (2 / 9, 4 / 9, 7 / 9)]
@@ -99,8 +98,10 @@ def usual(case: Mapping) -> tuple[Measure, ...]:
 
 
 def added(case: Mapping, applied: Measure) -> tuple[np.ndarray, np.ndarray]:
-    """Modal damping (N s/m) and mass (kg) that a measure adds to the vertical and the horizontal
-    mode: two arrays (2,). Raises ValueError for a place outside the span.
+    """Compute modal damping (N s/m) and mass (kg) that a measure adds to both modes.
+
+    Returns two arrays (2,), vertical and horizontal. Raises ValueError for a place outside the
+    span.
     """
     line = Line.from_case(case)
     damping, mass = np.zeros(2), np.zeros(2)
@@ -121,14 +122,14 @@ FOOT = 0.3048  # m
 
 @dataclass(frozen=True)
 class Ellipse:
-    """Major (vertical) and minor axis, and how far the lowest point lies below rest, all in m."""
+    """Design ellipse: major (vertical) and minor axis, depth of its lowest point below rest, m."""
 
     major: float
     minor: float
     below: float
 
     def outline(self) -> np.ndarray:
-        """(400, 2) places (w, v) about the rest position at mid-span, in m."""
+        """Compute places (w, v) about the rest position at mid-span, (400, 2), in m."""
         angle = 2 * np.pi * np.arange(400) / 400
         centre = self.major / 2 - self.below
         return np.column_stack(
@@ -137,7 +138,7 @@ class Ellipse:
 
 
 def davison(sag: float) -> Ellipse:
-    """Single-loop galloping (Davison, as in RUS Bulletin 1724E-200, ch. 6).
+    """Compute the ellipse of single-loop galloping (Davison, as in RUS Bulletin 1724E-200, ch. 6).
 
     In feet: major 1.25 S + 1, minor 0.4 of it, lowest point 0.25 S below rest.
     """
@@ -147,10 +148,11 @@ def davison(sag: float) -> Ellipse:
 
 
 def toye(span: float, sag: float) -> Ellipse:
-    """Double-loop galloping of long spans (Toye, as in RUS Bulletin 1724E-200, ch. 6).
+    """Compute the ellipse of double-loop galloping of long spans (Toye, as in RUS Bulletin).
 
-    In feet, a = sqrt((L/2)^2 + S^2): major 1 + sqrt(3a/8 (L + 8 S^2/(3 L) - 2a)), minor
-    2 sqrt(major - 1), lowest point 0.2 of the major below rest.
+    The source is RUS Bulletin 1724E-200, ch. 6. In feet, a = sqrt((L/2)^2 + S^2): major 1 +
+    sqrt(3a/8 (L + 8 S^2/(3 L) - 2a)), minor 2 sqrt(major - 1), lowest point 0.2 of the major below
+    rest.
     """
     length, s = span / FOOT, sag / FOOT
     a = sqrt((length / 2) ** 2 + s**2)
@@ -160,11 +162,11 @@ def toye(span: float, sag: float) -> Ellipse:
 
 
 def cigre(sag: float, diameter: float, bundle: bool) -> Ellipse:
-    """CIGRE Technical Brochure 322 (2007), from observed events, for single conductors and bundles.
+    """Compute the ellipse of CIGRE Technical Brochure 322 (2007), from observed events.
 
-    diameter: of one conductor, m. Major 80 d ln(8 S/(50 d)), of bundles 170 d ln(8 S/(500 d));
-    minor 0.4 and lowest point 0.3 of it. Raises ValueError where the sag is too small for the
-    formula.
+    It is for single conductors and bundles. diameter: of one conductor, m. Major 80 d ln(8 S/(50
+    d)), of bundles 170 d ln(8 S/(500 d)); minor 0.4 and lowest point 0.3 of it. Raises ValueError
+    if the sag is too small for the formula.
     """
     factor, scale = (170, 500) if bundle else (80, 50)
     if 8 * sag <= scale * diameter:
@@ -177,7 +179,7 @@ def cigre(sag: float, diameter: float, bundle: bool) -> Ellipse:
 
 
 def design_ellipses(case: Mapping) -> dict[str, Ellipse]:
-    """Return the ellipses of a case, without that of CIGRE 322 where the sag is too small for it.
+    """Compute the ellipses of a case, without that of CIGRE 322 if the sag is too small for it.
 
     A conductor's diameter is the bundle's dimension by number.
     """
@@ -189,17 +191,17 @@ def design_ellipses(case: Mapping) -> dict[str, Ellipse]:
 
 
 def envelope(orbit: np.ndarray) -> tuple[float, float, float]:
-    """Height, width and lowest point below rest, in m, of an orbit (n, 2) of places (w, v)."""
+    """Measure height, width and lowest point below rest, m, of an orbit (n, 2) of places (w, v)."""
     width, height = np.ptp(orbit, axis=0)
     return float(height), float(width), float(max(0.0, -np.min(orbit[:, 1])))
 
 
 def clearance(first: np.ndarray, second: np.ndarray, distance: tuple[float, float]) -> float:
-    """Least distance of two galloping spans at mid-span, where their modes are largest, m.
+    """Compute the least distance of two galloping spans at mid-span, where modes are largest, m.
 
-    Whatever their phases in time; zero where the orbits cross. first, second: (n, 2) places (w, v)
-    of each over one period, closed, in m. distance: (horizontal, vertical) from the first to the
-    second at rest, m.
+    The phases of the motions are arbitrary; zero if the orbits cross. first, second: (n, 2) places
+    (w, v) of each over one period, closed, in m. distance: (horizontal, vertical) from the first to
+    the second at rest, m.
     """
     second = second + np.asarray(distance, float)
     if _has_crossing(first, second):
@@ -216,7 +218,7 @@ def _to_edges(points: np.ndarray, polygon: np.ndarray) -> float:
 
 
 def _has_crossing(first: np.ndarray, second: np.ndarray) -> bool:
-    """Whether an edge of one closed polygon crosses an edge of the other."""
+    """Decide whether an edge of one closed polygon crosses an edge of the other."""
 
     def side(start, end, point):
         a, b = end - start, point - start

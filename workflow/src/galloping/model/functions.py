@@ -1,9 +1,9 @@
-"""Elementary functions of states: factors of a term beside powers of states and inputs.
+"""Elementary functions of states, as factors of a term besides powers of states and inputs.
 
 A term is a tuple: exponents of the states, exponents of the inputs, and then the functions that
 multiply them, in order. `|dq| dq` of the states q and dq is `(0, 1, Function("abs", (0.0, 1.0)))`.
-Arguments and products have one spelling: sin(-q) is -sin(q), |2 q| is 2 |q|, q sign(q) is |q|. So
-equal terms are equal tuples.
+Arguments and products have a canonical form: sin(-q) is -sin(q), |2 q| is 2 |q|, q sign(q) is |q|.
+So equal terms are equal tuples.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Kind:
-    """What is known of an elementary function.
+    """Properties of an elementary function.
 
     evaluate: the function of arrays. derivative: by its argument, a number times a product of
-    functions of the same argument. text, latex: how it is written about its argument.
+    functions of the same argument. text, latex: notation with its argument.
     """
 
     evaluate: Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -48,7 +48,7 @@ class Function(NamedTuple):
     """An elementary function of an affine combination of the states.
 
     name: one of FUNCTIONS. weights: (n_states,) of the states, not all zero. offset: added to them.
-    `make_function` makes one with the argument in its one spelling.
+    `make_function` makes one with the argument in canonical form.
     """
 
     name: str
@@ -56,36 +56,36 @@ class Function(NamedTuple):
     offset: float = 0.0
 
     def argument(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(n,) of states (n, n_states or more)."""
+        """Evaluate the argument, (n,), at states (n, n_states or more)."""
         own = [k for k, weight in enumerate(self.weights) if weight]
         return x[:, own] @ np.array([self.weights[k] for k in own]) + self.offset
 
     def __call__(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(n,) values at states (n, n_states or more)."""
+        """Evaluate the function, (n,), at states (n, n_states or more)."""
         return FUNCTIONS[self.name].evaluate(self.argument(x))
 
     @property
     def state(self) -> int | None:
-        """Index of the state that is the whole argument, None where that is more than a state."""
+        """Index of the state that is the whole argument, None for another argument."""
         own = [k for k, weight in enumerate(self.weights) if weight]
         plain = len(own) == 1 and self.weights[own[0]] == 1.0 and self.offset == 0.0
         return own[0] if plain else None
 
     def derivative(self, state: int) -> tuple[float, tuple[Function, ...]]:
-        """The derivative by a state: a number times a product of functions."""
+        """Differentiate by a state: a number times a product of functions."""
         factor, names = FUNCTIONS[self.name].derivative
         return factor * self.weights[state], tuple(self._replace(name=name) for name in names)
 
     def text(self, names: Sequence[str]) -> str:
-        """As the grammar of libraries reads it. names: of the states."""
+        """Format the function in the grammar of libraries. names: of the states."""
         return FUNCTIONS[self.name].text.format(self.argument_text(names))
 
     def argument_text(
         self, names: Sequence[str], number: Callable[[float], str] | None = None
     ) -> str:
-        """The argument in words.
+        """Format the argument.
 
-        names: of the states. number: writes a number; by default to its last digit.
+        names: of the states. number: formats a number; by default to its last digit.
         """
         number = number or (lambda value: repr(value).removesuffix(".0"))
         parts = [
@@ -103,7 +103,7 @@ class Function(NamedTuple):
 def make_function(
     name: str, weights: Sequence[float], offset: float = 0.0
 ) -> tuple[float, Function]:
-    """A function in its one spelling, and the number by which it is multiplied then.
+    """Make a function in canonical form, and its factor.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def make_function(
 
     Returns
     -------
-    factor, function : their product is the function that was asked for
+    factor, function : their product is the requested function
 
     Raises
     ------
@@ -143,12 +143,12 @@ def make_function(
 
 
 def term_to_plain(term: Sequence) -> list:
-    """A term as JSON has it, its functions as mappings."""
+    """Convert a term for JSON, its functions to mappings."""
     return [own._asdict() if isinstance(own, Function) else own for own in term]
 
 
 def from_plain(factors: Sequence) -> tuple:
-    """Return the term that `term_to_plain` wrote.
+    """Restore a term from `term_to_plain`.
 
     Raises ValueError, KeyError or TypeError for anything else.
     """
@@ -162,12 +162,12 @@ def from_plain(factors: Sequence) -> tuple:
 
 
 def n_exponents(term: Sequence[object]) -> int:
-    """How many exponents a term begins with."""
+    """Count the exponents with which a term begins."""
     return sum(not isinstance(factor, Function) for factor in term)
 
 
 def canonical_term(exponents: Sequence[int], functions: Sequence[Function]) -> tuple:
-    """The term that is a product of powers and functions.
+    """Make the term that is a product of powers and functions, in canonical form.
 
     sign(u)^2 is 1, |u|/u is sign(u); of a state u alone, u sign(u) is |u|, |u|^2 is u^2, u/u is 1.
     """
@@ -189,7 +189,7 @@ def canonical_term(exponents: Sequence[int], functions: Sequence[Function]) -> t
 
 
 def multiply_terms(left: Sequence, right: Sequence) -> tuple:
-    """The product of two terms with the same number of exponents."""
+    """Multiply two terms with the same number of exponents."""
     n = n_exponents(left)
     exponents = tuple(a + b for a, b in zip(left[:n], right[:n], strict=True))
     functions = (*left[n:], *right[n:])
@@ -197,7 +197,7 @@ def multiply_terms(left: Sequence, right: Sequence) -> tuple:
 
 
 def differentiate_term(term: Sequence, state: int) -> list[tuple[float, tuple]]:
-    """The derivative of a term by a state: a sum of numbers times terms."""
+    """Differentiate a term by a state: a sum of numbers times terms."""
     n = n_exponents(term)
     exponents, functions = term[:n], term[n:]
     found = []

@@ -1,4 +1,4 @@
-"""What intervals hold, and how they come from draws."""
+"""Intervals and their computation from draws."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,37 +20,60 @@ IDENTIFIABLE = 7.6
 def median_and_interval(
     values: Sequence[float] | NDArray[np.float64],
 ) -> tuple[float, float, float]:
-    """Median and the 5th and 95th percentile; a failure (inf) counts as the worst value."""
+    """Compute median, 5th and 95th percentile; a failure (inf) counts as the worst value."""
     low = np.quantile(values, QUANTILES_90[0], method="lower")
     high = np.quantile(values, QUANTILES_90[1], method="higher")
     return float(np.median(values)), float(low), float(high)
 
 
 class Identified(Protocol):
-    """What draws need of an identified model; see `IdentifiedModel` for the shapes."""
+    """Properties of an identified model that draws need; see `IdentifiedModel` for the shapes."""
 
     @property
-    def model(self) -> PolynomialModel: ...
+    def model(self) -> PolynomialModel:
+        """The model."""
+        ...
+
     @property
-    def support(self) -> np.ndarray: ...
+    def support(self) -> np.ndarray:
+        """Its identified terms."""
+        ...
+
     @property
-    def covariance(self) -> np.ndarray: ...
+    def covariance(self) -> np.ndarray:
+        """Covariance of its coefficients."""
+        ...
+
     @property
-    def rivals(self) -> np.ndarray: ...
+    def rivals(self) -> np.ndarray:
+        """Coefficients of rival models."""
+        ...
+
     @property
-    def rival_share(self) -> float: ...
+    def rival_share(self) -> float:
+        """Total probability of the rivals."""
+        ...
+
     @property
-    def bounds(self) -> tuple[Bound, ...]: ...
+    def bounds(self) -> tuple[Bound, ...]:
+        """Known bounds of coefficients."""
+        ...
+
     @property
-    def extrapolation_shift(self) -> np.ndarray: ...
+    def extrapolation_shift(self) -> np.ndarray:
+        """Mean change of coefficients by terms of the next degrees."""
+        ...
+
     @property
-    def extrapolation_covariance(self) -> np.ndarray: ...
+    def extrapolation_covariance(self) -> np.ndarray:
+        """Covariance of the changes by terms of the next degrees."""
+        ...
 
 
 def draw_normal(
     mean: np.ndarray, covariance: np.ndarray, count: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Draw values from a normal distribution, the same in whatever units they are.
+    """Draw values from a normal distribution, independently of their units.
 
     Parameters
     ----------
@@ -69,10 +92,10 @@ def draw_normal(
 
 
 def covariance_root(covariance: np.ndarray) -> np.ndarray:
-    """Root of a covariance, by which independent draws are turned into correlated ones.
+    """Compute a root of a covariance, which transforms independent draws into correlated ones.
 
-    It is that of the correlations, which have no unit, and the lower triangle with a diagonal that
-    is not negative, which does not depend on how a matrix is decomposed.
+    It is that of the correlations, which have no unit, and the lower triangle with a nonnegative
+    diagonal, which is independent of the decomposition method.
 
     Parameters
     ----------
@@ -95,8 +118,9 @@ def covariance_root(covariance: np.ndarray) -> np.ndarray:
 def draw_models(
     identified: Identified, rng: np.random.Generator, count: int = DRAWS
 ) -> list[PolynomialModel]:
-    """Models with coefficients drawn with their covariance, terms trusted; all the same where there
-    is none.
+    """Draw models with the same terms, coefficients drawn with their covariance.
+
+    All are equal without a covariance.
     """
     model, support = identified.model, identified.support
     coefficients = np.repeat(model.coefficients[np.newaxis], count, axis=0)
@@ -107,7 +131,7 @@ def draw_models(
 
 
 def clip_to_bounds(identified: Identified, coefficients: np.ndarray) -> np.ndarray:
-    """Coefficients (n_states, n_terms), those beyond their bounds at the nearest one."""
+    """Move coefficients (n_states, n_terms) that are beyond their bounds to the nearest one."""
     for equation, term, least, most in identified.bounds:
         if term in identified.model.terms:
             place = equation, identified.model.terms.index(term)
@@ -118,10 +142,10 @@ def clip_to_bounds(identified: Identified, coefficients: np.ndarray) -> np.ndarr
 def draw_models_and_rivals(
     identified: Identified, rng: np.random.Generator, count: int = DRAWS
 ) -> list[PolynomialModel]:
-    """The same without that trust: rivals of the model among them, as often as they are probable.
+    """Draw models including rivals with other terms, as often as these are probable.
 
-    Draws that trust the terms are too close together where terms are weak: docs/trust.md. Where
-    there is no covariance, the model alone.
+    Draws with the same terms have too narrow a distribution if terms are weak: docs/trust.md.
+    Without a covariance, the model alone.
     """
     if not len(identified.covariance):
         return [identified.model]
@@ -135,7 +159,7 @@ def draw_models_and_rivals(
 def extrapolate(
     models: Sequence[PolynomialModel], identified: Identified, rng: np.random.Generator
 ) -> list[PolynomialModel]:
-    """Change models as terms of the next degrees, which the library lacks, would change them.
+    """Change models by the effect of terms of the next degrees, which the library lacks.
 
     Parameters
     ----------
@@ -164,10 +188,10 @@ def extrapolate(
 def interval_of_draws(
     values: Sequence[float] | Sequence[np.ndarray] | np.ndarray, fewest: float = 2
 ) -> np.ndarray:
-    """(2, ...) ends of the 95 % interval of an estimate: the least and the greatest of its values
-    (count, ...) by DRAWS models, of those that give a value.
+    """Compute the 95 % interval of an estimate, (2, ...), as the range of its drawn values.
 
-    NaN where fewer than `fewest` do, or where a value is NaN. What lies beyond a range is infinite.
+    values: (count, ...) of DRAWS models, of those that have one. NaN if fewer than `fewest` do, or
+    if a value is NaN. A value beyond a range is infinite.
     """
     if len(values) < fewest:
         return np.full((2, *np.shape(values)[1:]), np.nan)
@@ -178,17 +202,17 @@ BIAS, FLOOR = 2.0, 2.0  # of `decay_interval`
 
 
 def decay_interval(decay: float, error: float, duration: float) -> tuple[float, float]:
-    """95 % interval of a mode's decay from random motion, 1/s, below zero where it grows.
+    """Compute the 95 % interval of a mode's decay from random motion, 1/s, negative for growth.
 
-    decay: the estimate; error: its standard error by the information; duration: s, recorded.
-    The amplitude of a lightly damped mode that white forces move is a complex Ornstein-Uhlenbeck
-    process of decay a. Over a time T its most likely decay has, to the leading order, the variance
-    a/T and the bias 1/T, and is skewed; where a T is small, an interval of the estimate give or
-    take two of its standard errors misses more below than above. That of all a for which the
-    estimate, less BIAS/T, is within 1.96 times the root of (a/T + FLOOR/T^2) is the interval of
-    E. B. Wilson (J. Am. Stat. Assoc. 22, 1927) for this variance. Measured on 6,000 motions each of
-    a T from 1 to 80: it misses 2 to 4 % on either side. What the estimate's variance has beyond
-    a/T, as of noise or beside nonlinear damping, is added as it is.
+    decay: the estimate; error: its standard error by the information; duration: s, recorded. The
+    amplitude of a lightly damped mode under white forces is a complex Ornstein-Uhlenbeck process of
+    decay a. Over a time T its most likely decay has, to the leading order, the variance a/T and the
+    bias 1/T, and is skewed; if a T is small, an interval of the estimate plus or minus two of its
+    standard errors misses more below than above. The interval of E. B. Wilson (J. Am. Stat. Assoc.
+    22, 1927) for this variance contains all a for which the estimate, less BIAS/T, is within 1.96
+    times the root of (a/T + FLOOR/T^2). Measured on 6,000 motions each of a T from 1 to 80: it
+    misses 2 to 4 % on either side. Variance of the estimate beyond a/T, by noise or nonlinear
+    damping, is added unchanged.
     """
     floor, middle = FLOOR / duration**2, decay - BIAS / duration
     if decay <= 0.0:

@@ -1,6 +1,7 @@
-"""The modes of a linear system dx/dt = A x, such as the small motions of a model at rest.
+"""Modes of a linear system dx/dt = A x, such as small motions of a model about an equilibrium.
 
-A room of its own: polynomial models, the continuous line and random forces share nothing else.
+This module is separate, since polynomial models, the continuous line and random forces share
+nothing else.
 """
 
 from typing import NamedTuple, Self
@@ -10,8 +11,10 @@ from numpy.typing import NDArray
 
 
 class Modes(NamedTuple):
-    """values: (n,) eigenvalues, real part growth, 1/s, and imaginary part frequency, rad/s. shapes:
-    (n_states, n) eigenvectors, in columns.
+    """Eigenvalues and eigenvectors of a linear system.
+
+    values: (n,), real part growth, 1/s, and imaginary part frequency, rad/s. shapes: (n_states, n),
+    in columns.
     """
 
     values: NDArray[np.complex128]
@@ -19,22 +22,22 @@ class Modes(NamedTuple):
 
     @classmethod
     def of(cls, system: NDArray[np.float64]) -> Self:
-        """All modes of A (n_states, n_states), oscillations as conjugate pairs."""
+        """Compute all modes of A (n_states, n_states), oscillations as conjugate pairs."""
         return cls(*np.linalg.eig(system))
 
     @property
     def omega(self) -> NDArray[np.float64]:
-        """(n,) natural frequencies, rad/s."""
+        """Natural frequencies, (n,), rad/s."""
         return np.abs(self.values)
 
     @property
     def damping(self) -> NDArray[np.float64]:
-        """(n,) ratios to critical, below zero of modes that grow."""
+        """Damping ratios to critical, (n,), negative for modes that grow."""
         return -self.values.real / self.omega
 
     @property
     def stable(self) -> bool:
-        """Whether all die out."""
+        """Whether all modes decay."""
         return bool(np.all(self.values.real < 0))
 
     @property
@@ -44,14 +47,14 @@ class Modes(NamedTuple):
         return places[np.argsort(self.values.imag[places])]
 
     def oscillations(self) -> Self:
-        """The oscillations alone, by frequency, one of each conjugate pair."""
+        """Select the oscillations alone, by frequency, one of each conjugate pair."""
         own = self.oscillating
         return type(self)(self.values[own], self.shapes[:, own])
 
     def critical(self) -> tuple[float, NDArray[np.complex128]]:
-        """Frequency, rad/s, and shape (n_states,) of the oscillation closest to the imaginary axis.
+        """Find frequency, rad/s, and shape (n_states,) of the least damped oscillation.
 
-        Raises ValueError where there is none.
+        It is the one closest to the imaginary axis. Raises ValueError if there is none.
         """
         nearest = min(self.oscillating, key=lambda k: abs(self.values[k].real))
         return float(self.values[nearest].imag), self.shapes[:, nearest]

@@ -31,9 +31,23 @@ Bound: TypeAlias = tuple[int, Exponents, float, float]
 
 
 def polynomial_library(n_states: int, degree: int) -> tuple[Exponents, ...]:
-    """Exponents of all monomials up to `degree`, in the order of pysindy's PolynomialLibrary.
+    """List the exponents of all monomials up to a degree, in the order of pysindy.
 
-    Raises ValueError where `n_states` is no whole number >= 1 or `degree` none >= 0.
+    Parameters
+    ----------
+    n_states : int
+        Number of states, and of inputs if there are any.
+    degree : int
+
+    Returns
+    -------
+    tuple of Exponents
+        For each monomial the exponents of the states.
+
+    Raises
+    ------
+    ValueError
+        If `n_states` is no whole number >= 1 or `degree` none >= 0.
     """
     for name, value, least in (("n_states", n_states, 1), ("degree", degree, 0)):
         if not isinstance(value, Integral) or value < least:
@@ -45,36 +59,36 @@ def polynomial_library(n_states: int, degree: int) -> tuple[Exponents, ...]:
 
 
 def linear_term(k: int, count: int) -> Exponents:
-    """Exponents of the term that is the k-th of `count` names alone."""
+    """Make the exponents of the k-th of `count` names alone."""
     return tuple(int(i == k) for i in range(count))
 
 
 def extend_library(terms: tuple[Exponents, ...], model: PolynomialModel) -> tuple[Exponents, ...]:
-    """The library `terms`, followed by the terms present in `model` that it lacks."""
+    """Append to the library `terms` the terms present in `model` that it lacks."""
     present = (t for t, used in zip(model.terms, model.has_term, strict=True) if used)
     return tuple(dict.fromkeys([*terms, *present]))
 
 
 def velocity_pairs(states: tuple[str, ...]) -> dict[int, int]:
-    """Index of each state X whose derivative is a state too, named `dX`, with that of dX."""
+    """Map the index of each state X whose derivative `dX` is a state too to that of dX."""
     index = {name: i for i, name in enumerate(states)}
     return {i: index[f"d{name}"] for i, name in enumerate(states) if f"d{name}" in index}
 
 
 def exponent_matrix(terms: Sequence[Exponents], count: int) -> NDArray[np.int64]:
-    """(n_terms, count) exponents with which terms begin, without their functions."""
+    """Collect the exponents with which terms begin, without their functions, (n_terms, count)."""
     return np.array([term[:count] for term in terms], np.int64).reshape(-1, count)
 
 
 def has_functions(term: Exponents) -> bool:
-    """Whether a term has a factor that is no power."""
+    """Decide whether a term has a factor that is no power."""
     return bool(term) and isinstance(term[-1], Function)
 
 
 def term_name(exponents: Exponents, names: Sequence[str]) -> str:
-    """Name of a term as pysindy prints it: `1`, `q_v`, `q_v q_w^2`; or `dq_v^3/U`, `|dq| dq`.
+    """Format a term as pysindy does: `1`, `q_v`, `q_v q_w^2`; or `dq_v^3/U`, `|dq| dq`.
 
-    names: of the states and, where exponents are of inputs too, of those.
+    names: of the states and, if exponents are of inputs too, of those.
     """
     own = Counter(exponents[len(names) :])
     powers = [(f.text(names), e) for f, e in own.items() if f.name != "inverse"]
@@ -89,9 +103,9 @@ def term_name(exponents: Exponents, names: Sequence[str]) -> str:
 
 
 def latex_factors(term: Exponents, names: Sequence[str], number: Callable[[str], str]) -> list[str]:
-    """The factors of a term as LaTeX.
+    """Format the factors of a term as LaTeX.
 
-    names: of states and inputs, as LaTeX. number: makes LaTeX of a printed number.
+    names: of states and inputs, as LaTeX. number: converts a printed number to LaTeX.
     """
     powers = [(name, power) for name, power in zip(names, term, strict=False) if power]
     for function, power in Counter(term[len(names) :]).items():
@@ -102,11 +116,11 @@ def latex_factors(term: Exponents, names: Sequence[str], number: Callable[[str],
 
 
 def design_matrix(x: np.ndarray, terms: tuple[Exponents, ...]) -> np.ndarray:
-    """Terms at the states `x`.
+    """Evaluate terms at the states `x`.
 
     x: (n, n_states), or of states and inputs, whose exponents may be negative. Returns (n,
-    n_terms). Each monomial costs one product, of a state with a monomial of one degree less where
-    that one is in the library.
+    n_terms). Each monomial needs one product, of a state with a monomial of one degree less if that
+    is in the library.
     """
     functions, terms = split_functions(terms)
     if functions:
@@ -128,7 +142,7 @@ def design_matrix(x: np.ndarray, terms: tuple[Exponents, ...]) -> np.ndarray:
 def split_functions(
     terms: tuple[Exponents, ...],
 ) -> tuple[tuple[Function, ...], tuple[tuple[int, ...], ...]]:
-    """Return the functions in terms, and the terms as exponents, those of the functions last."""
+    """Extract the functions in terms, and write terms as exponents, those of the functions last."""
     functions = tuple(sorted({own for term in terms for own in term if isinstance(own, Function)}))
     if not functions:
         return (), terms
@@ -140,8 +154,10 @@ def split_functions(
 
 @cache
 def factor_monomials(terms: tuple[Exponents, ...]) -> tuple[tuple[int | None, int | None], ...]:
-    """How each monomial is made: the last of its states, and the place of the monomial of one
-    degree less; -1 where that is a constant, None where it is not among those before.
+    """Factor each monomial into its last state and the monomial of one degree less.
+
+    Returns the state, and the index of that monomial; -1 if it is a constant, None if it is not
+    among those before.
     """
     column = {term: j for j, term in enumerate(terms)}
     made: list[tuple[int | None, int | None]] = []
@@ -155,11 +171,11 @@ def factor_monomials(terms: tuple[Exponents, ...]) -> tuple[tuple[int | None, in
 
 @cache
 def differentiate_terms(terms: tuple[Exponents, ...], n_states: int) -> tuple[tuple, ...]:
-    """The derivative of each term by each state, a sum of numbers times terms.
+    """Differentiate each term by each state: sums of numbers times terms.
 
-    By state: places of the terms that have a derivative, the numbers, and the terms of the
-    derivatives. That of a power is its exponent times what is left when the state is divided out
-    once; a term with functions may have several, one after the other.
+    By state: indices of the terms that have a derivative, the numbers, and the terms of the
+    derivatives. That of a power is its exponent times the power divided by the state; a term with
+    functions may have several, one after the other.
     """
     found = []
     for k in range(n_states):
@@ -171,11 +187,26 @@ def differentiate_terms(terms: tuple[Exponents, ...], n_states: int) -> tuple[tu
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PolynomialModel(Immutable):
-    """dx/dt = coefficients @ theta(x, u).
+    """Equations of motion dx/dt = coefficients @ theta(x, u).
 
-    states: names of the n_states states. terms: exponents of the n_terms terms, in the states and
-    then in the inputs, and their functions. coefficients: (n_states, n_terms), SI units. inputs:
-    names of the n_inputs inputs. Raises ValueError where they have another shape.
+    Models are immutable; those with equal contents are equal, and have the same hash.
+
+    Parameters
+    ----------
+    states : tuple of str
+        Names of the n_states states.
+    terms : tuple of Exponents
+        Of each of the n_terms terms the exponents of the states and then of the inputs, and its
+        functions.
+    coefficients : (n_states, n_terms) array
+        SI units.
+    inputs : tuple of str
+        Names of the n_inputs inputs.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not match.
     """
 
     states: tuple[str, ...]
@@ -219,9 +250,9 @@ class PolynomialModel(Immutable):
         return "\n".join([about, *self.equations()])
 
     def equations(self, standard_errors: ArrayLike | None = None) -> tuple[str, ...]:
-        """The equation of each state as text.
+        """Format the equation of each state as text.
 
-        standard_errors: (n_states, n_terms), printed beside the coefficients where finite.
+        standard_errors: (n_states, n_terms), printed after the coefficients where finite.
         """
         errors = np.nan if standard_errors is None else standard_errors
         errors = np.broadcast_to(errors, self.coefficients.shape)
@@ -235,7 +266,7 @@ class PolynomialModel(Immutable):
         return tuple(lines)
 
     def latex(self, standard_errors: ArrayLike | None = None) -> str:
-        """The equations as LaTeX, for amsmath; a velocity dX is written as X with a dot.
+        """Format the equations as LaTeX, for amsmath; a velocity dX is written as X with a dot.
 
         standard_errors: as of `equations`.
         """
@@ -255,17 +286,17 @@ class PolynomialModel(Immutable):
         return f"\\begin{{aligned}}\n{body}\n\\end{{aligned}}"
 
     def _repr_latex_(self) -> str:
-        """What notebooks show."""
+        """Format the equations for notebooks."""
         return f"$$\n{self.latex()}\n$$"
 
     @property
     def support(self) -> NDArray[np.bool_]:
-        """(n_states, n_terms) boolean: which terms are present."""
+        """Present terms, (n_states, n_terms) boolean."""
         return np.not_equal(self.coefficients, 0.0)
 
     @property
     def has_term(self) -> NDArray[np.bool_]:
-        """(n_terms,) boolean: which terms are present in any equation."""
+        """Terms that are present in any equation, (n_terms,) boolean."""
         return np.logical_or.reduce(self.support, axis=0)
 
     @property
@@ -275,13 +306,13 @@ class PolynomialModel(Immutable):
 
     @property
     def term_names(self) -> tuple[str, ...]:
-        """(n_terms,) as `term_name` writes them."""
+        """Names of the terms, (n_terms,), formatted by `term_name`."""
         return tuple(term_name(term, self.names) for term in self.terms)
 
     def __call__(
         self, x: NDArray[np.float64], u: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
-        """State derivatives at `x`: (n, n_states) -> (n, n_states).
+        """Evaluate the state derivatives at `x`: (n, n_states) -> (n, n_states).
 
         u: (n, n_inputs) of a model with inputs.
         """
@@ -290,7 +321,7 @@ class PolynomialModel(Immutable):
     def jacobian(
         self, x: NDArray[np.float64], u: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
-        """Derivatives of the rates by the states: (n, n_states) -> (n, n_states, n_states)."""
+        """Evaluate rate derivatives by the states: (n, n_states) -> (n, n_states, n_states)."""
         both = join_inputs(x, u)
         by_state = [
             design_matrix(both, lower) @ (self.coefficients[:, places] * factors).T
@@ -299,31 +330,45 @@ class PolynomialModel(Immutable):
         return np.stack(by_state, axis=2)
 
     def small_motions(self, x: NDArray[np.float64]) -> Modes:
-        """The modes of the motions near `x` (n_states,), such as at rest, of a model without
-        inputs.
+        """Compute the modes of small motions near a state of a model without inputs.
+
+        x: (n_states,), such as an equilibrium.
         """
         return Modes.of(self.jacobian(x[np.newaxis])[0])
 
     def at(self, values: Mapping[str, float]) -> PolynomialModel:
-        """The model at constant values of inputs, its terms merged; the other inputs stay.
+        """Reduce the model to constant values of inputs, merging its terms.
 
-        Raises ValueError for an input that it does not have, and for a value at which a term is
-        not finite.
+        Parameters
+        ----------
+        values : mapping of str to float
+            By input; other inputs remain.
+
+        Returns
+        -------
+        PolynomialModel
+
+        Raises
+        ------
+        ValueError
+            For an input that the model does not have, or a value at which a term is not finite.
         """
         terms, merge = merge_inputs(self, values)
         inputs = tuple(name for name in self.inputs if name not in values)
         return PolynomialModel(self.states, terms, self.coefficients @ merge, inputs)
 
     def without_absent_terms(self) -> PolynomialModel:
-        """This model on a library of the terms that any equation has, which costs less to move; on
-        the first term alone where none has any.
+        """Restrict the model to terms that any equation has, for faster simulation.
+
+        It keeps the first term if there is none.
         """
         present = compress(self.terms, self.has_term)
         return self.on_library(tuple(present) or self.terms[:1])
 
     def without_dry_friction(self) -> PolynomialModel:
-        """This model without terms that have a sign of velocities, which hold any position near its
-        position of rest.
+        """Remove terms that contain a sign of velocities.
+
+        With them any position near an equilibrium is one.
         """
         velocities = set(velocity_pairs(self.states).values())
 
@@ -341,9 +386,9 @@ class PolynomialModel(Immutable):
         return replace(self, coefficients=np.where(friction, 0.0, self.coefficients))
 
     def on_library(self, terms: tuple[Exponents, ...]) -> PolynomialModel:
-        """This model, written in another library.
+        """Rewrite the model in another library.
 
-        Raises ValueError where a term with a non-zero coefficient is missing from `terms`.
+        Raises ValueError if a term with a non-zero coefficient is missing from `terms`.
         """
         if terms == self.terms:
             return self
@@ -360,10 +405,11 @@ class PolynomialModel(Immutable):
 def merge_inputs(
     model: PolynomialModel, values: Mapping[str, float]
 ) -> tuple[tuple[Exponents, ...], NDArray[np.float64]]:
-    """Terms of a model at constant values of inputs, and what each old one brings to each new one.
+    """Merge the terms of a model at constant values of inputs.
 
-    Returns the terms, without the exponents of those inputs, and (n_terms, n_merged). Raises
-    ValueError for an input that it does not have, and for a value at which a term is not finite.
+    Returns the terms, without the exponents of those inputs, and the contribution of each old term
+    to each new one, (n_terms, n_merged). Raises ValueError for an input that the model does not
+    have, and for a value at which a term is not finite.
     """
     for name, value in values.items():
         if name not in model.inputs:
@@ -388,19 +434,19 @@ def merge_inputs(
 def _drop_exponents(
     terms: tuple[Exponents, ...], held: tuple[int, ...]
 ) -> tuple[tuple[Exponents, ...], tuple[int, ...]]:
-    """Terms without the exponents at `held`, each once, and the place of each old one in them."""
+    """Remove the exponents at `held` from terms, and index the old terms in the distinct ones."""
     kept = [tuple(e for k, e in enumerate(term) if k not in held) for term in terms]
     place = {term: j for j, term in enumerate(dict.fromkeys(kept))}
     return tuple(place), tuple(place[term] for term in kept)
 
 
 def join_inputs(x: np.ndarray, u: np.ndarray | None) -> np.ndarray:
-    """States (n, n_states) with inputs (n, n_inputs), where there are any, beside them."""
+    """Join states (n, n_states) and inputs (n, n_inputs), if any."""
     return x if u is None else np.concatenate([x, u], axis=1)
 
 
 def _name_to_latex(state: str, states: tuple[str, ...]) -> str:
-    """A state's name as LaTeX, with a dot where it is the velocity of one of `states`."""
+    """Format a state's name as LaTeX, with a dot for the velocity of one of `states`."""
     dotted = state[:1] == "d" and state[1:] in states
     stem, _, index = (state[1:] if dotted else state).partition("_")
     symbol = rf"\dot {stem}" if dotted else stem
@@ -408,12 +454,12 @@ def _name_to_latex(state: str, states: tuple[str, ...]) -> str:
 
 
 def _power_of_ten(number: str) -> str:
-    """A printed number with its exponents as LaTeX."""
+    """Convert the exponents of a printed number to LaTeX."""
     return re.sub(r"e([+-]?\d+)", lambda match: rf" \cdot 10^{{{int(match[1])}}}", number)
 
 
 def with_error(value: float, error: float = np.nan) -> str:
-    """A coefficient with its standard error to two digits, where it has one."""
+    """Format a coefficient with its standard error to two digits, if it has one."""
     if not (isfinite(error) and error > 0.0):
         return f"{value:.6g}"
     decimals = 1 - floor(log10(error))

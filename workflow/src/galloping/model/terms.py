@@ -1,16 +1,16 @@
-"""The grammar of libraries and of what is known: one in command, mapping and Python.
+"""Grammar of libraries and of known equations, the same in command, mapping and Python.
 
 A library is a sum of terms of states and measured inputs, without coefficients:
 
     poly(q_v, q_w, dq_v, dq_w; 3) + U*dq_v + dq_v^3/U      in every equation
     dq_v, dq_w: U^2 + U*(dq_v + dq_w)                      in these equations alone
     |dq_v| dq_v + sign(dq_v) + sin(q_v) + 1/(q_v + 3)      functions of states
-    wind(U)                                                what the quasi-static law allows
+    wind(U)                                                terms of the quasi-static law
 
-`poly` is all monomials of its names up to a degree, and sums in brackets multiply out. Functions
-are sin, cos, exp, sign, abs or bars, and division; their argument is a sum of states, with
-coefficients, such as `sin(2 q_v - q_w)`. Several libraries are added. What is known is written in
-the same terms: a whole equation, `dq_w = -9.2 q_w - 0.03 dq_w`, one coefficient,
+`poly` contains all monomials of its names up to a degree, and sums in brackets are expanded.
+Functions are sin, cos, exp, sign, abs or bars, and division; their argument is a sum of states,
+with coefficients, such as `sin(2 q_v - q_w)`. Several libraries are added. Prior knowledge is
+written in the same terms: a whole equation, `dq_w = -9.2 q_w - 0.03 dq_w`, one coefficient,
 `dq_v: U*dq_v = 0.02 +- 0.005`, or its bounds, `dq_v: -0.1 < dq_v < 0`.
 """
 
@@ -94,11 +94,33 @@ Node: TypeAlias = Any  # a Tree or Token of lark, which of them the grammar says
 def parse_library(
     texts: str | Sequence[str], states: Sequence[str], inputs: Sequence[str] = ()
 ) -> tuple[tuple[Exponents, ...], NDArray[np.bool_] | None]:
-    """Terms of a library that is written as text, and the equations in which each may be.
+    """Parse a library of candidate terms written as text.
 
-    Terms are exponents of the states and then of the inputs. The equations are (n_states, n_terms)
-    boolean, None where every term may be in every equation.
-    Raises ValueError, in one line that names the character, for text that is no library.
+    It is a sum of terms without coefficients, `poly(q, dq; 3) + U*dq + |dq| dq`, optionally for
+    some equations alone, `dq: U^2`. `poly` contains all monomials of its names up to a degree.
+    Functions are sin, cos, exp, sign, abs or bars, and division. `wind(U)` contains the terms of
+    the quasi-static law.
+
+    Parameters
+    ----------
+    texts : str or sequence of str
+        Several are added.
+    states : sequence of str
+        Names of the n_states states.
+    inputs : sequence of str
+        Names of the inputs.
+
+    Returns
+    -------
+    terms : tuple of Exponents
+        Exponents of the states and then of the inputs, and functions, of n_terms terms.
+    allowed : (n_states, n_terms) boolean array or None
+        Equations in which each term may be; None if all may be in all.
+
+    Raises
+    ------
+    ValueError
+        If the text is no library, in one line that names the character.
     """
     texts = [texts] if isinstance(texts, str) else list(texts)
     allowed: list[Sum] = [{} for _ in states]
@@ -113,10 +135,10 @@ def parse_library(
 
 @dataclass(frozen=True)
 class Known:
-    """One thing that is known of a model.
+    """A known equation or coefficient of a model.
 
-    state: of whose equation. terms: coefficients by term: all that it has, or where `deviation` is
-    not None a single one, the prior mean, with its standard deviation, zero where it is fixed.
+    state: of the equation. terms: coefficients by term: all of the equation, or, if `deviation` is
+    not None, a single one, the prior mean, with its standard deviation, zero if it is fixed.
     """
 
     state: str
@@ -126,9 +148,9 @@ class Known:
 
 @dataclass(frozen=True)
 class Bounds:
-    """What is known of the size of a coefficient.
+    """Known bounds of a coefficient.
 
-    state: in whose equation. term: its own. lower, upper: the range, infinite where it is open.
+    state: of the equation. term: of the coefficient. lower, upper: the range, infinite if open.
     """
 
     state: str
@@ -143,10 +165,10 @@ def known_model(
     terms: tuple[Exponents, ...],
     inputs: tuple[str, ...] = (),
 ) -> tuple[PolynomialModel, tuple[str, ...], tuple[Known | Bounds, ...]]:
-    """Known equations on a library, the states that they are of, and known coefficients and bounds.
+    """Parse known equations, with their states, and known coefficients and bounds, on a library.
 
-    Raises ValueError, in one line, where one cannot be read, has a term outside the library or is
-    said twice.
+    Raises ValueError, in one line, if one cannot be read, has a term outside the library or occurs
+    twice.
     """
     coefficients = np.zeros((len(states), len(terms)))
     equations: list[str] = []
@@ -168,12 +190,19 @@ def known_model(
 
 
 def parse_model(text: str, inputs: Sequence[str] = ()) -> PolynomialModel:
-    """A model from its equations, one of each state with `;` between them.
+    """Make a model from the text of its equations.
 
     Parameters
     ----------
-    text : such as `q = dq; dq = -9.81 sin(q) - 0.1 dq`; states are what is left of the =
-    inputs : names of what drives the model
+    text : str
+        One equation of each state with `;` between them, such as
+        `q = dq; dq = -9.81 sin(q) - 0.1 dq`; the states are on the left-hand sides.
+    inputs : sequence of str
+        Names of the inputs.
+
+    Returns
+    -------
+    PolynomialModel
 
     Raises
     ------
@@ -193,17 +222,17 @@ def parse_model(text: str, inputs: Sequence[str] = ()) -> PolynomialModel:
 
 
 def find_term(term: Exponents, terms: Sequence[Exponents], names: Sequence[str]) -> int:
-    """Index of a term in a library. Raises ValueError where it is not there."""
+    """Find the index of a term in a library. Raises ValueError if it is missing."""
     if term not in terms:
         raise ValueError(f"known term {term_name(term, names)} is not in the library")
     return terms.index(term)
 
 
 def parse_known(text: str, states: Sequence[str], inputs: Sequence[str] = ()) -> Known | Bounds:
-    """A known equation, `STATE = SUM`, coefficient, `STATE: TERM = VALUE +- DEVIATION`, or its
-    bounds, `STATE: TERM < VALUE`.
+    """Parse a known equation, a known coefficient or its bounds.
 
-    Raises ValueError as `parse_library` does.
+    They are written as `STATE = SUM`, `STATE: TERM = VALUE +- DEVIATION`, and
+    `STATE: TERM < VALUE`. Raises ValueError as `parse_library` does.
     """
     return _Sentence("known", text, tuple(states), tuple(inputs)).known()
 
@@ -217,7 +246,10 @@ def _make_grammar() -> Lark:
 
 @dataclass(frozen=True)
 class _Sentence:
-    """kind: a start of the grammar. text: in it, of these states and inputs."""
+    """Text in the grammar, of these states and inputs.
+
+    kind: start symbol of the grammar.
+    """
 
     kind: str
     text: str
@@ -258,7 +290,7 @@ class _Sentence:
         return ValueError(f"{self.kind} {text!r}, character {at + 1}: {said}")
 
     def times(self, left: Sum, right: Sum, place: Token | None) -> Sum:
-        """The product of two sums. Raises ValueError for too many terms or too high a power."""
+        """Multiply two sums. Raises ValueError for too many terms or too high a power."""
         result: Sum = {}
         for one, a in left.items():
             for other, b in right.items():
@@ -275,7 +307,7 @@ class _Sentence:
             raise self.fault(place or 0, f"{terms} terms are too many; at most {MOST_TERMS}")
 
     def of_equations(self) -> Iterator[tuple[int, Sum]]:
-        """The terms that a library has in each equation that it is about."""
+        """Yield the terms of a library for each of its equations."""
         scope, right = self.tree().children
         scoped = None if scope is None else [self.state(name) for name in scope.children]
         for equation in range(len(self.states)) if scoped is None else scoped:
@@ -303,7 +335,7 @@ class _Sentence:
         return Known(name.value, dict.fromkeys(terms, mean), deviation or 0.0)
 
     def bounds(self, name: Token, parts: Sequence[Node], equation: int) -> Bounds:
-        """Of sums with relations between them: one is the term, what is beside it are numbers."""
+        """Convert sums with relations between them: one is the term, the others are numbers."""
         sums = [self.sum(part, equation) for part in parts[::2] if part is not None]
         relations = [relation[0] for relation in parts[1::2] if relation is not None]
         constant = self.monomial(())
@@ -337,7 +369,7 @@ class _Sentence:
         return float(f"{sign or ''}{number}")
 
     def sum(self, tree: Node, equation: int, within: bool = False) -> Sum:
-        """Coefficients by term; in a library all are one, but `within` a function or a divisor."""
+        """Collect coefficients by term; in a library all are one, except `within` functions."""
         bare = self.kind == "library" and not within
         total: Sum = {}
         for sign, product in zip(tree.children[::2], tree.children[1::2], strict=True):
@@ -360,7 +392,7 @@ class _Sentence:
         return result
 
     def divided(self, tree: Node, equation: int, within: bool, place: Token) -> Sum:
-        """One over a factor."""
+        """Convert one over a factor."""
         if tree.data == "raised":
             return self.raised(tree, equation, within, place)
         return self.inverse(self.factor(tree, equation, within or tree.data == "sum"), place)
@@ -387,7 +419,7 @@ class _Sentence:
         return {self.monomial([self.name(name)]): 1.0}
 
     def function(self, name: Token, argument: Node, equation: int) -> Sum:
-        """A function of a sum of states. name: with its bracket, or an opening bar."""
+        """Convert a function of a sum of states. name: with its bracket, or an opening bar."""
         kind = "abs" if name.type == "OPEN" else name.rstrip("(").rstrip()
         own = self.combination(self.sum(argument, equation, within=True))
         if own is None:
@@ -396,7 +428,7 @@ class _Sentence:
         return self.applied(kind, own, name)
 
     def applied(self, kind: str, own: Sequence[float], place: Token) -> Sum:
-        """A function of a combination of states, as of `combination`."""
+        """Apply a function to a combination of states, as of `combination`."""
         try:
             factor, made = make_function(kind, own[:-1], own[-1])
         except ValueError as error:
@@ -404,9 +436,7 @@ class _Sentence:
         return {(*self.monomial(()), made): factor}
 
     def combination(self, of: Sum) -> list[float] | None:
-        """Weights of the states, and the number besides, that make up a sum; None where they do
-        not.
-        """
+        """Write a sum as weights of the states and a number; None if it is not affine."""
         own = [0.0] * (len(self.states) + 1)
         for term, value in of.items():
             of_states, others = term[: len(self.states)], term[len(self.states) :]
@@ -416,7 +446,7 @@ class _Sentence:
         return own if any(own[:-1]) else None
 
     def raised(self, tree: Node, equation: int, within: bool, below: Token | None = None) -> Sum:
-        """A power. below: the sign of a division by it."""
+        """Convert a power. below: the sign of a division by it."""
         base, number = tree.children
         sign, digits = number.children
         by = self.divided if (sign == "-") != (below is not None) else self.factor
@@ -464,10 +494,11 @@ class _Sentence:
         return tuple(places.count(k) for k in range(len(self.states + self.inputs)))
 
     def wind(self, name: Token, equation: int, named: bool) -> Sum:
-        """What a quasi-static load allows in an equation: p velocities come with U^(2 - p).
+        """List the terms of a quasi-static load: p velocities have the factor U^(2 - p).
 
-        Of a displacement that is its velocity; of a velocity a structure without wind, elastic
-        forces to the third degree and linear damping, and aerodynamics to the third degree.
+        The equation of a displacement has its velocity. That of a velocity has a structure without
+        wind, elastic forces to the third degree and linear damping, and aerodynamics to the third
+        degree.
         """
         pairs = velocity_pairs(self.states)
         if named and name not in self.inputs:

@@ -1,1 +1,1 @@
-"""What the paper leaves out, inferred from what it prints: draws of its study at any setting."""
+"""Inference of numbers that the paper does not print, from noise realisations of its study."""

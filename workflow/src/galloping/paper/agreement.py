@@ -1,12 +1,12 @@
-"""How probable the paper's printed numbers and words are, given draws of its study at one setting.
+"""Probability of the paper's printed numbers and words, given realisations of its study.
 
-The paper shows one draw of its noise. A *cell* is one recording of its study, such as 10,000 points
-at noise 0.05. Cells are independent draws, so the probability of all that is printed is the product
-of those of the cells. The probability of a cell is the mean over draws of the product of
+The paper shows one realisation of its noise. A *cell* is one recording of its study, such as 10,000
+points at noise 0.05. Cells are independent, so the probability of all that is printed is the
+product of those of the cells. The probability of a cell is the mean over draws of the product of
 
 - a kernel about the printed errors, on a logarithmic scale, with heavy tails;
-- 1 for each printed bound that the draw keeps, `MISSED` for each one that it misses;
-- exp(-n / tolerance) for n false terms where the paper says in words that there are few.
+- 1 for each printed bound that the draw satisfies, `MISSED` for each one that it misses;
+- exp(-n / tolerance) for n false terms if the paper says in words that there are few.
 
 A statement that compares two noise levels is a factor of its own: the mean of the same weights over
 pairs of draws. The steadiness of the motion is a factor of the setting, not of its draws.
@@ -43,12 +43,12 @@ Cell = tuple[str, float, int | None]
 
 
 def group_of(claim: Claim) -> str:
-    """Name in `GROUPS` of what a claim is about."""
+    """Find the name in `GROUPS` of the subject of a claim."""
     return next(name for name, start in GROUPS.items() if claim.column.startswith(start))
 
 
 def cell_of(claim: Claim) -> Cell:
-    """Kind, noise level and points (None for the whole record) of what a claim is about."""
+    """Return kind, noise level and points (None for the whole record) of a claim."""
     return claim.cell_kind, claim.level, claim.points
 
 
@@ -59,15 +59,15 @@ UNMOVED_LEVELS = tuple(level for kind, level, n in CELLS if (kind, level, n) not
 
 
 def name_cell(cell: Cell) -> str:
-    """Name of a cell in tables."""
+    """Format the name of a cell in tables."""
     kind, level, points = cell
     return f"noise {level:g}" if kind == NOISE else f"{points} points"
 
 
 def scores_by_claim(scores: pd.DataFrame) -> dict[str, np.ndarray]:
-    """Return what each draw gives in the place of what is printed, (draws,), by claim.
+    """Extract each draw's value of every claim, (draws,).
 
-    scores: one row a draw and cell, as of `quick.QuickStudy.draw_scores`.
+    scores: one row per draw and cell, as of `quick.QuickStudy.draw_scores`.
     """
     cells = dict(list(scores.groupby(["kind", "level", "points"])))
     found = {}
@@ -88,21 +88,21 @@ def log_likelihoods(
     left_out: Collection[str] = (),
     claims: Collection[Claim] = PRINTED,
 ) -> dict[str, float]:
-    """Return the logarithm of the probability (density, where numbers are printed) of each factor.
+    """Compute the logarithm of the probability (density, for printed numbers) of each factor.
 
     Parameters
     ----------
     values : mapping of str to ndarray
         Of `scores_by_claim`.
     left_out : collection of str
-        Names in `GROUPS` of the claims that do not count.
+        Names in `GROUPS` of the claims that are ignored.
     claims : collection of Claim
-        What is printed.
+        Printed claims.
 
     Returns
     -------
     dict of str to float
-        By cell, and by claim where it compares two noise levels.
+        By cell, and by claim if it compares two noise levels.
     """
     counted = [claim for claim in claims if group_of(claim) not in left_out]
     factors = {
@@ -118,7 +118,7 @@ def log_likelihoods(
 
 
 def _mean_weight(found: list[tuple[Claim, np.ndarray]]) -> float:
-    """Mean over draws of the product of the weights of claims about the same recording."""
+    """Average over draws the product of the weights of claims about the same recording."""
     weights, offsets = np.ones(1), []
     for claim, values in found:
         if claim.is_number:
@@ -135,7 +135,7 @@ def _mean_weight(found: list[tuple[Claim, np.ndarray]]) -> float:
 
 
 def log_steadiness(changes: np.ndarray) -> float:
-    """Logarithm of the weight of a motion that the paper calls steady, at most 0.
+    """Compute the logarithm of the weight of a motion that the paper calls steady, at most 0.
 
     changes: relative changes of the amplitudes between the halves of the steady window.
     """

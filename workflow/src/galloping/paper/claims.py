@@ -1,15 +1,15 @@
-"""What the paper states that a draw of its study can be held against, and how that is judged.
+"""Claims of the paper that noise realisations of its study can confirm, and their assessment.
 
-`printed.csv` has a row for every sentence of the paper that states a result. What is ours in it are
-`tolerance`, by how much a draw may miss a bound that stands for a word such as "exact", and `note`,
-how a word is read or why a sentence is beyond judgement.
+`printed.csv` has a row for every sentence of the paper that states a result. Our additions are
+`tolerance`, by how much a draw may miss a bound that represents a word such as "exact", and `note`,
+on the interpretation of a word or why a sentence cannot be assessed.
 
-A printed number is `reproduced` if it lies between the 5th and 95th percentile of the draws,
-`better` if our errors are smaller (it lies above), `worse` if they are larger. A bound is `met` if
-the 95 % interval of the share of draws that keep it lies above a half, `seldom met` if it lies
-below, `not met` if no draw keeps it, else `undecided`. A number is `undecided` where fewer
-than half of the draws give one. `not run`: the study lacks the draws. `not judged`: the study's
-line or method is not the paper's.
+A printed number is `reproduced` if it is between the 5th and 95th percentile of the draws, `better`
+if our errors are smaller (it is above), `worse` if they are larger. A bound is `met` if the 95 %
+interval of the share of draws that satisfy it is above a half, `seldom met` if it is below,
+`not met` if no draw satisfies it, else `undecided`. A number is `undecided` if fewer than half of
+the draws give one. `not run`: the study lacks the draws. `not judged`: the study's line or method
+is not the paper's.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ COUNTED, IMPLIED = "counted", "implied"
 class Claim:
     """A number, a bound or a word of the paper, as a row of `printed.csv`.
 
-    name: the claim. statement: what is counted once, its own name where it stands alone. case: that
-    it is about, "" for each case of the paper. direction: vertical, horizontal or "" for both.
-    quantity: what is compared, with its unit. column: of the scores. level: of the noise. points:
-    size of the random subset, None for the whole record. minus: a column that is taken from
-    `column`, "" for none; minus_level: the noise level of that column, None for the same. kind:
-    VALUE, AT_LEAST, AT_MOST, FEW (a count that the paper calls gradual or small) or BEYOND (no
-    number to judge it by). printed: the number, NaN for BEYOND. words: what the paper says in
-    place of a number. unit: what follows a number in a table. tolerance: by how much a bound may be
-    missed that stands for a word such as "exact". source: where in the paper. role: COUNTED, or
-    IMPLIED by other claims. note: how a word is read, or why it is beyond judgement.
+    name: the claim. statement: unit of counting, its own name for a single claim. case: its case,
+    "" for each case of the paper. direction: vertical, horizontal or "" for both. quantity: what is
+    compared, with its unit. column: of the scores. level: of the noise. points: size of the random
+    subset, None for the whole record. minus: a column that is subtracted from `column`, "" for
+    none; minus_level: the noise level of that column, None for the same. kind: VALUE, AT_LEAST,
+    AT_MOST, FEW (a count that the paper calls gradual or small) or BEYOND (without a number for
+    assessment). printed: the number, NaN for BEYOND. words: of the paper instead of a number. unit:
+    after a number in a table. tolerance: by how much a bound may be missed that represents a word
+    such as "exact". source: place in the paper. role: COUNTED, or IMPLIED by other claims. note: on
+    the interpretation of a word, or why it cannot be assessed.
     """
 
     name: str
@@ -77,29 +77,29 @@ class Claim:
 
     @property
     def is_counted(self) -> bool:
-        """Whether it is judged, and not implied by other claims."""
+        """Whether the claim is assessed, and not implied by other claims."""
         return self.role == COUNTED
 
     @property
     def is_yes_or_no(self) -> bool:
-        """Whether a draw has it or not, without a number of interest."""
+        """Whether the claim is true or false for a draw, without a number of interest."""
         return self.column in ("missing", "true_positive_ratio") or bool(self.minus)
 
     @property
     def is_r2(self) -> bool:
-        """Whether it is a bound of R2 itself, not of a difference."""
+        """Whether the claim is a bound of R2 itself, not of a difference."""
         return self.column.startswith("r2_") and not self.minus
 
     @property
     def cell_kind(self) -> str:
-        """NOISE or SUBSET: the cells that it is about."""
+        """Kind of the claim's cells, NOISE or SUBSET."""
         return NOISE if self.points is None else SUBSET
 
     def values(self, scores: pd.DataFrame) -> np.ndarray:
-        """Return what each draw has to say, (draws,).
+        """Extract the value of each draw, (draws,).
 
-        scores: of one case, protocol and method. Empty where the study has no such cell. A draw
-        without a model counts as the worst value.
+        scores: of one case, measurement setup and method. Empty if the study has no such cell. A
+        draw without a model counts as the worst value.
         """
         values = self.rows(scores)[self.column].to_numpy(float)
         if not self.minus:
@@ -112,13 +112,13 @@ class Claim:
             return np.nan_to_num(values - others, nan=-np.inf, posinf=np.inf, neginf=-np.inf)
 
     def rows(self, scores: pd.DataFrame, level: float | None = None) -> pd.DataFrame:
-        """Return the scores of its cell, one row a draw; level: its own by default."""
+        """Select the scores of the claim's cell, one row per draw; level: its own by default."""
         level = self.level if level is None else level
         cell = scores[(scores["level"] == level) & (scores["kind"] == self.cell_kind)]
         return cell if self.points is None else cell[cell["points"] == self.points]
 
     def is_met(self, values: np.ndarray) -> np.ndarray:
-        """Return which draws keep the bound, or have an error no larger than the printed one."""
+        """Decide which draws satisfy the bound, or have an error no larger than the printed one."""
         if self.kind == AT_LEAST:
             return values >= self.printed - self.tolerance
         return values <= self.printed + (0.0 if self.is_number else self.tolerance)
@@ -146,20 +146,20 @@ WIDE = 10.0  # an interval whose ends differ by this factor contains nearly any 
 
 
 def judge(claim: Claim, scores: pd.DataFrame) -> dict:
-    """Judge a claim by draws.
+    """Assess a claim by draws.
 
     Parameters
     ----------
     claim : Claim
         A number, a bound or a word of the paper.
     scores : DataFrame
-        Of one case, protocol and method, one row a draw and cell.
+        Of one case, measurement setup and method, one row per draw and cell.
 
     Returns
     -------
     dict
         Of the draws: median, low and high (5 and 95 %), ratio (median over the printed number),
-        spread (high over low), share_of_draws (that keep the bound, or whose error is no larger
+        spread (high over low), share_of_draws (that satisfy the bound, or whose error is no larger
         than the printed one) with its 95 % interval share_low and share_high, draws; verdict, and
         reason in a sentence.
     """
@@ -194,10 +194,10 @@ def judge(claim: Claim, scores: pd.DataFrame) -> dict:
 
 
 def share_with_interval(kept: np.ndarray) -> dict[str, float]:
-    """Return share_of_draws, its 95 % interval share_low and share_high, and draws.
+    """Compute share_of_draws, its 95 % interval share_low and share_high, and draws.
 
-    kept: of each draw whether it keeps a bound. The interval is that of E. B. Wilson (1927). A
-    single draw is what every draw would be, as without noise: its share has no sampling error.
+    kept: whether each draw satisfies a bound. The interval is that of E. B. Wilson (1927). A single
+    draw represents all, as without noise: its share has no sampling error.
     """
     share, draws = float(np.mean(kept)), len(kept)
     low, high = share, share
@@ -207,7 +207,10 @@ def share_with_interval(kept: np.ndarray) -> dict[str, float]:
 
 
 def verdict_of_share(share: Mapping[str, float]) -> str:
-    """Return the verdict on bounds that a share of the draws keeps; of `share_with_interval`."""
+    """Derive the verdict on bounds from the share of draws that satisfy them.
+
+    share: of `share_with_interval`.
+    """
     if share["share_low"] > HALF:
         return "met"
     if share["share_high"] < HALF:
@@ -264,10 +267,10 @@ def _judge_bound(
 
 
 def find_joint_draws(claims: Sequence[Claim], scores: pd.DataFrame) -> np.ndarray | None:
-    """Return of each draw whether all bounds hold at once, (draws,).
+    """Decide which draws satisfy all bounds at once, (draws,).
 
-    scores: as of `judge`; a cell without noise has one draw, which stands beside all others. None
-    where the study lacks a cell.
+    scores: as of `judge`; a cell without noise has one draw, which is combined with all others.
+    None if the study lacks a cell.
     """
     kept = [claim.is_met(values) for claim in claims if len(values := claim.values(scores))]
     draws = max(map(len, kept), default=0)

@@ -1,8 +1,8 @@
-"""Draws of the paper's study at one setting of what it leaves out, a hundred times as fast.
+"""Fast noise realisations of the paper's study at one setting of the unprinted numbers.
 
-All is the study's, its thresholds, its simulator, its scores, but recordings, which are drawn as
-what least squares sees of them. Where states are exact, the noise of the derivatives enters it only
-through its projections on the library's columns: 35 normal numbers for each equation.
+Thresholds, simulator and scores are those of the study; recordings are drawn as the sums that least
+squares needs, a hundred times as fast. If states are exact, the noise of the derivatives enters
+only through its projections on the library's columns: 35 normal numbers for each equation.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -37,11 +37,11 @@ from galloping.trajectory.simulation import Simulator, time_grid
 
 @dataclass(frozen=True)
 class Products:
-    """All that least squares sees of k recordings of one motion.
+    """Sums that least squares needs, of k recordings of one motion.
 
-    lengths: (p,) of the library's columns, which are divided by them, so that fewest digits are
-    lost. grams: (k, p, p), moments: (k, m, p), inner products of these columns and of them with
-    the m derivatives. across: (k, m), what no combination of the columns explains of a derivative.
+    lengths: (p,) of the library's columns, which are divided by them to limit rounding errors.
+    grams: (k, p, p), moments: (k, m, p), inner products of these columns and of them with the m
+    derivatives. across: (k, m), part of a derivative that no combination of the columns explains.
     samples: of each recording.
     """
 
@@ -54,7 +54,7 @@ class Products:
     def regressions(
         self, names: tuple[str, ...], terms: tuple[Exponents, ...]
     ) -> list[ReducedRegression]:
-        """Each recording as the regression that its samples would be reduced to."""
+        """Convert each recording to the regression that its samples would be reduced to."""
         m, p = self.moments.shape[1:]
         reduced = []
         for gram, moments, across in zip(self.grams, self.moments, self.across, strict=True):
@@ -68,7 +68,10 @@ class Products:
 
 @dataclass(frozen=True)
 class _Noise:
-    """terms: of the candidate library. unit: (n_states,), what a noise level is in units of."""
+    """Noise of recordings.
+
+    terms: of the candidate library. unit: (n_states,), unit of a noise level.
+    """
 
     motion: Motion
     terms: tuple[Exponents, ...]
@@ -80,7 +83,7 @@ class _Noise:
 
 
 class DerivativeNoise(_Noise):
-    """Exact states with noisy derivatives."""
+    """Noise of derivatives, with exact states."""
 
     def draw(self, level: float, points: int, rng: np.random.Generator, draws: int = 1) -> Products:
         """Draw recordings of the same `points` samples, all or at random, with noise at `level`."""
@@ -126,10 +129,10 @@ SMOOTHING_WINDOW, SMOOTHING_ORDER = 101, 5  # samples; of Savitzky and Golay's f
 
 @dataclass(frozen=True)
 class VelocityNoise(_Noise):
-    """Noisy velocities beside exact displacements, and their numerical derivatives.
+    """Noise of velocities, with exact displacements, and their numerical derivatives.
 
-    This is what the paper's sentence says word by word: noise is added to the velocities, and the
-    left side is the numerical derivative of the states. The derivative is that of central
+    This is the literal meaning of the paper's sentence: noise is added to the velocities, and the
+    left-hand side is the numerical derivative of the states. The derivative is that of central
     differences. has_smooth_rates: or that of a polynomial in a moving window; has_smooth_states:
     the library is then of the smoothed states as well.
     """
@@ -189,7 +192,7 @@ AT_ONCE = 25  # draws whose motions are kept in memory
 
 @dataclass(frozen=True)
 class Amounts:
-    """What is recorded: whole records at `levels`, and subsets of `points` at `subset_level`."""
+    """Amounts of data: whole records at `levels`, and subsets of `points` at `subset_level`."""
 
     levels: Sequence[float] = (0.01, 0.03, 0.05, 0.1)
     points: Sequence[int] = (1000, 5000, 10000, 30000)
@@ -200,7 +203,7 @@ class Amounts:
 
     @property
     def cells(self) -> list[tuple[str, float, int]]:
-        """(kind, level, points) of each; the number of points of a whole record included."""
+        """Kind, level and points of each cell, including the number of points of a whole record."""
         whole = len(time_grid(self.duration, self.sampling_rate))
         cells = [(NOISE, level, whole) for level in self.levels]
         return cells + [(SUBSET, self.subset_level, points) for points in self.points]
@@ -209,7 +212,7 @@ class Amounts:
 def line_motion(
     case: Mapping, duration: float, sampling_rate: float
 ) -> tuple[Motion, PolynomialModel]:
-    """Return the motion of a case from its release, and the model that it is of."""
+    """Simulate the motion of a case from its initial state, and return motion and model."""
     line = model(coefficients(case))
     time = time_grid(duration, sampling_rate)
     moved = Simulator(line.states, line.terms)(line, np.array(initial_state(case)), time)
@@ -227,12 +230,11 @@ def paper_draws(
     degree: int = 3,
     amounts: Amounts,
 ) -> pd.DataFrame:
-    """Scores of the paper's method over draws of the noise, and of the samples of subsets.
+    """Score the paper's method over draws of the noise, and of the samples of subsets.
 
     case: as of `study.cells.Case.released`. threshold, kinematics: as of `stlsq.raw`. A draw
-    depends on `seed`, `name`, its cell and its number only.
-    Columns kind, level, points, draw, then those of `evaluation.score.score`. Without noise all
-    draws are equal, and there is one.
+    depends on `seed`, `name`, its cell and its number only. Columns kind, level, points, draw, then
+    those of `evaluation.score.score`. Without noise all draws are equal, and there is one.
     """
     motion, line = line_motion(case, amounts.duration, amounts.sampling_rate)
     terms = polynomial_library(len(line.states), degree)

@@ -1,4 +1,4 @@
-"""What the paper leaves out: numbers within stated ranges, and readings of its words and digits."""
+"""Unknowns of the paper: numbers within stated ranges, and readings of its words and digits."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from galloping.results import IDENTIFIED, KNOWN
 class Unknown:
     """A number that the paper does not print.
 
-    low, high: its range. Before the paper's numbers are looked at, its logarithm is uniform in it.
-    path: of the key among the settings of a case, () for the threshold of the method.
+    low, high: its range, in which its logarithm has a uniform prior. path: of the key among the
+    settings of a case, () for the threshold of the method.
     """
 
     name: str
@@ -28,7 +28,7 @@ class Unknown:
     path: tuple[str, ...]
 
     def set_in(self, case: Mapping, value: float) -> dict:
-        """Return the settings of a case with this number at a value."""
+        """Set this number to a value in the settings of a case."""
         if not self.path:
             return dict(case)
         section, key = self.path
@@ -51,10 +51,10 @@ LOW, HIGH = (np.log([getattr(u, end) for u in UNKNOWNS]) for end in ("low", "hig
 
 @dataclass(frozen=True)
 class MethodReading:
-    """The paper's method, with what the paper does not say of it.
+    """Interpretation of the paper's method.
 
     threshold: one number for all terms, or None to choose each equation's by EBIC. columns: `raw`
-    or `normalised`, what thresholds act on. kinematics: KNOWN, or IDENTIFIED as any equation.
+    or `normalised`, to which thresholds apply. kinematics: KNOWN, or IDENTIFIED as any equation.
     protocol: of `draws.PROTOCOLS`. relative: whether noise levels are in standard deviations of
     each noisy channel.
     """
@@ -71,13 +71,13 @@ ONE_LINE, BOTH_LINES = "one line", "both lines"
 
 @dataclass(frozen=True)
 class Reading:
-    """One way to read the paper.
+    """One interpretation of the paper.
 
-    name: what it changes of the first one. kind: which of the things that the paper leaves out that
-    is, in a word or two. ice: beta_1 to beta_3, and eta_1 to eta_3. method: its threshold is one of
-    the unknowns. chosen: or the data choose it, by EBIC. steady: of which lines the motion is read
-    as steady from 200 s on, ONE_LINE, BOTH_LINES or "" for none. attack_limit: largest |dq_v| / U
-    over the record at which the motion counts as much slower than the wind, rad.
+    name: difference from the first one. kind: of the ambiguity, in a word or two. ice: beta_1 to
+    beta_3, and eta_1 to eta_3. method: its threshold is one of the unknowns. chosen: or the data
+    choose it, by EBIC. steady: lines whose motion is interpreted as steady from 200 s on, ONE_LINE,
+    BOTH_LINES or "" for none. attack_limit: largest |dq_v| / U over the record at which the motion
+    counts as much slower than the wind, rad.
     """
 
     name: str
@@ -91,11 +91,11 @@ class Reading:
 
     @property
     def has_threshold_in_units(self) -> bool:
-        """Whether the threshold acts on coefficients in SI units, as the paper's words have it."""
+        """Whether the threshold applies to coefficients in SI units, as the paper's words say."""
         return self.method.columns == "raw" and not self.chosen
 
     def case_at(self, values: Mapping[str, float], line: Mapping) -> dict:
-        """Return the settings of a case at values of the unknowns. line: of one of its lines."""
+        """Make the settings of a case at values of the unknowns. line: of one of its lines."""
         vertical, horizontal = map(list, self.ice)
         ice = {"reading": "custom", "vertical": vertical, "horizontal": horizontal}
         case = {**line, "line": {**line["line"], "mode_shape": self.mode_shape}, "ice": ice}
@@ -104,7 +104,7 @@ class Reading:
         return case
 
     def method_at(self, values: Mapping[str, float]) -> MethodReading:
-        """Return the paper's method at values of the unknowns."""
+        """Make the paper's method at values of the unknowns."""
         return replace(self.method, threshold=None if self.chosen else values["threshold"])
 
 

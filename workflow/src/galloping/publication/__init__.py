@@ -1,1 +1,1 @@
-"""A finished study as an archive: made, verified, restored."""
+"""Archive of a finished study: made, verified, restored."""

@@ -1,7 +1,8 @@
-"""Archives of publications: the same bytes for the same files, and read without trust in who made
-them: whether one is whole and agrees with a study here, and its results put in place.
+"""Archives of publications: reproducible bytes, verification, and restoring of results.
 
-A manifest has the SHA-256 of every file of a folder, in the format of `sha256sum --check`.
+The same files give the same bytes. An archive is read without trust in its author: it is tested
+whether it is complete and agrees with a study here. A manifest has the SHA-256 of every file of a
+folder, in the format of `sha256sum --check`.
 """
 
 import errno
@@ -52,19 +53,19 @@ OF_NAME = (errno.EINVAL, errno.ENAMETOOLONG, errno.EOVERFLOW)  # or of a place i
 
 
 class NotRestorable(Exception):
-    """An archive or publication that is not used; one line a reason."""
+    """Error of an archive or publication that is not used; one line per reason."""
 
 
 def is_plain(path: str) -> bool:
-    """Whether a path stays inside its folder on any system, and hides nothing.
+    """Decide whether a path stays inside its folder on any system, and hides nothing.
 
-    Relative, with '/', of letters, digits and `_.+=-`, no part beginning with a dot.
+    It is relative, with '/', of letters, digits and `_.+=-`, no part beginning with a dot.
     """
     return PLAIN.fullmatch(path) is not None
 
 
 def files_of(folder: Path) -> list[str]:
-    """All files below a folder, sorted, relative to it."""
+    """List all files below a folder, sorted, relative to it."""
     found = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
     return sorted(found)
 
@@ -72,7 +73,7 @@ def files_of(folder: Path) -> list[str]:
 def pack(folder: Path, target: Path) -> None:
     """Write all files of a folder, with paths relative to it, as a zip.
 
-    Names in order, fixed times and permissions, fixed compression: same files, same bytes.
+    Names are sorted, times, permissions and compression fixed: same files, same bytes.
     """
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED, compresslevel=6) as archive:
         for path in files_of(folder):
@@ -83,11 +84,11 @@ def pack(folder: Path, target: Path) -> None:
 
 
 def unpack(archive: Path, folder: Path) -> None:
-    """Write all files of a zip into an empty folder, as regular files whatever they claim to be.
+    """Write all files of a zip into an empty folder, as regular files whatever their declared type.
 
     Raises NotRestorable, before anything is written, for names that reach outside or hide and for
-    too much, and while writing for contents that are not as declared. The caller removes
-    the folder.
+    excessive size, and while writing for contents that are not as declared. The caller removes the
+    folder.
     """
     try:
         with zipfile.ZipFile(archive) as content:
@@ -124,7 +125,7 @@ def write_manifest(folder: Path) -> None:
 
 
 def manifest_faults(folder: Path) -> Iterator[str]:
-    """One line for every file that is missing, new or not as its manifest says."""
+    """Yield one line for every file that is missing, new or not as in its manifest."""
     try:
         lines = (folder / MANIFEST).read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError):
@@ -146,7 +147,7 @@ RECEIPT_LIST = TypeAdapter(list[Receipt])
 
 
 def check_digest(archive: str | Path, expected: str | None) -> str:
-    """Return the SHA-256 of an archive. expected: of the published one. Raises NotRestorable."""
+    """Compute the SHA-256 of an archive. expected: of the published one. Raises NotRestorable."""
     present = digest(archive)
     if expected and present != expected.lower():
         raise NotRestorable(f"{archive}: SHA-256 {present}, not {expected}")
@@ -154,7 +155,7 @@ def check_digest(archive: str | Path, expected: str | None) -> str:
 
 
 def published_settings(folder: Path) -> dict:
-    """Return the settings of an unpacked publication. Raises NotRestorable."""
+    """Read the settings of an unpacked publication. Raises NotRestorable."""
     try:
         return plain(load(read(folder / CONFIGURATION)))
     except ConfigurationError as error:
@@ -163,7 +164,7 @@ def published_settings(folder: Path) -> dict:
 
 
 def published_receipts(folder: Path) -> dict[str, Receipt]:
-    """Return the receipts of an unpacked publication by path; `kept` says which files are in it.
+    """Read the receipts of an unpacked publication by path; `kept` says which files are in it.
 
     Raises NotRestorable, also for a receipt of a file or log outside the results folder.
     """
@@ -180,7 +181,7 @@ def published_receipts(folder: Path) -> dict[str, Receipt]:
 
 
 def faults(folder: Path) -> Iterator[str]:
-    """One line for everything in an unpacked publication that contradicts its own records."""
+    """Yield one line for each contradiction of an unpacked publication to its own records."""
     if lines := list(manifest_faults(folder)):
         yield from lines  # receipts would say the same again
         return
@@ -199,7 +200,7 @@ def faults(folder: Path) -> Iterator[str]:
 
 
 def changed_settings(published: Mapping, present: Mapping) -> Iterator[str]:
-    """One line for each setting in which two studies differ, but where their files are."""
+    """Yield one line for each setting in which two studies differ, except their folders."""
     one, other = dict(flat(published)), dict(flat(present))
     for key in dict.fromkeys([*one, *other]):
         there, here = (found.get(key, "nothing") for found in (one, other))
@@ -208,12 +209,12 @@ def changed_settings(published: Mapping, present: Mapping) -> Iterator[str]:
 
 
 def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[str]:
-    """Put the results of an archive where the plan wants them; says what was done.
+    """Put the results of an archive where the plan expects them; yield lines on what was done.
 
-    No result is written before the archive is found whole and in agreement with what was computed
-    here. Afterwards Snakemake takes a file as made if its receipt, and those of all that it was
-    made from, are of the plan's jobs with the plan's settings; others are set aside. replacing: set
-    results aside that are not those of the archive. Raises NotRestorable.
+    No result is written before the archive is found complete and in agreement with what was
+    computed here. Afterwards Snakemake regards a file as made if its receipt, and those of all that
+    it was made from, are of the plan's jobs with the plan's settings; others are set aside.
+    replacing: set aside results that are not those of the archive. Raises NotRestorable.
     """
     results = plan.results
     # on the file system of the results; `make repair` sweeps it if this process is killed
@@ -260,6 +261,6 @@ def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[s
 
 
 def _present_files(plan: Plan) -> list[str]:
-    """Return the files of the study that are in place: planned, or made."""
+    """List the files of the study that exist: planned, or made."""
     known = {*plan.maker, *receipts(plan.results)}
     return sorted(path for path in known if Path(path).exists())

@@ -1,4 +1,4 @@
-"""From a finished study to a folder and an archive of it that others can verify and restore."""
+"""Publication of a finished study: a folder and an archive that others can verify and restore."""
 
 import shutil
 import tempfile
@@ -57,8 +57,8 @@ def write_crate(
 ) -> None:
     """Describe all files in `folder` in a metadata file beside them.
 
-    results: the results folder in it. citation: the content of CITATION.cff. remarks: what was not
-    as it should be. versions: of Python and packages.
+    results: the results folder in it. citation: the content of CITATION.cff. remarks: deviations
+    from a complete, up-to-date study. versions: of Python and packages.
     """
     crate = ROCrate(version="1.1")
     root = crate.root_dataset
@@ -119,7 +119,7 @@ def write_crate(
 
 
 def _file_properties(folder: Path, path: str) -> dict[str, str]:
-    """Name, description (the caption in the report, if it has one), format, size and digest."""
+    """Return name, description (the caption in the report, if any), format, size and digest."""
     file = folder / path
     text = DESCRIPTIONS.get(path) or DESCRIPTIONS.get(file.name) or file.stem
     words = folder / "workflow" / "report" / "figures" / f"{file.stem}.rst"
@@ -152,11 +152,11 @@ ALLOWABLE = ("dirty", "incomplete", "outdated")
 
 
 class NotPublishable(ValueError):
-    """A study that is not published as it is; one line a reason."""
+    """Error of a study that is not published as it is; one line per reason."""
 
 
 def publish(plan: Plan, allowed: Collection[str] = ()) -> Path:
-    """Write the publication of a study into its results folder; the path of the archive.
+    """Write the publication of a study into its results folder, and return the path of the archive.
 
     allowed: obstacles (of `ALLOWABLE`) that are recorded in the archive instead of refused. The
     same study, commit and environment give the same bytes. Raises NotPublishable.
@@ -211,11 +211,12 @@ def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator
 
 
 def files(plan: Plan) -> list[Path]:
-    """Return what goes into a publication of what the working folder holds.
+    """List the files of a publication that are in the working folder.
 
-    The workflow; tables, figures and report; and what these are directly made from, as far as it
-    lies in the working folder, so that they can be made again without computing anything else.
-    What recordings from the field gave goes in, their files only where they say so.
+    They are the workflow; tables, figures and report; and the files that these are directly made
+    from, as far as they are in the working folder, so that they can be made again without computing
+    anything else. Results of field recordings are included, the recordings only if the settings say
+    so.
     """
     maker, results = plan.maker, plan.results
     fields = plan.settings["recordings"]

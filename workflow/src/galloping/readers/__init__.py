@@ -1,5 +1,5 @@
-"""Readers of files of instruments: from tables with names and units to recordings of states."""
+"""Readers of instrument files: from tables with names and units to recordings of states."""
 
 
 class FileError(ValueError):
-    """A file that cannot be used as it is; one line."""
+    """Error of a file that cannot be used as it is; one line."""

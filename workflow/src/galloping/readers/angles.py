@@ -1,4 +1,4 @@
-"""Angles that an encoder or a compass starts again after a full turn."""
+"""Unwrapping of angles that an encoder or a compass restarts after a full turn."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,11 +7,11 @@ LIKE = 4.0  # times the largest of the other steps, that a step over the end of 
 
 
 def unwrap_angle(values: NDArray[np.float64], turn: float) -> tuple[NDArray[np.float64], int]:
-    """Unwrap an angle that starts again at the end of a turn.
+    """Unwrap an angle that restarts at the end of a turn.
 
-    It does if all samples lie within one turn and reach both of its ends, and if the steps over the
-    end, a turn taken off, are like the others. A valve that opens by more than half a turn does
-    not.
+    It does if all samples are within one turn and reach both of its ends, and if the steps over the
+    end, minus a turn, are like the others. A valve that opens by more than half a turn does not
+    wrap.
 
     Parameters
     ----------
@@ -23,10 +23,10 @@ def unwrap_angle(values: NDArray[np.float64], turn: float) -> tuple[NDArray[np.f
     Returns
     -------
     unwrapped : ndarray of shape (n,)
-        The angle without jumps, by whole turns moved so that its median is within half a turn of
+        The angle without jumps, shifted by whole turns so that its median is within half a turn of
         zero; the values if they do not wrap.
     n_wraps : int
-        Number of jumps that were taken off.
+        Number of jumps that were removed.
     """
     known = np.isfinite(values)
     angle = values[known]

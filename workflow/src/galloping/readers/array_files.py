@@ -1,4 +1,4 @@
-"""Arrays by name in files of instruments: Parquet, HDF5, NetCDF, MATLAB."""
+"""Arrays by name in instrument files: Parquet, HDF5, NetCDF, MATLAB."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ LARGEST = 2 * 1024**3  # bytes: a table of that size fits into the memory of a s
 
 @dataclass(frozen=True)
 class StoredArray:
-    """An array in a file, which is not read yet.
+    """An array in a file, not read yet.
 
     Attributes
     ----------
@@ -43,14 +43,14 @@ class StoredArray:
 
     @property
     def is_vector(self) -> bool:
-        """Whether it has numbers, times or text along one axis at most."""
+        """Whether the array has numbers, times or text along one axis at most."""
         return sum(n != 1 for n in self.shape) <= 1 and self.kind in "fiubMmUO"
 
 
 def arrays_in(path: Path, suffix: str) -> Iterator[StoredArray]:
     """Iterate over the arrays in a file.
 
-    suffix: of READERS, for files that are no HDF5, as new ones of NetCDF and MATLAB are.
+    suffix: of READERS, for files that are not HDF5, as new ones of NetCDF and MATLAB are.
     """
     import h5py
 
@@ -80,10 +80,10 @@ def _parquet(path: Path) -> Iterator[StoredArray]:
 
 
 def _hdf5(path: Path) -> Iterator[StoredArray]:
-    """Data sets, anywhere in an HDF5 or NetCDF-4 file, by their path in it.
+    """Yield data sets, anywhere in an HDF5 or NetCDF-4 file, by their path in it.
 
-    MATLAB keeps what cells and structure arrays refer to in groups that begin with `#`, and text as
-    numbers of a class `char`: neither holds columns.
+    MATLAB stores the targets of references in cells and structure arrays in groups that begin with
+    `#`, and text as numbers of a class `char`: neither contains columns.
     """
     import h5py
 
@@ -120,9 +120,9 @@ def _netcdf(path: Path) -> Iterator[StoredArray]:
 
 
 def _unpacked(values: Any, about: Callable[[str, Any], Any]) -> np.ndarray:
-    """An array as its attributes say, by the conventions of NetCDF: what is missing, scale, offset.
+    """Convert an array by its attributes, as NetCDF defines them: missing values, scale, offset.
 
-    about: a value of an attribute by name, or else the default.
+    about: returns an attribute by name, or the default.
     """
     gone = np.ravel([*np.ravel(about("_FillValue", [])), *np.ravel(about("missing_value", []))])
     scale = float(np.ravel(about("scale_factor", 1.0))[0])

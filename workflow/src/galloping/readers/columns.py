@@ -1,4 +1,4 @@
-"""What the words in the name of a column say: a time, a motion in a direction, or another thing."""
+"""Interpretation of column names: a time, a motion in a direction, or another quantity."""
 
 import re
 from collections.abc import Set
@@ -39,7 +39,7 @@ DATED = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d\d")
 
 
 def words_of(header: str) -> set[str]:
-    """Return the words of a name in lower case, without numbers and unit."""
+    """Split a name into words in lower case, without numbers and unit."""
     parted = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", named(header)[0])
     return {word.casefold() for word in re.findall(r"[^\W\d_]+", parted)}
 
@@ -49,26 +49,27 @@ def _has_word(words: set[str], stems: set[str], whole: Set[str] = frozenset()) -
 
 
 def is_time(header: str) -> bool:
-    """Whether a column is one of times, by its name or its unit."""
+    """Decide whether a column contains times, by its name or its unit."""
     words = words_of(header)
     is_labview = named(header)[0] == "X_Value"
     return is_labview or (_has_word(words, TIMES, TIME_WORDS) and not _has_word(words, *OTHERS))
 
 
 def is_count(header: str) -> bool:
-    """Whether a column counts samples, by its name."""
+    """Decide whether a column counts samples, by its name."""
     return bool(words_of(header) & COUNTS)
 
 
 def is_beside_motion(header: str) -> bool:
-    """Whether a column holds what is recorded beside the motion, by its name."""
+    """Decide whether a column is recorded besides the motion, by its name."""
     return _has_word(words_of(header), *OTHERS)
 
 
 def told_order(header: str, unit: str) -> int | None:
-    """Return the order of the derivative that a column holds, 0 of a displacement.
+    """Determine the order of the derivative in a column, 0 for a displacement.
 
-    By its unit or, where it has none, by its name; None where its unit is that of something else.
+    It follows from its unit or, if it has none, from its name; None if its unit is of another
+    quantity.
     """
     if unit:
         return next((k for k, si in enumerate(ORDERS) if measures(unit, si)), None)
@@ -78,7 +79,7 @@ def told_order(header: str, unit: str) -> int | None:
 
 
 def target(header: str, unit: str = "") -> str:
-    """Return what a column measures, as `q_v` or `ddq_w`, by its name and unit.
+    """Determine what a column measures, as `q_v` or `ddq_w`, by its name and unit.
 
     Parameters
     ----------
@@ -90,7 +91,8 @@ def target(header: str, unit: str = "") -> str:
     Returns
     -------
     str
-        '' if name and unit do not tell a direction and a kind of motion, or contradict each other.
+        '' if name and unit do not determine a direction and a kind of motion, or contradict each
+        other.
     """
     name, own = named(header)
     unit = own or unit
@@ -106,7 +108,7 @@ def target(header: str, unit: str = "") -> str:
 
 
 def contradicted_target(header: str, unit: str = "") -> str:
-    """Return what a column measures by its plain name alone, if its unit denies it; else ''."""
+    """Determine what a column measures by its name alone, if its unit contradicts; else ''."""
     name, own = named(header)
     axis, kinds, least = _direction_and_kinds(name, "")
     if not (own or unit) or target(header, unit) or not axis or (least in SHORT and not kinds):
@@ -115,10 +117,10 @@ def contradicted_target(header: str, unit: str = "") -> str:
 
 
 def _direction_and_kinds(header: str, unit: str) -> tuple[str, list[int], str]:
-    """Return what the words of a name say.
+    """Determine direction and kinds of motion from the words of a name.
 
-    That is the direction, `v` or `w`, '' where it is not plain; the orders of derivatives; and the
-    least word that says the direction: a letter, a short word, or '' for a plain one.
+    The direction is `v` or `w`, '' if it is unclear; then come the orders of derivatives, and the
+    weakest word for the direction: a letter, a short word, or '' for a plain one.
     """
     words = words_of(header)
     found = [axis for axis, (stems, whole) in DIRECTIONS.items() if _has_word(words, stems, whole)]

@@ -1,4 +1,4 @@
-"""Columns of numbers from files of instruments: text, Excel, Parquet, HDF5, NetCDF, MATLAB."""
+"""Columns of numbers from instrument files: text, Excel, Parquet, HDF5, NetCDF, MATLAB."""
 
 import csv
 import io
@@ -34,11 +34,11 @@ SHOWN, LONGEST = 12, 60  # columns that a message names, and characters of a nam
 class FileTable:
     """Columns of one file.
 
-    columns: (n,) arrays of floats or text by name. units: by column, where the file says them.
+    columns: (n,) arrays of floats or text by name. units: by column, if the file has them.
     first_row: number of the first row of data, as an editor counts lines. notes: one line for each
-    thing that was passed over. unclear: names that two columns have. scalars: single numbers beside
-    the columns, by name, as a workspace of MATLAB has them. others: shapes of arrays that are no
-    columns, by name, such as `2 x 500`.
+    ignored part. unclear: names that two columns have. scalars: single numbers besides the columns,
+    by name, as in a workspace of MATLAB. others: shapes of arrays that are no columns, by name,
+    such as `2 x 500`.
     """
 
     path: Path
@@ -52,16 +52,16 @@ class FileTable:
 
     @property
     def is_headless(self) -> bool:
-        """Whether no row names the columns, which then have their places as names."""
+        """Whether no row names the columns, whose names then are their places."""
         return list(self.columns) == [str(k + 1) for k in range(len(self.columns))]
 
     def at(self, name: str) -> str:
-        """Where a fault of a column is."""
+        """Format the place of a fault in a column."""
         return f"{self.path}: column {name!r}"
 
     @property
     def content(self) -> str:
-        """In words, what the file holds: its columns with their units, and what is none."""
+        """Description of the file's columns with their units, and of its other contents."""
         columns = [
             f"{name!r:.{LONGEST}}" + (f" [{unit:.{LONGEST}}]" if (unit := self.unit(name)) else "")
             for name in self.columns
@@ -72,7 +72,7 @@ class FileTable:
         return enumerated(columns) + more
 
     def column(self, name: str) -> np.ndarray:
-        """A column by its name, with or without the unit behind it. Raises FileError."""
+        """Return a column by its name, with or without the unit behind it. Raises FileError."""
         bare, _ = named(name)
         if bare not in self.columns:
             raise FileError(f"{self.path}: no column {bare!r:.{LONGEST}}; it has {self.content}")
@@ -81,17 +81,17 @@ class FileTable:
         return self.columns[bare]
 
     def unit(self, name: str) -> str:
-        """The unit that the file states for a column, or ''."""
+        """Return the unit that the file states for a column, or ''."""
         return self.units.get(named(name)[0], "")
 
     def convert(
         self, name: str, said: str | None, convert: Callable[[str], Converted]
     ) -> Converted:
-        """Return what `convert` makes of the unit of a column.
+        """Apply `convert` to the unit of a column.
 
-        That is the unit that is said, or that of the file, which must not differ. What is said
-        counts where it is `1`, which takes numbers as they are, and where the file has another name
-        than that of a unit, such as `counts`. Raises FileError.
+        It is the specified unit, or that of the file, which must not differ. The specified unit has
+        priority if it is `1`, which leaves numbers unchanged, and if the file has no name of a
+        unit, such as `counts`. Raises FileError.
         """
         own = self.unit(name).split(" since ")[0]
         try:
@@ -109,7 +109,7 @@ class FileTable:
         return found
 
     def kind(self, name: str) -> str:
-        """What a column holds, by its first cell: `number`, `date` (or a time of a day), `text`."""
+        """Determine the kind of a column by its first cell: `number`, `date` or `text`."""
         values = self.column(name)
         if values.dtype.kind not in "OUT":
             return "date" if values.dtype.kind in "mM" else "number"
@@ -119,7 +119,7 @@ class FileTable:
         return "text" if np.isnan(pd.to_numeric(first, errors="coerce")) else "number"
 
     def numbers(self, name: str) -> np.ndarray:
-        """A column as floats, NaN where it is empty. Raises FileError at the first text."""
+        """Convert a column to floats, NaN where it is empty. Raises FileError at the first text."""
         values = self.column(name)
         if values.dtype.kind in "fiub":
             numbers = values.astype(float)
@@ -132,7 +132,7 @@ class FileTable:
         return numbers
 
     def fault(self, row: int, name: str, what: str) -> FileError:
-        """The error that a cell of a column is; row: its index."""
+        """Make the error of a cell of a column; row: its index."""
         cell = self.column(name)[row]
         value = repr(cell if isinstance(cell, str) else float(cell))[:60]
         hint = f"; {SAY_DECIMAL}" if DECIMAL_COMMA.fullmatch(str(cell)) else ""
@@ -144,12 +144,12 @@ class FileTable:
 def read_table(
     path: str | Path, decimal: str | None = None, time: str | None = None, rows: int | None = None
 ) -> FileTable:
-    """The columns of a file, by its suffix: .csv .txt .tsv .dat .xlsx .parquet .h5 .hdf5 .nc .mat.
+    """Read the columns of a file, in a format given by its suffix.
 
-    decimal: the decimal mark of text tables. time: the column of times, which tells their header
-    from lines above it. Where these are None, the rows tell. rows: of text, so many at most. The
-    `unit` of fields in a `datapackage.json` beside a file (Frictionless Data) counts as the file's
-    own. Raises FileError.
+    Suffixes are .csv .txt .tsv .dat .xlsx .parquet .h5 .hdf5 .nc .mat. decimal: the decimal mark of
+    text tables. time: the column of times, by which their header differs from lines above it. If
+    these are None, the rows determine them. rows: of text, at most. The `unit` of fields in a
+    `datapackage.json` beside a file (Frictionless Data) counts as the file's own. Raises FileError.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -201,7 +201,7 @@ def _make_table(
     scalars: Mapping[str, float] = NONE,
     others: Mapping[str, str] = NONE,
 ) -> FileTable:
-    """content: header, values and unit, or None, of each column."""
+    """Assemble a table. content: header, values and unit, or None, of each column."""
     columns: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     unclear: set[str] = set()
@@ -221,22 +221,25 @@ def _make_table(
 
 
 def enumerated(parts: Sequence[str]) -> str:
-    """Return parts with commas, those beyond the SHOWN first ones counted alone."""
+    """Join parts by commas, and only count those beyond the first SHOWN ones."""
     more = f" and {len(parts) - SHOWN} more" if len(parts) > SHOWN else ""
     return ", ".join(parts[:SHOWN]) + more
 
 
 def printable(text: str) -> str:
-    """Return a text in one line, with a blank for each run of characters that do not print.
+    """Replace each run of unprintable characters of a text by a blank.
 
-    A line break in a name would write lines of its own into messages and summaries, and an escape
-    sequence would steer the terminal.
+    A line break in a name would start new lines in messages and summaries, and an escape sequence
+    would control the terminal.
     """
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
 def _read_sheet(path: Path, decimal: str | None) -> tuple[bytes, tuple[str, ...]]:
-    """The longest sheet of an Excel file as CSV, and what was passed over. decimal: of texts."""
+    """Read the longest sheet of an Excel file as CSV, with notes on ignored parts.
+
+    decimal: of texts.
+    """
 
     def written(cell: object) -> object:
         if isinstance(cell, str):
@@ -265,7 +268,7 @@ def _read_sheet(path: Path, decimal: str | None) -> tuple[bytes, tuple[str, ...]
 
 
 def _cells_of(sheet) -> list[tuple]:
-    """The rows of a sheet, without empty ones at the end. Raises FileError for too many cells."""
+    """Read the rows of a sheet, without empty ones at the end; FileError for too many cells."""
     rows, count, filled = [], 0, 0
     for row in sheet.iter_rows(values_only=True):
         count += len(row)
@@ -278,7 +281,7 @@ def _cells_of(sheet) -> list[tuple]:
 
 
 def _read_arrays(path: Path, suffix: str) -> FileTable:
-    """The vectors in a file of arrays, and what else it holds."""
+    """Read the vectors in a file of arrays, and list its other contents."""
     vectors, others, scalars, loaded = [], {}, {}, 0
     for one in arrays_in(path, suffix):
         values = None
@@ -311,7 +314,7 @@ def _read_arrays(path: Path, suffix: str) -> FileTable:
 
 
 def _is_plain(values: np.ndarray) -> bool:
-    """Whether a vector begins with a number or a text, and has no endless texts."""
+    """Decide whether a vector begins with a number or a text, and has no excessively long texts."""
     if values.dtype.kind == "O":
         texts = (len(x) for x in values.tolist() if isinstance(x, str))
         if sum(texts) > MOST_TEXT:
@@ -320,7 +323,7 @@ def _is_plain(values: np.ndarray) -> bool:
 
 
 def _described_units(path: Path, own: Mapping[str, str]) -> dict[str, str]:
-    """Units of columns in the `datapackage.json` beside a file; own: those in the file itself."""
+    """Read units of columns from a `datapackage.json` beside a file; own: those in the file."""
     description = path.with_name("datapackage.json")
     if not description.is_file():
         return {}

@@ -1,4 +1,4 @@
-"""Units and options that fit the names and values of columns, for messages that are copied."""
+"""Plausible units and options for the names and values of columns, for messages to copy."""
 
 from collections.abc import Iterable, Sequence
 from shlex import quote
@@ -21,7 +21,7 @@ WINDS = {"wind", "gust", "u", "speed"}
 
 
 def likely_time_unit(times: np.ndarray) -> str:
-    """Return the unit in which times are dates of today, else in which their steps are plausible.
+    """Guess the unit in which times are present dates, else in which their steps are plausible.
 
     times: (n,) numbers.
     """
@@ -39,12 +39,12 @@ def likely_time_unit(times: np.ndarray) -> str:
 
 
 def likely_unit(order: int, values: np.ndarray, alike: Iterable[np.ndarray] = ()) -> str:
-    """Return a plausible unit of a motion of a span.
+    """Guess a plausible unit of a motion of a span.
 
     Parameters
     ----------
     order : int
-        Of the derivative: 0 of a displacement, 2 of an acceleration.
+        Of the derivative: 0 for a displacement, 2 for an acceleration.
     values : ndarray of shape (n,)
     alike : iterable of ndarray
         Columns of the same instrument: one of three accelerometers shows gravity as its mean.
@@ -62,7 +62,7 @@ def likely_unit(order: int, values: np.ndarray, alike: Iterable[np.ndarray] = ()
 
 
 def likely_input_unit(name: str) -> str:
-    """Return m/s for a wind, else 1, which leaves the numbers of an input as they are."""
+    """Return m/s for a wind, else 1, which leaves the numbers of an input unchanged."""
     return "m/s" if words_of(name) & WINDS else "1"
 
 
@@ -72,11 +72,11 @@ def _measure_spread(values: np.ndarray) -> float:
 
 
 def measure_option(target: str, column: str, unit: str = "") -> str:
-    """Return an option that says what a column measures, such as `--measure 'q_v=mid [mm]'`."""
+    """Format an option for what a column measures, such as `--measure 'q_v=mid [mm]'`."""
     text = f"{target}={column}" + f" [{unit}]" * bool(unit)
     return "--measure " + (quote(text) if "'" in text else f"'{text}'")
 
 
 def unit_options(units: Sequence[tuple[str, str]]) -> str:
-    """Return options that say the units of columns, such as `--unit time=s --unit mid=mm`."""
+    """Format options for the units of columns, such as `--unit time=s --unit mid=mm`."""
     return " ".join(f"--unit {quote(f'{name}={unit}')}" for name, unit in units)

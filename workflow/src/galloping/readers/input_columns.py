@@ -1,4 +1,4 @@
-"""What drives the motion, from columns of a file to functions of time."""
+"""Inputs of the motion: from columns of a file to functions of time."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,12 +16,12 @@ HELD = 2  # rows, that a logger repeats a slower sample for at least
 def inputs_of(
     table: FileTable, columns: Sequence[InputColumn], time: np.ndarray, values: np.ndarray
 ) -> dict[str, Input]:
-    """Inputs by name, from values (n, n_inputs) at the rows of a file.
+    """Make inputs by name, from values (n, n_inputs) at the rows of a file.
 
     Rows between the samples of a slower instrument, empty or repeated, are no gaps and no samples,
-    unless the input is held. Where the mapping does not say what an input is between its samples,
-    it is held if it stays and then jumps anywhere, else smooth, and has the other kinds as its
-    alternatives. Raises FileError where a column holds fewer than two samples.
+    unless the input is held. If the mapping does not specify the interpolation of an input, it is
+    held if it stays constant and then jumps anywhere, else smooth, and has the other kinds as its
+    alternatives. Raises FileError if a column has fewer than two samples.
     """
     found = {}
     for column, own in zip(columns, values.T, strict=True):
@@ -36,7 +36,7 @@ def inputs_of(
 
 
 def _input_of(column: InputColumn, time: np.ndarray, values: np.ndarray, between: str) -> Input:
-    """An input that is held, linear or smooth between its samples. values: (n,), NaN if missing."""
+    """Make an input with one kind of interpolation. values: (n,), NaN if missing."""
     known = np.flatnonzero(np.isfinite(values))
     if between != "zero":
         known = known[_new_samples(values[known])]
@@ -49,8 +49,9 @@ def _input_of(column: InputColumn, time: np.ndarray, values: np.ndarray, between
 
 
 def _is_staircase(values: np.ndarray) -> bool:
-    """Whether values (n,) mostly stay, and jump as far as if the last one told nothing of the next:
-    such jumps are twice the variance of the values in the mean square. One jump is enough.
+    """Decide whether values (n,) are mostly constant, and jump independently of the last value.
+
+    The mean square of such jumps is twice the variance of the values. One jump suffices.
     """
     changes = values[np.append(True, np.diff(values) != 0)]
     jumps = np.diff(changes)
@@ -59,9 +60,9 @@ def _is_staircase(values: np.ndarray) -> bool:
 
 
 def _new_samples(values: np.ndarray) -> np.ndarray:
-    """(n,) boolean: the samples of a slower instrument that a logger did not merely repeat.
+    """Find the samples of a slower instrument that a logger did not merely repeat, (n,) boolean.
 
-    All where values do not stay for a fixed number of rows.
+    These are all samples if values are not constant for a fixed number of rows.
     """
     fresh = np.append(True, np.diff(values) != 0)
     runs = np.diff(np.flatnonzero(fresh))

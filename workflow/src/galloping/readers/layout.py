@@ -1,4 +1,4 @@
-"""Where the rows of a text table begin, what parts its columns, and which row names them."""
+"""Layout of a text table: first row of data, separator of columns, and row of names."""
 
 import csv
 import re
@@ -34,7 +34,7 @@ class Layout:
     Attributes
     ----------
     separator : str or None
-        What parts the columns; None is white space.
+        Between the columns; None is white space.
     decimal : str
         The decimal mark.
     header, units : list
@@ -44,7 +44,7 @@ class Layout:
     line : int
         Number of the line where that row begins, as an editor counts.
     notes : tuple of str
-        A line for each thing that was passed over.
+        A line for each ignored part.
     """
 
     separator: str | None
@@ -60,21 +60,21 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
     """Find the layout of a table from the first lines of a file.
 
     Most rows have the same number of cells, two or more. The row of names is the row of text next
-    to the numbers whose cells all differ; where no row of text stands above the numbers, columns
-    are named by their place.
+    to the numbers whose cells all differ; without a row of text above the numbers, columns are
+    named by their place.
 
     Parameters
     ----------
     lines : list of str
     decimal : str or None
-        The decimal mark; by default the cells tell it.
+        The decimal mark; by default found from the cells.
     time : str or None
         The column of times, which the row of names must have.
 
     Raises
     ------
     FileError
-        If no separator fits, or if it is not plain which row names the columns.
+        If no separator fits, or if it is unclear which row names the columns.
     """
     rows, starts = _join_quoted(lines)
     written = [k for k, row in enumerate(rows) if row.strip(" ,;\t\r")]
@@ -123,7 +123,7 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
 
 
 def split_cells(row: str, separator: str | None) -> list[str]:
-    """Split a row into cells without blanks around them; None parts at white space."""
+    """Split a row into cells without blanks around them; None splits at white space."""
     if separator is None:
         row, separator = " ".join(row.split()), " "
     cells = csv.reader([row], delimiter=separator, skipinitialspace=True)
@@ -133,7 +133,7 @@ def split_cells(row: str, separator: str | None) -> list[str]:
 def _join_quoted(lines: list[str]) -> tuple[list[str], list[int]]:
     """Join the lines of cells in quotes; return the rows and the index of the first line of each.
 
-    A quotation mark that is not closed within MOST_JOINED lines stands for itself.
+    A quotation mark that is not closed within MOST_JOINED lines is a normal character.
     """
     rows, starts, k = [], [], 0
     while k < len(lines):
@@ -153,10 +153,10 @@ def _join_quoted(lines: list[str]) -> tuple[list[str], list[int]]:
 def _find_separator(
     rows: list[str], plain: list[int], decimal: str | None
 ) -> tuple[str | None, int]:
-    """Return what parts the columns, and how many there are.
+    """Find the separator of the columns, and their number.
 
     It is the mark with which most rows have the same number of cells, most cells are numbers, and
-    the first whole row is a header. `csv.Sniffer` would take decimal commas for it.
+    the first whole row is a header. `csv.Sniffer` would choose decimal commas.
     """
     found = []
     for place, separator in enumerate(MARKS):
@@ -183,7 +183,7 @@ def _find_separator(
 
 
 def _find_decimal(cells: Iterable[str]) -> str:
-    """Return the decimal mark: a comma where some cells can mean nothing else, and none a point."""
+    """Find the decimal mark: a comma if some cells can mean nothing else, and none a point."""
     cells = list(cells)
     commas = [cell for cell in cells if DECIMAL_COMMA.fullmatch(cell)]
     told = any(not THOUSANDS.fullmatch(cell) for cell in commas)
@@ -191,7 +191,7 @@ def _find_decimal(cells: Iterable[str]) -> str:
 
 
 def _is_number(cell: str, decimal: str | None) -> bool:
-    """Whether a cell is a number, with either decimal mark where None is given."""
+    """Decide whether a cell is a number, with either decimal mark if None is given."""
     if INSTANT.match(cell) or (decimal in (None, ",") and DECIMAL_COMMA.fullmatch(cell)):
         return True
     try:
@@ -202,7 +202,7 @@ def _is_number(cell: str, decimal: str | None) -> bool:
 
 
 def _is_data(row: Sequence[str], decimal: str | None) -> bool:
-    """Whether a row begins with a number or a time."""
+    """Decide whether a row begins with a number or a time."""
     first = next(filter(None, row), "0")
     return _is_number(first, decimal) or DECIMAL_COMMA.fullmatch(first) is not None
 
@@ -210,7 +210,7 @@ def _is_data(row: Sequence[str], decimal: str | None) -> bool:
 def _find_first_row(
     cells: Mapping[int, list[str]], plain: Sequence[int], columns: int, decimal: str
 ) -> int | None:
-    """Return the index of the first row of data, None where there is none.
+    """Find the index of the first row of data, None if there is none.
 
     It begins the first run of ENOUGH_ROWS rows, else the longest run.
     """
@@ -228,9 +228,9 @@ def _find_first_row(
 def _fit(
     row: Sequence[str], columns: int, empty: Sequence[bool], is_numbered: bool
 ) -> list[str] | None:
-    """Return the cells of a row above the numbers, one for each column; None where they do not fit.
+    """Extract one cell per column from a row above the numbers; None if they do not fit.
 
-    A trailing separator, a label before the cells, as of a row `NAME`, and a column of remarks that
+    A trailing separator, a label before the cells, as in a row `NAME`, and a column of remarks that
     the rows do not have are left out.
 
     Parameters
@@ -238,7 +238,7 @@ def _fit(
     row : sequence of str
     columns : int
     empty : sequence of bool
-        Of each column, whether it has no samples.
+        Whether each column has no samples.
     is_numbered : bool
         Whether the first column numbers the rows; R gives it no name.
     """
@@ -256,7 +256,7 @@ def _fit(
 
 
 def _without_end(row: Sequence[str]) -> list[str]:
-    """Return the cells of a row without empty ones at its end."""
+    """Remove empty cells at the end of a row."""
     kept = list(row)
     while kept and not kept[-1]:
         kept.pop()
@@ -268,9 +268,9 @@ def _is_label(cell: str) -> bool:
 
 
 def _find_units(fitted: Mapping[int, list[str]], cells: Mapping[int, list[str]]) -> int | None:
-    """Return the index of the row of units nearest to the numbers.
+    """Find the index of the row of units nearest to the numbers.
 
-    Its label says so, it begins with a unit of times, or most of its cells are units and not all
+    It has such a label, it begins with a unit of times, or most of its cells are units and not all
     are names.
     """
 
@@ -287,7 +287,7 @@ def _find_units(fitted: Mapping[int, list[str]], cells: Mapping[int, list[str]])
 
 
 def _read_units(row: Sequence[str]) -> list[str | None]:
-    """Return the units in a row of them, without brackets, None for a cell without one."""
+    """Extract the units from a row of them, without brackets, None for a cell without one."""
     return [None if UNITS_LABEL.fullmatch(cell) else cell.strip("[]()") or None for cell in row]
 
 
@@ -299,11 +299,11 @@ def _count_known(row: Sequence[str]) -> int:
 def _find_header(
     candidates: Mapping[int, list[str]], time: str | None, decimal: str, starts: Sequence[int]
 ) -> int | None:
-    """Return the index of the row of names, None where no row is one of text.
+    """Find the index of the row of names, None if no row is one of text.
 
-    The row that has the column of times or, where that is not given, the row whose cells all
+    It is the row that has the column of times or, if that is not given, the row whose cells all
     differ; of several the one with the most names that a reader knows, then the nearest to the
-    numbers. Raises FileError where several rows of text have cells that are alike.
+    numbers. Raises FileError if several rows of text have equal cells.
     """
     if time is not None:
         name = named(time)[0]
@@ -338,7 +338,7 @@ def _check_headless(
     first: int,
     separator: str | None,
 ) -> None:
-    """Raise FileError where the row next to the numbers looks like names, of another number."""
+    """Raise FileError if the row next to the numbers looks like names, with another count."""
     above, columns = cells.get(first - 1, []), len(cells[first])
     if len(above) < 2 or rows[first - 1].startswith("#"):
         return

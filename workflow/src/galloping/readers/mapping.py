@@ -1,4 +1,4 @@
-"""What the columns of a file measure: states or their rates, units, places along the span."""
+"""Mapping of a file's columns: states or their rates, units, places along the span."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -29,7 +29,7 @@ NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 class MappingError(ValueError):
-    """A mapping that makes no sense; one line."""
+    """Error of an invalid mapping; one line."""
 
 
 class _Section(BaseModel):
@@ -42,9 +42,9 @@ Texts = Annotated[  # one or several
 
 
 class TimeColumn(_Section):
-    """The column of times; unit: s, ms, min, ..., or none where the times are ISO 8601.
+    """The column of times; unit: s, ms, min, ..., or none if the times are ISO 8601.
 
-    Beside a `rate` of the mapping it counts samples, and has no unit.
+    With a `rate` of the mapping it counts samples, and has no unit.
     """
 
     column: str
@@ -52,14 +52,14 @@ class TimeColumn(_Section):
 
 
 class Channel(_Section):
-    """One column of a file.
+    """A column that measures a state or its rate.
 
-    measures: a state, or `d` and the name of one: its rate (`ddq_v`, an acceleration). position:
-    m along the span, of a sensor on a line. delay: s by which the column lags behind the time.
-    scale: `unknown` where a camera's scale is to be told with an accelerometer's help. offset:
-    whether a rate has no constant offset and slow drift, which accelerometers do; `unknown` by
-    default. noise: standard deviation of a sample where it is known, such as `3 mm`; a number alone
-    is in the unit of the column.
+    measures: a state, or `d` and the name of one: its rate (`ddq_v`, an acceleration). position: m
+    along the span, of a sensor on a line. delay: s by which the column lags behind the time. scale:
+    `unknown` if a camera's scale is to be determined from an accelerometer. offset: whether a rate
+    has no constant offset and slow drift, which accelerometers do; `unknown` by default. noise:
+    standard deviation of a sample if it is known, such as `3 mm`; a number alone is in the unit of
+    the column.
     """
 
     column: str
@@ -73,11 +73,11 @@ class Channel(_Section):
 
 
 class InputColumn(_Section):
-    """One column of what was measured beside the motion and drives it, such as the wind.
+    """A column of an input that drives the motion, such as the wind.
 
     name: in the library, by default that of the column. between, error: as of `recording.Input`;
-    error may be text such as `2 %`, and where `between` is not said the motion tells it. delay: s
-    by which the column lags behind the time.
+    error may be text such as `2 %`, and an unspecified `between` is determined from the motion.
+    delay: s by which the column lags behind the time.
     """
 
     column: str
@@ -90,7 +90,7 @@ class InputColumn(_Section):
     @model_validator(mode="before")
     @classmethod
     def _in_full(cls, given: object) -> object:
-        """A text is the name of a column, and an error in percent a number."""
+        """Expand a text to the name of a column, and convert an error in percent."""
         keys = {"column": given} if isinstance(given, str) else given
         if not isinstance(keys, dict):
             return keys
@@ -102,13 +102,13 @@ class InputColumn(_Section):
 
 
 class ColumnMapping(_Section):
-    """How to read recordings of one system from files.
+    """Description of how to read recordings of one system from files.
 
     time: the column of times, or with a `rate`, samples per second, that which counts samples;
     without one every row is a sample. states: of the system; a state named dX is the rate of X.
-    inputs: what else drives it. span: m, where channels have positions. decimal: the decimal mark
-    of text files, by default what their rows tell. library, known, random_force: as the command's
-    options of these names.
+    inputs: that drive it. span: m, if channels have positions. decimal: the decimal mark of text
+    files, by default found from their rows. library, known, random_force: as the command's options
+    of these names.
     """
 
     time: TimeColumn | None = None
@@ -168,15 +168,13 @@ class ColumnMapping(_Section):
         return self
 
     def check_forced(self, names: Sequence[str], key: str) -> None:
-        """Raise ValueError where what random forces move, said by `key`, is neither all nor states
-        of the system.
-        """
+        """Raise ValueError if names given by `key` for random forces are neither all nor states."""
         for name in names:
             if name not in self.states and tuple(names) != ("all",):
                 raise ValueError(f"{key}: {name!r}; must be all, or among {', '.join(self.states)}")
 
     def with_between(self, kinds: Mapping[str, str]) -> "ColumnMapping":
-        """Return the mapping with what inputs are between samples where it does not say that."""
+        """Set the interpolation of inputs between samples if it is unspecified."""
         inputs = tuple(
             one.model_copy(update={"between": one.between or kinds.get(one.name)})
             for one in self.inputs
@@ -185,12 +183,12 @@ class ColumnMapping(_Section):
 
     @property
     def clocks(self) -> tuple[TimeColumn, ...]:
-        """The column of times, if there is one."""
+        """Column of times, if there is one."""
         return (self.time,) if self.time else ()
 
     @property
     def columns(self) -> tuple[TimeColumn | Channel | InputColumn, ...]:
-        """All columns that are read: of times, of channels and of inputs."""
+        """All columns that are read: times, channels and inputs."""
         return (*self.clocks, *self.channels, *self.inputs)
 
     @property
@@ -199,7 +197,7 @@ class ColumnMapping(_Section):
         return tuple(one.name for one in self.inputs)
 
     def target(self, channel: Channel) -> tuple[int, bool]:
-        """Index of the state that a channel is about, and whether it measures its rate."""
+        """Return the index of the state of a channel, and whether its rate is measured."""
         if channel.measures in self.states:
             return self.states.index(channel.measures), False
         if channel.measures[:1] == "d" and channel.measures[1:] in self.states:
@@ -211,7 +209,7 @@ class ColumnMapping(_Section):
 
 
 def validate_mapping(content: object) -> ColumnMapping:
-    """A mapping from plain values. Raises MappingError with one line a problem."""
+    """Make a mapping from plain values. Raises MappingError with one line per problem."""
     try:
         return ColumnMapping.model_validate(content)
     except ValidationError as error:
@@ -236,9 +234,9 @@ def _describe_problem(problem: Mapping[str, Any]) -> str:
 
 
 def read_mapping(path: str | Path) -> ColumnMapping:
-    """A mapping from a YAML file.
+    """Read a mapping from a YAML file.
 
-    Raises MappingError or ConfigurationError, the lines of which begin with its name.
+    Raises MappingError or ConfigurationError, whose lines begin with the file's name.
     """
     try:
         return validate_mapping(read(path))
@@ -247,9 +245,9 @@ def read_mapping(path: str | Path) -> ColumnMapping:
 
 
 def channel_of(text: str) -> dict:
-    """A channel from `STATE=COLUMN[UNIT]@POSITION`, unit and position optional, as plain values.
+    """Parse a channel, `STATE=COLUMN[UNIT]@POSITION`, unit and position optional.
 
-    Raises MappingError where the text has another form.
+    Returns plain values. Raises MappingError if the text has another form.
     """
     measures, _, source = text.partition("=")
     header, at, position = source.partition("@")
@@ -265,9 +263,9 @@ def channel_of(text: str) -> dict:
 
 
 def input_of(text: str, between: str | None = None) -> dict:
-    """An input from `NAME=COLUMN[UNIT] +- ERROR %`, all but NAME optional, as plain values.
+    """Parse an input, `NAME=COLUMN[UNIT] +- ERROR %`, all but NAME optional.
 
-    Raises MappingError where the text has another form.
+    Returns plain values. Raises MappingError if the text has another form.
     """
     body, given, error = text.partition("+-")
     name, equals, header = body.partition("=")
@@ -284,7 +282,7 @@ def input_of(text: str, between: str | None = None) -> dict:
 
 
 def _split_units(texts: Sequence[str]) -> tuple[dict[str, str], str | None]:
-    """Units of columns from `COLUMN=UNIT`, and that of all others but the time, or None."""
+    """Parse units of columns, `COLUMN=UNIT`, and that of all others but the time, or None."""
     for_all, *more = [text for text in texts if "=" not in text] or [""]
     if more:
         raise MappingError(f"--unit: {for_all} and {more[0]}; must be one for all, or COLUMN=UNIT")
@@ -292,22 +290,22 @@ def _split_units(texts: Sequence[str]) -> tuple[dict[str, str], str | None]:
 
 
 def _by_column(texts: Iterable[str]) -> dict[str, str]:
-    """What stands behind the name of each column in `COLUMN=TEXT`."""
+    """Map the name of each column to the text in `COLUMN=TEXT`."""
     return dict(text.partition("=")[::2] for text in texts)
 
 
 def propose_mapping(file: str, options: Mapping[str, Any], taken: Sequence[str] = ()) -> Proposal:
-    """Propose how a file may be read, as `propose` does. options: as of `mapping_of`."""
+    """Propose a mapping for a file, as `propose` does. options: as of `mapping_of`."""
     time = options["time_column"]
     table = read_table(file, options["decimal"], time, ROWS)
     return propose(table, *_split_units(options["units"]), time, taken, options["rate"])
 
 
 def mapping_of(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, str]:
-    """The mapping that the options of the command, or else the names of a file's columns, tell.
+    """Make the mapping from options of the command, or from the names of a file's columns.
 
-    options: all that the command has for columns, by name, None or () where they are not given. The
-    second is how columns are read where their names alone say it, else ''.
+    options: all of the command's options for columns, by name, None or () if they are not given.
+    The second result describes how columns are read by their names alone, else ''.
     """
     if options["map_file"]:
         if any(given not in (None, ()) for name, given in options.items() if name != "map_file"):
@@ -340,10 +338,10 @@ def mapping_of(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, st
 def _choose_channels(
     file: str, found: Proposal, states: Sequence[str], channels: list[dict]
 ) -> tuple[Sequence[str], list[dict], str]:
-    """The states, the channels, and how columns are read where their names alone say what they are.
+    """Choose states and channels, and describe how columns are read by their names alone.
 
-    found: what the names of the columns tell. states, channels: those that the command names.
-    Raises ValueError where names of columns have to tell the channels, and do not.
+    found: proposal by the names of the columns. states, channels: those that the command names.
+    Raises ValueError if names of columns must determine the channels, and do not.
     """
     if channels:
         return states or states_of(one["measures"] for one in channels), channels, ""
@@ -357,7 +355,7 @@ def _choose_channels(
 
 
 def _set_columns(key: str, values: Mapping[str, str], columns: Sequence[dict]) -> None:
-    """Write under `key` of columns, in place, what an option of that name says of each by its name.
+    """Set `key` of columns, in place, to the values of an option, by name.
 
     Raises MappingError for the name of none of the columns.
     """

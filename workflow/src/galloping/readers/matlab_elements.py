@@ -1,7 +1,7 @@
-"""Whether a MAT-file of level 5 is made of known elements, before a reader that trusts it reads it.
+"""Check that a MAT-file of level 5 has only known elements, before SciPy reads it.
 
-SciPy's reader takes the type of an element from the file and looks it up without asking whether
-there is such a type: a damaged file ends the process, without a message.
+SciPy's reader takes the type of an element from the file and looks it up without a check that the
+type exists: a damaged file ends the process, without a message.
 """
 
 import struct
@@ -17,7 +17,7 @@ DEEPEST = 32  # arrays within each other
 def check_elements(path: Path, largest: int) -> None:
     """Raise ValueError for a file with an element that does not exist or does not fit.
 
-    Files of level 4 are left to the reader. largest: bytes that a compressed element may have.
+    Files of level 4 are not checked. largest: bytes that a compressed element may have.
     """
     content = memoryview(path.read_bytes())
     order = {b"IM": "<", b"MI": ">"}.get(bytes(content[HEADER - 2 : HEADER]))

@@ -1,4 +1,4 @@
-"""How a file may be read, by the names, units and values of its columns."""
+"""Proposed mapping of a file, by the names, units and values of its columns."""
 
 import json
 from collections.abc import Collection, Iterable, Mapping
@@ -38,16 +38,16 @@ INTERVALS = {"dt", "ts", "interval"}  # s, between samples
 
 @dataclass(frozen=True)
 class Doubt:
-    """What is no more than a guess about a column, or is not said.
+    """An uncertain or missing specification of a column.
 
     Attributes
     ----------
     cause : str
-        Why the reading is in doubt; '' if only the unit is missing.
+        Why the reading is uncertain; '' if only the unit is missing.
     remedy : str
-        What to say instead, with options to copy.
+        What to specify instead, with options to copy.
     lacks_unit : bool
-        Whether the file says no unit.
+        Whether the file has no unit.
     """
 
     cause: str = ""
@@ -62,20 +62,20 @@ class Doubt:
 
 @dataclass(frozen=True)
 class Proposal:
-    """How a file may be read.
+    """Proposed mapping of a file.
 
     Attributes
     ----------
     columns : tuple of str
         The columns of the file.
     content : str
-        In words, what the file holds.
+        Description of the file's contents.
     time : dict or None
         As in a mapping; None if the times are those of rows at a rate.
     channels : list of dict
         As in a mapping.
     doubts : dict
-        By column, what is no more than a guess, or is not said.
+        By column, what is guessed or missing.
     """
 
     columns: tuple[str, ...]
@@ -86,22 +86,22 @@ class Proposal:
 
     @property
     def clock(self) -> str | None:
-        """The column of times, if there is one."""
+        """Column of times, if there is one."""
         return self.time["column"] if self.time else None
 
     @property
     def states(self) -> list[str]:
-        """States of a span that the channels tell of."""
+        """States of a span that the channels measure."""
         return states_of(channel["measures"] for channel in self.channels)
 
     def check_time(self, file: str) -> None:
-        """Raise ValueError if the column of times is no more than a guess."""
+        """Raise ValueError if the column of times is only guessed."""
         doubt = self.doubts.get(self.clock or "", Doubt())
         if doubt.cause:
             raise ValueError(f"{file}: {doubt.cause}; {doubt.remedy}")
 
     def sure_channels(self, file: str) -> list[dict]:
-        """Return the channels, if the names of the columns tell them. Raises ValueError."""
+        """Return the channels, if the names of the columns determine them. Raises ValueError."""
         if not self.channels:
             raise ValueError(
                 f"{file}: no column is plainly a vertical or horizontal displacement or "
@@ -131,7 +131,7 @@ class Proposal:
         ]
 
     def yaml(self, file: str, decimal: str | None, rate: float | None) -> str:
-        """Return the text of a mapping to check and edit."""
+        """Format the text of a mapping to check and edit."""
 
         def line(keys: dict, more: str = "") -> str:
             doubt = self.doubts.get(keys["column"], Doubt())
@@ -160,7 +160,7 @@ class Proposal:
 
 
 def states_of(targets: Iterable[str]) -> list[str]:
-    """Return the states of a span that channels tell of: displacements, then velocities."""
+    """List the states of a span that channels measure: displacements, then velocities."""
     stems = {name.lstrip("d") for name in targets}
     own = [stem for stem in DIRECTION if stem in stems]
     return own + [f"d{stem}" for stem in own]
@@ -174,31 +174,31 @@ def propose(
     taken: Collection[str] = (),
     rate: float | None = None,
 ) -> Proposal:
-    """Propose how a file may be read, by what its columns are called.
+    """Propose a mapping of a file, by the names of its columns.
 
     Parameters
     ----------
     table : FileTable
     units : mapping
-        Units that are said of columns.
+        Specified units of columns.
     for_all : str or None
-        Unit that is said of all columns but the times.
+        Specified unit of all columns but the times.
     time : str or None
-        The column of times, if it is said.
+        Specified column of times.
     taken : collection of str
-        Columns of something else than the motion.
+        Columns of other quantities than the motion.
     rate : float or None
         Samples per second; times are then those of rows, or of a column that counts samples.
 
     Returns
     -------
     Proposal
-        What the names do not tell is guessed from the order of the columns, and doubted.
+        What the names do not determine is guessed from the order of the columns, and doubted.
 
     Raises
     ------
     ValueError
-        If no column can be one of times, or two are clocks that run apart.
+        If no column can contain times, or two have different clocks.
     """
     doubts: dict[str, Doubt] = {}
     clock = find_clock(table, time, doubts, rate, f"name it with --time, or {_say_rate(table)}")
@@ -260,7 +260,7 @@ def _needs_unit(table: FileTable, clock: str, rate: float | None) -> bool:
 
 
 def _contradiction(name: str, measured: str, unit: str) -> Doubt:
-    """Return the doubt of a column whose unit does not fit what its name says."""
+    """Make the doubt of a column whose unit contradicts its name."""
     wanted, why = state_unit(measured), "a pixel is no length"
     if not is_pixel(unit):
         why = f"unit {unit!r} measures something else" if is_unit(unit) else f"{unit!r} is no unit"
@@ -272,9 +272,9 @@ def _contradiction(name: str, measured: str, unit: str) -> Doubt:
 
 
 def _guess(table: FileTable, names: Iterable[str], unit_of) -> dict[str, str]:
-    """Guess which columns hold the motion, the vertical one first: by their axes and their place.
+    """Guess which columns measure the motion, the vertical one first: by their axes and order.
 
-    What never changes is no motion.
+    A constant column is no motion.
     """
     likely = [
         (name, order)
@@ -289,7 +289,7 @@ def _guess(table: FileTable, names: Iterable[str], unit_of) -> dict[str, str]:
 
 
 def _likely(table: FileTable, name: str, others: Iterable[str]) -> str:
-    """Return the unit that fits a column without one."""
+    """Guess the unit of a column without one."""
     order = told_order(name, "") or 0
     alike = [each for each in others if told_order(each, "") == order and each != name]
     numbers = [table.numbers(each) for each in (name, *alike) if table.kind(each) == "number"]
@@ -297,7 +297,7 @@ def _likely(table: FileTable, name: str, others: Iterable[str]) -> str:
 
 
 def _by_axis(name: str) -> tuple[bool, bool]:
-    """Names with an upward axis z come before those with another one y, and these before others."""
+    """Return a sort key: names with an upward axis z, then with another axis y, then others."""
     return not words_of(name) & UP, not words_of(name) & ACROSS
 
 
@@ -310,9 +310,8 @@ def find_clock(
 ) -> str | None:
     """Find the column of times, or at a `rate` the one that counts samples, if there is one.
 
-    Where several may be, it is the one that tells most instants apart. What is no more than a
-    guess is written to `doubts`. Raises ValueError where there is none, and where two are clocks
-    that run apart.
+    Of several it is the one with most distinct times. A guess is noted in `doubts`. Raises
+    ValueError if there is none, or if two have different clocks.
     """
     if said is not None:
         table.column(said)
@@ -362,7 +361,7 @@ def _say_rate(table: FileTable) -> str:
 
 
 def _known_rate(table: FileTable) -> str:
-    """Return the sampling rate that a number of the file tells by its name, else 25."""
+    """Return the sampling rate that a number of the file has by its name, else 25."""
     for name, value in table.scalars.items():
         bare = "".join(words_of(name))
         rate = value if bare in RATES else 1.0 / value if bare in INTERVALS and value else np.nan
@@ -378,7 +377,7 @@ def _increases(table: FileTable, name: str) -> bool:
 
 
 def _counts(table: FileTable, name: str) -> bool:
-    """Whether a column holds whole numbers that mostly rise by one."""
+    """Decide whether a column has whole numbers that mostly rise by one."""
     values = table.columns[name]
     if values.dtype.kind not in "fiu" or len(values) < 2:
         return False

@@ -1,4 +1,4 @@
-"""From the channels of a file to a recording: places, delays, gaps, and where inputs are known."""
+"""Recordings from the channels of a file: places, delays, gaps, and availability of inputs."""
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -15,12 +15,12 @@ SILENT = 6  # that a sensor may be silent while others go on: longer, its curve 
 
 
 def recording(series: Series, mapping: ColumnMapping) -> Recording:
-    """The recording that identification sees.
+    """Make the recording for an identification from the channels of a file.
 
     Sensors of one quantity at m places along the span are projected on its first m sine modes, of
     which the first is kept: q = sum_i P_1i y_i with P the inverse of sin(k pi s_i / l). A single
-    sensor is divided by sin(pi s / l). Samples of a delayed channel are moved to the times when
-    they were true. Raises ValueError where places do not tell the modes apart.
+    sensor is divided by sin(pi s / l). Samples of a delayed channel are moved to their true times.
+    Raises ValueError if the places do not distinguish the modes.
     """
     time, columns = series.time, list(series.values.T)
     if any(channel.delay for channel in mapping.channels):
@@ -52,12 +52,12 @@ def recording(series: Series, mapping: ColumnMapping) -> Recording:
 
 
 def split_recording(recording: Recording, period: float) -> list[Recording]:
-    """The recording between gaps longer than a period of the motion, s, each part by itself.
+    """Split a recording at gaps longer than a period of the motion, s.
 
-    Over such a gap nothing tells how the motion went on, nor whether the clock did. A part ends as
-    well where an input is not known, or a sensor that others outlast is silent for long. Parts of
-    fewer than FEWEST samples or LEAST are left out, but where no part is longer and the inputs are
-    known throughout. Raises ValueError where no part is left.
+    Neither the motion nor the clock is known over such a gap. A part also ends where an input is
+    unknown, or where a sensor is silent for long while others are not. Parts of fewer than FEWEST
+    samples or shorter than LEAST are left out, unless no part is longer and the inputs are known
+    throughout. Raises ValueError if no part is left.
     """
     measured = np.any(np.isfinite(recording.values), axis=1)
     if recording.rates is not None:
@@ -86,8 +86,10 @@ def split_recording(recording: Recording, period: float) -> list[Recording]:
 
 
 def _find_silent(recording: Recording, longest: float) -> np.ndarray:
-    """(n,) whether a coordinate that is measured at other times has no sample for `longest` s: of
-    itself, nor of its velocity where that is a state, or, where neither ever is, of their rates.
+    """Find samples, (n,), at which a coordinate measured at other times is silent for `longest` s.
+
+    It is silent if there is no sample of itself, nor of its velocity if that is a state, or, if
+    neither is ever measured, of their rates.
     """
     time, silent = recording.time, np.zeros(len(recording.time), bool)
     pairs = velocity_pairs(recording.states)
@@ -104,7 +106,7 @@ def _find_silent(recording: Recording, longest: float) -> np.ndarray:
 
 
 def _mode_weights(channels: list[Channel], span: float | None) -> np.ndarray:
-    """(m,) what the sensors of one quantity are weighed with for its first mode."""
+    """Compute the weights, (m,), of the sensors of one quantity for its first mode."""
     if all(channel.position is None for channel in channels):
         return np.full(len(channels), 1.0 / len(channels))
     if any(channel.position is None for channel in channels):
@@ -121,7 +123,7 @@ def _mode_weights(channels: list[Channel], span: float | None) -> np.ndarray:
 
 
 def _interpolate_together(time: np.ndarray, columns: list[np.ndarray]) -> list[np.ndarray]:
-    """Columns with values at the times of the first one; interpolated where theirs differ."""
+    """Interpolate columns with other times to the times of the first one."""
     times = [np.isfinite(column) for column in columns]
     if all(np.count_nonzero(times[0] & own) >= 0.5 * own.sum() for own in times[1:]):
         return columns
@@ -137,7 +139,7 @@ def _interpolate_together(time: np.ndarray, columns: list[np.ndarray]) -> list[n
 
 
 def _align_channels(series: Series, mapping: ColumnMapping) -> tuple[np.ndarray, list[np.ndarray]]:
-    """The channels at their own times, on the union of these times."""
+    """Align the channels, at their own times, on the union of these times."""
     tick = 1e-6 * np.median(np.diff(series.time))  # times that differ by rounding are the same
     moved = [tick * np.round((series.time - c.delay) / tick) for c in mapping.channels]
     time = np.unique(np.concatenate(moved))
@@ -150,7 +152,7 @@ def _align_channels(series: Series, mapping: ColumnMapping) -> tuple[np.ndarray,
 
 
 def input_notes(recording: Recording) -> list[str]:
-    """A line for each input that is not known all through the motion."""
+    """List a line for each input that is not known throughout the motion."""
     time = recording.time
     steps = np.diff(time, append=time[-1])
     steps[steps > INTERPOLATED * np.median(steps)] = 0.0  # of the time with samples

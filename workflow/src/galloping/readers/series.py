@@ -1,4 +1,4 @@
-"""From a file and its mapping to a recording of states, and a list of what was mended."""
+"""Channels of a file, checked and in SI units, with notes on all corrections."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -70,7 +70,7 @@ class Series:
     rows : ndarray of shape (n,)
         Row of each sample in the file.
     notes : tuple of str
-        A line for each thing that was mended.
+        A line for each correction.
     noise : ndarray of shape (n_channels,)
         Known deviation of a sample, NaN where unknown.
     inputs : mapping
@@ -78,7 +78,7 @@ class Series:
     units : mapping
         Units of the inputs, by name.
     unused : tuple of str
-        Columns that were left aside.
+        Ignored columns.
     unused_motion : tuple of str
         Those of them that measure motion of a span, by their names.
     origin : float
@@ -100,16 +100,16 @@ class Series:
 
     @property
     def unused_note(self) -> str:
-        """A line about the columns that were left aside, '' if there are none."""
+        """Line about the ignored columns, '' if there are none."""
         left = enumerated([f"{name:.{LONGEST}}" for name in self.unused])
         more = "a wind among them is named by --input U=COLUMN"
         return f"columns that are not used: {left}; {more}" if left else ""
 
 
 def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
-    """Read and check a file. Raises FileError where it is unusable, in one line.
+    """Read and check a file. Raises FileError if it is unusable, in one line.
 
-    Rows out of order are sorted, repeated ones dropped where they agree; both are noted.
+    Rows out of order are sorted, repeated ones dropped if they agree; both are noted.
     """
     passing(Path(path).name)
     table = read_table(path, mapping.decimal, mapping.time.column if mapping.time else None)
@@ -214,7 +214,7 @@ def _check_distinct(table: FileTable, mapping: ColumnMapping, values: np.ndarray
 def check_apart(series: Sequence[Series]) -> None:
     """Refuse files of which one repeats another, whole or in part.
 
-    Raises FileError where ALIKE rows in a row of one file are also in another one.
+    Raises FileError if ALIKE consecutive rows of one file are also in another one.
     """
     known: dict[bytes, Series] = {}
     for one in series if len(series) > 1 else ():
@@ -230,11 +230,11 @@ def check_apart(series: Sequence[Series]) -> None:
 
 
 def _find_stuck(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """(n,) boolean of each column: samples that repeat the one before, in a row that is STUCK times
-    as long as nearly all others, where the sensor did not merely rest.
+    """Find samples, (n,) boolean of each column, at which a sensor is stuck.
 
-    What rests, rests together with the other columns, or from the first sample on, or it slows down
-    before and speeds up after. Of a column that is one value throughout nothing is stuck.
+    They repeat the one before, in a run STUCK times as long as nearly all others, unless the sensor
+    merely rests. A resting sensor rests together with the other columns, or from the first sample
+    on, or it slows down before and speeds up after. A column with a single value is not stuck.
     """
     held = [_find_held(values) for values in columns]
     together = np.all(held, axis=0) & (len(held) > 1)
@@ -251,7 +251,7 @@ def _find_stuck(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
 
 
 def _find_held(values: np.ndarray) -> np.ndarray:
-    """(n,) boolean: samples that repeat the one before in such a row."""
+    """Find samples that repeat the one before in a long run, (n,) boolean."""
     changes = np.append(True, np.diff(values) != 0.0)
     runs = np.diff(np.append(np.flatnonzero(changes), len(values)))
     least = STUCK * np.quantile(runs, 0.99, method="lower")
@@ -260,7 +260,7 @@ def _find_held(values: np.ndarray) -> np.ndarray:
 
 
 def _is_slow(values: np.ndarray, first: int, end: int) -> bool:
-    """Whether values (n,) change slowly before the sample `first` and after the sample `end`."""
+    """Decide whether values (n,) change slowly before sample `first` and after sample `end`."""
     speed = np.abs(np.diff(values))
     width = max(min((end - first) // 4, len(speed) // 50), 4)
     usual = np.convolve(np.nan_to_num(speed), np.ones(width) / width, mode="valid")
@@ -270,10 +270,10 @@ def _is_slow(values: np.ndarray, first: int, end: int) -> bool:
 
 
 def _without_codes(values: np.ndarray) -> tuple[np.ndarray, dict[float, int]]:
-    """Values with NaN in place of codes for missing samples, such as -9999, and their counts.
+    """Replace codes for missing samples, such as -9999, by NaN, and count them.
 
-    A code is a value that loggers use as one, and further from all others than these are from each
-    other.
+    A code is a value that loggers use for this purpose, and farther from all others than these are
+    from each other.
     """
     known, counts = np.unique(values[np.isfinite(values)], return_counts=True)
     fill = np.abs(known) >= LEAST_FILL

@@ -1,4 +1,4 @@
-"""Text tables as loggers and spreadsheets write them."""
+"""Reader of text tables, as loggers and spreadsheets write them."""
 
 import codecs
 import re
@@ -33,7 +33,7 @@ MISSING = {  # words for a missing sample, besides those that pandas knows
 def read_text(
     opened: Callable[[], BinaryIO], decimal: str | None, time: str | None, rows: int | None = None
 ) -> tuple[list[tuple[str, np.ndarray, str | None]], int, tuple[str, ...]]:
-    """Header, values and unit, or None, of each column; the first row; what was passed over."""
+    """Read header, values and unit, or None, of each column; first row; notes on ignored parts."""
     with opened() as file:
         head = file.read(HEAD)
         whole = not file.read(1)
@@ -91,7 +91,7 @@ def _read_frame(
 
 
 def _without_words(cells: pd.Series, decimal: str) -> tuple[pd.Series, dict[str, int]]:
-    """Numbers, where all other cells are words for a missing sample, and the counts of these."""
+    """Convert cells to numbers if all others are words for a missing sample, and count these."""
     if cells.dtype.kind in "fiub":
         return cells, {}
     text = cells.astype("string").str.strip()
@@ -104,7 +104,7 @@ def _without_words(cells: pd.Series, decimal: str) -> tuple[pd.Series, dict[str,
 
 
 def _describe_uneven(error: Exception, layout: Layout) -> str:
-    """What pandas says is wrong with the first row that has more cells than the header."""
+    """Describe the error of pandas for the first row that has more cells than the header."""
     cells = f"the header {len(layout.header)}"
     if found := re.search(r"in line (\d+), saw (\d+)", str(error)):
         return f"row {found[1]} has {found[2]} cells, {cells}"

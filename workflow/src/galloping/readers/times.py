@@ -1,4 +1,4 @@
-"""Times of samples: from dates, numbers with a unit, or a count of samples to seconds in order."""
+"""Times of samples in seconds, in order: from dates, numbers with a unit, or a sample count."""
 
 from functools import partial
 from itertools import pairwise
@@ -25,9 +25,9 @@ FORMS = [f"{day} {hour}" for day in DAYS for hour in HOURS] + HOURS
 def find_instants(
     table: FileTable, time: TimeColumn
 ) -> pd.DatetimeIndex | pd.TimedeltaIndex | None:
-    """Dates or times of a day of a file; None where they, or most of a column of text, are numbers.
+    """Parse dates or times of day of a file; None if they, or most of a text column, are numbers.
 
-    Raises FileError where a day cannot be told from a month, and for what is no time.
+    Raises FileError if a day cannot be distinguished from a month, and for anything but a time.
     """
     name, column = time.column, table.column(time.column)
     if column.dtype.kind in "mM":
@@ -62,7 +62,7 @@ def find_instants(
 def seconds_of(
     table: FileTable, mapping: ColumnMapping, times: pd.Index | None
 ) -> tuple[np.ndarray, str, float]:
-    """Times in s since the first, when that was, if the file says it, and on which second."""
+    """Compute times in s since the first, and the first as a date, if any, and in seconds."""
     name = mapping.time.column if mapping.time else ""  # a rate alone has no empty column
     if mapping.rate is not None:
         values = _count_times(table, mapping, mapping.rate)
@@ -83,7 +83,7 @@ def seconds_of(
 
 
 def _count_times(table: FileTable, mapping: ColumnMapping, rate: float) -> np.ndarray:
-    """Return the times of samples, s, at a rate, 1/s, by their count or by their rows."""
+    """Compute the times of samples, s, at a rate, 1/s, by their count or by their rows."""
     if mapping.time is None:
         return np.arange(len(table.column(mapping.columns[0].column))) / rate
     name = mapping.time.column
@@ -100,7 +100,7 @@ def _count_times(table: FileTable, mapping: ColumnMapping, rate: float) -> np.nd
 def put_in_order(
     table: FileTable, time: np.ndarray, values: np.ndarray, rows: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
-    """Times, values and rows with times that increase, and a note of each thing that was mended."""
+    """Sort times, values and rows by increasing times, with a note on each correction."""
     notes = []
     timeless = ~np.isfinite(time)
     if timeless.any():
@@ -135,10 +135,10 @@ def put_in_order(
 
 
 def _join_restarts(time: np.ndarray) -> np.ndarray | None:
-    """Times (n,) of a file in which the clock starts again, the parts one after the other.
+    """Concatenate the parts of a file, times (n,), in which the clock restarts.
 
-    Between two parts there is a gap as long as all before. None where the clock does not start
-    again: where rows are out of order, or parts that do not overlap.
+    Between two parts there is a gap as long as all before. None if the clock does not restart: if
+    rows are out of order, or parts do not overlap.
     """
     edges = [0, *(np.flatnonzero(np.diff(time) < 0) + 1), len(time)]
     parts = [time[a:b] for a, b in pairwise(edges)]

@@ -1,6 +1,6 @@
-"""Units that a column of a file may have, in the language of pint.
+"""Units that a column of a file may have, in the syntax of pint.
 
-pint's own registry reads many words as units that no instrument means by them: `px` is 1/96 inch,
+pint's own registry reads many words as units that are not meant by instruments: `px` is 1/96 inch,
 `mil` an angle, `pt` 1/72 inch, `count` a pure number. A unit that is not listed here is unknown.
 """
 

@@ -51,7 +51,7 @@ USUAL = {
 
 
 class UnitError(ValueError):
-    """A unit that is missing, unknown or of the wrong kind; one line."""
+    """Error of a unit that is missing, unknown or of the wrong kind; one line."""
 
 
 @cache
@@ -92,19 +92,19 @@ def _with_usual_prefixes(text: str):
 
 
 def _split_prefix(name: str) -> tuple[str, str]:
-    """Split the name of a unit into its prefix, '' where it has none, and the rest."""
+    """Split the name of a unit into its prefix, '' if it has none, and the rest."""
     return _make_registry().parse_unit_name(name)[0][:2]
 
 
 def factor(unit: str, wanted: str) -> float:
-    """Return the factor that converts values in `unit` to `wanted`, a unit of SI.
+    """Compute the factor that converts values in `unit` to `wanted`, a unit of SI.
 
     Parameters
     ----------
     unit : str
-        A unit of `unit_definitions`, with a number before it where one count of the instrument is
-        so much, such as `0.85 mm`. `1` is a pure number. `g`, `mg` and `G`, of an acceleration, are
-        that of gravity, `g_n`: no mass is one.
+        A unit of `unit_definitions`, after the size of one count of the instrument, if any, such as
+        `0.85 mm`. `1` is a pure number. `g`, `mg` and `G`, of an acceleration, are of gravity,
+        `g_n`, never of a mass.
     wanted : str
         A unit of SI.
 
@@ -142,12 +142,12 @@ def _split_scale(unit: str) -> tuple[float, str]:
 
 
 def is_scaled(unit: str) -> bool:
-    """Return whether a unit has a number before it, such as `0.85 mm`."""
+    """Decide whether a unit has a number before it, such as `0.85 mm`."""
     return SCALED.fullmatch(unit.strip()) is not None
 
 
 def is_pixel(unit: str) -> bool:
-    """Whether a unit is a pixel of a camera, the size of which nobody knows."""
+    """Decide whether a unit is a pixel of a camera, whose size is unknown."""
     return unit.casefold() in PIXELS
 
 
@@ -160,7 +160,7 @@ def _unknown(unit: str, examples: str) -> UnitError:
 
 
 def measures(unit: str, wanted: str) -> bool:
-    """Whether a unit is one of what `wanted`, an SI unit, measures."""
+    """Decide whether a unit measures the same quantity as `wanted`, an SI unit."""
     if unit in USUAL:
         return USUAL[unit][1:] == USUAL[wanted][1:]
     try:
@@ -170,7 +170,7 @@ def measures(unit: str, wanted: str) -> bool:
 
 
 def is_unit(text: str) -> bool:
-    """Whether a text is a unit of something, such as `mm`; a number alone is none."""
+    """Decide whether a text is a unit, such as `mm`; a number alone is none."""
     if text in USUAL:
         return text != "1"
     if text[:1].isdigit():
@@ -183,10 +183,10 @@ def is_unit(text: str) -> bool:
 
 @cache
 def named(header: str) -> tuple[str, str]:
-    """Split a header into name and unit: `v [mm]`, or `v (mm)` where that is a unit.
+    """Split a header into name and unit: `v [mm]`, or `v (mm)` if that is a unit.
 
-    As well `v, mm`, `v / mm` and `v in mm`, of the units that displacements, accelerations and
-    times have, and `v (mm) left`.
+    Other forms are `v, mm`, `v / mm` and `v in mm`, for units of displacements, accelerations and
+    times, and `v (mm) left`.
     """
     header = header.strip()
     match = WITH_UNIT.fullmatch(header)
@@ -205,15 +205,15 @@ def named(header: str) -> tuple[str, str]:
 
 
 def behind(name: str) -> str:
-    """The unit at the end of a name such as `vertical_mm`, or ''."""
+    """Return the unit at the end of a name such as `vertical_mm`, or ''."""
     unit = re.split(r"[_\s]", name)[-1]
     return unit if unit != name and unit in PLAIN else ""
 
 
 def amount(text: str | float, unit: str, target: str) -> float:
-    """A number in SI from text such as `3 mm`, of a channel that measures `target`.
+    """Convert text such as `3 mm`, of a channel that measures `target`, to a number in SI.
 
-    unit: of the number where the text has none. Raises UnitError.
+    unit: of the number if the text has none. Raises UnitError.
     """
     match = AMOUNT.fullmatch(str(text).strip())
     number, own = match.groups() if match else (None, "")
@@ -225,29 +225,29 @@ def amount(text: str | float, unit: str, target: str) -> float:
 
 
 def meaning(target: str) -> str:
-    """In words, what is measured: of `q_v` a vertical displacement; '' where no span has it."""
+    """Describe a channel in words: a vertical displacement for `q_v`; '' if no span has it."""
     stem = target.lstrip("d")
     order = len(target) - len(stem)
     return f"{DIRECTION[stem]} {KIND[order]}" if stem in DIRECTION and order < len(KIND) else ""
 
 
 def state_unit(name: str) -> str:
-    """The SI unit of a state of a line, by its name: q_v m, dq_v m/s, ddq_v m/s^2; else `1`."""
+    """Return the SI unit of a line's state by its name: q_v m, dq_v m/s, ddq_v m/s^2; else `1`."""
     stem = name.lstrip("d")
     order = len(name) - len(stem)
     return ORDERS[order] if stem in DIRECTION and order < len(ORDERS) else "1"
 
 
 def plain_unit(name: str) -> str:
-    """The same to be written behind a number: '' for a pure one."""
+    """Return the SI unit of a state for printing behind a number: '' for a pure one."""
     return state_unit(name).removeprefix("1")
 
 
 def input_si(unit: str) -> tuple[float, str]:
-    """What values of an input are multiplied by, and the unit that they are in then, one of SI.
+    """Return the factor that converts values of an input to an SI unit, and that unit.
 
-    A unit of SI by itself stays, and one that does not begin at zero, such as degC. `g` and `mg`
-    are of gravity here as well: a mass drives nothing. Raises UnitError.
+    A unit that is SI already is unchanged, and one with an offset, such as degC. `g` and `mg` are
+    of gravity here as well, since a mass drives nothing. Raises UnitError.
     """
     unit += "_n" * (unit in ("g", "mg"))
     if unit in USUAL and USUAL[unit][0] == 1.0:
@@ -277,10 +277,9 @@ def _without_prefixes(units):
 
 
 def state_si(unit: str, target: str) -> tuple[float, str]:
-    """What values of a channel that measures `target` are multiplied by, and their unit then.
+    """Return the factor that converts values of a channel of `target`, and their new unit.
 
-    That is the unit of SI of a line's states; those of other systems may have any. Raises
-    UnitError.
+    That is the SI unit of a line's states; those of other systems may have any. Raises UnitError.
     """
     si = state_unit(target)
     return (factor(unit, si), si) if si != "1" else input_si(unit)
@@ -289,10 +288,10 @@ def state_si(unit: str, target: str) -> tuple[float, str]:
 def coefficient_unit(
     state: str, exponents: Exponents, names: Sequence[str], inputs: Mapping[str, str] = NONE
 ) -> str:
-    """SI unit of a term's coefficient in the equation of a state, such as m^-1 s^-2, or `1`.
+    """Derive the SI unit of a term's coefficient in a state's equation, such as m^-1 s^-2, or `1`.
 
     exponents: of a term, with its functions. names: of states and inputs. inputs: the unit of each,
-    '' where it is not known: it then stands as [U].
+    '' if unknown, which is written as [U].
     """
     _, metres, seconds = USUAL[state_unit(state)]
     powers = Counter(m=metres, s=seconds - 1)

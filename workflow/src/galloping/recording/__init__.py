@@ -1,1 +1,1 @@
-"""Recordings, their inputs, and how a trajectory is measured."""
+"""Recordings, their inputs, and simulated measurements of trajectories."""

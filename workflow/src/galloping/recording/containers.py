@@ -1,6 +1,6 @@
-"""Recordings from what users hold data in: arrays, and frames of pandas, polars and xarray.
+"""Recordings from the users' containers: arrays, and frames of pandas, polars and xarray.
 
-None of these packages is imported: a container is recognised by what it can do.
+None of these packages is imported: a container is recognised by its methods.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -21,7 +21,7 @@ Driving: TypeAlias = OfOne | Callable[[float], ArrayLike] | Sequence[OfOne] | No
 
 
 def is_several(data: object) -> TypeGuard[Sequence[Any]]:
-    """Whether data are a list of recordings: of arrays or frames, as for pysindy.
+    """Decide whether data are a list of recordings: of arrays or frames, as for pysindy.
 
     Nested lists of numbers are one array.
     """
@@ -36,7 +36,7 @@ def is_several(data: object) -> TypeGuard[Sequence[Any]]:
 
 @dataclass
 class Table:
-    """Columns of a container by name, and what it has as their times.
+    """Columns of a container by name, and its index of times, if any.
 
     is_named: whether the names are those of the container.
     """
@@ -48,7 +48,7 @@ class Table:
 
     @classmethod
     def of(cls, what: str, data: Any) -> "Table":
-        """The table of an array, whose columns are `what` and a number, or of a frame.
+        """Make the table of an array, whose columns are `what` and a number, or of a frame.
 
         Raises ValueError, beginning with `what`, for anything else.
         """
@@ -69,14 +69,14 @@ class Table:
         return cls(what, {str(n): data[n] for n in names}, None if counts_rows else index)
 
     def pop(self, what: str, name: str) -> Any:
-        """Take out a column. Raises ValueError, beginning with `what`, where it is not there."""
+        """Remove and return a column; ValueError, beginning with `what`, if it is missing."""
         if name not in self.columns:
             there = ", ".join(self.columns)
             raise ValueError(f"{what}: no column {name!r}; must be one of {there:.60}")
         return self.columns.pop(name)
 
     def pop_times(self, t: Any = None) -> Any:
-        """Take out the column of times, `t` by default, else return the index; None without one."""
+        """Remove and return the column of times, `t` by default, or the index, or None."""
         if isinstance(t, str):
             return self.pop("t", t)
         return self.columns.pop("t", self.index) if self.is_named else None
@@ -84,9 +84,9 @@ class Table:
     def matrix(
         self, names: Sequence[str] | None = None
     ) -> tuple[tuple[str, ...], NDArray[np.float64]]:
-        """Names of columns, and their values (n, n_columns).
+        """Return names of columns, and their values (n, n_columns).
 
-        names: of the columns that are meant or, where not all of them are there, new names of all.
+        names: of the requested columns or, if any is missing, new names of all.
         """
         meant = tuple(self.columns if names is None else names)
         chosen = meant if set(meant) <= set(self.columns) else tuple(self.columns)
@@ -102,7 +102,7 @@ class Table:
 
 
 def _as_names(u: object) -> list[str] | None:
-    """Names of columns, where `u` is such."""
+    """Return the names of columns if `u` is a list of such."""
     if isinstance(u, str):
         return [u]
     if isinstance(u, list | tuple) and u and all(isinstance(name, str) for name in u):
@@ -116,10 +116,10 @@ def split_samples(
     u: Any = None,
     states: Sequence[str] | None = None,
 ) -> tuple[NDArray[np.float64] | None, tuple[str, ...], NDArray[np.float64], Any]:
-    """Times, names of states, their values (n, n_states) and the inputs, of one recording.
+    """Split one recording into times, names of states, their values (n, n_states) and inputs.
 
-    Parameters are those of `make_recordings`. Times are None where nothing says them. Inputs that
-    are columns of `x` are a mapping, others are returned as they are.
+    Parameters are those of `make_recordings`. Times are None if unspecified. Inputs that are
+    columns of `x` are a mapping, others are returned unchanged.
     """
     table = Table.of("x", x)
     times = table.pop_times(t)
@@ -149,15 +149,15 @@ def make_recordings(
     inputs: Sequence[str] | None = None,
     between: str = "cubic",
 ) -> list[Recording]:
-    """Make recordings of what a user holds data in.
+    """Make recordings from the containers of a user.
 
     Parameters
     ----------
     x : (n, n_states) array, frame, `Recording`, or a list of these
-        States; of a list each is one recording. NaN is what is missing.
+        States; of a list each is one recording. NaN is missing.
     t : float, (n,) array, str, or a list of these
-        Step or times of the samples, s, or the column of a frame that has them. By default they
-        are the column `t` of a frame, or its index if that does not count rows.
+        Step or times of the samples, s, or the column of a frame that has them. By default they are
+        the column `t` of a frame, or its index if that does not count rows.
     u : (n,) or (n, n_inputs) array, frame, mapping of names, or a list of these
         Inputs at the times of `x`, an `Input` of a mapping at its own times; or names of columns of
         the frame `x`.
@@ -166,7 +166,7 @@ def make_recordings(
     states, inputs : sequence of str
         Names; by default those of columns, else x0, x1, ... and u0, u1, ...
     between : str
-        What inputs are between their samples, as of `Input`.
+        Interpolation of inputs between samples, as of `Input`.
 
     Raises
     ------
@@ -224,18 +224,18 @@ def _make_recording(
 def make_inputs(
     u: Any, time: NDArray[np.float64], names: Sequence[str] | None = None, between: str = "cubic"
 ) -> dict[str, Any]:
-    """Make inputs of what a user holds them in.
+    """Make inputs from the container of a user.
 
     Parameters
     ----------
     u : (n,) or (n, n_inputs) array, frame, mapping of names, function of time, or None
-        Inputs at `time`. An `Input` or a number of a mapping stays as it is.
+        Inputs at `time`. An `Input` or a number of a mapping is unchanged.
     time : (n,) array
         Times in s.
     names : sequence of str
         Names; by default those of columns, else u0, u1, ...
     between : str
-        What inputs are between their samples, as of `Input`.
+        Interpolation of inputs between samples, as of `Input`.
 
     Raises
     ------

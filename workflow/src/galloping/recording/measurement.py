@@ -1,7 +1,7 @@
-"""What instruments would have recorded of a motion, by one protocol or another.
+"""Simulated recordings of a motion by several measurement setups ("protocols").
 
-A protocol is its noise on each state and on each state's derivative: from it follow the recordings,
-the Cramer-Rao bound (`bounds`) and which methods can use them (`identification.registry`).
+A protocol consists of the noise on each state and on each state's derivative: the recordings follow
+from it, the Cramér-Rao bound (`bounds`) and the applicable methods (`identification.registry`).
 """
 
 from collections.abc import Callable, Sequence
@@ -21,10 +21,10 @@ DISPLACEMENTS_ALONE, RATES = "displacements", "rates"
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviation of the noise on each channel: 0 where exact, inf where not measured.
+    """Standard deviation of the noise on each channel: 0 if exact, inf if not measured.
 
-    states, rates: (n_states,), of the states in their units and of their rates. It is drawn white
-    and Gaussian (`recordings_of`).
+    states, rates: (n_states,), of the states in their units and of their rates. The noise is drawn
+    white and Gaussian (`recordings_of`).
     """
 
     states: np.ndarray
@@ -33,7 +33,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class Protocol:
-    """One way to measure a motion.
+    """A measurement setup.
 
     noise: from the noise level and the scale (2, n_states) of each state and of each rate to a
     `Noise`; displacements come before velocities. meaning: in the words of the settings.
@@ -47,7 +47,7 @@ class Protocol:
 
     @property
     def measures(self) -> str:
-        """DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE or RATES: what its recordings hold."""
+        """Content of its recordings: DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE or RATES."""
         noise = self.noise(1.0, np.ones((2, 2)))
         if np.any(np.isfinite(noise.rates)):
             return RATES if np.any(noise.states) else DERIVATIVES
@@ -55,12 +55,12 @@ class Protocol:
 
     @property
     def is_scaled(self) -> bool:
-        """Whether its noise depends on the size of the motion."""
+        """Whether the noise depends on the size of the motion."""
         one, other = (self.noise(1.0, np.full((2, 2), size)) for size in (1.0, 2.0))
         return bool(np.any(one.states != other.states) or np.any(one.rates != other.rates))
 
     def noise_label(self, relative: bool) -> str:
-        """What a noise level is, with its unit. relative: as in `channel_scale`."""
+        """Describe the noise level, with its unit. relative: as in `channel_scale`."""
         if relative and self.is_scaled:
             return "sensor noise, standard deviations of each channel"
         labels = {
@@ -72,7 +72,7 @@ class Protocol:
 
 
 def _noise_of_derivatives(level: float, scale: np.ndarray) -> Noise:
-    """Absolute noise on every rate (Brunton et al. 2016)."""
+    """Make absolute noise on every rate (Brunton et al. 2016)."""
     return Noise(np.zeros(scale.shape[1]), np.full(scale.shape[1], level))
 
 
@@ -81,14 +81,14 @@ def _noise_of_states(level: float, scale: np.ndarray) -> Noise:
 
 
 def _noise_of_displacements(level: float, scale: np.ndarray) -> Noise:
-    """As `_noise_of_states`, without the velocities, which are the second half of the states."""
+    """Make noise as `_noise_of_states`, without the velocities, the second half of the states."""
     noise = _noise_of_states(level, scale)
     noise.states[scale.shape[1] // 2 :] = np.inf
     return noise
 
 
 def _noise_of_accelerations(level: float, scale: np.ndarray) -> Noise:
-    """On the rates of the velocities, which are all that is measured."""
+    """Make noise on the rates of the velocities, which alone are measured."""
     noise = Noise(np.full(scale.shape[1], np.inf), level * scale[1])
     noise.rates[: scale.shape[1] // 2] = np.inf
     return noise
@@ -118,12 +118,12 @@ def recordings_of(
     seed: int,
     name: Sequence[str],
 ) -> list[tuple[Recording, ...]]:
-    """Independent recordings of the first motion or of several under one protocol, by replicate.
+    """Draw independent recordings of one or several motions, by noise realisation.
 
-    level: of the noise; relative: in units of each channel's standard deviation. samples: how many
-    of each motion; fewer than it has are a random subset, drawn without replacement. recordings: of
-    how many motions. The recording of a motion in a replicate depends on `seed`, `name` and these
-    two numbers only.
+    level: of the noise; relative: in units of each channel's standard deviation. samples: number of
+    each motion; fewer than it has are a random subset, drawn without replacement. recordings:
+    number of motions. The recording of a motion in a realisation depends on `seed`, `name` and
+    these two numbers only.
     """
     noises = noises_of(motions[:recordings], protocol, level, relative)
     exact = BY_NAME[protocol].measures == DERIVATIVES
@@ -146,20 +146,20 @@ def recordings_of(
 def noises_of(
     motions: Sequence[Motion], protocol: str, level: float, relative: bool
 ) -> list[Noise]:
-    """The noise on each motion. Raises KeyError for an unknown protocol."""
+    """Compute the noise on each motion. Raises KeyError for an unknown protocol."""
     described = BY_NAME[protocol]
     return [described.noise(level, channel_scale(each, relative)) for each in motions]
 
 
 def _add_noise(exact: np.ndarray, sigma: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Exact channels (n, n_channels) with noise, NaN where one is not measured."""
+    """Add noise to exact channels (n, n_channels), NaN where one is not measured."""
     if not np.any(sigma):
         return exact
     return exact + np.where(np.isinf(sigma), np.nan, sigma) * rng.standard_normal(exact.shape)
 
 
 def channel_scale(motion: Motion, relative: bool) -> np.ndarray:
-    """What a noise level is in units of, (2, n_states), of states and of rates.
+    """Compute the unit of a noise level, (2, n_states), of states and of rates.
 
     relative: the standard deviation of each, else one SI unit.
     """

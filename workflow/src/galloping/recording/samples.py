@@ -1,8 +1,8 @@
-"""What was measured: recordings, the only thing identification ever sees, and their inputs.
+"""Recordings, the only data of an identification, and their inputs.
 
-An input, such as the speed of the wind, is a known function of time, made of its samples by an
-interpolant. A model multiplies monomials of its states by factors, monomials of its inputs, whose
-exponents may be negative.
+An input, such as the wind speed, is a known function of time, interpolated from samples. A model
+multiplies monomials of its states by factors, monomials of its inputs, whose exponents may be
+negative.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Frame(Protocol):
-    """A pandas DataFrame, or a mapping of columns: it has names, and a column by each."""
+    """A pandas DataFrame, or a mapping of columns: it has names, and a column for each."""
 
     def __iter__(self) -> Iterator[Any]: ...
     def __getitem__(self, name: Any, /) -> Any: ...
@@ -42,15 +42,27 @@ POINTS = 24  # of a window, at which what a polynomial leaves out of an input is
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Input(Immutable):
-    """One measured input, a function of time.
+    """A measured input of a system, as a function of time.
 
-    time: (m,) s, strictly increasing, on the clock of the recording. values: (m,), NaN where
-    missing. between: what it is between samples: `zero`, as at the last one, `linear`, or `cubic`,
-    a cubic spline, the default, for what was measured is mostly smooth on the scale of its
-    sampling. error: relative standard deviation of an unknown constant factor on the values, such
-    as that of a calibration. alternatives: what else it may be between samples, where nobody said
-    it and the motion is to tell (`identification.interpolation`); methods take the input as it is.
-    Raises ValueError for anything else, in one line.
+    Parameters
+    ----------
+    time : (m,) array
+        s, strictly increasing, on the clock of the recording.
+    values : (m,) array
+        NaN where missing.
+    between : {"cubic", "linear", "zero"}
+        Interpolation between samples: a cubic spline, linear, or held at the last sample.
+    error : float
+        Relative standard deviation of an unknown constant factor on the values, such as that of a
+        calibration.
+    alternatives : tuple of Input
+        Other interpolations, if it is unspecified and to be determined from the motion
+        (`identification.interpolation`); methods use the input itself.
+
+    Raises
+    ------
+    ValueError
+        For anything else, in one line.
     """
 
     time: NDArray[np.float64]
@@ -96,7 +108,7 @@ class Input(Immutable):
     def stretches(self) -> tuple[tuple[float, float], ...]:
         """First and last time, s, of each stretch of samples without a gap.
 
-        A gap is a missing sample where the last one holds, else a time between samples longer than
+        A gap is a missing sample of a held input, else a time between samples longer than
         INTERPOLATED of their median steps.
         """
         return tuple((float(time[0]), float(time[-1])) for time, _ in self._pieces)
@@ -115,7 +127,7 @@ class Input(Immutable):
         return [piece for piece in pieces if len(piece[0]) > 1]
 
     def covered(self, time: ArrayLike) -> NDArray[np.bool_]:
-        """(n,) whether each time lies in a stretch without a gap."""
+        """Decide whether each time, (n,), is in a stretch without a gap."""
         time = np.asarray(time, float)
         inside = np.zeros(time.shape, bool)
         for first, last in self.stretches:
@@ -129,7 +141,7 @@ class Input(Immutable):
         return [CubicSpline(*piece) for piece in self._pieces]
 
     def __call__(self, time: ArrayLike) -> NDArray[np.float64]:
-        """(n,) values at those times, NaN where it is not covered."""
+        """Evaluate the input at those times, (n,), NaN in gaps."""
         time = np.asarray(time, float)
         found = np.full(time.shape, np.nan)
         for k, (at, values) in enumerate(self._pieces):
@@ -143,13 +155,14 @@ class Input(Immutable):
         return found
 
     def last_sample(self, time: ArrayLike) -> NDArray[np.float64]:
-        """(n,) the last sample at or before each time, NaN before the first and where missing."""
+        """Find the last sample at or before each time, (n,), NaN if there is none or missing."""
         place = np.searchsorted(self.time, np.asarray(time, float), side="right") - 1
         return np.where(place < 0, np.nan, self.values[np.maximum(place, 0)])
 
     def mean_around(self, time: ArrayLike, width: float) -> NDArray[np.float64]:
-        """(n,) means over intervals of `width` s about times, as far as it is covered there; NaN
-        where it is not covered at the time itself.
+        """Average over intervals of `width` s about times, (n,), as far as they are covered.
+
+        NaN at times that are not covered themselves.
         """
         time = np.asarray(time, float)
         found = np.full(time.shape, np.nan)
@@ -174,15 +187,15 @@ Factor = tuple[int, ...]
 
 
 def inputs_at_times(inputs: Sequence[Input], time: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, n_inputs) values of inputs at `time` (n,), NaN where not covered."""
+    """Evaluate inputs at `time` (n,): (n, n_inputs), NaN where not covered."""
     return np.stack([one(time) for one in inputs], axis=1) if inputs else np.empty((len(time), 0))
 
 
 def inputs_on_grid(inputs: Sequence[Input], time: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, n_inputs) inputs at the points of a uniform grid, NaN where not covered.
+    """Evaluate inputs at the points of a uniform grid, (n, n_inputs), NaN where not covered.
 
-    Of what is held between its samples the mean over a step about the point, which has the integral
-    that moves a system, as the value at the point has not.
+    A held input is averaged over a step about the point, which preserves the integral that moves a
+    system.
     """
     if not inputs:
         return np.empty((len(time), 0))
@@ -200,13 +213,13 @@ def fit_windows(
     windows: int,
     degree: int,
 ) -> NDArray[np.float64]:
-    """Factors of the inputs as polynomials over windows of `step` s from `start`.
+    """Fit factors of the inputs by polynomials over windows of `step` s from `start`.
 
     factors: exponents of the inputs, each a monomial of them. Returns (windows, degree + 1,
     n_factors), coefficients of the powers of the time since a window's start over `step`: the
-    polynomial of that degree that is nearest in the mean square (Legendre), so that what it leaves
-    out moves the states at the window's end only by what their own motion has beyond that degree.
-    A window's times outside of what an input covers take its nearest value.
+    polynomial of that degree that is nearest in the mean square (Legendre). Its error moves the
+    states at the window's end only through components of their own motion beyond that degree. Times
+    of a window that an input does not cover have its nearest value.
     """
     found = np.zeros((windows, degree + 1, len(factors)))
     if not factors:
@@ -237,7 +250,7 @@ def fit_errors(
     step: float,
     powers: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Root mean squares of the errors of `fit_windows`.
+    """Compute root mean squares of the errors of `fit_windows`.
 
     powers: the polynomials of `fit_windows`. Returns (3, n_factors): of the factors less their
     polynomials, and of the first and second integral of this difference within the windows.
@@ -257,7 +270,7 @@ def fit_errors(
 
 
 def evaluate_extended(one: Input, time: np.ndarray) -> np.ndarray:
-    """Values at `time` (...), s, where it is not covered those at the nearest time that is."""
+    """Evaluate an input at `time` (...), s, or at the nearest covered time."""
     ends = np.array(one.stretches)
     after = np.clip(np.searchsorted(ends[:, 0], time, side="right") - 1, 0, len(ends) - 1)
     later = np.minimum(after + 1, len(ends) - 1)
@@ -270,7 +283,7 @@ def evaluate_extended(one: Input, time: np.ndarray) -> np.ndarray:
 
 @cache
 def powers_of_legendre(degree: int) -> NDArray[np.float64]:
-    """(degree + 1, degree + 1): shifted Legendre polynomials as rows of powers on [0, 1]."""
+    """Expand shifted Legendre polynomials into powers on [0, 1]: (degree + 1, degree + 1) rows."""
     rows = np.zeros((degree + 1, degree + 1))
     for k in range(degree + 1):
         own = Legendre.basis(k, domain=[0, 1]).convert(kind=np.polynomial.Polynomial).coef
@@ -283,20 +296,36 @@ def powers_of_legendre(degree: int) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Recording(Immutable):
-    """One measured time series.
+    """A measured time series of a system's states, and of its inputs.
 
-    Lists become arrays, and all arrays read-only. time: (n,) in s, strictly increasing; dates and
-    times, as of a DatetimeIndex, become s since the first. states: names of the n_states states.
-    values: (n, n_states), measured states, NaN where a sample or a whole channel is missing.
-    rates: (n, n_states) measured rates of the states, noisy, as of accelerometers; NaN where
-    missing, None where nothing measures one. unknown_offsets: (n_states,) whether a rate has an
-    unknown constant offset that drifts slowly. unknown_scales: (n_states,) whether a value is known
-    up to a factor only. Both None where there is none. known_noise: (2, n_states) standard
-    deviation of a sample of each value and of each rate where it is known, else NaN; None where
-    none is. inputs: by name, what was measured beside the motion and drives it, on the same clock,
-    each at its own times. exact: whether the values are without noise, which then is that of the
-    rates (protocol `derivative`).
-    Raises ValueError for anything else, in one line.
+    Lists become arrays, and all arrays are read-only. Recordings with equal contents are equal, and
+    have the same hash.
+
+    Parameters
+    ----------
+    time : (n,) array
+        s, strictly increasing; dates and times, as of a DatetimeIndex, become s since the first.
+    states : tuple of str
+        Names of the n_states states; a state named dX is the rate of X.
+    values : (n, n_states) array
+        Measured states, NaN where a sample or a whole channel is missing.
+    rates : (n, n_states) array, optional
+        Measured noisy rates of the states, as of accelerometers; NaN where missing.
+    unknown_offsets : (n_states,) boolean array, optional
+        Whether a rate has an unknown offset that drifts slowly.
+    unknown_scales : (n_states,) boolean array, optional
+        Whether a value is known up to a factor only.
+    known_noise : (2, n_states) array, optional
+        Standard deviation of a sample of each value and of each rate, NaN if unknown.
+    inputs : mapping of str to Input
+        Measured quantities that drive the motion, on the same clock, each at its own times.
+    exact : bool
+        Whether only the rates have noise (protocol `derivative`).
+
+    Raises
+    ------
+    ValueError
+        For anything else, in one line.
     """
 
     time: NDArray[np.float64]
@@ -399,13 +428,28 @@ class Recording(Immutable):
         inputs: Sequence[str] = (),
         between: str = "cubic",
     ) -> "Recording":
-        """A recording from a pandas DataFrame, or a mapping of columns.
+        """Make a recording from a pandas DataFrame, or a mapping of columns.
 
-        time: name of the column of times, s or dates; every column beside it and the `inputs` is a
-        state. By default it is `t`, or the index of the frame where there is no such column and the
-        index holds dates. inputs: names of the columns that are inputs. between: as of `Input`, of
-        all of them.
-        Raises ValueError where such a column is missing or a column does not hold numbers.
+        Parameters
+        ----------
+        frame : DataFrame or mapping
+            Every column except the times and the `inputs` is a state.
+        time : str, optional
+            Column of times, s or dates. By default it is `t`, or the index of the frame if there is
+            no such column and the index contains dates.
+        inputs : sequence of str
+            Columns that are inputs.
+        between : str
+            Interpolation of all inputs, as in `Input`.
+
+        Returns
+        -------
+        Recording
+
+        Raises
+        ------
+        ValueError
+            If such a column is missing or a column contains other values than numbers.
         """
         names = list(frame)
         column = "t" if time is None else time
@@ -438,16 +482,17 @@ class Recording(Immutable):
         return cls(times, states, values, inputs=own)
 
     def __getitem__(self, rows: slice) -> "Recording":
-        """The samples of a slice, such as `recording[:100]`, two or more."""
+        """Select the samples of a slice, such as `recording[:100]`, two or more."""
         own = ("values", "rates")
         cut = {name: array[rows] for name in own if (array := getattr(self, name)) is not None}
         return replace(self, time=self.time[rows], **cut)
 
     def driven(self, names: Sequence[str], least: int = 2) -> "list[Recording]":
-        """The recording with the named inputs alone, in that order, where all of them are there.
+        """Divide the recording into stretches in which all named inputs are known.
 
-        One recording a stretch of samples without a gap in an input, of `least` samples or more;
-        itself where those are its inputs and no sample is left out.
+        The inputs of each are the named ones, in that order. A stretch has `least` samples or more,
+        without a gap in an input; the recording itself is returned if it has just these inputs and
+        no sample is left out.
         """
         inputs = {name: self.inputs[name] for name in names}
         there = np.ones(len(self.time), bool)
@@ -465,7 +510,7 @@ class Recording(Immutable):
 
     @property
     def step(self) -> float:
-        """The usual time between samples, s: the median."""
+        """Median time between samples, s."""
         return float(np.median(np.diff(self.time)))
 
     @property
@@ -476,10 +521,10 @@ class Recording(Immutable):
 
 
 def typical_inputs(names: Sequence[str], recordings: Sequence[Recording]) -> dict[str, float]:
-    """Of the named inputs, a value at which to say what a model does.
+    """Choose a typical value of each named input, for properties of a model.
 
-    It is the mean or, of an input that is held between its samples, the sample nearest to the mean,
-    for it never had another value.
+    It is the mean or, for an input that is held between its samples, the sample nearest to the
+    mean, since it never had another value.
     """
     found = mean_inputs(names, recordings)
     for name, mean in found.items():
@@ -491,7 +536,7 @@ def typical_inputs(names: Sequence[str], recordings: Sequence[Recording]) -> dic
 
 
 def mean_inputs(names: Sequence[str], recordings: Sequence[Recording]) -> dict[str, float]:
-    """Of the named inputs, over the samples of the recordings."""
+    """Average the named inputs over the samples of the recordings."""
     return {
         name: float(np.nanmean(np.concatenate([one.inputs[name](one.time) for one in recordings])))
         for name in names

@@ -1,1 +1,1 @@
-"""The report: one self-contained page with what was found, every figure and every table."""
+"""Report: one self-contained page with the results, every figure and every table."""

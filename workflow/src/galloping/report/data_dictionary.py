@@ -1,9 +1,9 @@
-"""The data dictionary: what each table shows, and what each of its columns holds, with its unit.
+"""Data dictionary: captions of the tables, and meaning and unit of each column.
 
 `tables.csv` has a row for each table, without a column: its caption; and a row for a column of one
-table, or, where `table` is empty, of every table with such a column that has no row of its own. A
-module apart from the page, whose edits need not make the table again. pandas is imported where a
-table is made, since every start of Snakemake reads the captions.
+table, or, if `table` is empty, of every table with such a column that has no row of its own. This
+module is separate from the page, so that edits of the page need not make the table again. pandas is
+imported where a table is made, since every start of Snakemake reads the captions.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def _read_dictionary() -> list[dict[str, str]]:
 
 
 def columns(settings: Mapping) -> pd.DataFrame:
-    """table, column, unit, meaning, for all who read the tables. settings: tables of the study."""
+    """Tabulate table, column, unit, meaning, for readers. settings: tables of the study."""
     import pandas as pd
 
     shown = {EVERY, *settings["tables"]}
@@ -37,12 +37,12 @@ def columns(settings: Mapping) -> pd.DataFrame:
 
 
 def captions() -> dict[str, str]:
-    """Return what each table shows, in reStructuredText, by its name."""
+    """Return the captions of tables, in reStructuredText, by name."""
     return {row["table"]: row["meaning"] for row in _read_dictionary() if row["column"] == WHOLE}
 
 
 def meaning(table: str, column: str) -> str:
-    """In words, with the unit behind; '' for a column that the dictionary lacks."""
+    """Describe a column, with its unit; '' for one that the dictionary lacks."""
     rows = [r for r in _read_dictionary() if r["column"] == column and r["table"] in (EVERY, table)]
     if not rows:
         return ""

@@ -1,4 +1,4 @@
-"""The true and the identified equations side by side, as the page shows them."""
+"""Comparison of the true and the identified equations, for the page."""
 
 import re
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ FIT = ["protocol", "method", "level"]
 
 
 def side_by_side(table: pd.DataFrame, labels: Mapping[str, str]) -> dict[str, dict] | None:
-    """Return what a table of each equation has: heads of fits, rows and numbers of false terms.
+    """Arrange a table of each equation: heads of fits, rows and numbers of false terms.
 
     table: equations.csv. labels: of the methods. None without a true term.
     """
@@ -58,7 +58,7 @@ def _format_coefficient(rows: pd.DataFrame) -> str:
 
 
 def as_symbols(term: str) -> Markup:
-    """Return a monomial such as `dq_v^2 q_w` in HTML, velocities with a dot."""
+    """Format a monomial such as `dq_v^2 q_w` in HTML, velocities with a dot."""
     text = ""
     for dot, index, power in FACTOR.findall(term):
         letter = "q\N{COMBINING DOT ABOVE}" if dot else "q"

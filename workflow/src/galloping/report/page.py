@@ -1,5 +1,6 @@
-"""One self-contained HTML page of a study, in parts: the paper, methods, line engineering, and an
-appendix with all tables and the versions behind them.
+"""Self-contained HTML page of a study: the paper, methods, line engineering, and an appendix.
+
+The appendix has all tables, and the versions of the packages.
 """
 
 import re
@@ -33,9 +34,9 @@ MEDIA = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif", ".cs
 
 @dataclass(frozen=True)
 class Item:
-    """A figure (SVG, PNG or GIF) or a table (CSV) as the page shows it.
+    """A figure (SVG, PNG or GIF) or a table (CSV) of the page.
 
-    label: what it is about, in a few words. caption: reStructuredText.
+    label: subject, in a few words. caption: reStructuredText.
     """
 
     name: str
@@ -45,7 +46,7 @@ class Item:
 
     @property
     def title(self) -> str:
-        """What a figure shows, as its file says, else its label; with its number in the paper."""
+        """Title of a figure in its file, else its label; with its number in the paper."""
         found = TITLE.search(self._svg_text)
         text = unescape(found[1]) if found else self.label
         number = OF_PAPER.fullmatch(self.name)
@@ -54,6 +55,7 @@ class Item:
 
     @property
     def caption_html(self) -> Markup:
+        """Caption as HTML."""
         return as_html(self.caption)
 
     @property
@@ -62,24 +64,25 @@ class Item:
 
     @property
     def _width_in_points(self) -> float:
-        """Printed width of an SVG in pt, infinite of other files."""
+        """Printed width of an SVG in pt, infinite for other files."""
         found = re.search(r'<svg[^>]* width="([\d.]+)pt"', self._svg_text)
         return float(found[1]) if found else inf
 
     @property
     def is_wide(self) -> bool:
+        """Whether the figure is wider than a column."""
         return self._width_in_points > COLUMN
 
     @property
     def width(self) -> str:
-        """Return the width of an SVG on the page, enlarged for a screen; '' for other files."""
+        """Width of an SVG on the page, enlarged for a screen; '' for other files."""
         return (
             f"{ENLARGED * self._width_in_points:.0f}px" if isfinite(self._width_in_points) else ""
         )
 
     @property
     def uri(self) -> Markup:
-        """The whole file as a data URI, which may stand between double quotes as it is."""
+        """The whole file as a data URI, safe between double quotes."""
         if self.path.suffix not in (".svg", ".csv"):
             content = f"base64,{b64encode(self.path.read_bytes()).decode()}"
         else:  # text is shorter as it is
@@ -92,7 +95,7 @@ class Item:
 
     @property
     def rows(self) -> pd.DataFrame:
-        """The cells of a table as text, numbers with four significant digits."""
+        """Cells of a table as text, numbers with four significant digits."""
         table = pd.read_csv(self.path, low_memory=False)
         for name in table.select_dtypes("float"):
             table[name] = [f"{value:.4g}" for value in table[name]]
@@ -100,19 +103,19 @@ class Item:
 
 
 def as_html(text: str) -> Markup:
-    """ReStructuredText as an HTML fragment. Raises docutils.utils.SystemMessage if it is broken."""
+    """Convert reStructuredText to HTML. Raises docutils.utils.SystemMessage if it is broken."""
     settings = {"halt_level": 2, "report_level": 5, "file_insertion_enabled": False}
     return Markup(publish_parts(text, writer="html5", settings_overrides=settings)["body"])
 
 
 def render(page: Mapping) -> str:
-    """Render the page as HTML that refers to nothing outside itself.
+    """Render the page as HTML without external references.
 
-    page: what it shows, by name. title. paper: what the paper prints beside ours, as of
+    page: contents, by name. title. paper: comparison with the paper, as of
     `printed_numbers.section`, or None. equations: as of `side_by_side`, or None. made: by which
     commit. parts: by name (PARTS) sentences and figures, lists of str and Item. study: its
     settings, in plain values. introduction: reStructuredText. tables: list of Item. recordings:
-    what those from the field gave, each with its name, a summary in Markdown, shown as it is, and
+    results of field recordings, each with its name, a summary in Markdown, shown unchanged, and
     figures. versions: of Python and the libraries, by name.
     """
     environment = Environment(
@@ -131,7 +134,7 @@ def render(page: Mapping) -> str:
 
 
 def made_by() -> str:
-    """Return the commit that a report is made by, in words."""
+    """Describe the commit by which a report is made."""
     known = commit()
     if known is None:
         return "code that is in no git repository"
@@ -140,8 +143,9 @@ def made_by() -> str:
 
 
 def versions() -> dict[str, str]:
-    """Of Python and the libraries that numbers and figures come from, as far as they are here: a
-    conda environment of jobs has no Snakemake.
+    """Collect the installed versions of Python and of the libraries behind numbers and figures.
+
+    A conda environment of jobs has no Snakemake.
     """
     here = environment()
     packages = {name: here["packages"][name] for name in LIBRARIES if name in here["packages"]}

@@ -1,4 +1,4 @@
-"""The paper's printed numbers beside ours: sentences and rows, made from the study's tables."""
+"""Comparison of the paper's printed numbers with ours: sentences and rows, from tables."""
 
 from dataclasses import dataclass
 
@@ -16,10 +16,10 @@ BY_NAME = {claim.name: claim for claim in CLAIMS}
 
 @dataclass(frozen=True)
 class PaperCell:
-    """One printed number, bound or word beside ours.
+    """A printed number, bound or word, and our result.
 
-    verdict: as of `galloping.paper.claims`. held: whether the claim comes out; None to read it from
-    the verdict.
+    verdict: as of `galloping.paper.claims`. held: whether the claim is confirmed; None to derive it
+    from the verdict.
     """
 
     printed: str
@@ -30,23 +30,25 @@ class PaperCell:
 
     @property
     def holds(self) -> bool:
+        """Whether the claim is confirmed."""
         return self.verdict in HELD if self.held is None else self.held
 
 
 def section(paper: pd.DataFrame, varied: pd.DataFrame | None, region: pd.DataFrame | None) -> dict:
-    """Return what the page begins with.
+    """Make the first section of the page.
 
     Parameters
     ----------
     paper, varied, region : DataFrame
-        paper.csv, reproduction.csv and paper_region.csv; None where the study does not have it.
+        paper.csv, reproduction.csv and paper_region.csv; None if the study does not have it.
 
     Returns
     -------
     dict
-        setting: the sentence on where the study is. count: the sentence on how many statements come
-        out. rows: the table, a cell for each statement. failures: a sentence for each claim that
-        does not. by_settings: a sentence on settings that the paper does not print, or "".
+        setting: the sentence on the settings of the study. count: the sentence on the number of
+        confirmed statements. rows: the table, a cell for each statement. failures: a sentence for
+        each unconfirmed claim. by_settings: a sentence on settings that the paper does not print,
+        or "".
     """
     return {
         "setting": describe_setting(paper, region),
@@ -58,7 +60,7 @@ def section(paper: pd.DataFrame, varied: pd.DataFrame | None, region: pd.DataFra
 
 
 def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
-    """Say what the comparison rests on, before any number of it.
+    """Describe the settings of the comparison.
 
     paper: paper.csv. region: paper_region.csv.
     """
@@ -86,7 +88,7 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
 
 
 def count(paper: pd.DataFrame) -> str:
-    """Say how many of the paper's statements are reproduced, which are not, and what is not judged.
+    """Describe how many of the paper's statements are reproduced, not reproduced and not judged.
 
     A statement is counted once, and is reproduced if all of its rows are. paper: paper.csv.
     """
@@ -115,7 +117,7 @@ def count(paper: pd.DataFrame) -> str:
 
 
 def rows(paper: pd.DataFrame) -> dict[str, list[PaperCell]]:
-    """Return the table of the first screen: what is counted, and what holds in the same draw.
+    """Make the main table: counted claims, and claims that the same draw satisfies together.
 
     Both directions of a statement are in one row.
     """
@@ -131,7 +133,7 @@ def rows(paper: pd.DataFrame) -> dict[str, list[PaperCell]]:
 
 
 def merged(cells: list[PaperCell]) -> PaperCell:
-    """Return one cell for both directions of a statement, with what they have in common once."""
+    """Merge cells of both directions of a statement, with common text once."""
     texts = {
         name: "; ".join(dict.fromkeys(getattr(cell, name) for cell in cells))
         for name in ("printed", "ours", "verdict", "reason")
@@ -140,15 +142,15 @@ def merged(cells: list[PaperCell]) -> PaperCell:
 
 
 def unheld(paper: pd.DataFrame) -> list[str]:
-    """Return a sentence for each claim that was judged and is not reproduced."""
+    """Write a sentence for each claim that was assessed and is not reproduced."""
     failed = paper[~paper["verdict"].isin([*HELD, "not run", "not judged", "beyond judgement"])]
     return [f"{row['claim']}: {row['verdict']}; {row['reason']}." for _, row in failed.iterrows()]
 
 
 def by_settings(varied: pd.DataFrame) -> str:
-    """Compare the claims at other values of settings that the paper leaves open.
+    """Compare the claims at other values of settings that the paper does not print.
 
-    varied: reproduction.csv. Of each setting the value at which the fewest claims hold is named.
+    varied: reproduction.csv. For each setting the value with the fewest confirmed claims is named.
     """
     if varied.empty:
         return ""
@@ -181,7 +183,7 @@ def _as_cell(row: dict) -> PaperCell:
 
 
 def _describe_printed(claim: Claim) -> str:
-    """Return what the paper says, in its words where it prints no number."""
+    """Format the paper's number, or its words if it prints none."""
     if claim.words:
         return claim.words
     return f"{SIGNS.get(claim.kind, '')}{claim.printed:g} {claim.unit}".rstrip()

@@ -1,4 +1,4 @@
-"""Sentences on what a study found beyond the paper; every number is read from its tables."""
+"""Sentences on results beyond the paper; every number is read from tables of the study."""
 
 from collections.abc import Mapping
 from math import floor, isfinite
@@ -11,10 +11,10 @@ LEVEL = 0.05  # of the noise that sentences are about, or the nearest of the stu
 
 
 def on_methods(tables: Mapping[str, pd.DataFrame], case: str, protocol: str) -> list[str]:
-    """Return sentences on identification.
+    """Write sentences on identification.
 
-    tables: those of the study by name, of which it may lack any. case: the line that the sentences
-    are about. protocol: that of its sensors. A sentence whose rows are missing is left out.
+    tables: those of the study by name, of which it may lack any. case: the line of the sentences.
+    protocol: that of its sensors. A sentence whose rows are missing is left out.
     """
     about = {"case": case, "protocol": protocol}
     sentences: list[str] = []
@@ -32,7 +32,7 @@ def on_methods(tables: Mapping[str, pd.DataFrame], case: str, protocol: str) -> 
 
 
 def on_engineering(tables: Mapping[str, pd.DataFrame], case: str, protocol: str) -> list[str]:
-    """Return sentences on the galloping itself. Parameters as of `on_methods`."""
+    """Write sentences on the galloping itself. Parameters as of `on_methods`."""
     sentences: list[str] = []
     if {"limit_cycles", "bifurcations"} <= set(tables):
         sentences.append(_describe_galloping(tables["limit_cycles"], tables["bifurcations"], case))
@@ -44,7 +44,7 @@ def on_engineering(tables: Mapping[str, pd.DataFrame], case: str, protocol: str)
 
 
 def verdicts(trust: pd.DataFrame) -> list[str]:
-    """Return a sentence per group of fits in trust.csv: how often a verdict was sure and wrong."""
+    """Write a sentence per group of fits in trust.csv: how often an `ok` model was wrong."""
     own = trust[~trust["case"].str.startswith("every t")]  # rows that are a part of others
     sentences = []
     for group, rows in own.groupby("group", sort=False):
@@ -58,7 +58,7 @@ def verdicts(trust: pd.DataFrame) -> list[str]:
 
 
 def inferred(region: pd.DataFrame) -> list[str]:
-    """Return a sentence on what the paper's numbers determine, of paper_region.csv."""
+    """Write sentences on unprinted numbers inferred from the paper, of paper_region.csv."""
     named = {
         verdict: ", ".join(name.replace("_", " ") for name in of["unknown"])
         for verdict, of in region.groupby("verdict")
@@ -127,7 +127,7 @@ def _describe_galloping(cycles: pd.DataFrame, bifurcations: pd.DataFrame, case: 
 
 
 def _rows_at_level(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows at the noise level of the sentences."""
+    """Select the rows at the noise level of the sentences."""
     levels = table.loc[table["level"] > 0, "level"]
     if levels.empty:
         return table[:0]
@@ -151,7 +151,7 @@ def _describe_reconstruction(r2: pd.DataFrame, case: str, protocol: str) -> str:
 
 
 def _rounded_down(r2: float) -> str:
-    """R2 with four digits behind the point, one of which is below 1 if it is."""
+    """Format R2 with four decimals, rounded down if it is below 1."""
     return f"{floor(1e4 * r2) / 1e4:.4f}".replace("-", "\N{MINUS SIGN}") if isfinite(r2) else "none"
 
 

@@ -1,1 +1,1 @@
-"""What makes a rerun exact: digests of code, jobs that leave a log."""
+"""Exact reruns: digests of code, receipts of results, and jobs that leave a log."""

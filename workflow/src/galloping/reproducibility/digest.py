@@ -1,10 +1,10 @@
-"""Digest of the code that a script runs, so that Snakemake reruns what an edit touches; and what a
-study was made with: the commit, Python, the packages and the machine.
+"""Digest of the code of a script, for reruns after edits; and the provenance of a study.
 
 Snakemake tracks a rule's script by its time, and not at all what the script imports. The digest
 covers the script and its imports from this package, transitively, with the templates and tables of
-data beside them. It leaves out comments, docstrings and layout, and modules that run a script's
-work but have no part in it. Versions of the libraries that are imported stand beside it.
+data beside them. It ignores comments, docstrings and layout, and modules that run a script's work
+but do not affect it. Versions of the imported libraries are recorded too. The provenance is the
+commit, Python, the packages and the machine.
 """
 
 import ast
@@ -32,7 +32,7 @@ DOCUMENTED = (ast.Module, ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 
 @cache
 def code(*roots: str | Path) -> dict:
-    """Describe what `roots` run: digest of the code, versions of the libraries it uses.
+    """Compute a digest of the code of `roots`, with versions of the libraries it uses.
 
     roots: script files, and functions that they import by name, as `deferred` gives them.
     Raises ValueError for a module that is not in the package.
@@ -54,7 +54,7 @@ def code(*roots: str | Path) -> dict:
 
 
 def _import_closure(roots: tuple[str | Path, ...]) -> set[Path]:
-    """Files of the package that `roots` import, and those of `roots`."""
+    """Collect the files of the package that `roots` import, and those of `roots`."""
     seen: set[Path] = set()
     waiting: list[Path] = []
     for root in roots:
@@ -72,7 +72,7 @@ def _import_closure(roots: tuple[str | Path, ...]) -> set[Path]:
 
 @dataclass(frozen=True)
 class _Module:
-    """What counts of one file. modules: files of the package, libraries: other packages."""
+    """Relevant content of one file. modules: files of the package, libraries: other packages."""
 
     content: str
     modules: tuple[Path, ...]
@@ -102,7 +102,7 @@ def _parse_module(path: Path) -> _Module:
 
 
 def _walk_statements(node: ast.AST) -> Iterator[ast.AST]:
-    """All statements below a node: a small part of what `ast.walk` goes through."""
+    """Yield all statements below a node: a small part of what `ast.walk` visits."""
     for child in ast.iter_child_nodes(node):
         if isinstance(child, (ast.stmt, ast.excepthandler, ast.match_case)):
             yield child
@@ -110,17 +110,17 @@ def _walk_statements(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def _module_files(name: str) -> list[Path]:
-    """Files that importing a module of the package runs: its own and those of its parents."""
+    """List the files that importing a module runs: its own and those of its parents."""
     parts = name.split(".")
     names = (".".join(parts[: k + 1]) for k in range(len(parts)))
     return [file for name in names if name not in UNCOUNTED and (file := deferred.file_of(name))]
 
 
 def versions(imported: Iterable[str]) -> dict[str, str]:
-    """Versions of Python and of the installed libraries behind some imports, by name.
+    """Collect versions of Python and of the installed libraries behind some imports, by name.
 
-    imported: names of top-level packages. What their distributions require counts as well, as far
-    as it is installed.
+    imported: names of top-level packages. Installed requirements of their distributions are
+    included.
     """
     found: dict[str, str] = {}
     for name in imported:
@@ -134,7 +134,7 @@ _provided = cache(metadata.packages_distributions)  # by what is imported of the
 
 @cache
 def _with_requirements(distribution: str) -> dict[str, str]:
-    """Versions of an installed distribution and of all it requires on this platform, by name."""
+    """Collect versions of a distribution and of its installed requirements, by name."""
     found: dict[str, str] = {}
     waiting = [distribution]
     while waiting:
@@ -160,10 +160,10 @@ def _find_distribution(name: str) -> metadata.PackageMetadata | None:
 
 @dataclass(frozen=True)
 class Commit:
-    """What is checked out.
+    """The commit that is checked out.
 
     digest: of the commit. date: when it was made (ISO 8601). described: after the nearest tag, as
-    `git describe` says. changes: files that are not as in the commit.
+    by `git describe`. changes: files that differ from the commit.
     """
 
     digest: str
@@ -173,7 +173,7 @@ class Commit:
 
 
 def commit() -> Commit | None:
-    """Return the commit checked out in the working folder, or None if git does not know of one."""
+    """Describe the commit checked out in the working folder; None if git knows of none."""
     try:
         digest, date = _run_git("show", "--no-patch", "--format=%H %cI", "HEAD").split()
         described = _run_git("describe", "--tags", "--always", "--dirty").strip()
@@ -184,7 +184,7 @@ def commit() -> Commit | None:
 
 
 def environment() -> dict:
-    """Versions of Python and of all packages, and apart from them what depends on the machine."""
+    """Collect versions of Python and of all packages, and properties of the machine."""
     packages = {canonicalize_name(found.name): found.version for found in metadata.distributions()}
     return {
         "python": platform.python_version(),

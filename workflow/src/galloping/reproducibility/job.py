@@ -1,6 +1,6 @@
-"""Runs a script's work: output in the rule's log, one line for a failure, receipts for success.
+"""Runner of a script: output in the rule's log, one line for a failure, receipts for success.
 
-Nothing here changes a number, so that the digest of code leaves this module out.
+Nothing here changes a number, so that the digest of code ignores this module.
 """
 
 import errno
@@ -31,14 +31,13 @@ RESULTS = "results"  # the folder of results, and the key by which a configurati
 
 
 def run(function: Callable[..., None], job) -> None:
-    """Call a script's function with what its rule names; what it prints goes to the job's log.
+    """Call a script's function with the arguments of its rule; output goes to the job's log.
 
-    function: takes the files of the rule's inputs and outputs, the values of its params and, as far
-    as it asks for them, its wildcards, each by the name that it has in the rule. A param is one
-    value under its configuration key; `code` and `caption` are of no concern to it. job: the
-    `snakemake` object of the script. Its inputs must be what their jobs wrote; its outputs get
-    receipts. An error ends the process with exit code 1 and one line on the terminal; its traceback
-    is in the log.
+    function: its arguments are the files of the rule's inputs and outputs, the values of its params
+    and, if it has them, its wildcards, each by its name in the rule. A param is one value under its
+    configuration key; `code` and `caption` are not passed. job: the `snakemake` object of the
+    script. Its inputs must be unchanged since their jobs; its outputs get receipts. An error ends
+    the process with exit code 1 and one line on the terminal; its traceback is in the log.
     """
     log = Path(job.log[0])
     try:
@@ -59,7 +58,7 @@ def run(function: Callable[..., None], job) -> None:
 
 
 def failures(results: str, since: int) -> list[str]:
-    """Why jobs of a run failed, a line each with the job's log.
+    """List the reasons of failed jobs of a run, a line each with the job's log.
 
     since: when the run began, in nanoseconds of its file system's clock.
     """
@@ -75,7 +74,7 @@ def failures(results: str, since: int) -> list[str]:
 
 
 def arguments(function: Callable[..., None], job) -> dict:
-    """Return what `run` calls the function of a script with."""
+    """Collect the arguments with which `run` calls the function of a script."""
     asked = signature(function).parameters
     params = {name: of for name, of in job.params.items() if name not in (CODE, CAPTION)}
     values = {name: next(iter(of.values())) for name, of in params.items()}
@@ -85,7 +84,7 @@ def arguments(function: Callable[..., None], job) -> dict:
 
 
 def _storage_prefix(job) -> str:
-    """Return what stands before the folder of results in the paths of a job.
+    """Return the prefix of the folder of results in the paths of a job.
 
     It is empty unless the results are in a storage of Snakemake's and the job has local copies.
     """
@@ -94,7 +93,7 @@ def _storage_prefix(job) -> str:
 
 
 def _run_function(function: Callable[..., None], job) -> float:
-    """Check the inputs, call the function, write receipts; the seconds of work."""
+    """Check the inputs, call the function, write receipts; return the seconds of work."""
     inputs = {str(path): digest(path) for path in job.input}
     for path, present in inputs.items():
         receipt = read_receipt(path)

@@ -1,4 +1,4 @@
-"""Who works in a study's folder: one process at a time, and what is left if it is killed."""
+"""Lock of a study's folder: one process at a time, and cleaning up after killed ones."""
 
 import fcntl
 import os
@@ -28,21 +28,21 @@ FOLDERS = (
 
 
 class Obstacle(RuntimeError):
-    """What keeps work on a study from starting; the message says what to do, in one line."""
+    """Error that prevents work on a study; the message says what to do, in one line."""
 
 
 class Killed(RuntimeError):
-    """The run ended without tidying up; the study has to be repaired."""
+    """Error of a run that ended without cleaning up; the study has to be repaired."""
 
 
 @contextmanager
 def locked(results: str, repair: str, *, repairing: bool = False) -> Iterator[int]:
-    """Keep other runs, repairs and restorations out of a study; yields when it began.
+    """Lock a study against other runs, repairs and restorations; yield the time of the start.
 
-    That is in nanoseconds of the file system's clock. repair: the command that takes a killed run
-    from there. repairing: whether this is it. Raises Obstacle if the study is another's, if a run
-    was killed in it, or if the disk is full or read-only. After Killed, or if this process is
-    killed, only a repair may lock the study.
+    The time is in nanoseconds of the file system's clock. repair: the command that continues after
+    a killed run. repairing: whether this is it. Raises Obstacle if another process uses the study,
+    if a run was killed in it, or if the disk is full or read-only. After Killed, or if this process
+    is killed, only a repair may lock the study.
     """
     check_places(results)
     check_disk(results)
@@ -77,7 +77,7 @@ def check_disk(results: str) -> None:
 
 
 def check_places(results: str) -> None:
-    """Raise Obstacle for a file where a folder belongs, and for a folder where a file does."""
+    """Raise Obstacle for a file in place of a folder, and for a folder in place of a file."""
     own = Path(results)
     folders = (Path(".snakemake"), *reversed(own.parents), own, *(own / name for name in FOLDERS))
     files = (Path(".snakemake", "seen.json"), own / MARK, own / "report.html")
@@ -88,24 +88,24 @@ def check_places(results: str) -> None:
 
 
 def killed(repair: str) -> str:
-    """Return what to say of a run that was killed."""
+    """Format the message on a run that was killed."""
     return f"A run in this folder was killed: `{repair}` takes it from there."
 
 
 def make_command(configfiles: Iterable[str | Path] = (), goal: str = "") -> str:
-    """Return the command that reaches a goal of the Makefile with these configuration files."""
+    """Format the command that reaches a goal of the Makefile with these configuration files."""
     files = " ".join(os.path.relpath(file) for file in configfiles)
     settings = f"CONFIG={shlex.quote(files)}" if files else ""
     return " ".join(filter(None, ("make", goal, settings)))
 
 
 def marked_environment(results: str) -> dict[str, str]:
-    """Return the environment for all that a run starts, by which what is left of it is found."""
+    """Make the environment of all processes of a run, by which remaining ones are found."""
     return {**os.environ, OF_STUDY: str(Path(results).resolve())}
 
 
 def snakemakes(folder: Path) -> list[psutil.Process]:
-    """Snakemake's main processes in a folder, but what started this one."""
+    """List Snakemake's main processes in a folder, except the parents of this one."""
     own = {os.getpid(), *(parent.pid for parent in psutil.Process().parents())}
     return [
         process
@@ -116,7 +116,7 @@ def snakemakes(folder: Path) -> list[psutil.Process]:
 
 
 def end_orphans(results: str) -> int:
-    """End what a run that is gone left running, by force after PATIENCE seconds; how many."""
+    """End processes left by a killed run, by force after PATIENCE seconds, and count them."""
     mark, others = marked_environment(results)[OF_STUDY], psutil.process_iter(["environ"])
     left = [p for p in others if (p.info["environ"] or {}).get(OF_STUDY) == mark]
     left = [process for process in left if process.pid != os.getpid()]
@@ -129,7 +129,7 @@ def end_orphans(results: str) -> int:
 
 
 def clear_unfinished(results: str) -> Iterator[str]:
-    """Remove what a killed process had not finished writing (see `storage.replacing`)."""
+    """Remove files that a killed process had not finished writing (see `storage.replacing`)."""
     for path in sorted(Path(results).rglob(f"{PARTIAL}*")):
         shutil.rmtree(path) if path.is_dir() else path.unlink()
         yield f"removed the unfinished {path}"

@@ -1,7 +1,7 @@
-"""The jobs that a study consists of, from Snakemake's API, and what a run of them will do.
+"""Jobs of a study, from Snakemake's API, and an outlook on a run of them.
 
-This module is an executor plugin of Snakemake's for dry runs, which keeps the jobs that it is given
-(https://github.com/snakemake/snakemake-interface-executor-plugins).
+This module is an executor plugin of Snakemake's for dry runs, which stores the jobs that it
+receives (https://github.com/snakemake/snakemake-interface-executor-plugins).
 """
 
 import csv
@@ -48,8 +48,9 @@ MOST = 3  # edits and rules that are told one by one
 
 @dataclass(frozen=True)
 class PlannedJob:
-    """One job. settings: its params. outputs: without receipts. Paths are relative to the working
-    folder.
+    """One job of a study.
+
+    settings: its params. outputs: without receipts. Paths are relative to the working folder.
     """
 
     rule: str
@@ -58,14 +59,14 @@ class PlannedJob:
     outputs: tuple[str, ...]
 
     def made(self, receipt: Receipt) -> bool:
-        """Whether a receipt is of this very job: settings, code and the inputs by name."""
+        """Decide whether a receipt is of this job: settings, code and the inputs by name."""
         own = self.rule, self.settings, set(self.inputs)
         return (receipt.rule, receipt.settings, receipt.inputs.keys()) == own
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A study as it is configured.
+    """Jobs and settings of a study.
 
     settings: validated and with defaults. configfiles: as with Snakemake's --configfile.
     """
@@ -76,19 +77,19 @@ class Plan:
 
     @property
     def results(self) -> str:
-        """The folder that the study writes."""
+        """Folder that the study writes."""
         return self.settings["results"]
 
     @property
     def maker(self) -> dict[str, PlannedJob]:
-        """The job that makes each file."""
+        """Job that makes each file."""
         return {path: job for job in self.jobs for path in job.outputs}
 
 
 def as_planned(plan: Plan, known: dict[str, Receipt]) -> set[str]:
-    """Files of jobs that are complete and of which no receipt, back to the first, tells otherwise.
+    """Find the files of complete jobs that no receipt, back to the first, contradicts.
 
-    known: receipts by path. A file that was left elsewhere on purpose counts as if it were here.
+    known: receipts by path. A file that was left elsewhere on purpose counts as present.
     """
     maker = plan.maker
 
@@ -109,7 +110,7 @@ def as_planned(plan: Plan, known: dict[str, Receipt]) -> set[str]:
 
 
 def planning(configfiles: Sequence[str] = ()) -> Plan:
-    """Return the plan of the study in the working folder.
+    """Plan the study in the working folder.
 
     configfiles: merged over the Snakefile's own. A bad configuration ends the process with one
     line, as with Snakemake itself.
@@ -126,9 +127,9 @@ def planning(configfiles: Sequence[str] = ()) -> Plan:
 
 
 def recorded(configfiles: Sequence[str] = ()) -> set[str]:
-    """Planned files of which Snakemake knows, with their receipts, how they were made.
+    """Find planned files of which Snakemake knows how they and their receipts were made.
 
-    It takes what a job wrote as up to date, whatever is edited, unless it knows of all of it.
+    Without complete records it regards the output of a job as up to date after any edit.
     """
     with redirect_stdout(io.StringIO()) as said:
         _with_dag(configfiles, lambda dag: dag.summary())
@@ -140,15 +141,15 @@ def recorded(configfiles: Sequence[str] = ()) -> set[str]:
 
 
 def record(plan: Plan) -> None:
-    """Let Snakemake take all files that are there as made just now, in order, as planned now.
+    """Let Snakemake regard all present files as just made, in order, as planned now.
 
-    Its --touch, which records the same of planned files that are not there.
+    It uses --touch, which records the same of planned files that are missing.
     """
     _with_dag(plan.configfiles, lambda dag: dag.execute_workflow("touch"), force=True)
 
 
 def unlock(configfiles: Sequence[str] = ()) -> None:
-    """Take the lock of a run that was killed, as Snakemake's --unlock does."""
+    """Remove the lock of a run that was killed, as Snakemake's --unlock does."""
     _with_dag(configfiles, lambda dag: dag.unlock())
 
 
@@ -177,9 +178,9 @@ def _with_dag(
 
 
 def outlook(plan: Plan, known: Mapping[str, Receipt], cores: int | None) -> Iterator[str]:
-    """How many jobs of a study will run and about how long, what was edited, whose code changed.
+    """Yield lines on the number and duration of jobs to run, on edits and on changed code.
 
-    known: receipts by path. cores: that jobs share, None where a cluster has them.
+    known: receipts by path. cores: that jobs share, None for a cluster.
     """
     kept = {path for path in as_planned(plan, dict(known)) if Path(path).exists()}
     kept |= {path for path, receipt in known.items() if not receipt.kept}
@@ -199,7 +200,7 @@ def outlook(plan: Plan, known: Mapping[str, Receipt], cores: int | None) -> Iter
 
 
 def duration_in_words(seconds: float) -> str:
-    """Such as `10 min`, in h, min or s."""
+    """Format a duration such as `10 min`, in h, min or s."""
     for unit, length in (("h", 3600.0), ("min", 60.0)):
         if seconds >= 1.5 * length:
             return f"{seconds / length:.0f} {unit}"
@@ -209,7 +210,7 @@ def duration_in_words(seconds: float) -> str:
 def _expected_duration(
     plan: Plan, jobs: list[PlannedJob], known: Mapping[str, Receipt], cores: int | None
 ) -> str:
-    """By how long the same jobs took before, or others of their rule; at first, the reference."""
+    """Estimate the duration from earlier ones of the same jobs or rule, or the reference."""
     of_rule: dict[str, list[float]] = {}
     for receipt in known.values():
         of_rule.setdefault(receipt.rule, []).append(receipt.seconds)
@@ -261,12 +262,13 @@ NO_LOCK = ExecutionSettings(lock=False)
 
 
 class Executor(AbstractExecutor):
-    """Keeps each job instead of running it."""
+    """Executor that stores each job instead of running it."""
 
     jobs: ClassVar[list[PlannedJob]] = []
     cores = 1
 
     def run_job(self, job) -> None:
+        """Store a job, and report it as done."""
         if job.output:  # all but the rule that only collects
             settings = as_written(json.loads(job.properties())["params"])
             outputs = tuple(str(path) for path in job.output if not path.endswith(SUFFIX))
@@ -276,6 +278,6 @@ class Executor(AbstractExecutor):
         self.report_job_success(submitted)
 
     def _do_nothing(self, *_) -> None:
-        """For what comes of jobs that were run."""
+        """Ignore results of jobs that were run."""
 
     handle_job_success = handle_job_error = get_exec_mode = cancel = shutdown = _do_nothing

@@ -1,10 +1,9 @@
-"""What every job leaves beside an output: what it was made from, and the digest of what it is; and
-how files compare with it, quickly enough for the start of every run.
+"""Receipts of results: inputs and settings of every output, and its digest.
 
-The receipt of `models/a.json` is `models/.a.json.receipt`, an output of the same job: it goes where
-Snakemake takes the results. Snakemake's own records live in `.snakemake`, know times but not
-contents, and stay behind when results are moved; receipts travel with the results and show an
-edited, damaged or lost file.
+A comparison of files with receipts is fast enough for the start of every run. The receipt of
+`models/a.json` is `models/.a.json.receipt`, an output of the same job, stored with the results.
+Snakemake's own records are in `.snakemake`, contain times but not contents, and stay behind when
+results are moved; receipts move with the results and show an edited, damaged or lost file.
 """
 
 import hashlib
@@ -27,12 +26,12 @@ SEEN = Path(".snakemake/seen.json")
 
 @dataclass(frozen=True)
 class Receipt:
-    """How one file was made.
+    """Record of how one file was made.
 
     path, log: relative to the working folder. settings: of the job, with the digest of its code.
-    inputs: digests of what the job read, by path. seconds: wall time of the job's own work.
-    finished: when it ended (ISO 8601, UTC). kept: False where the file itself was left elsewhere on
-    purpose, by restoring results from an archive that holds only a part of them.
+    inputs: digests of the files that the job read, by path. seconds: wall time of the job's own
+    work. finished: end time (ISO 8601, UTC). kept: False if the file itself was left elsewhere on
+    purpose, by restoring results from an archive that contains only a part of them.
     """
 
     path: str
@@ -49,26 +48,26 @@ class Receipt:
 
 
 def digest(path: str | Path) -> str:
-    """SHA-256 of a file, in hex."""
+    """Compute the SHA-256 of a file, in hex."""
     with Path(path).open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def receipt_path(path: str | Path) -> Path:
-    """Where the receipt of a file lies."""
+    """Return the path of the receipt of a file."""
     path = Path(path)
     return path.with_name(f".{path.name}{SUFFIX}")
 
 
 def as_written(settings: Mapping) -> dict:
-    """Return settings as a receipt holds them, for comparison."""
+    """Convert settings to the form of receipts, for comparison."""
     return json.loads(json.dumps({k: v for k, v in settings.items() if k != CAPTION}))
 
 
 def consistent(receipt: Receipt, known: Mapping[str, Receipt]) -> bool:
-    """Whether a file was made from its inputs as they are by their receipts, or as they lie here.
+    """Decide whether a file was made from its present inputs, by their receipts or contents.
 
-    An input of which neither is there, says nothing.
+    An input without both is ignored.
     """
     return all(
         made == (known[path].sha256 if path in known else digest(path))
@@ -78,15 +77,15 @@ def consistent(receipt: Receipt, known: Mapping[str, Receipt]) -> bool:
 
 
 def write_receipt(receipt: Receipt, prefix: str = "") -> None:
-    """Write a receipt beside its file, whether or not that is there.
+    """Write a receipt beside its file, whether or not the file is there.
 
-    prefix: stands before the path of a local copy of results that are in a storage.
+    prefix: before the path of a local copy of results that are in a storage.
     """
     write_json(receipt_path(prefix + receipt.path), asdict(receipt))
 
 
 def read_receipt(path: str | Path) -> Receipt | None:
-    """Return the receipt of a file, or None if it has none that can be read."""
+    """Read the receipt of a file; None if it has none that can be read."""
     try:
         receipt = Receipt(**read_json(receipt_path(path)))
     except (OSError, ValueError, TypeError, RecursionError):
@@ -95,7 +94,7 @@ def read_receipt(path: str | Path) -> Receipt | None:
 
 
 def _is_sound(receipt: Receipt) -> bool:
-    """Whether the values of a receipt have their types: an editor may have damaged it."""
+    """Decide whether the values of a receipt have their types: an editor may have damaged it."""
     by_name = (receipt.wildcards, receipt.inputs)
     texts = (receipt.path, receipt.rule, receipt.log, receipt.sha256, receipt.finished)
     return (
@@ -111,7 +110,7 @@ def _is_sound(receipt: Receipt) -> bool:
 
 
 def grows(path: str | Path, settings: Mapping, key: str) -> bool:
-    """Whether the file at `path` is what a job wrote whose settings differ in nothing but `key`."""
+    """Decide whether the job that wrote a file had settings that differ in nothing but `key`."""
     receipt = read_receipt(path)
     if receipt is None or not receipt.kept or not Path(path).exists():
         return False
@@ -120,7 +119,7 @@ def grows(path: str | Path, settings: Mapping, key: str) -> bool:
 
 
 def receipts(results: str | Path) -> dict[str, Receipt]:
-    """Return the receipts of a results folder by path, without those of results inside it."""
+    """Read the receipts of a results folder by path, without those of results inside it."""
     found = (
         read_receipt(path.with_name(path.name[1 : -len(SUFFIX)]))
         for path in sorted(Path(results).rglob(f".*{SUFFIX}"))
@@ -130,11 +129,11 @@ def receipts(results: str | Path) -> dict[str, Receipt]:
 
 @dataclass(frozen=True)
 class Deviations:
-    """Files that are not as their receipts say, by path.
+    """Files that differ from their receipts, by path.
 
-    missing: should be here and are not. damaged: have other content. unknown: were here before,
-    and no receipt tells of them any more. new: were not known when the study was last remembered.
-    present: size, times, number and digest of what is here.
+    missing: absent. damaged: with other content. unknown: known before, now without a receipt. new:
+    unknown when the study was last remembered. present: size, times, number and digest of present
+    files.
     """
 
     missing: tuple[str, ...]
@@ -147,8 +146,8 @@ class Deviations:
 def inspect(results: str, known: Mapping[str, Receipt], *, thorough: bool = False) -> Deviations:
     """Compare files with their receipts.
 
-    known: receipts by path. thorough: read every file, also those whose size and times are as when
-    last read.
+    known: receipts by path. thorough: read every file, also those with size and times of the last
+    reading.
     """
     states = {path: state for path in known if (state := _file_state(path))}
     seen = _read_seen().get(results, {})
@@ -166,7 +165,7 @@ def inspect(results: str, known: Mapping[str, Receipt], *, thorough: bool = Fals
 
 
 def remember(results: str, findings: Deviations) -> None:
-    """Note what is here, which the next inspection need not read again."""
+    """Record the present files, which the next inspection need not read again."""
     seen = _read_seen()
     if (now := seen | {results: findings.present}) != seen:
         with suppress(OSError):  # only costs time: a full disk is told by what must write to it
@@ -174,7 +173,7 @@ def remember(results: str, findings: Deviations) -> None:
 
 
 def _file_state(path: str) -> list[int] | None:
-    """Return what changes when a file is written, even if its time is set back."""
+    """Return properties that change when a file is written, even if its time is set back."""
     try:
         status = Path(path).stat()
     except OSError:
@@ -183,7 +182,7 @@ def _file_state(path: str) -> list[int] | None:
 
 
 def _read_seen() -> dict[str, dict[str, list]]:
-    """By study, which may lie in the folder of another, and path. What is damaged is left out."""
+    """Read remembered states by study, perhaps in another's folder, and path; skip damaged ones."""
     try:
         content = read_json(SEEN)
     except (OSError, ValueError, RecursionError):
@@ -197,6 +196,6 @@ def _read_seen() -> dict[str, dict[str, list]]:
 
 
 def _is_state(state: object) -> bool:
-    """Whether a value is what `_file_state` gives, with a digest."""
+    """Decide whether a value is a result of `_file_state`, with a digest."""
     types = [type(each) for each in state] if isinstance(state, list) else []
     return types == [int, int, int, int, str]

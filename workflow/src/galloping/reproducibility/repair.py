@@ -1,4 +1,4 @@
-"""What is wrong, missing or left over in a study's results, and how it is made fit to go on."""
+"""Audit of a study's results, and their repair so that work can continue."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -14,9 +14,9 @@ class Audit:
     """Files by state; each planned file is in exactly one of all but the last.
 
     sound: as planned and as written. elsewhere: the same, but the file was left elsewhere on
-    purpose. damaged: not what its job wrote. missing: never made, or gone. outdated: made with
-    other settings or code, or from other inputs. unknown: without a receipt. left_over: made, no
-    longer planned.
+    purpose. damaged: changed since its job. missing: never made, or lost. outdated: made with other
+    settings or code, or from other inputs. unknown: without a receipt. left_over: made, no longer
+    planned.
     """
 
     sound: tuple[str, ...] = ()
@@ -55,7 +55,7 @@ def audit(plan: Plan) -> Audit:
 
 
 def remove(receipt: Receipt) -> list[Path]:
-    """Remove a file with its receipt, log and benchmark; those that there were."""
+    """Remove a file with its receipt, log and benchmark, and return the removed paths."""
     log = Path(receipt.log)
     parts = ["benchmarks" if part == "logs" else part for part in log.parts]
     benchmark = Path(*parts).with_suffix(".tsv")
@@ -72,11 +72,11 @@ SET_ASIDE = "set_aside"
 
 
 def adopt(plan: Plan) -> Iterator[str]:
-    """Let Snakemake take files as made that are exactly those of the plan.
+    """Let Snakemake regard files that are exactly those of the plan as made.
 
-    For results of which Snakemake lacks records. A file counts if its receipt names the same
+    It is for results of which Snakemake lacks records. A file counts if its receipt names the same
     settings and code as the plan, and the same inputs as the receipts of those, and so on back to
-    the first files; the caller has made sure that files are as in their receipts. Others are set
+    the first files; the caller has made sure that files agree with their receipts. Others are set
     aside, to be made again.
     """
     known = receipts(plan.results)
@@ -98,7 +98,7 @@ def adopt(plan: Plan) -> Iterator[str]:
 
 
 def set_aside(results: str, path: str) -> Path:
-    """Move a file of the results out of the way, over no other one; where to."""
+    """Move a file of the results to a free path, and return that."""
     base = Path(results) / SET_ASIDE / Path(path).relative_to(results)
     target, number = base, 1
     while target.exists():

@@ -1,1 +1,1 @@
-"""The cells of a study: what is computed, from which settings, and where it is kept."""
+"""Study cells: their settings, and the files of their results."""

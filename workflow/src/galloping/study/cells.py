@@ -1,7 +1,7 @@
-"""A study as its settings describe it: cases, protocols, the cells in which both meet, and what is
-varied or tried in the pieces that jobs make.
+"""Study as its settings describe it: cases, measurement setups, study cells, sweeps and trials.
 
-A piece keeps its name and file when more is asked for: what is new comes in pieces of its own.
+Sweeps and trials are divided into pieces, one per job. A piece keeps its name and file when more is
+asked for: additions are pieces of their own.
 """
 
 import re
@@ -20,7 +20,7 @@ from galloping.results import JOINT, NOISE, SUBSET
 
 
 def without(line: Mapping, *parameters: str | None) -> dict:
-    """Return a line without its own values of what is varied; no sweep depends on these."""
+    """Remove the values of varied parameters from a line; no sweep depends on them."""
     gone = {place for name in parameters if name for place in PARAMETERS[name].places}
     return {
         section: {key: value for key, value in of.items() if (section, key) not in gone}
@@ -32,7 +32,7 @@ def without(line: Mapping, *parameters: str | None) -> dict:
 
 @dataclass(frozen=True)
 class Sweep:
-    """One parameter over its values, or two."""
+    """Values of one parameter, or of two."""
 
     name: str
     parameter: str
@@ -52,7 +52,7 @@ class Sweep:
 
     @property
     def blocks(self) -> dict[str, float | None]:
-        """What jobs simulate, by name: all values, of a map at one value of the second parameter.
+        """Blocks that jobs simulate, by name: all values, at one value of a map's second parameter.
 
         New values are added to the file of each.
         """
@@ -68,7 +68,7 @@ def _spaced_values(first: float, last: float, step: float) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class Batch:
-    """What one job tries: replicates of one case."""
+    """Replicates of one case that one job tries."""
 
     name: str
     case: str
@@ -79,7 +79,7 @@ class Batch:
 class Trial:
     """One trial.
 
-    table: that sums up its rows. options: keywords of the kind's function, in plain values.
+    table: that summarises its rows. options: keywords of the kind's function, in plain values.
     """
 
     name: str
@@ -93,7 +93,7 @@ class Trial:
 
     @property
     def batches(self) -> tuple[Batch, ...]:
-        """Named by their case and replicates."""
+        """Batches named by their case and replicates."""
         starts = range(0, self.replicates, self.batch)
         parts = [range(k, min(k + self.batch, self.replicates)) for k in starts]
         return tuple(
@@ -104,7 +104,7 @@ class Trial:
 
 
 def configured_trial(name: str, configured: TrialSection, is_exam: bool = False) -> Trial:
-    """Return a trial as configured, maybe of an exam; missing keys have their kind's defaults."""
+    """Make a trial as configured; missing keys have their kind's defaults."""
     kind = KINDS[configured.kind]
     options = {key: getattr(configured, key) or default for key, default in kind.options.items()}
     return Trial(
@@ -123,8 +123,8 @@ def configured_trial(name: str, configured: TrialSection, is_exam: bool = False)
 class Case:
     """One line in one wind.
 
-    line: its settings but for the states that it is released from. releases: initial states by
-    state, the one that models are judged by first. truth: what its recordings are made of.
+    line: its settings except the initial states. releases: initial states by state, the one for the
+    assessment of models first. truth: the system behind its recordings.
     """
 
     name: str
@@ -134,23 +134,23 @@ class Case:
 
     @property
     def is_continuous(self) -> bool:
-        """Whether its motion is that of no library's model, so that no coefficients are true."""
+        """Whether no library contains the model of the motion, so that no coefficients are true."""
         return self.truth["model"] == "continuous"
 
     @property
     def released(self) -> dict:
-        """The line with the state that it is first released from."""
+        """The line with its first initial state."""
         return {**self.line, "initial_state": dict(self.releases[0])}
 
 
 @dataclass(frozen=True)
 class Cell:
-    """Replicated recordings of one case, by one protocol, at one noise level and size.
+    """Noise realisations of one case, by one measurement setup, at one noise level and size.
 
     kind: NOISE (a whole record), SUBSET (random samples of it) or JOINT (all recordings of the case
     together). level: of the noise. relative: whether it is in units of the states' deviations.
-    samples: of each recording. recordings: how many share a model. methods: those that can use
-    them, in the order of the registry: in which order a study names them is of no concern to jobs.
+    samples: of each recording. recordings: number that share a model. methods: those that can use
+    them, in the order of the registry, so that jobs do not depend on the order in the settings.
     """
 
     case: Case
@@ -167,23 +167,23 @@ class Cell:
 
     @property
     def id(self) -> str:
-        """`case/protocol/cell`, its path below a folder of results."""
+        """Path below a folder of results, `case/protocol/cell`."""
         return "/".join(self.wildcards.values())
 
     @property
     def wildcards(self) -> dict[str, str]:
-        """What names the cell in a path."""
+        """Names of the cell in a path."""
         return {"case": self.case.name, "protocol": self.protocol.name, "cell": self.name}
 
     @property
     def measurement(self) -> dict:
-        """What its recordings are drawn from."""
+        """Arguments for drawing its recordings."""
         names = ("level", "relative", "samples", "recordings", "replicates", "seed")
         return {"protocol": self.protocol.name, **{name: getattr(self, name) for name in names}}
 
     @property
     def columns(self) -> dict:
-        """What names the cell in a table."""
+        """Names of the cell in a table."""
         return {
             **self.wildcards,
             "kind": self.kind,
@@ -194,14 +194,14 @@ class Cell:
 
     @property
     def families(self) -> dict[str, tuple[Method, ...]]:
-        """Its methods by the job that they share."""
+        """Methods of the cell by their common job."""
         names = dict.fromkeys(method.family for method in self.methods)
         return {name: tuple(m for m in self.methods if m.family == name) for name in names}
 
 
 @dataclass(frozen=True)
 class Study:
-    """All that is computed, from validated settings."""
+    """All computations of a study, from validated settings."""
 
     settings: Settings
 
@@ -212,7 +212,7 @@ class Study:
 
     @property
     def doubts(self) -> list[str]:
-        """What may be meant otherwise, a line each."""
+        """Warnings on settings that may be meant otherwise, a line each."""
         measurement = self.settings.measurement
         levels = {*measurement.levels, *measurement.joint_levels, measurement.subsets.level}
         scaled = any(protocol.is_scaled for protocol in self.protocols)
@@ -226,7 +226,7 @@ class Study:
 
     @cached_property
     def cases(self) -> tuple[Case, ...]:
-        """In the order of the settings."""
+        """Cases in the order of the settings."""
         return tuple(
             Case(
                 name,
@@ -239,18 +239,21 @@ class Study:
 
     @property
     def protocols(self) -> tuple[Protocol, ...]:
+        """Measurement setups in the order of the settings."""
         return tuple(BY_NAME[name] for name in self.settings.measurement.protocols)
 
     @property
     def methods(self) -> tuple[Method, ...]:
+        """Identification methods in the order of the settings."""
         return tuple(registry.BY_NAME[name] for name in self.settings.identification.methods)
 
     def case(self, name: str) -> Case:
+        """Find a case by name."""
         return next(case for case in self.cases if case.name == name)
 
     @cached_property
     def cells(self) -> tuple[Cell, ...]:
-        """Those that a method can use, by case and protocol."""
+        """Study cells that a method can use, by case and measurement setup."""
         return tuple(
             cell
             for case in self.cases
@@ -260,6 +263,7 @@ class Study:
         )
 
     def cell(self, case: str, protocol: str, cell: str) -> Cell:
+        """Find a study cell by the names of case, measurement setup and cell."""
         return self._by_name[case, protocol, cell]
 
     @cached_property
@@ -293,6 +297,7 @@ class Study:
 
     @cached_property
     def sweeps(self) -> tuple[Sweep, ...]:
+        """Sweeps in the order of the settings."""
         return tuple(
             Sweep(name, of.parameter, _spaced_values(*of.values), of.second,
                   _spaced_values(*of.second_values) if of.second_values else ())
@@ -300,16 +305,19 @@ class Study:
         )  # fmt: skip
 
     def sweep(self, name: str) -> Sweep:
+        """Find a sweep by name."""
         return next(each for each in self.sweeps if each.name == name)
 
     @cached_property
     def trials(self) -> tuple[Trial, ...]:
+        """Trials in the order of the settings."""
         is_exam, trials = self.settings.exam, self.settings.trials
         return tuple(configured_trial(name, of, is_exam) for name, of in trials.items())
 
     def trial(self, name: str) -> Trial:
+        """Find a trial by name."""
         return next(each for each in self.trials if each.name == name)
 
     def options(self, method: Method) -> dict:
-        """Return what a method reads of the settings."""
+        """Return the settings that a method reads."""
         return method.settings(self.plain["identification"], self.settings.measurement.seed)

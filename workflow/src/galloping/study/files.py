@@ -1,6 +1,6 @@
-"""Every kind of file of a study: how it is written, and how it is read again.
+"""Writers and readers of every kind of file of a study.
 
-`read` knows a kind by where the file lies, which `workflow/rules` says.
+`read` recognises a kind by the file's folder, which `workflow/rules` defines.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ CHANNELS = ("time", "values", "rates")  # of a recording
 
 
 def read(path: str | os.PathLike) -> object:
-    """Return what a file of a study holds, as the reader of its kind below returns it.
+    """Read a file of a study by the reader of its kind.
 
     Raises ValueError for a file of no kind.
     """
@@ -40,7 +40,7 @@ def read(path: str | os.PathLike) -> object:
 def read_all(
     files: Mapping[str, str | PathLike | Sequence], names: Mapping[str, Sequence[str]]
 ) -> dict:
-    """Return what files hold, by name; of a list of files a dict, by those of `names`."""
+    """Read files, by name; a list of files as a dict, by the names in `names`."""
     return {
         key: read(of)
         if isinstance(of, str | PathLike)
@@ -53,18 +53,19 @@ def read_all(
 
 
 def write_table(path: str | os.PathLike, table: pd.DataFrame) -> None:
-    """One observation a row, ten significant digits a number."""
+    """Write one observation per row, with ten significant digits per number."""
     write_rows(path, table.to_dict("records"), list(table))
 
 
 def read_table(path: str | os.PathLike) -> pd.DataFrame:
+    """Read a table of a study."""
     import pandas as pd  # here: most jobs read no table
 
     return pd.read_csv(path)
 
 
 def read_as_written(path: str | os.PathLike) -> pd.DataFrame:
-    """All cells as text: empty cells and the word "nan" are not the same."""
+    """Read all cells as text: empty cells and the word "nan" differ."""
     import pandas as pd
 
     return pd.read_csv(path, dtype=str, keep_default_na=False)
@@ -74,7 +75,7 @@ def read_as_written(path: str | os.PathLike) -> pd.DataFrame:
 
 
 def write_model(path: str | os.PathLike, derived: Derived) -> None:
-    """Human-readable, and exact to the last bit."""
+    """Write a model in readable form, exact to the last bit."""
     of = derived.model
     model = {"states": of.states, "terms": of.terms, "coefficients": of.coefficients.tolist()}
     content = {**derived.quantities, "coefficients": dict(derived.coefficients), "model": model}
@@ -82,7 +83,7 @@ def write_model(path: str | os.PathLike, derived: Derived) -> None:
 
 
 def read_model(path: str | os.PathLike) -> Derived:
-    """Return the equations, their coefficients by symbol, and further quantities."""
+    """Read the equations, their coefficients by symbol, and further quantities."""
     content = read_json(path)
     model = content.pop("model")
     equations = PolynomialModel(
@@ -95,7 +96,7 @@ def read_model(path: str | os.PathLike) -> Derived:
 
 
 def write_trajectories(path: str | os.PathLike, motions: Sequence[Motion]) -> None:
-    """Motions of one system on one time grid."""
+    """Write motions of one system on one time grid."""
     write_arrays(
         path,
         names=np.array(motions[0].names),
@@ -107,7 +108,7 @@ def write_trajectories(path: str | os.PathLike, motions: Sequence[Motion]) -> No
 
 
 def read_trajectories(path: str | os.PathLike) -> tuple[Motion, ...]:
-    """Return the motion of each release; the first one is what models are judged by."""
+    """Read the motion of each initial displacement; the first one is for assessments of models."""
     with np.load(path) as file:
         names, time = tuple(map(str, file["names"])), file["time"]
         motions = zip(file["states"], file["rates"], file["status"].tolist(), strict=True)
@@ -118,7 +119,7 @@ def read_trajectories(path: str | os.PathLike) -> tuple[Motion, ...]:
 
 
 def write_recordings(path: str | os.PathLike, replicates: Sequence[Sequence[Recording]]) -> None:
-    """Write recordings by replicate and release; what all replicates share is stored once."""
+    """Write recordings by noise realisation and initial displacement, common arrays once."""
     arrays: dict[str, np.ndarray] = {
         "states": np.array(replicates[0][0].states),
         "shape": np.array([len(replicates), len(replicates[0])]),
@@ -134,7 +135,7 @@ def write_recordings(path: str | os.PathLike, replicates: Sequence[Sequence[Reco
 
 
 def read_recordings(path: str | os.PathLike) -> list[tuple[Recording, ...]]:
-    """Return the recordings of each replicate."""
+    """Read the recordings of each noise realisation."""
     with np.load(path) as file:
         arrays = dict(file)
     states = tuple(map(str, arrays.pop("states")))
@@ -153,7 +154,7 @@ def read_recordings(path: str | os.PathLike) -> list[tuple[Recording, ...]]:
 
 
 def _stack_replicates(arrays: list[np.ndarray]) -> np.ndarray:
-    """All replicates, or one in place of all that are equal."""
+    """Stack the arrays of all realisations, or one if all are equal."""
     shared = all(np.array_equal(arrays[0], a, equal_nan=True) for a in arrays[1:])
     return arrays[0][np.newaxis] if shared else np.stack(arrays)
 
@@ -164,19 +165,19 @@ def _stack_replicates(arrays: list[np.ndarray]) -> np.ndarray:
 def write_identified(
     path: str | os.PathLike, models: Mapping[str, Sequence[IdentifiedModel]]
 ) -> None:
-    """Replicates of one cell by method, each as a model is saved by itself."""
+    """Write the models of one study cell by method, each in the format of a single model."""
     content = {method: [each.to_plain() for each in of] for method, of in models.items()}
     write_json(path, content, indent=None)
 
 
 def read_identified(path: str | os.PathLike) -> dict[str, list[IdentifiedModel]]:
-    """Return the model of each replicate, by method."""
+    """Read the model of each noise realisation, by method."""
     content = read_json(path)
     return {method: list(map(IdentifiedModel.from_plain, of)) for method, of in content.items()}
 
 
 def read_families(paths: Iterable[str | os.PathLike]) -> dict[str, list[IdentifiedModel]]:
-    """Return the models of several families of methods, by method."""
+    """Read the models of several families of methods, by method."""
     return {method: of for path in paths for method, of in read_identified(path).items()}
 
 
@@ -184,16 +185,16 @@ def read_families(paths: Iterable[str | os.PathLike]) -> dict[str, list[Identifi
 
 
 def write_bounds(path: str | os.PathLike, deviations: np.ndarray) -> None:
-    """Least standard deviation of each coefficient on the candidate library.
+    """Write the least standard deviation of each coefficient on the candidate library.
 
     deviations: (n_samplings, n_states, n_terms), NaN without noise and for terms without a bound.
-    There is one sampling where all replicates share their times, else one for each replicate.
+    There is one sampling if all realisations share their times, else one for each.
     """
     write_arrays(path, std=deviations)
 
 
 def read_bounds(path: str | os.PathLike) -> np.ndarray:
-    """(n_samplings, n_states, n_terms), as of `write_bounds`."""
+    """Read bounds, (n_samplings, n_states, n_terms), as of `write_bounds`."""
     with np.load(path) as file:
         return file["std"]
 
@@ -204,7 +205,7 @@ def read_bounds(path: str | os.PathLike) -> np.ndarray:
 def write_reconstructions(
     path: str | os.PathLike, reconstructions: Mapping[str, Reconstruction]
 ) -> None:
-    """Write what the models of each method do, by its name."""
+    """Write the reconstructed motions of each method, by name."""
     write_arrays(
         path,
         **{
@@ -216,13 +217,13 @@ def write_reconstructions(
 
 
 def read_reconstructions(path: str | os.PathLike) -> dict[str, Reconstruction]:
-    """Reconstructions by method."""
+    """Read reconstructions by method."""
     with np.load(path) as file:
         return {method: Reconstruction(**of) for method, of in _by_method(file).items()}
 
 
 def _by_method(file: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
-    """Return what is kept as `method/name`."""
+    """Group arrays that are stored as `method/name`."""
     methods: dict[str, dict[str, np.ndarray]] = {}
     for key in file:
         method, is_of_one, name = key.partition("/")
@@ -235,12 +236,12 @@ def _by_method(file: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray
 
 
 def write_orbits(path: str | os.PathLike, orbits: Mapping[float, np.ndarray]) -> None:
-    """orbits: by wind speed in m/s, (n, 2) places (w, v) in m about rest."""
+    """Write orbits by wind speed in m/s: (n, 2) places (w, v) in m about rest."""
     write_arrays(path, **{f"{wind:.12g}": places for wind, places in orbits.items()})
 
 
 def read_orbits(path: str | os.PathLike) -> dict[float, np.ndarray]:
-    """(n, 2) places (w, v) in m about rest, by wind speed in m/s."""
+    """Read orbits, (n, 2) places (w, v) in m about rest, by wind speed in m/s."""
     with np.load(path) as file:
         return {float(wind): file[wind] for wind in file}
 

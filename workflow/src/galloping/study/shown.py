@@ -1,4 +1,4 @@
-"""Where tables and figures look that cannot show all cells of a study."""
+"""Selection of study cells for tables and figures that cannot show all."""
 
 from collections.abc import Iterable
 from functools import reduce
@@ -17,13 +17,13 @@ Pair = tuple[Protocol, Method]
 
 
 def runs(pair: Pair) -> bool:
-    """Whether a method can use whole records by a protocol."""
+    """Decide whether a method can use whole records of a measurement setup."""
     protocol, method = pair
     return method.can_use(protocol, uniform=True)
 
 
 def paper_pair(study: Study) -> Pair:
-    """Return the paper's protocol and method, or the first pair that a study can run."""
+    """Return the paper's measurement setup and method, or the first pair that a study can run."""
     pairs = list(
         filter(runs, ((protocol, m) for m in study.methods for protocol in study.protocols))
     )
@@ -32,14 +32,16 @@ def paper_pair(study: Study) -> Pair:
 
 
 def is_papers(pair: Pair) -> bool:
-    """Whether it is how the paper measured and identified."""
+    """Decide whether a pair is the paper's measurement setup and method."""
     protocol, method = pair
     return (protocol.name, method.name) == (PAPER_PROTOCOL, PAPER_METHOD)
 
 
 def departures(settings: Settings) -> dict[str, str]:
-    """Why the paper's claims about each of its cases cannot be judged in a study; "" where they
-    can: what the paper prints of the line is unchanged, whatever the rest is.
+    """Find why the paper's claims about each of its cases cannot be assessed in a study.
+
+    The reason is "" if they can: everything that the paper prints of the line is unchanged,
+    whatever the rest is.
     """
     cases = settings.cases
     return {
@@ -65,13 +67,14 @@ def _describe_departure(case: CaseSection | None, paper: CaseSection) -> str:
 
 
 def judged_cases(study: Study) -> list[str]:
-    """Names of the cases about which the paper's claims can be judged."""
+    """List the cases about which the paper's claims can be assessed."""
     return [name for name, departure in departures(study.settings).items() if not departure]
 
 
 def departures_from_paper(study: Study) -> dict[str, str]:
-    """Why the paper's claims about its cases are not judged by its own method, "" where they are;
-    empty for a study without a case of the paper.
+    """Find why the paper's claims about its cases are not assessed by its own method.
+
+    The reason is "" if they are; empty for a study without a case of the paper.
     """
     found = departures(study.settings)
     if not any(case.name in found for case in study.cases):
@@ -83,15 +86,16 @@ def departures_from_paper(study: Study) -> dict[str, str]:
 
 
 def sensor_protocol(study: Study) -> Protocol:
-    """Return what a sensor gives, if the study has it."""
+    """Return the measurement setup of a sensor, if the study has it."""
     sensors = (protocol for protocol in study.protocols if protocol.measures == ALL_STATES)
     return next(sensors, study.protocols[0])
 
 
 def equations_beside(study: Study) -> list[tuple[Cell, Method]]:
-    """Whole records of the first case, and what identified them, whose equations are set side by
-    side: the paper's pair at the lowest noise level and at that of the subsets, and ours from
-    sensors at the latter.
+    """Choose whole records of the first case, with methods, whose equations are compared.
+
+    They are the paper's pair at the lowest noise level and at that of the subsets, and our method
+    from sensors at the latter.
     """
     first, level = study.cases[0], study.settings.measurement.subsets.level
     papers = paper_pair(study)
@@ -104,25 +108,26 @@ def equations_beside(study: Study) -> list[tuple[Cell, Method]]:
 
 
 def least_noise(study: Study, case: Case) -> Cell:
-    """Return the whole record at the lowest level, as the paper's pair has it."""
+    """Return the whole record of the paper's pair at the lowest level."""
     return _cells_of_pair(study, case, paper_pair(study), NOISE)[0]
 
 
 def noise_cells(study: Study, pair: Pair, wanted: Iterable[float]) -> list[Cell]:
-    """Those of the wanted noise levels that the study has, else its three lowest above zero."""
+    """List cells of the wanted noise levels in the study, else its three lowest above zero."""
     cells = [cell for cell in _cells_of_pair(study, study.cases[0], pair, NOISE) if cell.level > 0]
     return [cell for cell in cells if cell.level in wanted] or cells[:3]
 
 
 def amount_cells(study: Study, pair: Pair) -> list[Cell]:
-    """Subsets of the first case that a pair can use, the smallest first."""
+    """List subsets of the first case that a pair can use, the smallest first."""
     return _cells_of_pair(study, study.cases[0], pair, SUBSET)
 
 
 def assessed_cell(study: Study, case: str) -> Cell | None:
-    """Whose models say how sure an assessment is: sensors at the level of the subsets, all
-    recordings of the case together where it has several; None where ours does not run, or models
-    are not the line's own.
+    """Choose the cell whose models give the uncertainty of an assessment.
+
+    It has sensors at the noise level of the subsets, and all recordings of the case together if it
+    has several; None if our method does not run, or if models are not the line's own.
     """
     chosen = [
         cell
@@ -133,8 +138,10 @@ def assessed_cell(study: Study, case: str) -> Cell | None:
 
 
 def predicted_cells(study: Study, case: str) -> dict[str, Cell]:
-    """Whole records of sensors at the level of the subsets, by protocol, that ours can use; none
-    of a continuous line, whose motion at other wind speeds is not known.
+    """Choose whole records of sensors at the noise level of the subsets, by measurement setup.
+
+    Our method can use them; none of a continuous line, whose motion at other wind speeds is
+    unknown.
     """
     return {
         cell.protocol.name: cell
@@ -144,24 +151,24 @@ def predicted_cells(study: Study, case: str) -> dict[str, Cell]:
 
 
 def predicting_methods(cell: Cell) -> list[str]:
-    """Ours, and the first other method beside it."""
+    """Return our method, and the first other one of the cell."""
     others = [method.name for method in cell.methods if method.family != OURS_FAMILY]
     return [OURS, *others[:1]]
 
 
 def families_of(cell: Cell) -> list[str]:
-    """Of the methods that predict."""
+    """List the families of the methods that predict."""
     names = predicting_methods(cell)
     return list(dict.fromkeys(m.family for m in cell.methods if m.name in names))
 
 
 def ahead_cells(study: Study) -> list[Cell]:
-    """Whole records of the first case that ours can use."""
+    """List whole records of the first case that our method can use."""
     return [cell for cell in _own_cells(study, study.cases[0]) if cell.kind == NOISE]
 
 
 def oracle_cells(study: Study) -> list[Cell]:
-    """Whole noisy records of all states that a method of pysindy is tuned on."""
+    """List whole noisy records of all states for the tuning of a method of pysindy."""
     return [
         cell
         for cell in study.cells
@@ -172,13 +179,13 @@ def oracle_cells(study: Study) -> list[Cell]:
 
 
 def _own_cells(study: Study, case: Case) -> list[Cell]:
-    """Return the cells of a case that ours can use."""
+    """List the cells of a case that our method can use."""
     used = (cell for cell in study.cells if OURS in [method.name for method in cell.methods])
     return [cell for cell in used if cell.case == case]
 
 
 def _at_one_level(study: Study, case: str) -> list[Cell]:
-    """Those at the noise level of the subsets; none of a continuous line."""
+    """List cells at the noise level of the subsets; none of a continuous line."""
     of, level = study.case(case), study.settings.measurement.subsets.level
     return [c for c in _own_cells(study, of) if c.level == level and not of.is_continuous]
 

@@ -1,4 +1,4 @@
-"""From the files of a user to all that is written about them: summary, tables and figures."""
+"""Analysis of the files of a user: summary, tables and figures."""
 
 # What an analysis writes, always all of it.
 SHOWN = ("summary.md", "quality.svg", "fit.svg", "forecast.svg")  # in the report of a study

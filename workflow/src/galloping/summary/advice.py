@@ -1,4 +1,4 @@
-"""Which further recording would tell most of the term that is known worst."""
+"""Advice on the further recording that would best improve the least certain term."""
 
 from dataclasses import dataclass, replace
 from math import floor, log10
@@ -23,11 +23,11 @@ WEIGHED = 40  # samples that information is summed over: more are weighed, not i
 
 @dataclass(frozen=True)
 class Advice:
-    """What further recordings promise, by the bound of Cramer and Rao.
+    """Accuracy that further recordings would give, by the Cramér-Rao bound.
 
-    term: that is known worst, with its equation. coefficient; error: its standard error now, in
-    unit. duration: s, of a further recording. options: how one is made, with the standard error
-    that this term would have, the best first.
+    term: the least certain one, with its equation. coefficient; error: its present standard error,
+    in unit. duration: s, of a further recording. options: descriptions of recordings, with the
+    standard error that this term would have, the best first.
     """
 
     term: str
@@ -38,16 +38,16 @@ class Advice:
     options: tuple[tuple[str, float], ...]
 
     def percent(self, error: float) -> str:
-        """A standard error as a share of the coefficient."""
+        """Format a standard error as a share of the coefficient."""
         return f"{100.0 / abs(self.coefficient) * error:.2g} %"
 
 
 def advice(identified: IdentifiedModel, recording: Recording, period: float) -> Advice | None:
-    """What one more recording, by the instruments of the last, would do for the weakest term.
+    """Predict the effect of one more recording, by the last sensors, on the least certain term.
 
-    period: s, of the motion. None where there is no exact model, for what an approximate one errs
-    by is not the noise; where the motion only repeats, for other terms have it too; and where no
-    channel is of a state, as its options would be.
+    period: s, of the motion. None if there is no exact model, since errors of an approximate one
+    are not noise; if the motion only repeats, since other terms describe it too; and if no channel
+    measures a state.
     """
     exact = identified.status in ("ok", "not identifiable") and len(identified.covariance)
     driven = identified.is_forced or identified.model.inputs  # which differ in another recording
@@ -93,7 +93,7 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
 def _list_options(
     first: Experiment, identified: IdentifiedModel, recording: Recording
 ) -> dict[str, Experiment]:
-    """Recordings that could be made, by what is done."""
+    """List recordings that could be made, by description."""
     states = identified.model.states
     pairs = velocity_pairs(states)
     around = Surroundings.of([recording])

@@ -1,4 +1,4 @@
-"""From files to everything that is written about them: quality, model, fit, forecast, summary."""
+"""Analysis of files: quality, model, fit, forecast, summary."""
 
 import copy
 from collections.abc import Mapping, Sequence
@@ -46,10 +46,10 @@ IN_WORDS = {"zero": "held", "linear": "linear", "cubic": "smooth"}
 
 @dataclass(frozen=True)
 class Field:
-    """Recordings of one system as they came from files.
+    """Recordings of one system from files.
 
-    series, reports: one of each for each file; reports are those of `quality`. recordings: of all
-    files in their order, those with long gaps in parts; names: of them.
+    series, reports: one for each file; reports are those of `quality`. recordings: of all files in
+    their order, those with long gaps in parts; names: of them.
     """
 
     mapping: ColumnMapping
@@ -60,11 +60,11 @@ class Field:
 
     @property
     def between(self) -> dict[str, str]:
-        """What inputs are between their samples, by name."""
+        """Interpolation of inputs between samples, by name."""
         return {name: one.between for name, one in self.series[0].inputs.items()}
 
     def with_interpolants(self, kinds: Mapping[str, str]) -> "Field":
-        """The recordings with what inputs are between their samples decided, and that noted."""
+        """Set the interpolation of inputs, with a note."""
         reports = copy.deepcopy(self.reports)
         for report in reports:
             for one in report["inputs"].values():
@@ -86,8 +86,9 @@ class Field:
 
     @property
     def faults(self) -> list[Finding]:
-        """Why there may be no model: channels that are cut off, jump, are mostly noise, or show no
-        motion of their own.
+        """Possible reasons for the lack of a model.
+
+        These are channels that are cut off, jump, are mostly noise, or have no motion of their own.
         """
         return [
             replace(one, subject=escape_markdown(f"{one.subject} of {report['file']}"))
@@ -98,7 +99,7 @@ class Field:
 
 
 def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
-    """Files of one system. Raises FileError in one line."""
+    """Read files of one system. Raises FileError in one line."""
     with part("read", until=0.05):
         series = tuple(read_series(path, mapping) for path in paths)
     check_apart(series)
@@ -131,13 +132,13 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
 
 @dataclass(frozen=True)
 class FieldQuestion:
-    """What is asked of recordings.
+    """Question to recordings: library, method and prior knowledge.
 
-    degree: of the polynomial library of states and inputs, where neither `library` nor the mapping
-    says another. method: a name of METHODS. library, known: texts, as in `terms`; those of the
-    mapping are known besides. seed: of the draws of intervals and forecasts. random_force: names of
-    what random forces move, or all; where there are none those of the mapping count, else the
-    motion tells.
+    degree: of the polynomial library of states and inputs, if neither `library` nor the mapping has
+    another. method: a name of METHODS. library, known: texts, as in `terms`; those of the mapping
+    are known besides. seed: of the draws of intervals and forecasts. random_force: names of
+    coordinates under random forces, or all; if there are none those of the mapping count, else they
+    are determined from the motion.
     """
 
     degree: int = 3
@@ -148,9 +149,9 @@ class FieldQuestion:
     random_force: tuple[str, ...] = ()
 
     def terms(self, mapping: ColumnMapping) -> tuple[tuple[Exponents, ...], np.ndarray | None]:
-        """The library, and in which equations its terms may be, as of `terms.parse_library`.
+        """Parse the library, and the equations of its terms, as `terms.parse_library`.
 
-        Raises ValueError for what is no library, and where it leaves an input out.
+        Raises ValueError for what is no library, and if it lacks an input.
         """
         inputs = mapping.input_names
         texts = self.library or mapping.library
@@ -169,10 +170,10 @@ def analyse(
     folder: Path,
     beside: tuple[str, PolynomialModel] | None = None,
 ) -> IdentifiedModel:
-    """From recordings of one system to everything in `folder`, written when all of it is made.
+    """Identify a model from recordings, and write everything to `folder` when all of it is made.
 
     beside: a name and a model of the line that the summary compares with. Raises ValueError, in one
-    line, for files or a question that make no sense; a recording without a model is no error.
+    line, for invalid files or questions; a recording without a model is no error.
     """
     field, summary = identify_field(field, question)
     case = None
@@ -186,19 +187,19 @@ def analyse(
 
 
 def identify_field(field: Field, question: FieldQuestion) -> tuple[Field, Summary]:
-    """Identify one model from recordings of one system, and try it.
+    """Identify one model from recordings of one system, and test it.
 
     Returns
     -------
     Field
-        The recordings, with what inputs are between their samples decided.
+        The recordings, with the interpolation of inputs decided.
     Summary
-        The model, refused if there is none, and what it says of the system.
+        The model, refused if there is none, and properties of the system.
 
     Raises
     ------
     ValueError
-        In one line, for files or a question that make no sense.
+        In one line, for invalid files or questions.
     """
     mapping = field.mapping
     terms, allowed = question.terms(mapping)
@@ -265,7 +266,7 @@ def check_telling(series: Sequence[Series], terms: Sequence[Exponents], n_states
 def write_outputs(
     folder: Path, field: Field, of: Summary, beside: tuple[str, Dynamics | None] | None = None
 ) -> None:
-    """The tables, the model, and `summary.md` with its numbers. beside: as of `findings`."""
+    """Write the tables, the model, and `summary.md` with its numbers. beside: as of `findings`."""
     identified, states, inputs = of.found, of.found.model.states, dict(field.series[0].units)
     write_json(folder / "quality.json", list(field.reports))
     identified.save(
@@ -287,7 +288,7 @@ def write_outputs(
 
 
 def _describe_package(tables: Mapping[str, Mapping[str, str]]) -> dict:
-    """The Frictionless description of CSV files, of each its columns with their units."""
+    """Make the Frictionless description of CSV files: columns of each with their units."""
     resources = []
     for file, columns in tables.items():
         fields = [{"name": n, "unit": unit} if unit else {"name": n} for n, unit in columns.items()]
@@ -296,7 +297,7 @@ def _describe_package(tables: Mapping[str, Mapping[str, str]]) -> dict:
 
 
 def write_figures(folder: Path, field: Field, of: Summary) -> None:
-    """quality, fit and forecast, as SVG and PNG."""
+    """Draw quality, fit and forecast, as SVG and PNG."""
     from galloping.figures.style import write_figure
     from galloping.summary import drawing  # matplotlib
 

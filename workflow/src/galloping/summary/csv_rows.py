@@ -1,4 +1,4 @@
-"""Rows of model.csv and forecast.csv, which the command prints too."""
+"""Rows of model.csv and forecast.csv, also for output of the command."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -19,10 +19,10 @@ MODEL_COLUMNS = {  # with the unit of each
 
 
 def model_rows(identified: IdentifiedModel, units: Mapping[str, str] = NONE) -> list[dict]:
-    """Rows of model.csv: one for each present term, and each absent one with a limit.
+    """Make rows of model.csv: one for each present term, and each absent one with a limit.
 
-    An equation is named by the state whose derivative it gives, a term as pysindy names it. units:
-    of inputs, by name.
+    An equation is named by the state whose derivative it gives, a term as by pysindy. units: of
+    inputs, by name.
     """
     model, rows = identified.model, []
     low, high = identified.confidence_limits()
@@ -50,7 +50,7 @@ def model_rows(identified: IdentifiedModel, units: Mapping[str, str] = NONE) -> 
 
 
 def forecast_rows(predicted: "Forecast") -> list[dict]:
-    """Rows of forecast.csv: time and, for each channel, median and 90 % band."""
+    """Make rows of forecast.csv: time and, for each channel, median and 90 % band."""
     columns = {"time_s": predicted.time} | predicted.channel_columns()
     rows = np.column_stack(list(columns.values())).tolist()
     return [dict(zip(columns, row, strict=True)) for row in rows]

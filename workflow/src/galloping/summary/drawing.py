@@ -1,4 +1,4 @@
-"""Recordings of a user: what they are worth, the model beside them, and where they go from here."""
+"""Figures of a user's recordings: quality, fit and forecast."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -40,7 +40,7 @@ MARK: Mapping[str, Any] = {"color": PAPER, "lw": 0.8, "ls": ":"}
 def draw_quality(
     series: "Sequence[Series]", reports: Sequence[dict], mapping: "ColumnMapping"
 ) -> Figure:
-    """A row for each channel and input of each file: the samples, gaps shaded, and their spectrum.
+    """Draw samples and spectrum of each channel and input of each file, with gaps shaded.
 
     series: of each file. reports: of `field.quality`, of each file. mapping: names the channels.
     """
@@ -98,12 +98,12 @@ def draw_quality(
 
 
 def _title(column: str, report: dict) -> str:
-    """Name a column and its file, in which a dollar begins no formula."""
+    """Format the names of a column and its file, in which a dollar begins no formula."""
     return f"{column} of {report['file']}".replace("$", r"\$")
 
 
 def draw_fit(recording: Recording, motions: Sequence[tuple[np.ndarray, np.ndarray]]) -> Figure:
-    """Samples and the model's motion, in a column for each of some stretches of the recording.
+    """Draw samples and the model's motion, in a column for each stretch of the recording.
 
     motions: of each stretch the times (n,), s, and the channels (n, n_sensed) of the model.
     """
@@ -119,7 +119,7 @@ def draw_fit(recording: Recording, motions: Sequence[tuple[np.ndarray, np.ndarra
 
 
 def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
-    """Of each channel the spectrum of the samples, and that of a model that random forces move."""
+    """Draw the spectra of the samples and of a model in random forces, for each channel."""
     from scipy.signal import welch  # slow to import
 
     channels = Channels.from_recordings([recording])
@@ -148,9 +148,9 @@ def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
 def draw_forecast(
     recordings: Sequence[Recording], forecasts: Sequence[Forecast], length: float
 ) -> Figure:
-    """The end of a recording, the forecast of what was held out, and the one after the recording.
+    """Draw the end of a recording, the forecast of held-out samples, and the one after the end.
 
-    recordings: of each forecast the one that it goes on from. length: s, of what is shown of each.
+    recordings: recording before each forecast. length: s, of each panel.
     """
     if not forecasts:
         return parts.nothing_at_all("the recording gives no model to forecast with")
@@ -174,7 +174,7 @@ def draw_forecast(
 
 
 def draw_assessment(of: Assessment, units: Mapping[str, str]) -> Figure:
-    """Half ranges of the limit cycles along an input, with their intervals, and the onset.
+    """Draw half ranges of the limit cycles along an input, with intervals, and the onset.
 
     units: of inputs, by name.
     """
@@ -208,7 +208,7 @@ def draw_assessment(of: Assessment, units: Mapping[str, str]) -> Figure:
 
 
 def _chains(of: Assessment) -> list[list[tuple[float, Cycle]]]:
-    """Limit cycles along an input, each with the one that is nearest at the value before."""
+    """Connect each limit cycle to the nearest one at the previous value of an input."""
     chains: list[list[tuple[float, Cycle]]] = []
     before = np.nan
     for condition in of.conditions:
@@ -232,7 +232,7 @@ def _distance(one: Cycle, other: Cycle) -> float:
 def _channels(
     recording: Recording, columns: int
 ) -> tuple[Figure, dict[tuple[int, int, int], Axes], np.ndarray]:
-    """Panels by row, column and sensed channel, a row for each that has samples; the samples."""
+    """Make panels by row, column and channel, a row for each with samples; return samples too."""
     sensed = Sensed.by(recording)
     samples = sensed.samples(recording)
     shown = np.flatnonzero(np.isfinite(samples).any(axis=0))
@@ -261,7 +261,7 @@ def _with_unit(name: str) -> str:
 
 
 def _envelope(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The least and greatest samples of many stretches: as dense as a figure can show."""
+    """Reduce samples to the least and greatest of many stretches, as dense as a figure can show."""
     known = np.isfinite(values)
     time, values = time[known], values[known]
     gaps = np.flatnonzero(np.diff(time) > REPORTED_GAP * np.median(np.diff(time))) + 1

@@ -1,4 +1,4 @@
-"""What drives a model that is simulated or forecast: held values, and inputs from a file."""
+"""Inputs of a model for simulation or forecast: constant values, and inputs from a file."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -31,11 +31,11 @@ def driving(
     time: str | None = None,
     kinds: Mapping[str, str] = NONE,
 ) -> dict[str, Input | float]:
-    """Inputs by name, held as `at` says, the others from a file, s from its first time.
+    """Collect inputs by name, constant by `at`, the others from a file, s from its first time.
 
-    model: for the message. time: the column of times. kinds: what inputs are between samples.
-    Columns have the names of the inputs, and their units behind them. Raises ValueError where an
-    input is not said, and for files that cannot be read.
+    model: for the message. time: the column of times. kinds: interpolation of inputs. Columns have
+    the names of the inputs, with their units. Raises ValueError if an input is missing, and for
+    files that cannot be read.
     """
     found = _read_held(at, names)
     left = [name for name in names if name not in found]
@@ -63,10 +63,10 @@ def driving(
 def inputs_after(
     field: "Field", names: Sequence[str], at: Sequence[str], path: str | None
 ) -> dict[str, Input | float]:
-    """Inputs of a model after the last of its recordings, as far as they are said.
+    """Collect inputs of a model after the last of its recordings, as far as they are specified.
 
-    path: a file with the columns of the recording, on its clock. Raises ValueError where the
-    recording does not hold an input, and where only one of the files has dates.
+    path: a file with the columns of the recording, on its clock. Raises ValueError if the recording
+    lacks an input, and if only one of the files has dates.
     """
     mapping, recording = field.mapping, field.series[-1]
     columns = {one.name: one for one in mapping.inputs}
@@ -101,8 +101,9 @@ def inputs_after(
 def usual_sampling(
     model: PolynomialModel, start: np.ndarray, inputs: Mapping[str, Input | float]
 ) -> tuple[float, float]:
-    """Duration, s, and rate, Hz, that show the motion of a model from a start (n_states,): so many
-    periods of its small motions there, inputs at their means, and samples of a period.
+    """Choose duration, s, and rate, Hz, that show the motion of a model from a state (n_states,).
+
+    They are multiples of the periods of small motions there, with inputs at their means.
     """
     means = {
         name: float(np.nanmean(one.values)) if isinstance(one, Input) else one
@@ -123,9 +124,9 @@ def _read_held(at: Sequence[str], names: Sequence[str]) -> dict[str, Input | flo
 
 
 def held_at(texts: Sequence[str], inputs: Sequence[str]) -> dict[str, float | np.ndarray]:
-    """Values of inputs by name, from `U=12`, or `U=8:16` and `U=8:16:0.5`, a range.
+    """Parse values of inputs by name, from `U=12`, or `U=8:16` and `U=8:16:0.5`, a range.
 
-    Raises ValueError where a text has another form or names no input.
+    Raises ValueError if a text has another form or names no input.
     """
     found: dict[str, float | np.ndarray] = {}
     for text in texts:

@@ -1,4 +1,4 @@
-"""What would help most, in the words of an engineer, and what the findings of a verdict mean."""
+"""Advice to engineers, the most useful first, and the meaning of findings."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -25,7 +25,7 @@ KNOWN = 0.01  # standard error of a coefficient that no further recording needs 
 
 
 def what_helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
-    """What would help, that which helps most first."""
+    """List advice, the most useful first."""
     problems = [finding_of(problem) for report in reports for problem in report["problems"]]
     span, units = is_span(of.found), units_in(reports)
     helps = [more for _, more in meanings_and_advice(problems, span) if more]
@@ -75,13 +75,13 @@ def what_helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
 
 
 def _both_directions(reports: Sequence[dict]) -> bool:
-    """Whether the sensors of a span measure its vertical and its horizontal motion."""
+    """Decide whether the sensors of a span measure its vertical and its horizontal motion."""
     measured = {one["measures"][-1] for report in reports for one in report["channels"].values()}
     return {"v", "w"} <= measured
 
 
 def _alone(reports: Sequence[dict]) -> str:
-    """The columns without a motion of their own, where there are others; '' where not."""
+    """Format the columns without a motion of their own, if there are others; '' if not."""
     idle = {
         problem["column"]
         for report in reports
@@ -93,31 +93,31 @@ def _alone(reports: Sequence[dict]) -> str:
 
 
 def meanings_and_advice(findings: Iterable[Finding], is_span: bool = True) -> list[tuple[str, str]]:
-    """Say what findings that bear on a verdict mean, and what would help (`sentences.explain`)."""
+    """Explain findings that affect the status, with advice (`sentences.explain`)."""
     return explain(findings, True, is_span, HELPS)
 
 
 def units_in(reports: Sequence[dict]) -> dict[str, str]:
-    """Units of inputs, by name, from reports of `quality`."""
+    """Extract units of inputs, by name, from reports of `quality`."""
     return {one["name"]: one["unit"] for report in reports for one in report["inputs"].values()}
 
 
 def shown_units(units: Mapping[str, str]) -> dict[str, str]:
-    """Units to be written behind numbers, those of pure ones left out."""
+    """Format units for numbers, those of pure ones left out."""
     return {name: unit for name, unit in units.items() if unit != "1"}
 
 
 def may_be_wind(found: IdentifiedModel, units: Mapping[str, str]) -> bool:
-    """Whether what drives a span may be the wind, as far as units tell."""
+    """Decide whether the input of a span may be the wind, by its unit."""
     return is_span(found) and all(units.get(n, "m/s") == "m/s" for n in found.model.inputs)
 
 
 def is_span(found: IdentifiedModel) -> bool:
-    """Whether a model is of a span, by the names of its states."""
+    """Decide whether a model is of a span, by the names of its states."""
     return any(map(meaning, found.model.states))
 
 
 def listed(parts: Iterable[str]) -> str:
-    """`a, b and c`; there must be one at least."""
+    """Join one or more parts as `a, b and c`."""
     *most, last = parts
     return f"{', '.join(most)} and {last}" if most else last

@@ -1,4 +1,4 @@
-"""The numbers that a summary tells, with their units: what `summary.json` holds.
+"""Numbers of a summary, with their units: the content of `summary.json`.
 
 `summary.md` is rendered from the same values.
 """
@@ -34,7 +34,7 @@ PERCENT = "% of critical"
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value with its 95 % interval, NaN where there is none. unit: '' of a pure number."""
+    """A value with its 95 % interval, NaN if there is none. unit: '' for a pure number."""
 
     value: float
     low: float = nan
@@ -43,18 +43,18 @@ class Estimate:
 
     @classmethod
     def of(cls, value: Value, unit: str = "", factor: float = 1.0) -> Self:
-        """A value times a factor, which may be negative."""
+        """Multiply a value by a factor, which may be negative."""
         ends = factor * value.low, factor * value.high
         return cls(factor * value.value, min(ends), max(ends), unit)
 
 
 @dataclass(frozen=True)
 class RecordedMotion:
-    """Least and greatest of what was recorded, outliers left out.
+    """Least and greatest recorded value, without outliers.
 
-    name: of a state, its rate or a column. meaning: what is meant, '' of other systems than a span.
-    file: that the column is in, '' of a state. below_hz: what is faster is left out, NaN where
-    nothing is. frequency_hz: of most of the motion, NaN where none stands out.
+    name: of a state, its rate or a column. meaning: in words, '' for other systems than a span.
+    file: that the column is in, '' for a state. below_hz: cut-off frequency, NaN without one.
+    frequency_hz: of most of the motion, NaN without a peak.
     """
 
     name: str
@@ -69,8 +69,10 @@ class RecordedMotion:
 
 @dataclass(frozen=True)
 class SmallMotionEstimates:
-    """A mode of small motions about rest. name: of the coordinate that mostly moves, or of a mode
-    beside those of the coordinates. doubling_time: of one that grows.
+    """A mode of small motions about the equilibrium.
+
+    name: of the coordinate that mostly moves, or of a mode besides those of the coordinates.
+    doubling_time: of one that grows.
     """
 
     name: str
@@ -81,12 +83,12 @@ class SmallMotionEstimates:
 
 @dataclass(frozen=True)
 class SystemEstimates:
-    """What a model says of its system.
+    """Properties of the system by its model.
 
-    at: inputs, at the means of which the rest is told. rest: place, by coordinate. small_motions:
-    none where the recordings do not tell them. end: how the motion ends: `cycle`, `rest`, `forced`,
-    `irregular`, or why its simulation stopped. limit_cycle: half range, by coordinate, and period;
-    none where the motion does not end on one.
+    at: means of the inputs, for all other values. rest: equilibrium, by coordinate. small_motions:
+    none if the recordings do not determine them. end: kind of the final motion: `cycle`, `rest`,
+    `forced`, `irregular`, or why its simulation stopped. limit_cycle: half range, by coordinate,
+    and period; none if the motion approaches none.
     """
 
     at: Mapping[str, Estimate]
@@ -99,10 +101,11 @@ class SystemEstimates:
 
 @dataclass(frozen=True)
 class HeldOutChannel:
-    """How the forecast of a channel went. missed_percent: root mean square error, of the deviation
-    of the whole recording, NaN of random forces, which nothing foretells. is_noise: whether nothing
-    but noise was left to forecast; r2 is NaN then. band_factor: how many times as wide the band had
-    to be, infinite where the forecast is of no use.
+    """Scores of the forecast of a channel.
+
+    missed_percent: root mean square error, over the deviation of the whole recording, NaN for
+    random forces, which are unpredictable. is_noise: whether the samples are noise alone; r2 is NaN
+    then. band_factor: by which the band must be widened, infinite if the forecast is useless.
     """
 
     name: str
@@ -116,11 +119,11 @@ class HeldOutChannel:
 
 @dataclass(frozen=True)
 class HeldOutScores:
-    """How the forecast of the end of a recording went, which was hidden from the method.
+    """Scores of the forecast of the end of a recording, which was hidden from the method.
 
     until_s: the end of that recording, on its clock. is_longest: whether that is of the longest
-    recording and not of the last. is_useful: whether no channel was missed by more than its mean
-    would have missed it.
+    recording and not of the last. is_useful: whether the forecast is better than the mean in every
+    channel.
     """
 
     duration_s: float
@@ -132,7 +135,7 @@ class HeldOutScores:
 
 @dataclass(frozen=True)
 class AbsentTerm:
-    """A term that was not found, and from which size on it would have been."""
+    """An absent term, and the size from which it would have been found."""
 
     term: str
     equation: str
@@ -142,8 +145,10 @@ class AbsentTerm:
 
 @dataclass(frozen=True)
 class FurtherRecording:
-    """What further recordings promise of the term known worst: standard errors now and after each
-    of the options, the best first.
+    """Effect of further recordings on the least certain term.
+
+    standard_error: present one. options: standard error after each further recording, the best
+    first.
     """
 
     term: str
@@ -158,10 +163,10 @@ class FurtherRecording:
 class Findings:
     """All numbers of a summary.
 
-    columns: of files, where what they hold is no state as it is. random_forces: density of each,
-    with its unit; force_durations_s: how long slow ones last. stretches: how many the model comes
-    from, 0 for the whole, and their share of the time. scales: unknown ones that were found.
-    compared: a name, and what is known of the system by that name.
+    columns: of files that do not contain a state directly. random_forces: density of each, with its
+    unit; force_durations_s: correlation times of slow ones. stretches: number used for the model, 0
+    for the whole, and their share of the time. scales: unknown ones that were found. compared: a
+    name, and the system's known properties by that name.
     """
 
     status: str
@@ -185,15 +190,15 @@ class Findings:
 def findings(
     of: "Summary", reports: Sequence[dict] = (), beside: tuple[str, Dynamics | None] | None = None
 ) -> Findings:
-    """The numbers of a summary.
+    """Collect the numbers of a summary.
 
     Parameters
     ----------
     of : Summary
     reports : sequence of dict
-        Of `quality`, where the recordings come from files.
+        Of `quality`, if the recordings come from files.
     beside : tuple, optional
-        A name, and what is known of the system by that name.
+        A name, and the system's known properties by that name.
     """
     found, known, units = of.found, of.dynamics, units_in(reports)
     below = float(found.diagnostics.get("below", nan))
@@ -234,12 +239,12 @@ def findings(
 
 
 def keeps(known: Dynamics) -> bool:
-    """Whether all damping is zero: no motion grows or decays."""
+    """Decide whether all damping is zero: no motion grows or decays."""
     return all(abs(value.value) < ROUNDING for value in known.damping.values())
 
 
 def is_blind(found: IdentifiedModel, known: Dynamics) -> bool:
-    """Whether all small motions go on in the model as they are, and in others would not."""
+    """Decide whether all small motions persist in the model, but not in other ones."""
     return keeps(known) and found.status == "not identifiable"
 
 
@@ -277,7 +282,7 @@ def _small_motion(known: Dynamics, name: str) -> SmallMotionEstimates:
 
 
 def _doubling_time(frequency: Value, damping: Value) -> Estimate:
-    """The time in which a motion that grows doubles; without an end where it may not grow."""
+    """Compute the doubling time of a growing motion; infinite if it may not grow."""
     time, low, high = (
         log(2.0) / (2.0 * pi * frequency.value * -ratio) if ratio < 0.0 else inf
         for ratio in (damping.value, damping.low, damping.high)
@@ -288,8 +293,10 @@ def _doubling_time(frequency: Value, damping: Value) -> Estimate:
 def _describe_recorded(
     recordings: Sequence[Recording], below: float, placed: Collection[str]
 ) -> Iterator[RecordedMotion]:
-    """Of each channel of all recordings; below: Hz, beyond which they have nothing left. placed:
-    those whose sensors have places along the span, from which the motion of its mode follows.
+    """Yield the extent and frequency of each channel of all recordings.
+
+    below: Hz, cut-off frequency. placed: channels whose sensors have places along the span, from
+    which the motion of its mode follows.
     """
     channels: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     for own in recordings:
@@ -313,7 +320,7 @@ def _describe_recorded(
 def _describe_columns(
     reports: Sequence[dict], recorded: Sequence[RecordedMotion]
 ) -> Iterator[RecordedMotion]:
-    """The columns of files whose own extremes are not those of the state that they measure."""
+    """Yield the extremes of columns that differ from those of the state that they measure."""
     states = {one.name: one for one in recorded}
     columns: dict[tuple[str, str], list[tuple[str, float, float]]] = {}
     for report in reports:
@@ -332,8 +339,9 @@ def _describe_columns(
 def _force_densities(
     found: IdentifiedModel, known: Dynamics | None
 ) -> tuple[dict[str, Estimate], tuple[float, ...]]:
-    """Roots of the one-sided spectra of the forces, at the frequency of the coordinate that each
-    moves, and how long slow ones last, s.
+    """Compute roots of the one-sided spectra of the forces, and correlation times of slow ones, s.
+
+    The spectra are at the frequency of the coordinate of each force.
     """
     states, forces, said = found.model.states, Forces.from_model(found), {}
     for i, velocity in velocity_pairs(states).items():
@@ -369,7 +377,7 @@ def _held_out(of: "HeldOut", is_forced: bool) -> HeldOutScores:
 
 
 def _count_stretches(recordings: Sequence[Recording], found: IdentifiedModel) -> tuple[int, float]:
-    """How many parts of the recordings were used, and their share of the time; 0 for the whole."""
+    """Count the parts of the recordings that were used, and their share of time; 0 if whole."""
     own = recordings if found.is_forced else excerpts(list(recordings))
     if all(one is other for one, other in zip(own, recordings, strict=False)):
         return 0, 100.0
@@ -380,7 +388,7 @@ def _count_stretches(recordings: Sequence[Recording], found: IdentifiedModel) ->
 def _list_absent(
     found: IdentifiedModel, recordings: Sequence[Recording], units: Mapping[str, str]
 ) -> Iterator[AbsentTerm]:
-    """The absent terms that may be the largest part of their equation unseen.
+    """Yield the absent terms that may be the largest undetected parts of their equations.
 
     units: of inputs, by name.
     """

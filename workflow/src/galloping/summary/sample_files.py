@@ -1,10 +1,10 @@
-"""Files of motions whose truth is known, as users record them, and what is identified from them.
+"""Trials on files of motions with known truth, as users record them.
 
-The motions are of kinds that are often recorded and easily misread: very small units of length or
-long ones of time, a release after rest, decays with a knock or to rest, dry friction, a pendulum at
-large angles, the steady force of a machine, and measured forces that step, are held between
-samples, or take two values only. Each replicate draws frequency and damping within SPREAD of
-nominal ones, and the noise. The examples of the project are files as they are.
+The motions are of kinds that are often recorded and easily misinterpreted: very small units of
+length or long ones of time, a release after rest, decays with a knock or to rest, dry friction, a
+pendulum at large angles, the steady force of a machine, and measured forces that step, are held
+between samples, or have two values only. Each replicate draws frequency and damping within SPREAD
+of nominal ones, and the noise. The examples of the project are used unchanged.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -41,7 +41,7 @@ FORCE: dict[str, object] = {"inputs": [{"column": "F", "name": "F"}]}
 
 @dataclass(frozen=True)
 class Oscillation:
-    """A mode: its natural frequency, rad/s, and its damping ratio."""
+    """A mode: natural frequency, rad/s, and damping ratio."""
 
     frequency: float
     damping: float
@@ -54,7 +54,7 @@ class Oscillation:
 
     @property
     def rates(self) -> np.ndarray:
-        """(2, 2) d(q, dq)/dt by (q, dq)."""
+        """Matrix of d(q, dq)/dt by (q, dq), (2, 2)."""
         return np.array([[0.0, 1.0], [-(self.frequency**2), -2 * self.damping * self.frequency]])
 
     def equation(self, more: str = "") -> str:
@@ -63,14 +63,14 @@ class Oscillation:
         return f"dq = {stiffness:.17g} q {damping:+.17g} dq{more}"
 
     def free(self, time: np.ndarray, start: float, derivative: int = 0) -> np.ndarray:
-        """(n,) motion released at `start` at time zero, or a derivative of it; zero before."""
+        """Compute the motion from `start` at time zero, (n,), or a derivative; zero before."""
         exponent = self.frequency * complex(-self.damping, np.sqrt(1.0 - self.damping**2))
         amplitude = start * complex(1.0, exponent.real / exponent.imag)  # at rest when released
         motion = amplitude * exponent**derivative * np.exp(exponent * np.maximum(time, 0.0))
         return np.where(time >= 0.0, motion.real, 0.0)
 
     def driven(self, force: np.ndarray, step: float, start: float = 0.0) -> np.ndarray:
-        """(n,) motion, released at `start`, under accelerations that are held for a step, s."""
+        """Simulate the motion from `start`, (n,), under accelerations held for a step, s."""
         system = self.rates, np.array([[0.0], [1.0]]), np.eye(2), np.zeros((2, 1))
         transition, response, *_ = cont2discrete(system, step)
         states = np.empty((len(force), 2))
@@ -82,22 +82,22 @@ class Oscillation:
 
 @dataclass(frozen=True)
 class SampleFile:
-    """A file and what is true of it.
+    """A file and the truth of its system.
 
     Parameters
     ----------
     columns : mapping of str to (n,) array
         Samples by header, times first.
     mapping : mapping
-        How columns are read, as `readers.mapping.validate_mapping` takes it, without the time.
+        Of the columns, as for `readers.mapping.validate_mapping`, without the time.
     mode : Oscillation
         The small motions.
     equation : str
         That of dq, as `terms.known_model` reads it; '' if no model of the library is true.
     library : str
-        The terms that are asked for; '' for all of degree three.
+        The candidate terms; '' for all of degree three.
     cause : Code, optional
-        The finding that is right.
+        The correct finding.
     """
 
     columns: Mapping[str, np.ndarray]
@@ -119,7 +119,7 @@ def _add_noise(rng: np.random.Generator, values: np.ndarray, deviation: float) -
 def _integrate(
     acceleration: Callable[[float, float], float], start: float, time: np.ndarray
 ) -> np.ndarray:
-    """(n,) displacement by q'' = acceleration(q, q'), released at `start`."""
+    """Integrate q'' = acceleration(q, q') from `start`: displacement, (n,)."""
     return solve_ivp(
         lambda _, x: (x[1], acceleration(*x)), time[[0, -1]], (start, 0.0), "DOP853", time,
         rtol=1e-9, atol=1e-9 * abs(start),
@@ -127,7 +127,7 @@ def _integrate(
 
 
 def draw_limit_cycle(rng: np.random.Generator, length: str = "m", clock: str = "s") -> SampleFile:
-    """Draw van der Pol's oscillator: numbers of metres and seconds, in files of other units."""
+    """Draw van der Pol's oscillator, of metres and seconds, in a file with other units."""
     mode = Oscillation.drawn(rng, 0.16, -0.1)
     (stiffness, growth), time = mode.rates[1], _sample_times(80.0, 20.0)
     x = _integrate(lambda q, dq: stiffness * q + growth * (1.0 - q**2) * dq, 0.1, time)
@@ -146,7 +146,7 @@ def draw_release_after_rest(rng: np.random.Generator) -> SampleFile:
 
 
 def draw_decay_to_rest(rng: np.random.Generator) -> SampleFile:
-    """Draw a decay that the noise outlasts."""
+    """Draw a decay that ends below the noise."""
     mode, time = Oscillation.drawn(rng, 1.0, 0.02), _sample_times(60.0, 50.0)
     columns = {"t [s]": time, "x [m]": _add_noise(rng, mode.free(time, 0.05), 3e-4)}
     return SampleFile(columns, DISPLACEMENT, mode, mode.equation())
@@ -161,9 +161,9 @@ def draw_knock(rng: np.random.Generator) -> SampleFile:
 
 
 def draw_dry_friction(rng: np.random.Generator, library: str = "") -> SampleFile:
-    """Draw a swing that shrinks by twice `slip` every half period, by an encoder of 0.09 degrees.
+    """Draw an oscillation that shrinks by twice `slip` every half period, by an encoder.
 
-    library: that has the term of friction.
+    The resolution is 0.09 degrees. library: that has the term of friction.
     """
     mode, slip = Oscillation.drawn(rng, 1.0, 0.0), 1.5
     time, start = _sample_times(20.0, 50.0), 40.0
@@ -189,14 +189,14 @@ def draw_large_angles(rng: np.random.Generator, library: str = "") -> SampleFile
 
 
 def draw_wrapped_angle(rng: np.random.Generator) -> SampleFile:
-    """Draw a pendulum that hangs at zero of an encoder, which reads 0 to 360 degrees."""
+    """Draw a pendulum that hangs at zero of an encoder with a range of 0 to 360 degrees."""
     mode, time = Oscillation.drawn(rng, 0.5, 0.005), _sample_times(30.0, 50.0)
     angle = _add_noise(rng, mode.free(time, 30.0), 0.3) % 360.0
     return SampleFile({"t [s]": time, "x [deg]": angle}, DISPLACEMENT, mode, mode.equation())
 
 
 def draw_two_modes(rng: np.random.Generator) -> SampleFile:
-    """Draw heave and pitch of a section, which both come to rest; there is play in the pitch."""
+    """Draw heave and pitch of a section, which both come to rest; the pitch has play."""
     heave, pitch = Oscillation.drawn(rng, 2.2, 0.028), Oscillation.drawn(rng, 2.8, 0.037)
     time, play = _sample_times(16.0, 100.0), 0.01
     h = heave.free(time, 0.02) - 0.1 * pitch.free(time, 0.02)
@@ -210,7 +210,7 @@ def draw_two_modes(rng: np.random.Generator) -> SampleFile:
 
 
 def draw_unmeasured_machine(rng: np.random.Generator) -> SampleFile:
-    """Draw a motion under a steady force of 0.9 of the natural frequency, which is not recorded."""
+    """Draw a motion under an unrecorded harmonic force at 0.9 of the natural frequency."""
     mode, time, fine = Oscillation.drawn(rng, 1.0, 0.02), _sample_times(100.0, 20.0), 20
     step = time[1] / fine
     instants = (np.arange(fine * len(time)) + 0.5) * step
@@ -267,11 +267,11 @@ FILES: Mapping[str, Callable[[np.random.Generator], SampleFile]] = {
 def trial(
     seed: int, case: str, replicates: Sequence[int], methods: Mapping[str, Mapping]
 ) -> Iterator[dict[str, object]]:
-    """A row for each replicate and method on files of a kind of FILES, or on one of EXAMPLES.
+    """Yield a row for each replicate and method on files of a kind of FILES, or of EXAMPLES.
 
-    methods: by the names that the command takes. Beside the columns of `attempts.describe_answer`
-    and `attempts.counted_cost`, for FILES those of `judge`. All replicates of an example are the
-    same.
+    methods: by their names in the command. Besides the columns of `attempts.describe_answer` and
+    `attempts.counted_cost`, files of FILES have those of `judge`. All replicates of an example are
+    the same.
     """
     for replicate in replicates:
         if case in EXAMPLES:
@@ -300,14 +300,14 @@ def write_and_read(sample: SampleFile) -> Field:
 
 
 def judge(sample: SampleFile, summary: Summary) -> dict[str, object]:
-    """Compare what is said of a file with the truth, as columns of a table.
+    """Compare the results for a file with the truth, as columns of a table.
 
     Returns
     -------
     dict
         intervals_held: the share of the 95 % intervals of frequency and damping that contain the
-        truth, NaN if neither is stated. cause_named: whether the right finding is among the
-        findings, NaN if there is none. Where an equation is true, the columns of
+        truth, NaN if neither is stated. cause_named: whether the correct finding is among the
+        findings, NaN if there is none. If an equation is true, the columns of
         `attempts.against_truth`; else ok_and_wrong: whether the status is `ok` with a frequency or
         a damping more than FAR standard errors off.
     """
@@ -333,6 +333,6 @@ def judge(sample: SampleFile, summary: Summary) -> dict[str, object]:
 
 
 def _distance(value: Value, truth: float) -> float:
-    """Distance to the truth in units of that side of the 95 % interval."""
+    """Compute the distance to the truth in units of that side of the 95 % interval."""
     half = value.high - value.value if truth > value.value else value.value - value.low
     return abs(truth - value.value) / half if half > 0.0 else np.inf

@@ -1,4 +1,4 @@
-"""What an identified model says of its system: what `summary.md` holds, with its intervals."""
+"""Summary of an identified model: properties of its system with intervals, forecasts, text."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -63,22 +63,38 @@ POINTS = 600  # of a drawn motion
 
 
 class StillError(ValueError):
-    """Nothing moves in the part of a recording that was to be forecast."""
+    """Error of a recording in whose forecast part nothing moves."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Summary(Immutable):
-    """What an identified model says of its system, and how far it is to be believed.
+    """Properties of a system by its identified model, forecasts and their reliability.
 
-    Printed, it is the text of `summary.md`. recordings: what was asked about. found: the model that
-    was asked about, refused or doubted where the recordings object to it, and as sure of its
-    forecasts as that of the held-out end was right. dynamics: position of rest, natural
-    frequencies, damping and limit cycle. held_out: the end of the last recording, or of the longest
-    where that of the last is too short, forecast by a model that has not seen it; untried: why
-    there is none, and is_still: whether because nothing moves there. forecast: where the last
-    recording goes on. motions: of the model through the begin, the middle and the end of the last
-    recording, each as times (n,), s, and channels (n, n_sensed). advice: which further recording
-    would help most. None, or no motions, is what the model and the recordings do not tell.
+    Its text is that of `summary.md`. None, and no motions, are what model and recordings do not
+    determine.
+
+    Attributes
+    ----------
+    found : IdentifiedModel
+        The model, refused or downgraded if the recordings contradict it, with forecast bands
+        widened as for the held-out samples.
+    recordings : tuple of Recording
+    dynamics : Dynamics or None
+        Equilibrium, natural frequencies, damping and limit cycle.
+    held_out : HeldOut or None
+        Forecast of the end of the last recording, or of the longest if that end is too short, by a
+        model identified without it.
+    untried : str
+        Reason if there is no such forecast.
+    is_still : bool
+        Whether the reason is that nothing moves there.
+    forecast : Forecast or None
+        After the last recording.
+    motions : tuple of (time, channels)
+        Motion of the model in the beginning, the middle and the end of the last recording: times
+        (n,), s, and channels (n, n_sensed).
+    advice : Advice or None
+        The most useful further recording.
     """
 
     found: IdentifiedModel
@@ -93,7 +109,7 @@ class Summary(Immutable):
 
     @property
     def forecasts(self) -> list[Forecast]:
-        """Forecasts of the end that was held out, its band widened, and of what follows."""
+        """Forecasts of the held-out end, with a widened band, and after the recording."""
         trial = self.held_out
         held_out = [trial.forecast.widened(trial.factors)] if trial and trial.useful else []
         return [*held_out, *([self.forecast] if self.forecast else [])]
@@ -102,14 +118,14 @@ class Summary(Immutable):
         return summary_text(self)
 
     def _repr_markdown_(self) -> str:
-        """What notebooks show."""
+        """Format the summary for notebooks."""
         return str(self)
 
     def __repr__(self) -> str:
         return f"Summary of {self.found!r}"
 
     def draw_fit(self) -> "Figure":
-        """The model's motion beside the samples; the spectra where the model has random forces.
+        """Draw the model's motion and the samples; spectra if the model has random forces.
 
         Needs matplotlib, as `draw_forecast` does.
         """
@@ -120,7 +136,7 @@ class Summary(Immutable):
         return draw_fit(self.recordings[-1], self.motions)
 
     def draw_forecast(self) -> "Figure":
-        """Both forecasts with their bands, beside the samples."""
+        """Draw both forecasts with their bands, and the samples."""
         from galloping.summary.drawing import draw_forecast
 
         ahead, after = self.forecasts, [self.recordings[-1]] * (self.forecast is not None)
@@ -140,12 +156,29 @@ def summarise(
     seed: int = 0,
     **options: object,
 ) -> Summary:
-    """What an identified model and its recordings say: numbers, forecasts, text and figures.
+    """Summarise an identified model and its recordings: numbers, forecasts, text and figures.
 
-    method: `maximum_likelihood` or `weak_gls`, by which the model was found: the end of the last
-    recording is held out, and forecast by what it finds in the rest. options: further keywords of
-    the method that the model was found with, such as `prior`. seed: of the draws behind the
-    intervals. Raises ValueError for other input.
+    Parameters
+    ----------
+    found : IdentifiedModel
+    recordings : Recording or sequence of Recording
+        From which the model was identified.
+    method : {"maximum_likelihood", "weak_gls"}
+        Method of the model. The end of the last recording is held out, and forecast by the model
+        that it identifies from the rest.
+    seed : int
+        Of the draws behind the intervals.
+    **options : object
+        Further keywords of the method with which the model was found, such as `prior`.
+
+    Returns
+    -------
+    Summary
+
+    Raises
+    ------
+    ValueError
+        For other input.
     """
     if method not in METHODS:
         raise ValueError(f"method: {method!r}; must be one of {', '.join(METHODS)}")
@@ -174,10 +207,10 @@ def summarised(
     faults: Sequence[Finding] = (),
     are_one: bool = False,
 ) -> Summary:
-    """The same by any method: identify is what found the model. names, faults, are_one: as of
-    `with_objections`.
+    """Summarise as `summarise` does, for any method.
 
-    Raises ValueError where there is a model and no channel oscillates.
+    identify: the method of the model. names, faults, are_one: as of `with_objections`. Raises
+    ValueError if there is a model and no channel oscillates.
     """
     recordings = as_modelled(found, without_omissions(found, recordings))
     period, last = longest_period(recordings), recordings[-1]
@@ -218,11 +251,26 @@ def summarised(
 def dynamics(
     found: IdentifiedModel, recordings: Recording | Sequence[Recording], *, seed: int = 0
 ) -> Dynamics | None:
-    """Position of rest, natural frequencies, damping and limit cycle, with 95 % intervals.
+    """Compute equilibrium, natural frequencies, damping and limit cycle, with 95 % intervals.
 
-    Inputs of the model are held at their means. recordings: from which the model was identified.
-    seed: of the draws behind the intervals. None where no state is the velocity of another one, or
-    where there is no model. Raises ValueError for other input.
+    Parameters
+    ----------
+    found : IdentifiedModel
+        Its inputs are at their means.
+    recordings : Recording or sequence of Recording
+        From which the model was identified.
+    seed : int
+        Of the draws behind the intervals.
+
+    Returns
+    -------
+    Dynamics or None
+        None if no state is the velocity of another one, or if there is no model.
+
+    Raises
+    ------
+    ValueError
+        For other input.
     """
     given = _check_recordings(found, recordings)
     if not len(found.extrapolation_shift):
@@ -243,15 +291,33 @@ def forecast(
     inputs: Mapping[str, Input | float] = NONE,
     seed: int = 0,
 ) -> Forecast:
-    """What the sensors of a recording will show after its end: median and 90 % band.
+    """Forecast the samples of all sensors after a recording: median and 90 % band.
 
-    recording: may be newer than those of the model; its end is used. time: (n,) s, later than its
-    last sample, on its clock; by default as long as `window`. window: s of its end, to start from;
-    by default six periods of the motion. inputs: those of the model after the recording, by name,
-    measured or constant, where it does not hold them itself. seed: of the draws behind the band. A
-    band is as wide as that of the held-out end had to be, where the model is `found` of a
-    `Summary`. Raises ValueError where there is no model, where it does not follow the recording,
-    where an input is not known, where most draws of it diverge, and for other input.
+    Parameters
+    ----------
+    found : IdentifiedModel
+        If it is `found` of a `Summary`, bands are widened as for the held-out samples.
+    recording : Recording
+        May be newer than those of the model; only its end is used.
+    time : (n,) array, optional
+        s, later than the last sample, on the recording's clock; by default as long as `window`.
+    window : float, optional
+        Length of the end of the recording that determines the initial state, s; by default six
+        periods of the motion.
+    inputs : mapping of str to Input or float
+        Inputs after the recording, measured or constant, if the recording does not contain them.
+    seed : int
+        Of the draws behind the band.
+
+    Returns
+    -------
+    Forecast
+
+    Raises
+    ------
+    ValueError
+        If there is no model, if it does not follow the recording, if an input is not known, if most
+        draws diverge, and for other input.
     """
     (recording,) = _check_recordings(found, recording)
     if window is None:
@@ -281,10 +347,10 @@ def _check_recordings(found: object, recordings: object) -> list[Recording]:
 
 
 def longest_period(recordings: Sequence[Recording]) -> float:
-    """Longest period of the motion, s, from the dominant frequencies of the channels.
+    """Find the longest period of the motion, s, from the dominant frequencies of the channels.
 
-    Of each the first of which the recording holds PERIODS_HELD periods: slower ones are drifts of
-    the mean, which come with a motion that grows. Infinite where no channel oscillates.
+    It is the first of each channel of which the recording has PERIODS_HELD periods: slower ones are
+    drifts of the mean, which accompany a growing motion. Infinite if no channel oscillates.
     """
     frequencies = []
     for recording in recordings:
@@ -305,7 +371,7 @@ def _check_period(period: float) -> float:
 
 
 def _times_after(recording: Recording, length: float) -> NDArray[np.float64]:
-    """Times, s, of samples after a recording, as often as its own, for `length` s."""
+    """Make times, s, of samples after a recording, at its own step, for `length` s."""
     step = max(recording.step, length / MOST_SAMPLES)
     return recording.time[-1] + step * np.arange(1, round_up(length / step))
 
@@ -315,9 +381,9 @@ def hold_out(
 ) -> HeldOut:
     """Identify without the last part of the last recording, and forecast it.
 
-    Of the longest one, where that part of the last would be shorter than `period`, s, the longest
-    of the motion, and tell nothing. Raises ValueError where the shorter recordings give no
-    model, or that one no forecast; StillError where nothing moves in that part.
+    It is that of the longest one, if the part of the last would be shorter than `period`, s, the
+    longest of the motion. Raises ValueError if the shortened recordings give no model, or the model
+    no forecast; StillError if nothing moves in that part.
     """
     index = len(recordings) - 1
     if HELD_OUT * np.ptp(recordings[index].time) < period:
@@ -339,10 +405,10 @@ def hold_out(
 def motions_beside(
     identified: IdentifiedModel, recording: Recording, length: float
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The model's motion through the begin, the middle and the end of a recording.
+    """Simulate the model through the beginning, the middle and the end of a recording.
 
-    Times (n,) and channels (n, n_sensed) of each stretch of `length` s through which the model can
-    be followed; it starts where it then follows the samples best.
+    Returns times (n,) and channels (n, n_sensed) of each stretch of `length` s through which the
+    model does not diverge; it starts from the state that follows the samples best.
     """
     time, model = recording.time, identified.model
     follow = Following(identified, without_outliers(recording))
@@ -371,16 +437,16 @@ def motion_scores(
     Parameters
     ----------
     identified : IdentifiedModel
-        With a model that no random forces move.
+        A model without random forces.
     recordings : sequence of Recording
         Each is cut into equal stretches of about PERIODS periods, in each of which the model starts
-        where it follows the samples best.
+        from the state that follows the samples best.
 
     Returns
     -------
     (n_channels,) array
-        Of the channels that are measured. A stretch through which the model cannot be followed
-        counts as if the mean of its recording were the motion.
+        Of the channels that are measured. A stretch in which the model diverges counts as if the
+        mean of its recording were the motion.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a terminal shows: rows and JSON, and on standard error how far a computation is."""
+"""Output of the command: rows and JSON, and progress on standard error."""
 
 import json
 import math
@@ -21,14 +21,14 @@ SEARCHED = 0.45  # share that a first search has, of which nobody knows how long
 
 @contextmanager
 def shown() -> Iterator[None]:
-    """Show how far the block is."""
+    """Show the progress of the block."""
     with ExitStack() as stack:
         stack.enter_context(progress(_Bar(stack) if sys.stderr.isatty() else _Lines()))
         yield
 
 
 class _Bar:
-    """A bar that appears with the first pass, and names what runs."""
+    """Progress bar that appears with the first pass, and names the running part."""
 
     def __init__(self, stack: ExitStack) -> None:
         self._stack = stack
@@ -45,9 +45,9 @@ class _Bar:
 
 
 class _Lines:
-    """A line every ten seconds of what takes longer than two.
+    """Progress lines, one every ten seconds, of computations longer than two.
 
-    What is left at most is told by the speed of the core since the last line, once it computes.
+    The most that may remain is estimated by the speed of the core since the last line.
     """
 
     def __init__(self) -> None:
@@ -77,7 +77,7 @@ class _Lines:
 
 
 def json_text(content: object, **options: Any) -> str:
-    """JSON, null for numbers that are not finite."""
+    """Format JSON, with null for numbers that are not finite."""
 
     def plain(value: object) -> object:
         if isinstance(value, dict):
@@ -90,7 +90,7 @@ def json_text(content: object, **options: Any) -> str:
 
 
 def print_rows(rows: Iterable[dict], as_json: bool) -> None:
-    """Rows as they come, as CSV or as a list of JSON, which is whole even where they end early."""
+    """Print rows as they come, as CSV or as a JSON list, complete even if they end early."""
     between = "["
     try:
         for row in rows:
@@ -106,7 +106,7 @@ def print_rows(rows: Iterable[dict], as_json: bool) -> None:
 
 
 def _cell(value: object) -> str:
-    """Of a CSV: ten digits of a number, and text in quotation marks where it needs them."""
+    """Format a CSV cell: ten digits of a number, and text in quotation marks if needed."""
     if isinstance(value, float):
         return f"{value:.10g}"
     text = str(value)

@@ -1,7 +1,4 @@
-"""What recordings and their model tell, in the words of an engineer.
-
-The templates beside have the sentences, and here are the values and lists in them.
-"""
+"""Text of summaries, for engineers: values and lists for the templates beside this module."""
 
 import re
 from collections.abc import Collection, Mapping, Sequence
@@ -74,16 +71,16 @@ MOST_PROBLEMS = 5  # of samples, that are told before the technical part
 def summary_text(
     of: "Summary", reports: Sequence[dict] = (), beside: "tuple[str, Dynamics | None] | None" = None
 ) -> str:
-    """summary.md: what was found, how far to believe it, what would help most; technical part.
+    """Write summary.md: results, their reliability, advice, and a technical part.
 
-    reports: of `quality`, where the recordings come from files. beside: a name, and what is known
+    reports: of `quality`, if the recordings come from files. beside: a name, and known properties
     of the line by that name.
     """
     return rendered(of, findings(of, reports, beside), reports)
 
 
 def rendered(of: "Summary", told: Findings, reports: Sequence[dict] = ()) -> str:
-    """The same of numbers that are known. reports: as of `summary_text`."""
+    """Render summary.md from its numbers. reports: as of `summary_text`."""
     found, known = of.found, of.dynamics
     problems = [
         escape_markdown(f"{report['file']}, from row {p['row']} on: {p['what']}")
@@ -141,17 +138,17 @@ def rendered(of: "Summary", told: Findings, reports: Sequence[dict] = ()) -> str
 
 
 def escape_markdown(text: str) -> str:
-    """Escape what would be markup: names of files and columns may hold anything."""
+    """Escape markup, since names of files and columns may contain anything."""
     return re.sub(r"([\\`*<>\[\]|]|(?<!\w)_|_(?!\w))", r"\\\1", text)
 
 
 def report_text(report: dict) -> str:
-    """A report of `quality`: the file, then a line for each channel, input, note and problem."""
+    """Format a report of `quality`: file, then a line per channel, input, note and problem."""
     return _template("quality.txt").render(report=report).rstrip()
 
 
 def assessment_text(of: "Assessment", units: Mapping[str, str], *, is_detailed: bool = True) -> str:
-    """The onset, and growth and limit cycles of each condition.
+    """Format the onset, and growth and limit cycles of each condition.
 
     Parameters
     ----------
@@ -166,7 +163,7 @@ def assessment_text(of: "Assessment", units: Mapping[str, str], *, is_detailed: 
 
 
 def _growth(of: "Condition") -> str:
-    """Whether small motions about the equilibrium nearest to the motion grow."""
+    """Describe whether small motions about the equilibrium nearest to the motion grow."""
     if not of.equilibria:
         return "no equilibrium near the motion"
     dampings = [mode.damping for mode in of.equilibria[0].modes]
@@ -177,14 +174,14 @@ def _growth(of: "Condition") -> str:
 
 
 def _recorded_range(found: IdentifiedModel) -> str:
-    """`U=9.69:14.5`, of a model with one input."""
+    """Format the recorded range of a model's single input, as `U=9.69:14.5`."""
     if len(found.model.inputs) != 1 or not (ends := found.recorded(found.model.inputs[0])):
         return ""
     return f"{found.model.inputs[0]}={ends[0]:.3g}:{ends[1]:.3g}"
 
 
 def _conditions(found: IdentifiedModel, units: Mapping[str, str]) -> str:
-    """What beside motions a model holds for: such winds, or values of inputs, as were recorded."""
+    """Describe for which winds, or values of inputs, besides motions a model is valid."""
     if may_be_wind(found, units):
         return "winds and "
     return f"values of {listed(found.model.inputs)} and " if found.model.inputs else ""
@@ -224,13 +221,13 @@ def _template(name: str) -> Template:
 
 
 def in_words(of: Estimate) -> str:
-    """A value with its interval, to the digits that the interval tells."""
+    """Format a value with its interval, to the digits that the interval determines."""
     number, interval = _cells(of)
     return number + (f" ({interval})" if interval else "")
 
 
 def _cells(of: Estimate) -> tuple[str, str]:
-    """A value with its unit, and its interval."""
+    """Format a value with its unit, and its interval."""
     value, low, high, unit = of.value, of.low, of.high, of.unit
     if isinf(value):
         return f"{value:g} {unit}".strip(), "interval unknown"
@@ -253,7 +250,7 @@ def _cells(of: Estimate) -> tuple[str, str]:
 
 
 def _at_place(numbers: Sequence[float], place: int) -> list[str]:
-    """Numbers to one power of ten, with a common one behind them where they are large or small."""
+    """Format numbers to one power of ten, with a common exponent if they are large or small."""
     largest = max(map(abs, numbers))
     if not largest or PLAIN[0] <= largest < PLAIN[1]:
         return [f"{round(number, -place) + 0.0:.{max(-place, 0)}f}" for number in numbers]
@@ -264,14 +261,14 @@ def _at_place(numbers: Sequence[float], place: int) -> list[str]:
 
 
 def extent_in_words(of: RecordedMotion) -> str:
-    """`-0.95 to 1.09 m`, to three digits of the larger end."""
+    """Format a range such as `-0.95 to 1.09 m`, to three digits of the larger end."""
     largest = float(f"{max(abs(of.low), abs(of.high)):.3g}")
     place = floor(log10(largest)) - 2 if largest else 0
     return f"{' to '.join(_at_place((of.low, of.high), place))} {of.unit}".rstrip()
 
 
 def _said(of: Value, unit: str, factor: float = 1.0) -> str:
-    """A value times a factor with its interval, if it has one, to the digits that it tells."""
+    """Format a value times a factor with its interval, if any, to the digits that it determines."""
     told = Estimate.of(of, unit, factor)
     if isnan(told.low):
         return f"{told.value:.4g} {unit}".rstrip()
@@ -279,13 +276,13 @@ def _said(of: Value, unit: str, factor: float = 1.0) -> str:
 
 
 def _damping_cells(of: Estimate) -> str:
-    """Of a net damping that may be none; its interval then is what would have shown."""
+    """Format a net damping that may be zero, with the interval of undetected damping."""
     told = " | ".join(_cells(of))
     return told if abs(of.value) >= 100.0 * ROUNDING else "none found | " + told.partition(" | ")[2]
 
 
 def _percent(of: FurtherRecording, error: float) -> str:
-    """A standard error as a share of the coefficient."""
+    """Format a standard error as a share of the coefficient."""
     return f"{100.0 / abs(of.coefficient) * error:.2g} %"
 
 
@@ -293,14 +290,14 @@ def _percent(of: FurtherRecording, error: float) -> str:
 
 
 def _name(state: str) -> str:
-    """`vertical`, of q_v; of other systems the state."""
+    """Return `vertical` for q_v; for other systems the state."""
     return meaning(state).partition(" ")[0] or state
 
 
 def _of_small(
     known: "Dynamics", system: SystemEstimates, of_further: Collection[str]
 ) -> dict[str, Any]:
-    """What small motions about rest do, and the places and sizes that are told with them."""
+    """Describe small motions about the equilibrium, and the places and sizes with them."""
     damped = {
         state: value
         for state, value in known.damping.items()
@@ -341,7 +338,7 @@ def _doubling(time: Estimate) -> str:
 
 
 def _beyond_recorded(told: Findings) -> list[str]:
-    """How far a limit cycle lies beyond what was recorded, by coordinate, where it does."""
+    """Describe how far a limit cycle exceeds the recorded motion, by coordinate, if it does."""
     half = {one.name: (one.high - one.low) / 2.0 for one in told.recorded}
     return [
         f"{value.value / half[name]:.2g} times the recorded {_name(name)} amplitude"
@@ -351,7 +348,7 @@ def _beyond_recorded(told: Findings) -> list[str]:
 
 
 def _further_degrees(found: IdentifiedModel) -> str:
-    """The degrees of terms whose absence the intervals of small motions hold, '' of none."""
+    """Format the degrees of missing terms that intervals of small motions include, '' for none."""
     if not len(found.extrapolation_shift):
         return ""
     n = len(found.model.states)
@@ -362,7 +359,7 @@ def _further_degrees(found: IdentifiedModel) -> str:
 def _margins(
     known: "Dynamics", recordings: Sequence[Recording], found: IdentifiedModel
 ) -> list[str]:
-    """Whether modes that random forces move gallop besides."""
+    """Describe whether modes under random forces also gallop."""
     states, length = found.model.states, sum(np.ptp(one.time) for one in recordings)
     return [
         f"{_name(name)}{' motion' * (name in states)} "
@@ -380,17 +377,17 @@ def _margins(
 
 
 def _is_of_one_size(values: np.ndarray) -> bool:
-    """Whether a channel (n,) moves as far in each third of it, to a factor of e."""
+    """Decide whether a channel (n,) moves as far in each third of it, to a factor of e."""
     thirds = np.array_split(values[np.isfinite(values)], 3)
     sizes = [np.std(part) for part in thirds if len(part)]
     return not sizes or max(sizes) <= np.e * min(sizes)
 
 
 def _margin(damping: Value, turned: float, is_of_one_size: bool) -> str:
-    """Whether a mode gallops, as far as its net damping tells.
+    """Describe whether a mode gallops, as far as its net damping determines.
 
-    turned: rad, by its swings while it was recorded. What then neither grows nor dies out, by a
-    factor of e, is no answer to random forces.
+    turned: rad, by its oscillations while it was recorded. A mode that then neither grows nor
+    decays, by a factor of e, is no response to random forces.
     """
     is_steady = abs(damping.value) * turned < 1.0 and (damping.high - damping.low) * turned < STEADY
     if is_steady and is_of_one_size:
@@ -403,7 +400,7 @@ def _margin(damping: Value, turned: float, is_of_one_size: bool) -> str:
 
 
 def _missed(channels: Sequence[HeldOutChannel]) -> str:
-    """What a forecast missed, by channel; nothing of random forces."""
+    """Describe the errors of a forecast, by channel; none for random forces."""
     noise = [_motion_of(one.name) for one in channels if one.is_noise]
     missed = [
         f"{one.missed_percent:.3g} % of {_motion_of(one.name)}"
@@ -416,6 +413,6 @@ def _missed(channels: Sequence[HeldOutChannel]) -> str:
 
 
 def _motion_of(name: str) -> str:
-    """`the vertical motion`, of q_v; of other systems the state."""
+    """Return `the vertical motion` for q_v; for other systems the state."""
     said = meaning(name).replace("displacement", "motion")
     return f"the {said}" if said else name

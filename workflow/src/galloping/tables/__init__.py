@@ -1,1 +1,1 @@
-"""The tables of the study, from scores to claims."""
+"""Tables of the study, from scores to claims."""

@@ -1,7 +1,7 @@
-"""Numbers of two runs of the study, compared within stated tolerances: what differs, and may it?
+"""Comparison of the numbers of two runs of the study within stated tolerances.
 
 Two machines agree to rounding, not to the byte, so that tables are compared row by row: a row is
-found by what it is about (its case, method, level and so on), wherever it stands.
+identified by its keys (its case, method, level and so on), at any place.
 """
 
 import json
@@ -37,14 +37,15 @@ OF_REFERENCE = ("reference_summary", "reference_differences")  # about other num
 
 
 def compare_tables(reference: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
-    """Return what differs between two tables of the same kind; no row if they agree.
+    """Compare two tables of the same kind; no row if they agree.
 
-    A row is known by those columns of `KEYS` that both tables have. Returns one row a difference:
-    `row` (its keys as text), `column`, `reference` and `found` (as text), `difference` (found -
-    reference; NaN where one is not a number) and `tolerance` (NaN for text, which must be equal).
-    Empty cells agree with each other, infinities with their like. A missing or new row has the
-    column "(row)"; a missing or new column has the row "(column)". Rows with the same keys are told
-    apart by their order. Raises ValueError where the tables have no key.
+    A row is identified by those columns of `KEYS` that both tables have. Returns one row per
+    difference: `row` (its keys as text), `column`, `reference` and `found` (as text), `difference`
+    (found - reference; NaN if one is not a number) and `tolerance` (NaN for text, which must be
+    equal). Empty cells agree with each other, infinities with infinities of the same sign. A
+    missing or new row has the column "(row)"; a missing or new column has the row "(column)". Rows
+    with the same keys are distinguished by their order. Raises ValueError if the tables have no
+    key.
     """
     return _compare_values(reference, found)[0]
 
@@ -52,7 +53,7 @@ def compare_tables(reference: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame
 def _compare_values(
     reference: pd.DataFrame, found: pd.DataFrame
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return what differs, and every value that both tables have, with a column `agrees` (bool)."""
+    """Return the differences, and every common value, with a column `agrees` (bool)."""
     left, right = _by_row(reference, found)
     present = [
         (HEADING, n, *sides) for n, *sides in _compare_presence(reference.columns, found.columns)
@@ -64,7 +65,7 @@ def _compare_values(
 
 
 def describe(difference: pd.Series) -> str:
-    """One difference as one line of text."""
+    """Format one difference as one line of text."""
     where = f"{difference['row']}, {difference['column']}"
     line = f"{where}: reference {difference['reference']}, found {difference['found']}"
     allowed = difference["tolerance"]
@@ -72,7 +73,7 @@ def describe(difference: pd.Series) -> str:
 
 
 def flat(section: Mapping[str, object], path: str = "") -> Iterator[tuple[str, str]]:
-    """(dotted key, value as JSON) of settings; an empty section is a value."""
+    """Yield (dotted key, value as JSON) of settings; an empty section is a value."""
     for key, value in section.items():
         if isinstance(value, Mapping) and value:
             yield from flat(value, f"{path}{key}.")
@@ -81,7 +82,7 @@ def flat(section: Mapping[str, object], path: str = "") -> Iterator[tuple[str, s
 
 
 def tables_of(results: Path) -> dict[str, Path]:
-    """Return the tables of a study that do not tell of other studies, by name."""
+    """List the tables of a study that do not contain other studies, by name."""
     present = (results / "tables").glob("*.csv")
     return {f"tables/{path.name}": path for path in present if path.stem not in OF_REFERENCE}
 
@@ -89,7 +90,7 @@ def tables_of(results: Path) -> dict[str, Path]:
 def table_differences(
     published: Path, results: str, only: Collection[str] | None = None
 ) -> Iterator[str]:
-    """One line for each number or text in which published tables and those of a run differ.
+    """Yield one line for each number or text in which published tables and those of a run differ.
 
     published: the results folder of an unpacked archive. results: that of the run. only: of these
     files of the run; by default all tables of both.
@@ -120,7 +121,7 @@ def _describe_differences(*files: Path) -> Iterator[str]:
 
 
 def _by_row(*tables: pd.DataFrame) -> Iterator[pd.DataFrame]:
-    """Tables as text without their keys, which name the rows."""
+    """Yield tables as text without their keys, which name the rows."""
     first = tables[0].columns
     keys = [name for name in first if name in KEYS and all(name in t.columns for t in tables)]
     if not keys:
@@ -136,7 +137,7 @@ def _by_row(*tables: pd.DataFrame) -> Iterator[pd.DataFrame]:
 
 
 def _key_as_text(column: pd.Series) -> pd.Series:
-    """Return the keys of a column as text: 5, 5.0 and "5" are the same key."""
+    """Convert the keys of a column to text: 5, 5.0 and "5" are the same key."""
     numbers = pd.to_numeric(column, errors="coerce")
     text = column.where(numbers.isna(), numbers.map("{:.12g}".format))
     return f"{column.name}=" + text
@@ -150,7 +151,7 @@ def _compare_presence(reference: pd.Index, found: pd.Index) -> Iterator[tuple]:
 
 
 def _merge_values(*sides: pd.DataFrame) -> pd.DataFrame:
-    """All values of rows and columns that both tables have, column by column."""
+    """Merge all values of rows and columns that both tables have, column by column."""
     left, right = (  # value_name: that of no column, which `found` is of some tables
         side.rename_axis("row")
         .reset_index()
@@ -200,9 +201,9 @@ SUMMARY_COLUMNS = (
 
 @dataclass(frozen=True)
 class Origin:
-    """What numbers were made with. settings: those on which they depend.
+    """Provenance of numbers. settings: those on which they depend.
 
-    core_minutes: that the jobs took on the processor; none where nobody asks.
+    core_minutes: time of the jobs on the processor; none if not needed.
     """
 
     settings: dict
@@ -211,7 +212,7 @@ class Origin:
 
 
 def read_origin(path: str) -> Origin:
-    """Read what a reference was made with. Raises ValueError for a file of another kind."""
+    """Read the provenance of a reference. Raises ValueError for a file of another kind."""
     try:
         return Origin(**read_json(path))
     except (ValueError, TypeError):
@@ -221,7 +222,7 @@ def read_origin(path: str) -> Origin:
 
 
 def processor() -> str:
-    """Return how compiled code and linear algebra see this machine: two kinds round otherwise."""
+    """Describe the processor for compiled code and linear algebra: two kinds round differently."""
     kernels = {found["architecture"] for found in threadpool_info() if "architecture" in found}
     return ", ".join([platform.system(), platform.machine(), get_host_cpu_name(), *sorted(kernels)])
 
@@ -232,11 +233,11 @@ def compare_study(
     tables: Mapping[str, pd.DataFrame],
     present: Origin,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """(summary, differences) of a study's tables and those of the reference, by name.
+    """Compare a study's tables with those of the reference, by name: summary and differences.
 
-    made, present: what the reference and this study were made with; None without a reference.
-    summary: one row each for settings, processor and the tables, with `SUMMARY_COLUMNS`.
-    differences: one row a difference beyond its tolerance, with `DIFFERENCE_COLUMNS`.
+    made, present: provenance of the reference and of this study; None without a reference. summary:
+    one row each for settings, processor and the tables, with `SUMMARY_COLUMNS`. differences: one
+    row for each beyond its tolerance, with `DIFFERENCE_COLUMNS`.
     """
     parts: dict[str, pd.DataFrame] = {}
     counts: dict[str, dict[str, object]] = {
@@ -268,7 +269,7 @@ def compare_study(
 def _compare_origins(
     made: Mapping[str, str], present: Mapping[str, str]
 ) -> tuple[pd.DataFrame, dict[str, object]]:
-    """Return differences in what two studies were made with, and their summary."""
+    """Compare the provenance of two studies: differences and their summary."""
     sides = pd.DataFrame({"reference": made, "found": present}, dtype=object).fillna("absent")
     keys = dict.fromkeys([*made, *present])
     sides = sides.loc[list(keys)].rename_axis("row").reset_index()
@@ -288,7 +289,7 @@ def _compare_origins(
 def _compare_table(
     reference: pd.DataFrame, table: pd.DataFrame, reason: str
 ) -> tuple[pd.DataFrame, dict[str, object]]:
-    """Return the differences in one table, and their summary. reason: why it may differ."""
+    """Compare one table: differences and their summary. reason: why it may differ."""
     found, values = _compare_values(reference, table)
     rows = found[found["column"] == WHOLE]
     parts = (values["difference"].abs() / values["tolerance"]).fillna(0)

@@ -1,8 +1,8 @@
-"""Answers of the identification to fixed recordings, by stratum and beside those of another commit.
+"""Identification of fixed recordings, by stratum and compared with another commit.
 
-Answers to the same recording are compared in pairs. If a change of code is as likely to raise a
+Results of the same recording are compared in pairs. If a change of code is as likely to raise a
 measure of a recording as to lower it, the sum of the differences has the standard error
-sqrt(sum(difference^2)) (R. A. Fisher's randomisation test; of yes and no Q. McNemar's, 1947).
+sqrt(sum(difference^2)) (R. A. Fisher's randomisation test; for yes and no Q. McNemar's, 1947).
 """
 
 import json
@@ -42,7 +42,7 @@ def collect_answers(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Collect a row for each recording and method, with COLUMNS.
 
     parts: rows of trials, by trial and batch; a trial is a stratum. intervals_held: the share of
-    the 95 % intervals that hold the truth, of those that are judged.
+    the assessed 95 % intervals that contain the truth.
     """
     found = []
     for name, part in parts.items():
@@ -57,7 +57,7 @@ def collect_answers(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def with_types(answers: pd.DataFrame) -> pd.DataFrame:
-    """Return answers as they were before they were written to a file: empty texts, and numbers."""
+    """Restore the types of answers after they were written to a file: empty texts, and numbers."""
     numbers = answers[[*JUDGED, "intervals_held"]].astype(float)
     texts = answers[[*TEXTS]].astype(object).fillna("")
     return answers.assign(**numbers, **texts)
@@ -69,7 +69,7 @@ def _name_recording(row: pd.Series) -> str:
 
 
 def _share_of_intervals(rows: pd.DataFrame) -> pd.Series | float:
-    """Return the share that contains the truth; of coefficients, if terms are stated to exist."""
+    """Return the coverage of intervals; of coefficients, if terms are stated to exist."""
     if "intervals_held" in rows:
         return rows["intervals_held"]
     if "holds" in rows:
@@ -81,9 +81,9 @@ def _share_of_intervals(rows: pd.DataFrame) -> pd.Series | float:
 
 
 def sum_up_strata(answers: pd.DataFrame) -> pd.DataFrame:
-    """Sum up a row for each stratum and method, and one for all strata together.
+    """Summarise a row for each stratum and method, and one for all strata together.
 
-    coverage: mean over the recordings. Counts are empty where nothing is judged so.
+    coverage: mean over the recordings. Counts are empty without assessed recordings.
     """
     rows = pd.concat([answers, answers.assign(stratum=ALL)])
     return pd.DataFrame(
@@ -106,9 +106,9 @@ def _sum_up(rows: pd.DataFrame) -> dict[str, float]:
 def compare_measures(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
     """Compare the measures of the recordings that two tables of answers share.
 
-    Returns a row for each stratum, method and measure, and for all strata together: pairs, of which
-    both answers are judged so; difference, the sum of now - before over the pairs; standard_error
-    of it; is_significant: whether the difference is more than SIGNIFICANT standard errors.
+    Returns a row for each stratum, method and measure, and for all strata together: pairs, in which
+    both answers are assessed; difference, the sum of now - before over the pairs; standard_error of
+    it; is_significant: whether the difference is more than SIGNIFICANT standard errors.
     """
     both = (
         _measure_answers(before)
@@ -141,17 +141,17 @@ def _sum_differences(rows: pd.DataFrame, measure: str) -> dict[str, float]:
 
 
 def is_worse(difference: Mapping[str, Any]) -> bool:
-    """Whether a row of `compare_measures` is significantly worse; work never is."""
+    """Decide whether a row of `compare_measures` is significantly worse; work never is."""
     better = MEASURES[difference["measure"]]
     worse = difference["difference"] * better < 0.0
     return bool(difference["is_significant"] and worse and difference["measure"] != "work")
 
 
 def find_changes(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
-    """Find the recordings whose answer is another one: KEYS and `change`, in words.
+    """Find the recordings whose answer changed: KEYS and `change`, in words.
 
-    An answer is its status, how it is judged, its findings, its terms, and their coefficients and
-    standard errors. A recording that one table lacks is a change.
+    An answer is its status, assessment, findings, terms, and their coefficients and standard
+    errors. A recording that one table lacks is a change.
     """
     pairs = before.merge(now, on=KEYS, how="outer", suffixes=("", "_now"), indicator=True)
     missing = {"left_only": "left out", "right_only": "new"}
@@ -164,7 +164,7 @@ def find_changes(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
 
 
 def _describe_changes(row: Mapping[str, Any]) -> Iterator[str]:
-    """In words, of an answer and the same column with `_now`."""
+    """Yield descriptions of changes between an answer and the same column with `_now`."""
     if row["status"] != row["status_now"]:
         yield f"{row['status']} -> {row['status_now']}"
     for name in (*JUDGED, "intervals_held"):
@@ -192,7 +192,7 @@ def _describe_changes(row: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _read_model(text: str) -> dict[tuple[str, str], tuple[float, float | None]]:
-    """Read value and standard error by equation and term, as of `attempts.describe_answer`."""
+    """Parse value and standard error by equation and term, as of `attempts.describe_answer`."""
     equations = json.loads(text)
     return {
         (state, term): tuple(of) for state, row in equations.items() for term, of in row.items()

@@ -1,4 +1,4 @@
-"""What the paper leaves out, inferred from what it prints: readings, region, predictions, pairs."""
+"""Inference of the paper's unprinted numbers: readings, region, predictions, pairs."""
 
 from collections.abc import Mapping
 from itertools import combinations
@@ -33,9 +33,9 @@ def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row a reading, all with the same effort: power_of_ten, the logarithm of its evidence
+        One row per reading, all with the same effort: power_of_ten, the logarithm of its evidence
         over that of the first reading, with standard_error; effective_settings; the factor by
-        which it loses most; its most probable setting.
+        which it loses most against the first reading; its most probable setting.
     """
     rows = pd.concat([part for name, part in parts.items() if name.startswith(EQUAL_EFFORT)])
     tried, judged = (rows[rows["stage"] == stage] for stage in ("tried", "judged"))
@@ -84,7 +84,7 @@ def _is_factor(name: str) -> bool:
 
 
 def _log_evidence(tried: pd.DataFrame) -> tuple[float, float]:
-    """Logarithm of the mean evidence of the runs, and its standard error."""
+    """Compute the logarithm of the mean evidence of the runs, and its standard error."""
     logs = tried["log_weight"].to_numpy(float)
     top = logs.max()
     weights = np.exp(logs - top)
@@ -104,7 +104,7 @@ def _normalise_weights(log_weights: pd.Series) -> np.ndarray:
 
 
 def _posterior_means(tried: pd.DataFrame, columns: list[str]) -> pd.Series:
-    """Means over the posterior of the logarithms of the factors."""
+    """Average the logarithms of the factors over the posterior."""
     weights = _normalise_weights(tried["log_weight"])
     return pd.Series(weights @ tried[columns].clip(lower=-30.0).to_numpy(float), columns)
 
@@ -113,8 +113,8 @@ def region_samples(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Return the settings of the first reading with their posterior weights, and their draws.
 
     Columns: the unknowns; stage `tried` or `draw`; weight_all by all that is printed, and
-    weight_NAME by all but one of `agreement.GROUPS`, each sums to 1 over the settings; of draws
-    what each gives for each claim, with the weight of its setting shared among its draws.
+    weight_NAME by all but one of `agreement.GROUPS`, each sums to 1 over the settings; for draws
+    the value of each claim, with the weight of its setting shared among its draws.
     """
     rows = pd.concat(parts.values(), ignore_index=True)
     rows = rows[(rows["reading"] == FIRST_READING.name) & rows["stage"].isin(("tried", "draw"))]
@@ -135,7 +135,7 @@ def region_samples(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def region_table(samples: pd.DataFrame, readings: pd.DataFrame) -> pd.DataFrame:
-    """Return one row for each unknown: what the printed numbers tell of it.
+    """Tabulate the ranges of the unknowns that the printed numbers determine, one row each.
 
     samples: of `region_samples`; readings: of `paper_readings`.
     """
@@ -172,18 +172,18 @@ def region_table(samples: pd.DataFrame, readings: pd.DataFrame) -> pd.DataFrame:
 
 
 def _weighted_quantiles(values: pd.Series, weights: pd.Series) -> np.ndarray:
-    """5th, 50th and 95th percentile of weighted values."""
+    """Compute 5th, 50th and 95th percentile of weighted values."""
     return np.quantile(
         values, (QUANTILES_90[0], 0.5, QUANTILES_90[1]), weights=weights, method="inverted_cdf"
     )
 
 
 def predictions(samples: pd.DataFrame) -> pd.DataFrame:
-    """Return what draws give for each claim, by all that is printed and without its own group.
+    """Predict each claim by draws, from all that is printed and without its own group.
 
     Without the group these are predictions of it: a check of the model by numbers that it was not
-    fitted to. Of numbers the 5th to 95th percentile and the share of draws below the printed one;
-    of bounds the share of draws that keep them.
+    fitted to. For numbers: the 5th to 95th percentile and the share of draws below the printed one;
+    for bounds: the share of draws that satisfy them.
 
     samples: of `region_samples`.
     """
@@ -210,7 +210,7 @@ def predictions(samples: pd.DataFrame) -> pd.DataFrame:
 
 
 def exclusions(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Return pair by pair whether draws that have one of the printed numbers have the other.
+    """Decide for each pair of printed numbers whether draws with one have the other.
 
     parts: rows of `trials.paper_inference`, of which the draws of all readings count, each a study
     of one draw. A draw has a number within a factor NEAR; `steady` and `attack angle` are

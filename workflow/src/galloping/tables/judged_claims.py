@@ -1,5 +1,7 @@
-"""The paper's claims beside the study's draws, by every protocol and method and by the paper's, and
-at other values of the settings that the paper leaves open.
+"""Assessment of the paper's claims by the study's draws.
+
+It is for every measurement setup and method, for the paper's, and at other values of the settings
+that the paper does not print.
 """
 
 from collections.abc import Mapping, Sequence
@@ -50,13 +52,12 @@ def claims_table(
     draws: Mapping[str, pd.DataFrame] | None = None,
     trajectories: Mapping[str, Sequence[Motion]] | None = None,
 ) -> pd.DataFrame:
-    """Every claim about one of the cases for every protocol and method of the study.
+    """Assess every claim about one of the cases for every setup and method of the study.
 
-    scores: of all replicates. settings: cases, those that are judged; pairs of protocol and method;
-    steady_window in s; winds, m/s by case. draws: many draws of the paper's study by its own
-    method, by case, in place of the replicates of that method. trajectories: the motions of a case,
-    the one that the claims are about first, for how it moves. Columns: COLUMNS, study_value the
-    median.
+    scores: of all replicates. settings: cases, those that are assessed; pairs of protocol and
+    method; steady_window in s; winds, m/s by case. draws: many draws of the paper's study by its
+    own method, by case, in place of the replicates of that method. trajectories: the motions of a
+    case, that of the claims first. Columns: COLUMNS, study_value the median.
     """
     rows = []
     for claim in CLAIMS:
@@ -89,11 +90,11 @@ def _scores_of_pair(scores: pd.DataFrame, pair: tuple[str, str]) -> pd.DataFrame
 def paper_table(
     claims: pd.DataFrame, draws: Mapping[str, pd.DataFrame], settings: Mapping
 ) -> pd.DataFrame:
-    """Each printed number or bound beside the draws of the paper's own method, one row each.
+    """Compare each printed number or bound with the draws of the paper's own method, one row each.
 
     claims: claims.csv. draws: as of `claims_table`. settings: departures, why the claims about a
-    case of the paper are not judged, "" where they are. Below each case's rows are the shares of
-    the draws that keep all its bounds at once, and at the end what is beyond judgement. Columns:
+    case of the paper are not assessed, "" if they are. Below each case's rows are the shares of the
+    draws that satisfy all its bounds at once, and at the end claims without an assessment. Columns:
     PAPER_COLUMNS; role: of the claim, `joint` or `beyond`.
     """
     pairs = zip(claims["protocol"], claims["method"], strict=True)
@@ -122,7 +123,7 @@ def _cell_columns(claim: Claim) -> dict:
 
 
 def _joint_rows(claims: Sequence[Claim], case: str, draws: pd.DataFrame) -> list[dict]:
-    """Rows of the shares of the draws that keep the bounds of R2, or all bounds, at once."""
+    """Tabulate the shares of the draws that satisfy the bounds of R2, or all bounds, at once."""
     bounds = [
         claim
         for claim in claims
@@ -147,7 +148,7 @@ def _joint_rows(claims: Sequence[Claim], case: str, draws: pd.DataFrame) -> list
 
 
 def _measure_motion(motion: Motion, window: tuple[float, float], wind: float) -> pd.DataFrame:
-    """How far the line's own motion is from steady in each direction, and its attack angle.
+    """Measure the unsteadiness of the line's own motion in each direction, and its attack angle.
 
     Columns: steady_change_NAME_percent, of each amplitude between the halves of the window;
     attack_angle, the largest |dq_v| / U over the record.
@@ -188,12 +189,12 @@ def variation_rows(
     name: str,
     drawn: pd.DataFrame,
 ) -> pd.DataFrame:
-    """Every claim of the paper for every value of one open setting.
+    """Assess every claim of the paper for every value of one unprinted setting.
 
-    case: settings of the line with its release; name: the paper's, by which claims are about it.
-    plan, amounts: keywords of `paper_draws`. parameter: its name in UNKNOWNS. drawn: the study's
-    own draws, by which its own settings are judged. Columns parameter, unit, value, default
-    (whether it is the case's own), held, then those of the claims table.
+    case: settings of the line with its initial state; name: of the paper's case. plan, amounts:
+    keywords of `paper_draws`. parameter: its name in UNKNOWNS. drawn: the study's own draws, for
+    its own settings. Columns parameter, unit, value, default (whether it is the case's own), held,
+    then those of the claims table.
     """
     tables = []
     opened = next(unknown for unknown in UNKNOWNS if unknown.name == parameter)

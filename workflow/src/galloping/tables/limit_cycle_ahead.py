@@ -1,4 +1,4 @@
-"""The limit cycles that identified models lead to, beside the true one and what was recorded."""
+"""Limit cycles that identified models approach, compared with the true one and the recording."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -26,13 +26,13 @@ def limit_cycles_ahead(
     identified: Mapping[str, Mapping[str, Sequence[IdentifiedModel]]],
     settings: Mapping,
 ) -> pd.DataFrame:
-    """One row for each cell and displacement: the predicted limit cycle beside the true one.
+    """Compare predicted and true limit cycles, one row for each cell and displacement.
 
-    model, trajectory: of the line. identified: by cell and method. settings: method, seed;
-    cells, each with its columns; steady_window, s, to which the paper's "steady state" refers;
-    is_continuous, whether the motion is not the model's, whose limit cycle then is not the true
-    one. Columns as in COLUMNS: recorded_m is the amplitude of the motion in that window,
-    predicted_m and its interval medians over those of the first replicates that were answered.
+    model, trajectory: of the line. identified: by cell and method. settings: method, seed; cells,
+    each with its columns; steady_window, s, of the paper's "steady state"; is_continuous, whether
+    the motion is not the model's, whose limit cycle then is not the true one. Columns as in
+    COLUMNS: recorded_m is the amplitude of the motion in that window, predicted_m and its interval
+    medians over the first replicates with a model.
     """
     first = trajectory[0]
     begin, end = settings["steady_window"]
@@ -58,7 +58,7 @@ def limit_cycles_ahead(
 
 
 def _summarise_cell(cycles: Sequence, k: int, true: float) -> dict[str, float]:
-    """Medians of what one cell's models predict of a displacement, and how often they hold it."""
+    """Compute medians of one cell's predictions of a displacement, and their coverage."""
     predicted, low, high = np.reshape([[of[k] for of in cycle] for cycle in cycles], (-1, 3)).T
     stated = np.isfinite(low)
     median = {"predicted_m": predicted, "low_m": low[stated], "high_m": high[stated]}

@@ -1,4 +1,4 @@
-"""Tables 1 and 2: the parameters of each case with unit and source; how the paper is read."""
+"""Tables 1 and 2: the parameters of each case with unit and source; readings of the paper."""
 
 from collections.abc import Iterator
 from functools import reduce
@@ -19,10 +19,10 @@ COLUMNS = ["case", "key", "symbol", "value", "unit", "provenance", "note"]
 
 
 def conductor(settings: dict, region: pd.DataFrame | None = None) -> pd.DataFrame:
-    """Table 1: all but the spacers, with the aerodynamic coefficients that the reading stands for.
+    """Make table 1: all but the spacers, with the aerodynamic coefficients of the reading.
 
-    settings: cases, as in the configuration. region: paper_region.csv, what was inferred from the
-    paper's printed numbers: a value in its interval there is `inferred`, and the interval noted.
+    settings: cases, as in the configuration. region: paper_region.csv, inferred from the paper's
+    printed numbers: a value in its interval there is `inferred`, and the interval noted.
     """
     study = load({"cases": settings["cases"]})
     table = _tabulate_parameters(study)
@@ -47,13 +47,13 @@ def conductor(settings: dict, region: pd.DataFrame | None = None) -> pd.DataFram
 
 
 def spacers(settings: dict) -> pd.DataFrame:
-    """Table 2: mass and positions of the spacers, one position a row."""
+    """Make table 2: mass and positions of the spacers, one position per row."""
     table = _tabulate_parameters(load({"cases": settings["cases"]}))
     return table[table["key"].str.startswith("spacers.")].reset_index(drop=True)
 
 
 def readings() -> pd.DataFrame:
-    """How the damaged text of the paper is read: what it prints, what stands for it, and why."""
+    """List the readings of the damaged text of the paper: printed text, reading and reason."""
     return pd.read_csv(Path(paper.__path__[0], "readings.csv"), keep_default_na=False)
 
 
@@ -62,7 +62,7 @@ def _as_table(rows: Iterator[tuple]) -> pd.DataFrame:
 
 
 def _tabulate_parameters(study: Settings) -> pd.DataFrame:
-    """Every value of every case; `key` is its path below the case."""
+    """Tabulate every value of every case; `key` is its path below the case."""
     return _as_table(
         row for name, case in study.cases.items() for row in _of_case(name, plain(case))
     )
@@ -84,7 +84,7 @@ def _of_case(name: str, values: dict) -> Iterator[tuple]:
 
 
 def _describe_source(node: dict, i: int, value: Any) -> tuple[str, str]:
-    """Provenance and note of a value: a changed one is ours, and says what it stands in for."""
+    """Describe provenance and note of a value: a changed one is ours, with the one it replaces."""
     default = node["default"]
     if isinstance(default, list):
         default = default[i] if i < len(default) else None

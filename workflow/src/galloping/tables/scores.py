@@ -1,6 +1,7 @@
-"""Scores of all cells, and their medians and intervals over replicates, against noise and amount of
-data; methods as their own rules set them, beside the best that any setting could do; what the data
-can tell, and how close each method comes to it.
+"""Tables of scores: medians and intervals over replicates, best possible tunings, and bounds.
+
+They are against noise and amount of data. Methods are compared with the best possible tuning, and
+with the Cramér-Rao bound.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,40 +25,40 @@ PEERS = (
 
 
 def together(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Rows of all parts in their order; a column that a part does not have is empty there."""
+    """Concatenate the rows of all parts in their order; missing columns are empty."""
     filled = [part for part in parts.values() if len(part)]
     return pd.concat(filled, ignore_index=True) if filled else pd.DataFrame(columns=["case"])
 
 
 def all_scores(cells: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """All replicates of all cells, in one order however they are given."""
+    """Concatenate all replicates of all cells, in an order independent of the argument's."""
     keys = ["case", "protocol", "method", "cell", "replicate"]
     return together(cells).sort_values(keys, kind="stable", ignore_index=True)
 
 
 def of_kind(scores: pd.DataFrame, kind: str) -> pd.DataFrame:
-    """Scores of the cells of a kind: a whole record, a subset, or several recordings together."""
+    """Select the scores of the cells of a kind: a whole record, a subset, or several recordings."""
     return scores[scores["kind"] == kind]
 
 
 def failures(motions: pd.Series) -> int:
-    """Replicates without a model, or whose model's motion ended early, by their `motion`."""
+    """Count replicates without a model, or whose model's motion ended early, by their `motion`."""
     return int((motions != "ok").sum())
 
 
 def exact(scores: pd.DataFrame) -> pd.Series:
-    """Whether a model has exactly the true terms."""
+    """Decide whether a model has exactly the true terms."""
     return (scores["missing"] == 0) & (scores["spurious"] == 0)
 
 
 def mean_error(scores: pd.DataFrame) -> pd.Series:
-    """Mean over the orders of the mean error of the coefficients of each row, percent."""
+    """Average the mean errors of the coefficients of each row over the orders, percent."""
     columns = [f"mean_error_{order}_percent" for order in ORDERS]
     return scores[scores.columns.intersection(columns)].mean(axis=1)
 
 
 def spread(column: str, stem: str = "") -> dict[str, tuple[str, Callable]]:
-    """Return what `DataFrameGroupBy.agg` takes for the median and the interval of a column.
+    """Make arguments of `DataFrameGroupBy.agg` for the median and the interval of a column.
 
     They are named `stem`, `{stem}_low` and `{stem}_high`; without a stem median, low and high.
     """
@@ -71,7 +72,7 @@ def spread(column: str, stem: str = "") -> dict[str, tuple[str, Callable]]:
 def medians(
     scores: pd.DataFrame, keys: list[str], columns: Mapping[str, str], axis: str, value: str
 ) -> pd.DataFrame:
-    """One row for each group and column: median, interval, replicates and failures.
+    """Tabulate median, interval, replicates and failures for each group and column.
 
     columns: from the name in `axis` to the score's column. value: stem of the result's columns.
     """
@@ -87,7 +88,7 @@ def medians(
 
 
 def noise_coefficients(scores: pd.DataFrame) -> pd.DataFrame:
-    """case, protocol, method, level, order, mean_error_percent with its interval."""
+    """Tabulate mean_error_percent with its interval by case, protocol, method, level and order."""
     columns = {order: f"mean_error_{order}_percent" for order in ORDERS}
     columns = {order: name for order, name in columns.items() if name in scores}
     keys = ["case", "protocol", "method", "level"]
@@ -95,14 +96,14 @@ def noise_coefficients(scores: pd.DataFrame) -> pd.DataFrame:
 
 
 def noise_r2(scores: pd.DataFrame) -> pd.DataFrame:
-    """case, protocol, method, level, state, r2_median, r2_low, r2_high, replicates, failures."""
+    """Tabulate R2 with its interval and failures by case, protocol, method, level and state."""
     columns, keys = {state: f"r2_{state}" for state in STATES}, [*CELL[:2], "method", "level"]
     table = medians(of_kind(scores, NOISE), keys, columns, "state", "r2")
     return table.rename(columns={"r2": "r2_median"})
 
 
 def data_amount(scores: pd.DataFrame) -> pd.DataFrame:
-    """case, protocol, method, points, state, amplitude_error_percent and r2 with intervals."""
+    """Tabulate amplitude error and R2 with intervals by case, protocol, method, points, state."""
     subsets, keys = of_kind(scores, SUBSET), ["case", "protocol", "method", "points"]
     columns = {state: f"amplitude_error_{state}_percent" for state in STATES}
     amplitude = medians(subsets, keys, columns, "state", "amplitude_error_percent")
@@ -111,12 +112,12 @@ def data_amount(scores: pd.DataFrame) -> pd.DataFrame:
 
 
 def peers(scores: pd.DataFrame, oracles: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Medians over replicates of error and R2 of whole records, and the share of exact supports.
+    """Tabulate medians of error and R2 of whole records, and the share of exact supports.
 
-    scores: of all cells, of which those with an oracle are shown. oracles: by cell, rows of the
-    same columns for the oracle's models of some replicates, `choice` of which is `least error` or
-    `right terms`. Each number of a replicate's oracle is the best of the two and of the model as
-    chosen. Columns: PEERS.
+    scores: of all cells, of which those with a best possible tuning are shown. oracles: by cell,
+    rows of the same columns for models with this tuning of some replicates, `choice` of which is
+    `least error` or `right terms`. Each number of a replicate's tuning is the best of the two and
+    of the method's own model. Columns: PEERS.
     """
     if not oracles:
         return pd.DataFrame(columns=PEERS)
@@ -149,7 +150,7 @@ IDENTIFIABILITY = [*BOUNDED, "equation", "term", "true", "bound", "t", "verdict"
 def identifiability(
     models: Mapping[str, Derived], bounds: Mapping[str, np.ndarray], settings: Mapping
 ) -> pd.DataFrame:
-    """One row a present term of each cell: bound, t = |c| / bound, whether it can be identified.
+    """Tabulate bound, t = |c| / bound and identifiability of each present term of each cell.
 
     models: by case. bounds: of each cell (n_samplings, n_states, n_terms), of which the root mean
     square is taken, NaN where undefined. settings: degree of the library; cells, each with its case
@@ -185,12 +186,10 @@ def _rms_of_finite(ratios: pd.Series) -> float:
 
 
 def efficiency(scores: pd.DataFrame, identifiability: pd.DataFrame) -> pd.DataFrame:
-    """One row a cell and method: exact supports, rms error over bound, R2, coverage, failures.
+    """Tabulate exact supports, rms error over bound, R2, coverage, failures by cell and method.
 
-    The rms is that of the fits with a model; no_model: how many had none.
-
-    identifiability: that table, for the weakest t of each cell. Cells without noise have no bound
-    and are left out.
+    The rms is that of the fits with a model; no_model: number of failures. identifiability: that
+    table, for the weakest t of each cell. Cells without noise have no bound and are left out.
     """
     amplitudes = scores[["amplitude_error_q_v_percent", "amplitude_error_q_w_percent"]]
     scores = scores.assign(

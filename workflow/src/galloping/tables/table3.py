@@ -22,12 +22,11 @@ TERMS = ["equation", "symbol", "term", "true", "identified", "low", "high", "fou
 def identified_terms(
     model: PolynomialModel, results: list[IdentifiedModel], terms: tuple[Exponents, ...]
 ) -> pd.DataFrame:
-    """Each true term, and each other one that a replicate found, with median and interval.
+    """Tabulate each true term, and each other one that a replicate found, with median and interval.
 
     model: of the line; results: replicates on the library `terms`, in which the line's terms that
-    it lacks are absent.
-    Values are those of the left-hand side, as the paper prints them. Columns TERMS: identified is
-    the median over the replicates, found the share of those with the term.
+    it lacks are absent. Values are those of the left-hand side, as the paper prints them. Columns
+    TERMS: identified is the median over the replicates, found the share of those with the term.
     """
     lacking = extend_library(terms, model)[len(terms) :]
     terms = terms + lacking
@@ -51,7 +50,7 @@ def identified_terms(
 
 
 def _symbol_number(symbols: pd.Series) -> pd.Series:
-    """Of gamma_10 10; NaN, which is sorted to the end, of a term without a symbol."""
+    """Extract the number of a symbol, 10 of gamma_10; NaN, sorted last, without a symbol."""
     return symbols.str.extract(r"_(\d+)$")[0].astype(float)
 
 
@@ -60,10 +59,11 @@ def table3(
     identified: Mapping[str, Mapping[str, list[IdentifiedModel]]],
     settings: Mapping,
 ) -> pd.DataFrame:
-    """case, equation, symbol, term, true, identified, relative_error_percent and the method.
+    """Tabulate true and identified coefficients with relative errors, by case, equation and term.
 
-    models, identified: by case. settings: cases, those that are continuous, whose models have no
-    true values; protocol, method, level; degree of the library.
+    Columns are case, equation, symbol, term, true, identified, relative_error_percent and the
+    method. models, identified: by case. settings: cases, those that are continuous, whose models
+    have no true values; protocol, method, level; degree of the library.
     """
     terms = polynomial_library(len(STATES), settings["degree"])
     named = {key: settings[key] for key in ("protocol", "method", "level")}
@@ -87,7 +87,7 @@ def equations(
     identified: Mapping[str, Mapping[str, list[IdentifiedModel]]],
     settings: Mapping,
 ) -> pd.DataFrame:
-    """Return the terms of one line beside those identified from single recordings.
+    """Tabulate the terms of one line and those identified from single recordings.
 
     Each fit has a row for each true term and for each false one that it found; values are those of
     the left-hand side. A missing term has an empty value.
@@ -123,7 +123,7 @@ def equations(
 
 
 def as_printed(table3: pd.DataFrame) -> pd.DataFrame:
-    """Table 3 as the paper lays it out: gamma of each number, and kappa in parentheses.
+    """Arrange table 3 as the paper does: gamma of each number, and kappa in parentheses.
 
     table3: table3_coefficients.csv. A row for the true and for the identified coefficients of each
     case; columns case, coefficients, then the numbers 1 to 10. Coefficients are those of the

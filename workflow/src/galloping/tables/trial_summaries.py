@@ -1,16 +1,17 @@
-"""Trials summed up: how often a verdict is right, what it costs, and what others published of the
-same. The columns are those of `report/tables.csv`.
+"""Summaries of trials: reliability of statuses, cost, and published results for comparison.
+
+The columns are those of `report/tables.csv`.
 
 `exact_terms.csv`: how many of DRAWS draws of the noise of the Lorenz system gave exactly the right
-terms, by length in s and noise level, as kept in AHsu98/jsindy at da8393e,
+terms, by length in s and noise level, as stored in AHsu98/jsindy at da8393e,
 `paper-figures/lorenz-heatmap` (MIT licence, copyright 2025 Alexander W. Hsu, Ike W. Griss Salas,
 Jacob M. Stevens-Haas, J. Nathan Kutz, Aleksandr Aravkin and Bamdad Hosseini), the row of ODR-BINDy
-by its author L. Fung (arXiv 2507.23426). ODR-BINDy is told the size of the noise. Of van der Pol
-and Roessler the authors give pictures and no numbers.
+by its author L. Fung (arXiv 2507.23426). ODR-BINDy is given the size of the noise. Of van der Pol
+and Roessler the authors print figures and no numbers.
 
 `published_intervals.csv`: of the quadratic coefficient of a relaxation, PSI-SINDy, arXiv
 2610.11486, 5,000 draws; the size of the noise is known. Without such a term: the least and the
-largest share of the intervals of 95 % that hold zero, and the same of naive tests at level 0.05
+largest share of the 95 % intervals that contain zero, and the same of naive tests at level 0.05
 that reject zero, over all numbers of samples; the median width of the intervals. With one: the
 share of its tests that reject zero.
 """
@@ -34,7 +35,7 @@ METHODS = {
 
 
 def _read_shares() -> dict[str, dict[tuple[float, float], float]]:
-    """By method, and (duration, level)."""
+    """Read published shares by method, and (duration, level)."""
     shares: dict = {method: {} for method in METHODS}
     with Path(__file__).with_name("exact_terms.csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
@@ -51,7 +52,7 @@ EVERY_TERM = 9.0  # least t at the bound of lines whose terms a recording tells 
 
 
 def trust(fits: pd.DataFrame) -> pd.DataFrame:
-    """One row for each group, case, protocol and level of the fits to lines.
+    """Summarise fits to lines, one row for each group, case, protocol and level.
 
     fits: of `galloping.trials.attempts`. Random lines of which every true term has a t above
     EVERY_TERM at the bound have a further row.
@@ -62,7 +63,7 @@ def trust(fits: pd.DataFrame) -> pd.DataFrame:
 
 
 def systems(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """One row for each system, length, noise level and method.
+    """Summarise fits to systems, one row for each system, length, noise level and method.
 
     parts: fits of `galloping.trials.attempts`. error_over_bound: median over the fits with exactly
     the right terms.
@@ -72,17 +73,17 @@ def systems(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def model_error(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """One row for each truth, sensors and method: fits of `galloping.trials.real_lines`."""
+    """Summarise fits of `galloping.trials.real_lines`, one row per truth, sensors and method."""
     return _summarise_groups(
         together(parts), ["truth", "sensors", "method"], _summarise_model_error
     )
 
 
 def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
-    """One row for each group of trials, method and path to its models, the most used first.
+    """Count the paths to models by group of trials and method, the most frequent first.
 
-    parts: fits, by trial and batch. path: '' of methods that have but one. exact, ok_and_wrong:
-    NaN where a trial does not say. settings: `kinds`, by trial.
+    parts: fits, by trial and batch. path: '' for methods with a single one. exact, ok_and_wrong:
+    NaN if a trial does not have them. settings: `kinds`, by trial.
     """
     kinds = {name: settings["kinds"][name.split("/")[0]].replace("_", " ") for name in parts}
     fits = together({name: part.assign(group=kinds[name]) for name, part in parts.items()})
@@ -96,7 +97,7 @@ def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
 
 
 def published_terms(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """One row for each system, length, noise level and method, beside the shares of METHODS.
+    """Compare exact terms with the shares of METHODS, by system, length, noise level and method.
 
     parts: fits of `galloping.trials.published.exact_terms`.
     """
@@ -105,7 +106,7 @@ def published_terms(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def published_intervals(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """One row for each quadratic coefficient, number of samples and method.
+    """Compare intervals with published ones, by quadratic coefficient, samples and method.
 
     parts: fits of `galloping.trials.published.relaxation_intervals`.
     """
@@ -122,7 +123,7 @@ def _summarise_groups(
 
 
 def status_counts(fits: pd.DataFrame) -> dict[str, float]:
-    """How many fits are exact, of each status, and sure and wrong."""
+    """Count exact fits, those of each status, and wrong `ok` ones."""
     status = fits["status"].value_counts()
     return {
         "exact": fits["exact"].sum(min_count=1),
@@ -218,7 +219,7 @@ def _summarise_intervals(fits: pd.DataFrame) -> dict[str, object]:
 
 
 def _with_interval(successes: pd.Series) -> dict[str, float]:
-    """Return a share, and its interval of 95 % (E. B. Wilson 1927)."""
+    """Compute a share, and its 95 % interval (E. B. Wilson 1927)."""
     found = binomtest(int(successes.sum()), len(successes)).proportion_ci(method="wilson")
     name = successes.name
     return {name: successes.mean(), f"{name}_low": found.low, f"{name}_high": found.high}

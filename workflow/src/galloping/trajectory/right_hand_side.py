@@ -1,6 +1,6 @@
 """Right-hand sides as index tables, which compiled code reads as data.
 
-One compilation serves every library, support, number of states and model.
+A single compilation serves every library, support, number of states and model.
 """
 
 from collections.abc import Iterator
@@ -19,18 +19,17 @@ from galloping.recording.samples import Factor
 class Tables:
     """Index tables of one library: every monomial is an earlier monomial times a signal.
 
-    Signals are the states, then the functions that terms have, and then known functions of time,
-    the factors that inputs bring to terms, of which a monomial has one at most.
-    monomials: the library's terms, their derivatives and what these are made of, by degree, the
-    constant first; as terms, with exponents of the states and of the factors.
-    position: (n_terms,) where each library term is among the monomials.
-    parent, factor: (n_monomials,); monomial m = monomial parent[m] times signal factor[m].
-    exponents: (n_monomials, n_states + n_factors). slopes: (n_slopes, 3) monomial, state, and the
-    monomial that its derivative by the state consists of, times slope_factors (n_slopes,); of a sum
-    each part. signs: (n_signs, 3) monomial with a factor sign(u), the argument u, and the monomial
-    without it. factors: exponents of the inputs, of each signal that comes from them. functions: of
-    states. arguments: of the functions, weights and offset, those with a kink first; n_kinks: the
-    number of these.
+    Signals are the states, then the functions of terms, and then known functions of time, the
+    factors of terms from inputs, of which a monomial has one at most. monomials: the library's
+    terms, their derivatives and the factors of these, by degree, the constant first; as terms, with
+    exponents of the states and of the factors. position: (n_terms,) index of each library term
+    among the monomials. parent, factor: (n_monomials,); monomial m = monomial parent[m] times
+    signal factor[m]. exponents: (n_monomials, n_states + n_factors). slopes: (n_slopes, 3)
+    monomial, state, and the monomial of its derivative by the state, times slope_factors
+    (n_slopes,); of a sum each part. signs: (n_signs, 3) monomial with a factor sign(u), the
+    argument u, and the monomial without it. factors: exponents of the inputs, of each signal that
+    comes from them. functions: of states. arguments: of the functions, weights and offset, those
+    with a kink first; n_kinks: the number of these.
     """
 
     monomials: tuple[Exponents, ...]
@@ -47,14 +46,15 @@ class Tables:
     n_kinks: int
 
     def on_monomials(self, coefficients: np.ndarray) -> np.ndarray:
-        """(n_states, n_monomials) from coefficients (n_states, n_terms)."""
+        """Expand coefficients (n_states, n_terms) to (n_states, n_monomials)."""
         found = np.zeros((len(coefficients), len(self.monomials)))
         found[:, self.position] = coefficients
         return found
 
     def jacobian(self, coefficients: np.ndarray) -> np.ndarray:
-        """(n_states, n_states, n_monomials) on the monomials, the derivative of each equation by
-        each state; coefficients: (n_states, n_terms).
+        """Differentiate each equation by each state, (n_states, n_states, n_monomials).
+
+        coefficients: (n_states, n_terms).
         """
         n_states, (monomial, state, lower) = len(coefficients), self.slopes.T
         found = np.zeros((n_states, n_states, len(self.monomials)))
@@ -65,7 +65,7 @@ class Tables:
 
 @lru_cache(maxsize=64)
 def make_tables(terms: tuple[Exponents, ...], n_states: int) -> Tables:
-    """Index tables of the library `terms` (n_terms) in so many states, and in inputs if any."""
+    """Make the index tables of the library `terms` (n_terms) in states, and in inputs if any."""
     functions, plain = split_functions(terms)
     n_exponents = len(plain[0]) - len(functions)
     of_inputs = [term[n_states:n_exponents] for term in terms]
@@ -120,14 +120,15 @@ def _as_rows(rows: Iterator[tuple[int, int, int]]) -> np.ndarray:
 
 
 def _monomial_order(term: Exponents, n_signals: int) -> tuple:
-    """By which monomials are sorted: the degree, then the first signals first."""
+    """Return the sort key of a monomial: the degree, then the first signals first."""
     exponents, functions = term[:n_signals], term[n_signals:]
     return sum(exponents) + len(functions), [-e for e in exponents], functions
 
 
 def _split_last_factor(term: Exponents, n_states: int) -> tuple[int | Function, Exponents]:
-    """The last factor of a monomial and what is left without it: a function if it has any, else a
-    state, and what comes from inputs if it has neither.
+    """Split a monomial into its last factor and the rest.
+
+    The factor is a function if there is any, else a state, else that of inputs.
     """
     if has_functions(term):
         return term[-1], term[:-1]
@@ -137,7 +138,7 @@ def _split_last_factor(term: Exponents, n_states: int) -> tuple[int | Function, 
 
 
 def _list_needed(term: Exponents, n_states: int) -> Iterator[Exponents]:
-    """The monomials that one is made of, and functions by which its own have their series."""
+    """Yield the factors of a monomial, and functions that the series of its own need."""
     if any(term):
         yield _split_last_factor(term, n_states)[1]
     exponents = [factor for factor in term if not isinstance(factor, Function)]
@@ -148,7 +149,7 @@ def _list_needed(term: Exponents, n_states: int) -> Iterator[Exponents]:
 
 
 def _list_sign_factors(term: Exponents) -> Iterator[tuple[Function, Exponents]]:
-    """Each factor sign(u) of a term, and the term without it."""
+    """Yield each factor sign(u) of a term, and the term without it."""
     for k, own in enumerate(term):
         if isinstance(own, Function) and own.name == "sign":
             yield own, (*term[:k], *term[k + 1 :])
@@ -160,14 +161,13 @@ CODES = {name: code for code, name in enumerate(FUNCTIONS)}
 
 
 class Signals(NamedTuple):
-    """Functions of states, in the form the compiled integrator reads them.
+    """Functions of states, in the form for the compiled integrator.
 
     kind: (n_functions,) of CODES. argument: (n_functions,) index. partner: (n_functions,) index of
-    the cosine of a sine and the other way round. weights: (n_arguments, n_states), offsets:
-    (n_arguments,). n_kinks: the first arguments, whose zeros are kinks. sign: (n_kinks,) index of
-    their functions sign(u), -1 where there is none. slides: (n_slides, 3) equation, kink and
-    monomial, of each coefficient of a term with a sign(u), without that factor; slide_values:
-    (n_slides,).
+    the cosine of a sine and conversely. weights: (n_arguments, n_states), offsets: (n_arguments,).
+    n_kinks: the first arguments, whose zeros are kinks. sign: (n_kinks,) index of their functions
+    sign(u), -1 if there is none. slides: (n_slides, 3) equation, kink and monomial, of each
+    coefficient of a term with a sign(u), without that factor; slide_values: (n_slides,).
     """
 
     kind: np.ndarray
@@ -182,13 +182,12 @@ class Signals(NamedTuple):
 
 
 class System(NamedTuple):
-    """One model in the form the compiled integrator reads, built by `compile_system`.
+    """One model in the form for the compiled integrator, made by `compile_system`.
 
     rates: (n, 2) int, (equation, monomial) of each coefficient present; rate_values: (n,).
-    jacobian: (n, 3) int, (equation, state, monomial); jacobian_values: (n,).
-    columns: (n_free, 3) int, (equation, monomial, column) of each free coefficient, by column;
-    weights: (n_free,) what it grows by as the column's parameter grows. signals: functions of
-    states, None where there are none.
+    jacobian: (n, 3) int, (equation, state, monomial); jacobian_values: (n,). columns: (n_free, 3)
+    int, (equation, monomial, column) of each free coefficient, by column; weights: (n_free,) its
+    derivative by the column's parameter. signals: functions of states, None without any.
     """
 
     parent: np.ndarray
@@ -203,17 +202,17 @@ class System(NamedTuple):
 
     @property
     def n_free(self) -> int:
-        """How many parameters the sensitivities are by, beside the start."""
+        """Number of parameters of the sensitivities besides the initial state."""
         return int(self.columns[-1, 2]) + 1 if len(self.columns) else 0
 
 
 def compile_system(
     table: Tables, coefficients: np.ndarray, free: np.ndarray, together: np.ndarray | None = None
 ) -> System:
-    """The model with `coefficients` (n_states, n_terms) and `free` (n_free, 2) index pairs.
+    """Convert a model with `coefficients` (n_states, n_terms) and `free` (n_free, 2) index pairs.
 
-    A pair (equation, term) names a coefficient whose sensitivity is wanted; its value may be zero.
-    together: (n_free,) slopes of them all along one parameter, whose sensitivity is then wanted.
+    A pair (equation, term) names a coefficient whose sensitivity is needed; its value may be zero.
+    together: (n_free,) slopes of them all along one parameter, whose sensitivity is then computed.
     """
     present = np.argwhere(coefficients)
     monomial = table.position[present[:, 1]]
@@ -254,7 +253,7 @@ def _compile_signals(table: Tables, coefficients: np.ndarray) -> Signals:
 
 
 def without_idle_monomials(compiled: System, sensitive: bool) -> System:
-    """The system without the monomials of its library on which nothing wanted depends."""
+    """Remove the monomials of a system's library that no result depends on."""
     used = np.zeros(len(compiled.parent), bool)
     used[0] = True
     used[compiled.rates[:, 1]] = True
@@ -286,14 +285,14 @@ def without_idle_monomials(compiled: System, sensitive: bool) -> System:
 
 
 class Workspace(NamedTuple):
-    """Series of one step that the compiled integrators fill, built by `make_workspace`.
+    """Series of one step that the compiled integrators fill, made by `make_workspace`.
 
     x: (order + 1, n_states + n_functions) of the states and of functions of them, theta: (order +
     1, n_monomials), jac: (order + 1, n_states, n_states) of the Jacobian, s: (order + 1, n_states,
     n_columns or more) of the sensitivities. kind: (n_states, n_states) 0 where the Jacobian is
     zero, 1 where it is constant, else 2. u: (order + 1, n_arguments) of the arguments of functions.
-    modes: (n_kinks,) the sign of each argument with a kink, 0 of one that sticks at zero. fresh:
-    (n_kinks,) how many of its derivatives, from itself on, are zero where the step begins.
+    modes: (n_kinks,) the sign of each argument with a kink, 0 for one that sticks at zero. fresh:
+    (n_kinks,) number of its derivatives, from itself on, that are zero where the step begins.
     """
 
     x: np.ndarray
@@ -307,7 +306,7 @@ class Workspace(NamedTuple):
 
 
 def make_workspace(compiled: System, order: int, n_states: int, sensitive: bool) -> Workspace:
-    """Arrays for series of a system; compiled code that makes them would compile for longer."""
+    """Allocate series of a system; compiled code that makes them would compile for longer."""
     columns = compiled.n_free + n_states if sensitive else 0
     kind = np.zeros((n_states, n_states), np.int64)
     equation, state, monomial = compiled.jacobian.T

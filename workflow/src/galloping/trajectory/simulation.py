@@ -1,4 +1,4 @@
-"""Simulation of polynomial models by power series, and when a motion counts as diverged."""
+"""Simulation of polynomial models by power series, and detection of divergence."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -39,11 +39,18 @@ EQUAL_STEPS = 4
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectory(Immutable):
-    """Motion of a model.
+    """Simulated motion of a model.
 
-    time: (n,) s. states: (n, n_states), NaN from where the integration ended early.
-
-    status: `ok`, or why it ended early. names: of the states, where they are known.
+    Attributes
+    ----------
+    time : (n,) array
+        s.
+    states : (n, n_states) array
+        NaN from where the integration ended early.
+    status : str
+        `ok`, or why it ended early.
+    names : tuple of str
+        Of the states, if known.
     """
 
     time: NDArray[np.float64]
@@ -57,7 +64,7 @@ class Trajectory(Immutable):
         return f"Trajectory: {samples} samples of {states} states{span}, {self.status}"
 
     def to_frame(self) -> "DataFrame":
-        """Return the motion as a pandas DataFrame.
+        """Convert the motion to a pandas DataFrame.
 
         Returns
         -------
@@ -71,16 +78,19 @@ class Trajectory(Immutable):
 
 
 class Simulator:
-    """Simulate every model that is written in one candidate library.
+    """Simulator of all models with one candidate library.
 
     Without inputs the motion is accurate to double precision. With inputs the integrator is that of
-    the likelihood, whose steps are as short as the samples of the inputs are close.
+    the likelihood, whose steps are as short as those between samples of the inputs.
 
     Parameters
     ----------
-    states : names of the states.
-    terms : exponents of the monomials that models may use.
-    inputs : names of the models' inputs.
+    states : tuple of str
+        Names of the states.
+    terms : tuple of Exponents
+        Exponents of the monomials that models may use.
+    inputs : tuple of str
+        Names of the models' inputs.
     """
 
     def __init__(
@@ -101,12 +111,12 @@ class Simulator:
         inputs: Mapping[str, Input | float] | None = None,
         limit: float | None = None,
     ) -> Trajectory:
-        """Trajectory of `model` from x0 (n_states,) at time[0], on the increasing grid `time`.
+        """Simulate a model from the state x0 (n_states,) at time[0], on the increasing grid `time`.
 
         inputs: each of the model's, measured or constant. limit: distance from zero at which the
         motion counts as diverged; by default that of a span in SI units. Raises ValueError for a
-        model with a term that the simulator does not have, and where an input is not there or does
-        not cover `time`.
+        model with a term that the simulator does not have, and if an input is missing or does not
+        cover `time`.
         """
         model = model.on_library(self.terms)
         start, steps = np.asarray(x0, float), max_steps(time)
@@ -164,44 +174,44 @@ def pad_ended_motion(
     status: str,
     names: tuple[str, ...] = (),
 ) -> Trajectory:
-    """A motion that ended early: NaN behind the states (k, n_states) that it came to."""
+    """Append NaN to the states (k, n_states) of a motion that ended early."""
     missing = np.full((len(time) - len(states), states.shape[1]), np.nan)
     return Trajectory(time, np.concatenate([states, missing]), status, names)
 
 
 def _divergence_limit(x0: NDArray[np.float64]) -> float:
-    """How far from zero a motion from x0 (n_states,) may get before it counts as diverged."""
+    """Compute the distance from zero beyond which a motion from x0 (n_states,) has diverged."""
     return max(DIVERGENCE_LIMIT, TIMES_THE_START * float(np.linalg.norm(x0)))
 
 
 def escape_distance(x0: NDArray[np.float64]) -> float:
-    """Distance at which a motion of any system runs away, of which nothing is known but its begin.
+    """Compute the distance beyond which a motion of any system has diverged, from its start alone.
 
     Parameters
     ----------
     x0 : (n_states,) array
-        Where the motion begins.
+        Initial state.
 
     Returns
     -------
     float
-        Of a motion that begins at zero as of one that begins at one.
+        For a start at zero the same as for a start at one.
     """
     return AWAY * (float(np.linalg.norm(x0)) or 1.0)
 
 
 def max_steps(time: NDArray[np.float64]) -> int:
-    """How many integration steps a motion on the grid `time` may take."""
+    """Compute the limit of integration steps of a motion on the grid `time`."""
     return MOST_STEPS_BETWEEN + MAX_STEPS_PER_SAMPLE * len(time)
 
 
 def check_inputs(
     model: PolynomialModel, inputs: Mapping[str, Input | float], time: NDArray[np.float64]
 ) -> dict[str, Input | float]:
-    """The inputs of a model, in its order.
+    """Return the inputs of a model, in its order.
 
-    Raises ValueError where one is not there, is neither an Input nor a number, or does not cover
-    `time` (n,), s.
+    Raises ValueError if one is missing, is neither an Input nor a number, or does not cover `time`
+    (n,), s.
     """
     for name in model.inputs:
         if name not in inputs:
@@ -216,7 +226,7 @@ def check_inputs(
 
 
 def time_grid(duration: float, sampling_rate: float) -> np.ndarray:
-    """Sample times 0, 1/rate, ..., duration in s."""
+    """Make sample times 0, 1/rate, ..., duration in s."""
     return np.arange(round(duration * sampling_rate) + 1) / sampling_rate
 
 
@@ -229,7 +239,7 @@ STILL = 1e-9  # of the greatest argument of a sign in a motion: what is less sti
 def rates_along(
     model: PolynomialModel, states: NDArray[np.float64], driving: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """(n, n_states) rates along a motion (n, n_states); what sticks does not accelerate.
+    """Compute the rates along a motion (n, n_states); a sticking state does not accelerate.
 
     driving: (n, n_inputs) of a model with inputs.
     """
@@ -240,8 +250,10 @@ def rates_along(
 def sticking_projections(
     model: PolynomialModel, states: NDArray[np.float64], driving: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64] | None:
-    """(n, n_states, n_states) by which the rates along a motion, and their derivatives, are
-    multiplied so that what sticks to the zero of a sign stays there; None for a model without one.
+    """Compute projections of the rates along a motion that keep sticking states in place.
+
+    Returns (n, n_states, n_states), factors on the rates and their derivatives, by which an
+    argument of a sign remains at its zero; None for a model without one.
     """
     both, n, places = join_inputs(states, driving), len(model.states), len(model.names)
     signs = [own for own in split_functions(model.terms)[0] if own.name == "sign"]
@@ -283,7 +295,7 @@ FAR = 1e8  # times its size at first, from which a solution diverges
 
 
 def first_step(inputs: Sequence[Input]) -> float:
-    """s, of the finest input: from one sample to the next where it jumps at them."""
+    """Return the step of the finest input, s: between samples at which it jumps."""
     return min(
         (1 if one.between == "zero" else SAMPLES_PER_STEP) * float(np.median(np.diff(one.time)))
         for one in inputs
@@ -310,10 +322,10 @@ def solve_driven(
 
     inputs: those of the model, in its order. start: (n_states,) at time[0]. time: (n,) s,
     increasing. step: s, the longest to try. most: steps. free: (n_free, 2) pairs (equation, term).
-    Returns states (n, n_states), beyond FAR times their size at first or not finite where they
+    Returns states (n, n_states), beyond FAR times their initial size or not finite where they
     diverge, and derivatives (n, n_states, n_free + n_states) by the free coefficients and the
-    start, of no columns without `free`.
-    Raises FloatingPointError where more than `most` steps were needed.
+    start, without columns if `free` is None. Raises FloatingPointError if more than `most` steps
+    were needed.
     """
     n_states, wanted = len(start), free is not None
     if not wanted:  # nor are terms that are not there
@@ -355,7 +367,7 @@ def _size_at_first(
     start: NDArray[np.float64],
     time: NDArray[np.float64],
 ) -> float:
-    """Size of a motion by its start and by what the inputs then move it in a radian."""
+    """Estimate the size of a motion from its start and the effect of the inputs in a radian."""
     driving = np.sqrt([[np.nanmean(one.values**2) for one in inputs]])
     rates, jacobian = model(start[None], driving)[0], model.jacobian(start[None], driving)[0]
     fastest = np.max(np.abs(np.linalg.eigvals(jacobian)))

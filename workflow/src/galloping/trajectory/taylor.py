@@ -54,7 +54,7 @@ BINOMIALS = np.array(
 
 @njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
 def _fill_monomials(k, x, inputs, theta, parent, factor):
-    """Taylor coefficients of order k of the monomials, from those of the signals, into `theta`."""
+    """Fill Taylor coefficients of order k of monomials, from those of signals, into `theta`."""
     n_signals = x.shape[1]
     theta[k, 0] = 1.0 if k == 0 else 0.0
     for m in range(1, len(parent)):
@@ -72,8 +72,10 @@ def _fill_monomials(k, x, inputs, theta, parent, factor):
 
 @njit(cache=True, error_model="numpy")
 def _fill_functions(k, x, u, modes, signals):
-    """Taylor coefficients of order k of arguments, into `u` (order+1, n_arguments), and of their
-    functions, into the last columns of `x`; signs of what sticks, of mode 0, are zero at first.
+    """Fill Taylor coefficients of order k of arguments and of their functions.
+
+    Arguments go into `u` (order+1, n_arguments), functions into the last columns of `x`; signs of
+    sticking arguments, of mode 0, are zero at first.
     """
     n_arguments, n_states = signals.weights.shape
     for a in range(n_arguments):
@@ -110,7 +112,7 @@ def _fill_functions(k, x, u, modes, signals):
 
 @njit(cache=True, error_model="numpy")
 def _solve_linear(matrix, right):
-    """`right` (n, m) divided by a small matrix (n, n), both changed in place: Gauss elimination."""
+    """Divide `right` (n, m) by a small matrix (n, n), both in place, by Gauss elimination."""
     n = len(matrix)
     for k in range(n):
         best = k
@@ -135,7 +137,7 @@ def _solve_linear(matrix, right):
 
 @njit(cache=True, error_model="numpy")
 def _fill_rates(k, theta, rates, rate_values, out):
-    """Taylor coefficient of order k of each equation's right-hand side, into `out`."""
+    """Fill the Taylor coefficient of order k of each equation's right-hand side into `out`."""
     out[:] = 0.0
     for r in range(len(rate_values)):
         out[rates[r, 0]] += rate_values[r] * theta[k, rates[r, 1]]
@@ -143,7 +145,7 @@ def _fill_rates(k, theta, rates, rate_values, out):
 
 @njit(cache=True, error_model="numpy")
 def _fill_slides(k, theta, signals, out):
-    """What each equation gains of order k by a unit of each sign(u), into `out` (n_states, n)."""
+    """Fill the derivative of order k of each equation by each sign(u) into `out` (n_states, n)."""
     out[:] = 0.0
     for r in range(len(signals.slide_values)):
         i, kink, m = signals.slides[r]
@@ -152,9 +154,10 @@ def _fill_slides(k, theta, signals, out):
 
 @njit(cache=True, error_model="numpy")
 def _balance_signs(signals, stuck, slides, rate):
-    """The matrix (n, n) and right-hand side (n, 1) of the signs that keep the arguments `stuck`,
-    (n,) indices, where they are. slides: of `_fill_slides`. rate: of `_fill_rates`
-    without these signs.
+    """Make the linear system of the signs that keep arguments in place.
+
+    Returns matrix (n, n) and right-hand side (n, 1). stuck: (n,) indices of the arguments. slides:
+    of `_fill_slides`. rate: of `_fill_rates` without these signs.
     """
     n = len(stuck)
     matrix, right = np.zeros((n, n)), np.zeros((n, 1))
@@ -171,12 +174,12 @@ def _balance_signs(signals, stuck, slides, rate):
 def _fill_jets(
     x, inputs, theta, order, h, n_states, parent, factor, rates, rate_values, u, modes, signals
 ):
-    """Taylor coefficients (scaled by h^k) of the signals `x` and the monomials `theta`.
+    """Fill Taylor coefficients (scaled by h^k) of the signals `x` and the monomials `theta`.
 
     x: (order+1, n_states + n_functions), the states of row 0 given; theta: (order+1, n_monomials);
     both filled in place, as is u: (order+1, n_arguments). inputs: (n_powers, n_factors) those of
-    the factors of the inputs. modes: (n_kinks,) the sign of each argument with a kink, 0 of one
-    that sticks.
+    the factors of the inputs. modes: (n_kinks,) the sign of each argument with a kink, 0 if it
+    sticks.
     """
     if signals is not None:
         stuck = np.flatnonzero(modes == 0.0)
@@ -206,7 +209,7 @@ def _fill_jets(
 def _sensitivity_jets(
     s, jac, kind, theta, order, h, jacobian, jacobian_values, columns, weights, modes, signals
 ):
-    """Taylor coefficients of the sensitivities `s` (order+1, n_states, n_columns), row 0 given.
+    """Fill Taylor coefficients of the sensitivities `s` (order+1, n_states, n_columns) after row 0.
 
     jac: (order+1, n_states, n_states) those of the Jacobian, filled in place.
     """
@@ -254,8 +257,9 @@ def _sensitivity_jets(
 
 @njit(cache=True, error_model="numpy")
 def _hold_sensitivities(k, s, slides, signs, stuck, scale, signals):
-    """Add to the sensitivities of order k + 1 what the signs that keep arguments at zero change,
-    and put the sensitivities of these signs, of order k, into `signs`.
+    """Add the effect of signs that keep arguments at zero to sensitivities of order k + 1.
+
+    The sensitivities of these signs, of order k, are filled into `signs`.
     """
     n_states, n_columns, n = s.shape[1], s.shape[2], len(stuck)
     for j in range(1, k + 1):
@@ -283,11 +287,11 @@ def _hold_sensitivities(k, s, slides, signs, stuck, scale, signals):
 
 @njit(cache=True, error_model="numpy")
 def _first_negative(series):
-    """The least time in [0, 1] from which a polynomial is below zero, 2 where it never is or is not
-    finite.
+    """Find the least time in [0, 1] from which a polynomial is negative, 2 if it never is.
 
-    series: (order+1,) its coefficients. It is bounded by its Bernstein coefficients on ever smaller
-    intervals (G. Farin, Curves and Surfaces for CAGD, 2002, ch. 6), so that no root is passed by.
+    series: (order+1,) its coefficients; 2 too if they are not finite. It is bounded by its
+    Bernstein coefficients on ever smaller intervals (G. Farin, Curves and Surfaces for CAGD, 2002,
+    ch. 6), so that no root is missed.
     """
     n, most = len(series), 48  # halvings, to some roundings
     heap = np.empty((most + 2, n))
@@ -320,10 +324,10 @@ def _first_negative(series):
 
 @njit(cache=True, error_model="numpy")
 def _next_kink(x, u, n_states, modes, fresh, signals):
-    """When in a step, as a share of it, the first argument with a kink passes zero or no longer
-    sticks there, 2 where none does; and which one.
+    """Find when in a step the first argument with a kink passes zero or ceases to stick.
 
-    fresh: (n_kinks,) how many derivatives of each argument, from itself on, are zero at the begin.
+    Returns the share of the step, 2 if none does, and the argument's index. fresh: (n_kinks,)
+    number of derivatives of each argument, from itself on, that are zero at the beginning.
     """
     order = len(x) - 1
     first, which = 2.0, -1
@@ -350,10 +354,10 @@ def _next_kink(x, u, n_states, modes, fresh, signals):
 
 @njit(cache=True, error_model="numpy")
 def _settle_modes(x, inputs, theta, parent, factor, rates, rate_values, u, modes, fresh, signals):
-    """Where the motion goes from the zeros of the arguments whose mode is 0: their modes, in place,
-    and the rates (n_states,) of the states then.
+    """Decide in which direction arguments of mode 0 leave their zeros, and fill their modes.
 
-    What both sides lead back to sticks; else it leaves to the side to which the equations lead.
+    An argument sticks if the equations on both sides lead back; else it leaves to the side to which
+    they lead. Returns the rates (n_states,) of the states then.
     """
     n_states = signals.weights.shape[1]
     slides, rate = np.zeros((n_states, len(modes))), np.zeros(n_states)
@@ -386,7 +390,7 @@ def _settle_modes(x, inputs, theta, parent, factor, rates, rate_values, u, modes
 
 @njit(cache=True, error_model="numpy")
 def _cross_kink(s, n_columns, before, after, weights):
-    """Take sensitivities across a kink. before, after: (n_states,) rates of the states."""
+    """Update sensitivities across a kink. before, after: (n_states,) rates of the states."""
     pace = 0.0
     for i in range(len(before)):
         pace += weights[i] * before[i]
@@ -402,8 +406,9 @@ def _cross_kink(s, n_columns, before, after, weights):
 def _begin_modes(
     x, s, n_columns, inputs, theta, parent, factor, rates, rate_values, u, modes, fresh, signals
 ):
-    """The modes of arguments with a kink where a motion begins, in place; sensitivities by a start
-    that sticks are of what it comes to from beside.
+    """Fill the modes of arguments with a kink at the beginning of a motion.
+
+    Sensitivities to a sticking initial state are those of its approach from beside.
     """
     for kink in range(len(modes)):
         argument = signals.offsets[kink]
@@ -426,7 +431,7 @@ def _begin_modes(
 
 @njit(cache=True, error_model="numpy")
 def _shift_polynomial(powers, by):
-    """A polynomial on [0, 1], (n_powers, n), as one of the time since `by` over 1 - by."""
+    """Rewrite a polynomial on [0, 1], (n_powers, n), in the time since `by` over 1 - by."""
     found = np.zeros(powers.shape)
     for m in range(len(powers)):
         for k in range(m, len(powers)):
@@ -441,11 +446,11 @@ def _pass_step(
 ):  # fmt: skip
     """Move states and sensitivities to a kink, a share of the series, and across it.
 
-    A motion that comes to the zero of an argument crosses it or sticks there, and one that stuck
-    leaves it. Sensitivities change by those of the time at which it came there, times the change of
-    the rates (saltation; M. di Bernardo et al., Piecewise-smooth Dynamical Systems, 2008, ch. 2).
-    n_columns: of the sensitivities, 0 where they are not wanted and `s` may be None. driven:
-    (n_powers, n_factors) of the inputs, as of `propagate`, from the kink on.
+    A motion that reaches the zero of an argument crosses it or sticks there, and one that stuck
+    leaves it. Sensitivities change by those of the time of arrival, times the change of the rates
+    (saltation; M. di Bernardo et al., Piecewise-smooth Dynamical Systems, 2008, ch. 2). n_columns:
+    of the sensitivities, 0 if they are not needed and `s` may be None. driven: (n_powers,
+    n_factors) of the inputs, as of `propagate`, after the kink.
     """
     n_states, order = signals.weights.shape[1], len(x) - 1
     before, power = np.zeros(n_states), 1.0
@@ -480,7 +485,7 @@ def _read_samples(
 ):
     """Add the samples of a window between two of its times to functionals of the window.
 
-    length: s, of the series, which begin at `begin` and would last to the end of the window.
+    length: s, of the series, which begin at `begin` and extend to the end of the window.
     """
     order = len(x) - 1
     at = np.zeros(order + 1)
@@ -512,7 +517,7 @@ def _read_samples(
 
 
 class Samples(NamedTuple):
-    """Samples in windows, of which functionals are sums.
+    """Samples in windows, whose weighted sums are functionals.
 
     offsets: (n_windows + 1,) first sample of each window. tau: (n_samples,) times in their windows,
     0 to 1. basis: (n_samples, n_observed, n_rows) weights of a sample in each functional. order:
@@ -541,8 +546,8 @@ def propagate(
     n_states). functionals: (n_steps, n_observed, n_rows, order + 1), applied to the Taylor
     coefficients in the scaled time tau = (t - t_step)/h. observed: (n_observed,) state of each
     channel. inputs: (n_steps, n_powers, n_factors) the factors of the inputs over each step, by
-    powers of the same time. sensitive: whether the sensitivities are wanted. samples: of which the
-    functionals are sums, where terms have kinks, else None.
+    powers of the same time. sensitive: whether to compute the sensitivities. samples: whose sums
+    are the functionals, if terms have kinks, else None.
 
     Filled in, zero before: predictions (n_steps, n_observed, n_rows), their derivatives (...,
     n_columns) with respect to the parameters of the columns and then the segment's initial states,
@@ -670,11 +675,11 @@ def integrate(
 def at_points(
     compiled: System, window: np.ndarray, tau: np.ndarray, windows: int, n_states: int
 ) -> tuple[np.ndarray, Samples | None, np.ndarray]:
-    """Return functionals of the Taylor steps that give the states at points of time.
+    """Make functionals of the Taylor steps that give the states at points of time.
 
     window: (n,) the step of each point, non-decreasing. tau: (n,) its time in the step, 0 to 1.
-    Returns what `integrate` takes for it, functionals of all states (windows, n_states, n_rows,
-    ORDER + 1) and samples, and of each point (n,) its row.
+    Returns arguments of `integrate`, functionals of all states (windows, n_states, n_rows, ORDER +
+    1) and samples, and of each point (n,) its row.
     """
     row = np.arange(len(window)) - np.searchsorted(window, window)
     functionals = np.zeros((windows, n_states, row.max() + 1, ORDER + 1))
@@ -692,7 +697,7 @@ def at_points(
 
 
 class Ending(IntEnum):
-    """Why a solution ends."""
+    """Reason of the end of a solution."""
 
     COMPLETE = 0
     TOO_MANY_STEPS = 1
@@ -701,10 +706,10 @@ class Ending(IntEnum):
 
 
 class Solution(NamedTuple):
-    """Motion of a model, up to where it ended.
+    """Motion of a model, up to its end.
 
-    states: (k, n_states) at the first k times. derivatives: (k, n_states, n_free + n_states) by
-    the free coefficients and the start, of no columns where not wanted. end: s, where it ended.
+    states: (k, n_states) at the first k times. derivatives: (k, n_states, n_free + n_states) by the
+    free coefficients and the start, without columns if not computed. end: s, time of the end.
     """
 
     states: NDArray[np.float64]
@@ -715,11 +720,11 @@ class Solution(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def _step_growth(series):
-    """By how much the step may grow until the last two terms of every series are rounding errors.
+    """Compute the growth of the step at which the last two terms of every series are rounding.
 
-    series: (order + 1, n), scaled to the step. Two terms, for every second one of an odd or even
-    function is zero. Each series is judged by its own greatest term, whatever its unit. Returns 0
-    where a term is not finite.
+    series: (order + 1, n), scaled to the step. Two terms, since every second one of an odd or even
+    function is zero. Each series is compared with its own greatest term, in any unit. Returns 0 if
+    a term is not finite.
     """
     order = len(series) - 1
     before = last = EPSILON**2  # of the greatest: however few terms there are
@@ -779,7 +784,7 @@ def _evaluate_once(series, place, values):
 
 @njit(cache=True, error_model="numpy")
 def _advance_series(series):
-    """Put the sum of series (order + 1, n) at the end of the step in their first row."""
+    """Write the sum of series (order + 1, n) at the end of the step to their first row."""
     order = len(series) - 1
     for k in range(order - 1, -1, -1):  # the smallest first
         for i in range(series.shape[1]):
@@ -790,10 +795,10 @@ def _advance_series(series):
 
 @njit(cache=True, error_model="numpy")
 def _find_crossing(x, limit, values):
-    """Part of the step after which the states are further than `limit` from zero; inf if never.
+    """Find the part of the step after which the states exceed `limit`; inf if never.
 
     A step is a fraction of the radius of convergence, over which a motion hardly bends: eight
-    places show whether it crosses, and halving finds where. values: (n_states,) memory.
+    points show whether it crosses, and bisection finds where. values: (n_states,) memory.
     """
     squares = 0.0
     for i in range(len(values)):
@@ -827,10 +832,10 @@ def _solve_compiled(
 ):  # fmt: skip
     """Fill in states (n, n_states) and derivatives (n, n_states * n_columns) at `time` (n,).
 
-    h: s, a step to begin with. places, totals: (n,) memory. flat: (order + 1, n_states * n_columns)
-    the memory of `s`. s: None where no derivatives are wanted: then nothing of them is compiled.
-    The motion starts from the first rows of x and s. The rest: `solve`, `Workspace`, `System`.
-    Returns how many times were reached, where the motion ended, and the value of its `Ending`.
+    h: s, initial step. places, totals: (n,) memory. flat: (order + 1, n_states * n_columns) the
+    memory of `s`. s: None without derivatives: then nothing of them is compiled. The motion starts
+    from the first rows of x and s. The rest: `solve`, `Workspace`, `System`. Returns the number of
+    times reached, the time of the end, and the value of its `Ending`.
     """
     row, start, n_states = 0, time[0], states.shape[1]
     if signals is not None:
@@ -905,7 +910,7 @@ def solve(
 ) -> Solution:
     """Solve a model without inputs to double precision.
 
-    Where a motion comes to a kink, which ends a step, is found to the rounding of the step.
+    A kink, which ends a step, is located to the rounding error of the step.
 
     Parameters
     ----------
@@ -913,7 +918,7 @@ def solve(
     time : (n,) s, increasing.
     most : greatest number of steps.
     free : (n_free, 2) pairs (equation, term) of the coefficients to differentiate by. The
-        derivatives by the start come with them; none are computed without `free`.
+    derivatives by the start come with them; none are computed without `free`.
     limit : distance of the states from zero at which the solution ends.
     """
     n_states, sensitive = len(model.states), free is not None

@@ -1,1 +1,1 @@
-"""Independent trials of what the identification claims of its models."""
+"""Independent trials of the reliability of identified models."""

@@ -1,7 +1,7 @@
-"""What identification gives of two modes that random forces keep up, from displacements alone.
+"""Trials of two modes under random forces, identified from displacements alone.
 
-Frequencies, damping, shapes, duration and rate of sampling are drawn by number. Judged are the
-decays of the modes, against the Cramér-Rao bound as well.
+Frequencies, damping, shapes, duration and sampling rate are drawn. The decays of the modes are
+assessed, also against the Cramér-Rao bound.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,9 +28,10 @@ FREE = tuple((i, np.array([j])) for i in (2, 3) for j in range(4))  # coefficien
 
 @dataclass(frozen=True)
 class RandomMotion:
-    """dx = system x dt + white forces, x of STATES; displacements are sampled with white noise.
+    """Process dx = system x dt + white forces, x of STATES; displacements are sampled with noise.
 
-    system, forces: (4, 4), forces the covariance in a second. noise: (2,) standard deviations.
+    system, forces: (4, 4), forces the covariance per second. noise: (2,) standard deviations of
+    white noise.
     """
 
     system: np.ndarray
@@ -40,7 +41,7 @@ class RandomMotion:
 
     @classmethod
     def drawn(cls, rng: np.random.Generator) -> "RandomMotion":
-        """Two modes that move alike far on the average, within the ranges above."""
+        """Draw two modes of similar average size, within the ranges above."""
         omega = np.ones(2)
         while omega.max() < APART * omega.min():
             omega = 2.0 * np.pi * rng.uniform(*FREQUENCIES, 2)
@@ -65,8 +66,10 @@ class RandomMotion:
         return cls(system, forces, noise[:2], recording)
 
     def least_errors(self) -> np.ndarray:
-        """(2,) standard deviations of the decays, 1/s: the Cramér-Rao bound, by P. Whittle's
-        likelihood (Ark. Mat. 2, 1953), for unknown coefficients, forces and noise.
+        """Compute the Cramér-Rao bound of the decays, (2,) standard deviations, 1/s.
+
+        It is by P. Whittle's likelihood (Ark. Mat. 2, 1953), for unknown coefficients, forces and
+        noise.
         """
         step = self.recording.time[1] - self.recording.time[0]
         frequencies = np.arange(1, len(self.recording.time) // 2) / len(self.recording.time)
@@ -96,7 +99,7 @@ class RandomMotion:
 def _discretise_process(
     system: np.ndarray, forces: np.ndarray, step: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Stationary covariance, transition over `step` s, and covariance of what forces add."""
+    """Compute stationary covariance, transition over `step` s, and its covariance by forces."""
     stationary, transition = solve_continuous_lyapunov(system, -forces), expm(system * step)
     return stationary, transition, stationary - transition @ stationary @ transition.T
 
@@ -107,7 +110,7 @@ def trial(
     """Yield a row for each replicate and method, as of `real_lines.trial`.
 
     The slower mode is the vertical one. intervals_held: of the decays of both modes; nothing is
-    judged where no random forces are answered. Seconds are those of the processor.
+    assessed if the model has no random forces. Seconds are those of the processor.
     """
     for replicate in replicates:
         motion = RandomMotion.drawn(make_generator(seed, "ambient", case, replicate))
@@ -143,9 +146,9 @@ def trial(
 def decays(
     system: np.ndarray, places: Sequence[tuple[int, np.ndarray]]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues of the modes, 1/s, by frequency, and slopes (n_modes, n_places) of their decays.
+    """Compute eigenvalues of modes, 1/s, by frequency, and slopes (n_modes, n_places) of decays.
 
-    places: of each coefficient its equation and the state that it is of, none of a constant.
+    places: equation and state of each coefficient, none for a constant.
     """
     modes = Modes.of(system)
     left, own = np.linalg.inv(modes.shapes), modes.oscillating

@@ -1,4 +1,4 @@
-"""Recordings whose truth is known, and what is identified from them: a tidy row for each fit."""
+"""Fits to recordings with known truth: a tidy row for each fit."""
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -27,10 +27,9 @@ FAR = 4.0  # standard errors beyond which a coefficient is wrong
 class Attempt:
     """One recording of a known system.
 
-    columns: what names it in a table. true: on the candidate library. deviations: (n_states,
-    n_terms) at the Cramer-Rao bound, of the terms to be found, NaN elsewhere; None where they are
-    not computed. causes: codes of which a finding must have one, none if nothing is wrong with the
-    recording.
+    columns: that name it in a table. true: on the candidate library. deviations: (n_states,
+    n_terms) at the Cramér-Rao bound, of the terms to be found, NaN elsewhere; None if not computed.
+    causes: codes of which a finding must have one, none if nothing is wrong with the recording.
     """
 
     columns: Mapping[str, Any]
@@ -43,7 +42,7 @@ class Attempt:
 def measured(
     columns: Mapping[str, Any], true: PolynomialModel, time: np.ndarray, states: np.ndarray
 ) -> Attempt:
-    """Return a motion (n, n_states) of a system, measured once as its columns say.
+    """Measure a motion (n, n_states) of a system once, as specified by its columns.
 
     columns: among them `protocol`, `level`, in standard deviations of each state for the protocols
     that measure states, and `seed`; the noise follows from all of them.
@@ -57,9 +56,9 @@ def measured(
 
 
 def deviations_at_the_bound(attempt: Attempt, states: np.ndarray) -> np.ndarray:
-    """Its `deviations`, from the motion (n, n_states) that was measured.
+    """Compute `deviations` of an attempt, from the motion (n, n_states) that was measured.
 
-    NaN throughout where the motion is too sensitive for a bound.
+    NaN throughout if the motion is too sensitive for a bound.
     """
     true, columns = attempt.true, attempt.columns
     motion = _as_motion(true, attempt.recording.time, states)
@@ -79,12 +78,13 @@ def _as_motion(true: PolynomialModel, time: np.ndarray, states: np.ndarray) -> M
 def fits(
     attempts: Iterable[Attempt], methods: Mapping[str, Mapping]
 ) -> Iterator[dict[str, object]]:
-    """A row for each attempt and method: its columns, those of `identified_by`, of `against_truth`.
+    """Yield a row for each attempt and method.
 
-    methods: `Method.settings` by name. weakest_t: the least |coefficient| / deviation of the true
-    terms. error_over_bound: root mean square over the true terms of error / deviation, NaN unless
-    the terms are exactly right. cause_named: 1 where a finding names the cause and 0 where none
-    does, NaN where there is no cause.
+    Its columns are those of the attempt, of `identified_by` and of `against_truth`. methods:
+    `Method.settings` by name. weakest_t: the least |coefficient| / deviation of the true terms.
+    error_over_bound: root mean square over the true terms of error / deviation, NaN unless the
+    terms are exactly right. cause_named: 1 if a finding names the cause and 0 if none does, NaN
+    without a cause.
     """
     for attempt in attempts:
         true, name = attempt.true, list(map(str, attempt.columns.values()))
@@ -130,7 +130,7 @@ def identified_by(
 
 @contextmanager
 def counted_cost(recordings: Sequence[Recording]) -> Iterator[dict[str, float]]:
-    """Count what a search in recordings costs.
+    """Count the cost of a search in recordings.
 
     Yields
     ------
@@ -172,9 +172,9 @@ def coefficients_as_text(found: IdentifiedModel) -> str:
 
 
 def trial_of(attempts: Callable[..., Iterator[Attempt]]) -> Callable[..., Iterator[dict]]:
-    """Return a trial, see `workflow/rules/evaluate.smk`, with a row for each fit, see `fits`.
+    """Make a trial, see `workflow/rules/evaluate.smk`, with a row for each fit, see `fits`.
 
-    attempts: makes its recordings, of the seed, the case, the replicates and the kind's options.
+    attempts: makes its recordings, from the seed, the case, the replicates and the kind's options.
     """
 
     def trial(
@@ -186,12 +186,12 @@ def trial_of(attempts: Callable[..., Iterator[Attempt]]) -> Callable[..., Iterat
 
 
 def against_truth(true: PolynomialModel, result: IdentifiedModel) -> dict[str, object]:
-    """Return what is stated and whether it holds, for one fit; counts are of the true terms.
+    """Compare the claims of one fit with the truth; counts are of the true terms.
 
-    true: on the library of `result`. Nothing is counted where there is no model. `ok_and_wrong`
-    is an `ok` model with a false term, without one above its stated limit, or with a coefficient
-    more than four unconditional errors off; `off_given_terms` counts those of its coefficients
-    that are more than four off by the errors that trust the terms.
+    true: on the library of `result`. Nothing is counted without a model. `ok_and_wrong` is an `ok`
+    model with a false term, without one above its stated limit, or with a coefficient more than
+    four unconditional errors off; `off_given_terms` counts those of its coefficients that are more
+    than four off by the errors that assume the terms.
     """
     terms = true.support.copy()
     terms[list(result.known)] = False

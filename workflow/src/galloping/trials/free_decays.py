@@ -1,7 +1,7 @@
-"""What identification gives of free decays with a weak second mode, as plucks and blows leave.
+"""Trials of free decays with a weak second mode, as after plucking or an impact.
 
-Frequencies, damping, sampling, noise and the rest before the release are drawn by number. Judged
-are frequency and damping of both modes, those of the first against the Cramér-Rao bound as well.
+Frequencies, damping, sampling, noise and the rest before the release are drawn. Frequency and
+damping of both modes are assessed, those of the first also against the Cramér-Rao bound.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,8 +30,7 @@ RESOLVED = 2.5  # samples in a period of the second mode, at least
 
 @dataclass(frozen=True)
 class FreeDecay:
-    """Two modes after a release, sampled with white noise by a displacement sensor or an
-    accelerometer.
+    """Two modes after a release, sampled with noise by a displacement sensor or accelerometer.
 
     Parameters
     ----------
@@ -90,7 +89,7 @@ def _log_uniform(rng: np.random.Generator, ends: tuple[float, float], size: int 
 def _decay_bound(
     time: np.ndarray, poles: np.ndarray, amplitudes: np.ndarray, noise: float
 ) -> np.ndarray:
-    """(2,) the Cramér-Rao bound of growth and frequency of the first mode, all else unknown."""
+    """Compute the Cramér-Rao bound of growth and frequency of the first mode, (2,)."""
     waves = np.exp(np.outer(time, poles))
     moved = time[:, np.newaxis] * waves * amplitudes
     slopes = np.hstack([moved.real, -moved.imag, waves.real, -waves.imag, np.ones((len(time), 1))])
@@ -105,7 +104,7 @@ def trial(
     """Yield a row for each replicate and method, as of `real_lines.trial`.
 
     The first mode is the vertical one. intervals_held: of frequency and damping of the first mode,
-    nothing if they are not told. Seconds are those of the processor.
+    nothing if they are unknown. Seconds are those of the processor.
     """
     for replicate in replicates:
         decay = FreeDecay.drawn(make_generator(seed, "free_decays", case, replicate))
@@ -123,7 +122,7 @@ def trial(
 
 
 def _judge_decay(decay: FreeDecay, found: IdentifiedModel) -> dict[str, float]:
-    """Errors and intervals of what is told of both modes."""
+    """Compute errors and coverage of the results for both modes."""
     first, second = decay.poles
     pole, errors = told(found)
     row = {
@@ -141,7 +140,7 @@ def _judge_decay(decay: FreeDecay, found: IdentifiedModel) -> dict[str, float]:
 
 
 def told(found: IdentifiedModel) -> tuple[complex, np.ndarray]:
-    """Tell the pole of a model of one coordinate, and its errors.
+    """Compute the pole of a model of one coordinate, and its errors.
 
     Returns
     -------

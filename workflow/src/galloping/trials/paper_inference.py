@@ -1,9 +1,9 @@
-"""What the paper leaves out, inferred from what it prints, for one reading of its words and digits.
+"""Inference of the paper's unprinted numbers, for one reading of its words and digits.
 
 The likelihood of a setting is that of `paper.likelihood`, estimated from a few draws of the noise.
 The estimate is unbiased, so importance sampling with it integrates the unknowns out exactly as if
 the likelihood were known (pseudo-marginal; C. Andrieu and G. O. Roberts 2009): settings are drawn
-from a proposal and weighed by prior times likelihood over proposal. The mean weight estimates the
+from a proposal and weighted by prior times likelihood over proposal. The mean weight estimates the
 evidence of the reading, with a standard error; the weighted settings are the posterior.
 
 Pilot rounds with few draws find the proposal (population Monte Carlo; J.-M. Cornuet et al. 2012):
@@ -14,7 +14,7 @@ Every reading gets the same numbers of rounds, settings and draws.
 Settings are proposed in coordinates in which the likelihood is simpler, and which differ from the
 logarithms of the unknowns by a shift alone, so that the prior density is the same: the vertical
 damping over that at which the line ceases to gallop, the threshold over the smallest coefficient,
-and the release over the amplitude that the motion ends with.
+and the initial displacement over the final amplitude of the motion.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -95,7 +95,7 @@ class Proposal:
         return np.atleast_1d(self._t_density.rvs(random_state=rng))
 
     def log_density(self, points: np.ndarray) -> np.ndarray:
-        """Return the logarithm of the density at points, (k, n_unknowns) -> (k,)."""
+        """Compute the logarithm of the density at points, (k, n_unknowns) -> (k,)."""
         low, high = _first_box()
         inside = np.all((points >= low) & (points <= high), axis=1)
         flat = np.where(inside, -np.sum(np.log(high - low)), -np.inf)
@@ -111,7 +111,7 @@ class Proposal:
 
     @classmethod
     def fit(cls, points: np.ndarray, log_weights: np.ndarray, uniform: float) -> "Proposal":
-        """Return the t about weighted settings; weights are tempered where few settings count."""
+        """Fit a t distribution to weighted settings; weights are tempered if few settings count."""
         power = 1.0
         while effective_number(power * log_weights) < min(EFFECTIVE, len(points) / 2):
             power *= 0.8
@@ -127,7 +127,7 @@ def _first_box() -> tuple[np.ndarray, np.ndarray]:
 
 
 def effective_number(log_weights: np.ndarray) -> float:
-    """Return the number of equally weighted settings that tell as much (L. Kish 1965)."""
+    """Compute the number of equally weighted settings with the same information (L. Kish 1965)."""
     return float(np.exp(2 * logsumexp(log_weights) - logsumexp(2 * log_weights)))
 
 
@@ -150,8 +150,8 @@ def trial(
     seed, case, replicates
         Of the random numbers; name of the reading in `unknowns.BY_NAME`; independent runs.
     pilot_rounds, pilot_draws, settings, draws, climb
-        As the constants of these names. Of the first reading alone the most probable setting is
-        climbed to, since the default study is there.
+        As the constants of these names. For the first reading alone the most probable setting is
+        optimised, since it is that of the default study.
 
     Yields
     ------
@@ -159,8 +159,8 @@ def trial(
         stage `tried`: a setting with log_likelihood, those without each group of claims, and by
         factor; log_weight: of prior times likelihood over proposal and number of proposed settings,
         so that the weights of a run add up to its evidence. stage `draw`: a draw at that setting,
-        with what it gives for each claim. stage `judged`: one of the most probable settings with
-        its likelihood from fresh draws.
+        with the value of each claim. stage `judged`: one of the most probable settings with its
+        likelihood from fresh draws.
     """
     reading = BY_NAME[case]
     for replicate in replicates:
@@ -189,7 +189,7 @@ def trial(
 def _learn_proposal(
     reading: Reading, rounds: Sequence[int], draws: int, rng: np.random.Generator
 ) -> Proposal:
-    """Return the proposal of the last round, from pilot rounds weighed by their mixture."""
+    """Find the proposal of the last round, from pilot rounds weighted by their mixture."""
     tried, proposals, numbers = [], [Proposal()], []
     for count in rounds:
         found, proposed = _try_settings(reading, proposals[-1], count, draws, rng)
@@ -204,7 +204,7 @@ def _learn_proposal(
 def _log_weights(
     rows: Sequence[Mapping], proposals: Sequence[Proposal], numbers: Sequence[int]
 ) -> np.ndarray:
-    """Logarithms of prior times likelihood over the mixture of proposals and their number."""
+    """Compute logarithms of prior times likelihood over the mixture and number of proposals."""
     points = np.stack([row["point"] for row in rows])
     shares = np.log(numbers)[:, np.newaxis]
     densities = np.stack([proposal.log_density(points) for proposal in proposals])
@@ -216,7 +216,7 @@ def _log_weights(
 def _judge_setting(
     reading: Reading, values: Mapping[str, float], draws: int, rng: np.random.Generator
 ) -> dict[str, float]:
-    """Return a setting with its likelihood from fresh draws."""
+    """Compute the likelihood of a setting from fresh draws."""
     found = estimate(reading, {name: values[name] for name in NAMES}, draws, rng)
     if found is None:
         raise ValueError("the conditions of the reading exclude the setting")
@@ -227,7 +227,7 @@ def _judge_setting(
 def _climb_likelihood(
     reading: Reading, start: Mapping[str, float], settings: int, rng: np.random.Generator
 ) -> dict[str, float]:
-    """Return the most probable setting near another one (J. A. Nelder and R. Mead 1965).
+    """Find the most probable setting near another one (J. A. Nelder and R. Mead 1965).
 
     All settings share their random numbers, so that the likelihood changes smoothly among them.
     """
@@ -251,12 +251,12 @@ def _climb_likelihood(
 
 
 def _line_coefficients(reading: Reading, values: Mapping[str, float]) -> list[dict[str, float]]:
-    """Of both of the paper's lines."""
+    """Compute the coefficients of both of the paper's lines."""
     return [coefficients(_case_at(reading, values, name)) for name in (agreement.CASE, OTHER_CASE)]
 
 
 def _smallest_coefficient(lines: Sequence[Mapping[str, float]]) -> float:
-    """Return the smallest coefficient of all lines, which a larger threshold loses."""
+    """Find the smallest coefficient of all lines, which a larger threshold removes."""
     return min(abs(value) for line in lines for value in line.values() if value)
 
 
@@ -279,7 +279,7 @@ def _try_settings(
 
 
 def setting_at(reading: Reading, point: np.ndarray) -> dict[str, float] | None:
-    """Return the unknowns at a point of the shifted coordinates, None where it is excluded.
+    """Convert a point of the shifted coordinates to the unknowns, None if it is excluded.
 
     Excluded are values outside their ranges, lines that do not gallop or whose cycle exceeds the
     largest attack angle, and thresholds above the smallest coefficient of both lines, which would
@@ -328,11 +328,11 @@ def _case_at(reading: Reading, values: Mapping[str, float], name: str) -> dict:
 def estimate(
     reading: Reading, values: Mapping[str, float], draws: int, rng: np.random.Generator
 ) -> dict[str, Any] | None:
-    """Return the likelihood of a setting estimated from draws; None where a condition excludes it.
+    """Estimate the likelihood of a setting from draws; None if a condition excludes it.
 
     log_likelihood: of all that is printed. without_NAME: of all but one of `agreement.GROUPS`. By
     the name of each factor: its logarithm. change: of the amplitudes, of the lines that are read as
-    steady. attack: largest |dq_v| / U. draws: what each draw gives for each claim.
+    steady. attack: largest |dq_v| / U. draws: value of each claim by draw.
     """
     motion, line = _simulate_line(reading, values, agreement.CASE)
     if not _is_in_reach(motion):
@@ -371,12 +371,12 @@ def _simulate_line(
 
 
 def _is_in_reach(motion: Motion) -> bool:
-    """Whether a line moves no farther than `quick` follows a model."""
+    """Decide whether a line moves no farther than `quick` simulates a model."""
     return bool(np.abs(motion.states).sum(axis=1).max() < FARTHEST)
 
 
 def steadiness(states: np.ndarray) -> tuple[float, float]:
-    """Return the smallest amplitude in a half of the steady window, and the largest change."""
+    """Compute the smallest amplitude in a half of the steady window, and the largest change."""
     first, last = (round(t * AMOUNTS.sampling_rate) for t in AMOUNTS.steady_window)
     middle = (first + last) // 2
     early, late = (

@@ -1,14 +1,14 @@
-"""Fits to recordings of published polynomial systems, also as another method's authors set them up.
+"""Fits to recordings of published polynomial systems, also with settings of other authors.
 
 Systems: `configuration/systems.csv` has them, periodic and chaotic; equations and parameters are
 those of the sources named; parameters and initial states of the chaotic flows are as in the
-collection of Gilpin (NeurIPS 2021, `dysts`), on their attractors. A recording lasts thirty of a
-system's periods, whatever its number of samples.
-Exact terms: the chaotic and periodic systems of ODR-BINDy (L. Fung, arXiv 2507.23426; its code,
-llfung/ODR-BINDy at 90271d3): recordings of a few periods with noise of the same size on every
-state, a share `level` of the standard deviation of all states together over the longest of the
-recordings. Intervals: the relaxation of PSI-SINDy (arXiv 2610.11486) towards its equilibrium, whose
-quadratic coefficient is zero or small, with noise of known size.
+collection of Gilpin (NeurIPS 2021, `dysts`), on their attractors. A recording has the length of
+thirty of a system's periods, with any number of samples. Exact terms: the chaotic and periodic
+systems of ODR-BINDy (L. Fung, arXiv 2507.23426; its code, llfung/ODR-BINDy at 90271d3): recordings
+of a few periods with noise of the same size on every state, a share `level` of the standard
+deviation of all states together over the longest of the recordings. Intervals: the relaxation of
+PSI-SINDy (arXiv 2610.11486) towards its equilibrium, whose quadratic coefficient is zero or small,
+with noise of known size.
 """
 
 import json
@@ -34,7 +34,7 @@ REMEMBERED = 4  # periods of a chaotic flow from which its bound is formed
 
 @dataclass(frozen=True)
 class PublishedSystem:
-    """A published system: equations as of `model_of`, an initial state, a period where known.
+    """A published system: equations as of `model_of`, an initial state, a period if known.
 
     degree: of its library. chaotic: whether it forgets its initial state, so that its bound is that
     of short pieces.
@@ -48,12 +48,12 @@ class PublishedSystem:
 
     @property
     def model(self) -> PolynomialModel:
-        """On its library."""
+        """The model on its library."""
         return model_of(self.equations, self.degree)
 
 
 def model_of(equations: str, degree: int) -> PolynomialModel:
-    """Equations as `terms` writes known ones, `;` between them, on the library up to `degree`.
+    """Parse equations of `terms`, separated by `;`, on the library up to `degree`.
 
     Raises ValueError for a term that is not in the library.
     """
@@ -79,8 +79,8 @@ def systems(
 ) -> Iterator[Attempt]:
     """Yield recordings of the system `case`.
 
-    levels: of the noise, in standard deviations of each state. Of a chaotic flow the bound is that
-    of pieces of REMEMBERED periods, each with an unknown beginning, which joined pieces may outdo.
+    levels: of the noise, in standard deviations of each state. The bound of a chaotic flow is that
+    of pieces of REMEMBERED periods, each with an unknown beginning, which joined pieces may exceed.
     """
     system = SYSTEMS[case]
     true = system.model
@@ -104,7 +104,7 @@ def systems(
 def _bound_deviations(
     system: PublishedSystem, true: PolynomialModel, time: np.ndarray, x: np.ndarray, level: float
 ) -> np.ndarray:
-    """(n_states, n_terms) at the Cramer-Rao bound, NaN for absent terms."""
+    """Compute deviations at the Cramér-Rao bound, (n_states, n_terms), NaN for absent terms."""
     sigma = level * x.std(axis=0)
     pieces = PERIODS // REMEMBERED if system.chaotic else 1
     parts = np.array_split(np.arange(len(time)), pieces)
@@ -164,9 +164,9 @@ def relaxation_intervals(
 ) -> Iterator[dict[str, object]]:
     """Yield a row for each fit to a relaxation with the quadratic coefficient of `case`.
 
-    Beside the columns of `attempts.identified_by`: exact, as in `attempts.against_truth`; found,
-    whether the model has x^2; holds, whether the interval of 95 % that does not trust the terms
-    has its true coefficient; width, of that interval.
+    Besides the columns of `attempts.identified_by`: exact, as in `attempts.against_truth`; found,
+    whether the model has x^2; holds, whether the unconditional 95 % interval contains its true
+    coefficient; width, of that interval.
     """
     true = model_of(RELAXATION.format(GAMMAS[case]), 3)
     quadratic = true.terms.index((2,))
@@ -196,6 +196,6 @@ def relaxation_intervals(
 
 
 def _noise_seed(columns: Mapping[str, Any]) -> tuple[int, str]:
-    """Return what the noise of a recording is drawn from: the seed and the names of the rest."""
+    """Return the seed and the other names from which the noise of a recording is drawn."""
     names = [f"{key} {value}" for key, value in columns.items() if key != "seed"]
     return columns["seed"], "/".join(names)

@@ -1,8 +1,8 @@
-"""What identification gives of lines that no candidate library contains.
+"""Trials of lines that no candidate library contains.
 
 Truths are continuous lines, steady or gusty, and the two-mode model in gusts; sensors are three
 along the span projected on the first modes, one at mid-span, or the modal states. A model is
-judged by what it says of the line: amplitude, frequencies, net damping, and forecasts.
+assessed by its amplitude, frequencies, net damping, and forecasts.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -50,11 +50,10 @@ LAYOUTS = {"projected": continuous.QUARTERS, "mid-span": (0.5,), "states": ()}  
 class SensedLine:
     """A line and its sensors.
 
-    modes: sine modes in each direction, or 0 for the two shapes of the paper's model.
-    aerodynamics: as in `continuous_line`. intensity: of the gusts. sensors: of LAYOUTS, told apart
-    into as many sine modes, the first of which is recorded; or the modal `states`. velocities:
-    whether they are measured. wind: whether the wind is, the model's library then being the
-    quasi-static law.
+    modes: sine modes in each direction, or 0 for the two shapes of the paper's model. aerodynamics:
+    as in `continuous_line`. intensity: of the gusts. sensors: of LAYOUTS, separated into as many
+    sine modes, the first of which is recorded; or the modal `states`. velocities: whether they are
+    measured. wind: whether the wind is, the model's library then being the quasi-static law.
     """
 
     modes: int = 9
@@ -85,7 +84,7 @@ DRIVEN = ("maximum_likelihood", "weak_gls")  # methods that take inputs
 
 
 def line_of(case: Mapping, truth: SensedLine) -> continuous.Span:
-    """Return the line of a truth in the wind of a `cases` section."""
+    """Make the line of a truth in the wind of a `cases` section."""
     return continuous.continuous_line(case, truth.modes, aerodynamic=truth.aerodynamics)
 
 
@@ -96,7 +95,7 @@ def motion(
     time: np.ndarray,
     speed: np.ndarray | None = None,
 ) -> np.ndarray:
-    """(n, n_sensors, 4): q_v, q_w, dq_v, dq_w as each sensor reads them, without noise.
+    """Simulate q_v, q_w, dq_v, dq_w at each sensor, without noise: (n, n_sensors, 4).
 
     speed: (n,) m/s, the wind, by default steady. The modal states count as one sensor.
     """
@@ -108,17 +107,16 @@ def motion(
 
 
 def combined(line: continuous.Span, truth: SensedLine, values: np.ndarray) -> np.ndarray:
-    """(n, 4): the states that are made of the sensors' readings (n, n_sensors, 4)."""
+    """Combine the sensors' readings (n, n_sensors, 4) to states, (n, 4)."""
     if truth.sensors == "states":
         return values[:, 0]
     return continuous.first_modes(line, values, LAYOUTS[truth.sensors])[:, 0]
 
 
 def linear_modes(model: PolynomialModel) -> np.ndarray:
-    """Net damping and frequency, v and w: -2 Re and Im of the eigenvalues at rest, 1/s and rad/s.
+    """Compute net damping and frequency, v and w: -2 Re and Im of the eigenvalues, 1/s and rad/s.
 
-    Rest is the equilibrium near the origin, by Newton's method. NaN where there are no two
-    oscillations.
+    They are at the equilibrium near the origin, by Newton's method. NaN without two oscillations.
     """
     rest = np.zeros((1, len(model.states)))
     for _ in range(10):
@@ -138,8 +136,8 @@ def answer(
 
     Amplitudes are of the motion from `start` (4,) after STEADY s. Intervals are those of models
     drawn with the covariance of the coefficients; NaN without one. An amplitude is of the motion,
-    not of the model alone: the further modes that an approximate model names are added to its
-    motion, what it says that it leaves to the interval.
+    not of the model alone: the further modes of an approximate model are added to its motion, its
+    residual to the interval.
     """
     besides = identified.further_motion(time)
 
@@ -165,7 +163,7 @@ def forecast_r2(
     time: np.ndarray,
     simulator: Callable[..., Trajectory],
 ) -> float:
-    """R2 of forecasts over FORECAST s from points along a motion (n, 4), mean over q_v and q_w."""
+    """Compute the mean R2 of q_v and q_w in forecasts over FORECAST s along a motion (n, 4)."""
     length = round(FORECAST / (time[1] - time[0]))
     left = np.zeros(2)
     for begin in range(0, len(time) - length, length):
@@ -178,12 +176,11 @@ def forecast_r2(
 def trial(
     seed: int, case: str, replicates: Sequence[int], methods: Mapping[str, Mapping]
 ) -> Iterator[dict[str, object]]:
-    """A row for each replicate and method on the truth `case` of TRUTHS, a variant of the default
-    line.
+    """Yield a row for each replicate and method on the truth `case` of TRUTHS.
 
-    methods: `Method.settings` by name. Replicates differ in the noise of the sensors and in the
-    gusts; forecasts are judged on a motion in gusts that no method has seen. Seconds are those of
-    the processor.
+    The truth is a variant of the default line. methods: `Method.settings` by name. Replicates
+    differ in the noise of the sensors and in the gusts; forecasts are assessed on a motion in gusts
+    that no method has used. Seconds are those of the processor.
     """
     parameters, truth = plain(load({}))["cases"][CASE], TRUTHS[case]
     time = np.arange(DURATION * RATE + 1) / RATE
@@ -247,7 +244,7 @@ def trial(
 def _other_winds(
     parameters: Mapping, truth: SensedLine, time: np.ndarray
 ) -> dict[float, np.ndarray]:
-    """(2,) amplitudes of q_v and q_w in other steady winds, m/s, from the same start."""
+    """Simulate amplitudes of q_v and q_w, (2,), in other steady winds, m/s, from the same start."""
     found = {}
     for change in OTHER_WINDS:
         speed = parameters["wind"]["speed"] + change
@@ -261,14 +258,14 @@ def _other_winds(
 def _amplitude_error(
     model: PolynomialModel, start: np.ndarray, time: np.ndarray, amplitude: np.ndarray
 ) -> float:
-    """Largest error of the amplitudes of a motion, %."""
+    """Compute the largest error of the amplitudes of a motion, %."""
     states = Simulator(STATES, model.terms)(model, start, time).states
     said = steady_amplitude(states[time >= STEADY])[:2]
     return float(100.0 * np.max(np.abs(said / amplitude - 1.0)))
 
 
 def _judge_values(values: np.ndarray, widths: np.ndarray, true: np.ndarray) -> dict[str, float]:
-    """Errors and intervals in percent, and the share of the judged intervals that hold."""
+    """Compute errors and intervals in percent, and the coverage of the assessed intervals."""
     held = (np.abs(values - true) <= widths)[:JUDGED]
     row = {"intervals_held": np.mean(held) if np.all(np.isfinite(widths)) else np.nan}
     for name, value, width, of in zip(QUANTITIES, values, widths, true, strict=True):
@@ -278,7 +275,7 @@ def _judge_values(values: np.ndarray, widths: np.ndarray, true: np.ndarray) -> d
 
 
 def _true_quantities(line: continuous.Span, steady: np.ndarray) -> np.ndarray:
-    """(6,) QUANTITIES of a line whose motion in its steady window is `steady` (n, 4).
+    """Compute QUANTITIES, (6,), of a line whose motion in its steady window is `steady` (n, 4).
 
     Its modes are the first symmetric ones in plane and out of plane.
     """

@@ -45,7 +45,7 @@ APART, SENSITIVE = 1e-6, 1e3  # m, times within a recording
 
 @dataclass(frozen=True)
 class MovingLine:
-    """Its case, its model, when it was recorded, and how it moved then."""
+    """A line: its case, its model, the times of its recording, and its motion."""
 
     case: dict
     model: PolynomialModel
@@ -55,13 +55,13 @@ class MovingLine:
 
     @property
     def states(self) -> np.ndarray:
-        """(n, 4) at its times."""
+        """States at the times of the recording, (n, 4)."""
         return self.motion(self.time)
 
 
 @cache
 def default_line() -> MovingLine:
-    """Return the default line of a study, DURATION s from its release on and MARGIN s more."""
+    """Simulate the default line of a study for DURATION s from its start, and MARGIN s more."""
     case = plain(load({}))["cases"][CASE]
     line = model(coefficients(case))
     start = np.array([case["initial_state"][state] for state in STATES])
@@ -74,7 +74,7 @@ def default_line() -> MovingLine:
 def of_the_default_line(
     seed: int, case: str, replicates: Sequence[int], *, protocols: list[str], levels: list[float]
 ) -> Iterator[Attempt]:
-    """Yield the default line from its release on; the replicates are draws of the noise."""
+    """Yield the default line from its initial state; the replicates are draws of the noise."""
     line = default_line()
     states = line.states
     for protocol in protocols:
@@ -114,7 +114,7 @@ def draw(rng: np.random.Generator) -> tuple[dict, np.ndarray]:
 def lines(
     rng: np.random.Generator, simulator: Simulator, time: np.ndarray
 ) -> Iterator[tuple[PolynomialModel, list[np.ndarray]]]:
-    """Lines without end, each with its motions (n, n_states) from both releases, none diverging."""
+    """Yield endless lines, each with motions (n, n_states) from both starts, none diverging."""
     while True:
         case, starts = draw(rng)
         true = model(coefficients(case)).on_library(TERMS)
@@ -136,7 +136,7 @@ def of_random_lines(
     seed: int, case: str, replicates: Sequence[int], *, protocols: list[str], levels: list[float],
     durations: list[float],
 ) -> Iterator[Attempt]:  # fmt: skip
-    """Lines drawn at random, each from two releases; the replicates are the lines.
+    """Yield lines drawn at random, each from two initial states; the replicates are the lines.
 
     durations: s, of the recordings.
     """
@@ -161,7 +161,7 @@ def of_random_lines(
 def of_long_and_steady_motions(
     seed: int, case: str, replicates: Sequence[int], *, levels: list[float]
 ) -> Iterator[Attempt]:
-    """Long, steady or sensitive motions, as `case` says; of CHOSEN each replicate is a line."""
+    """Yield long, steady or sensitive motions, by `case`; of CHOSEN each replicate is a line."""
     time, simulator = time_grid(*LONG.get(case, (DURATION, RATE))), Simulator(STATES, TERMS)
     for level, replicate in product(levels, replicates):
         if case in CHOSEN:
@@ -186,7 +186,7 @@ def of_long_and_steady_motions(
 def _settled_motion(
     simulator: Simulator, true: PolynomialModel, motion: np.ndarray, time: np.ndarray
 ) -> np.ndarray | None:
-    """Return the motion on the limit cycle of a line, None where it has none."""
+    """Simulate the motion on the limit cycle of a line, None if it has none."""
     settled = settle(simulator, true, motion[-1])
     return simulator(true, settled.states[-1], time).states if settled.kind == "cycle" else None
 
@@ -194,7 +194,7 @@ def _settled_motion(
 def _sensitive_motion(
     simulator: Simulator, true: PolynomialModel, motion: np.ndarray, time: np.ndarray
 ) -> np.ndarray | None:
-    """Return the motion of a line that forgets its start, None where it does not."""
+    """Simulate the motion of a line that forgets its start, None if it does not."""
     beside = simulator(true, motion[0] + [APART, 0.0, 0.0, 0.0], time).states
     return motion if np.max(np.abs(beside - motion)) > SENSITIVE * APART else None
 
@@ -220,21 +220,21 @@ def _stretch_clock(line, size, noise, rng):
 
 
 def _scale_velocity(line, size, noise, rng):
-    """One velocity is read `size` times too large."""
+    """Multiply one velocity by `size`."""
     values = line.states + noise
     values[:, rng.choice([2, 3])] *= size
     return line.time, values
 
 
 def _delay_channels(line, size, noise, rng):
-    """Both horizontal channels are `size` s late."""
+    """Delay both horizontal channels by `size` s."""
     values = line.states
     values[:, [1, 3]] = line.motion(np.maximum(line.time - size, 0.0))[:, [1, 3]]
     return line.time, values + noise
 
 
 def _add_jitter(line, size, noise, rng):
-    """Every sample is taken at random, with a deviation of `size` sampling steps."""
+    """Take every sample at a random time, with a deviation of `size` sampling steps."""
     late = line.time + size / RATE * rng.standard_normal(len(line.time))
     return line.time, line.motion(np.clip(late, 0.0, DURATION + MARGIN)) + noise
 
@@ -245,7 +245,7 @@ def _add_multiplicative_noise(line, size, noise, rng):
 
 
 def _add_random_force(line, size, noise, rng):
-    """White random accelerations, of `size` times the motion's."""
+    """Add white random accelerations, of `size` times the motion's."""
     knots = np.arange(0.0, DURATION + 1.0, 1.0 / FORCE_RATE)
     rms = np.sqrt(np.mean(line.model(line.states)[:, 2:] ** 2, axis=0))
     force = size * rms * rng.standard_normal((len(knots), 2))
@@ -277,9 +277,9 @@ def _simulate_driven(
     share: np.ndarray,
     force: np.ndarray,
 ) -> np.ndarray:
-    """(n, 4) motion where the model varies by `share` (n_knots,) of `change` and is forced.
+    """Simulate the motion, (n, 4), of a model that varies by `share` (n_knots,) of `change`.
 
-    force: (n_knots, 2) accelerations. Both are linear between the times `knots`.
+    force: (n_knots, 2) additional accelerations. Both are linear between the times `knots`.
     """
     used = np.flatnonzero(np.any((line.model.coefficients != 0.0) | change.support, axis=0))
     terms = tuple(line.model.terms[k] for k in used)

@@ -1,4 +1,4 @@
-"""The keys of a study: `keys.csv` has each with its default, range, unit, source and meaning.
+"""Keys of the configuration: `keys.csv` lists default, range, unit, source and meaning of each.
 
 Columns. list: empty for a single value, `any` number of values, `2` or `3` of them, `distinct` ones
 or `some`, one at least and distinct. type: `real`, `whole`, `bool`, names separated by ` | `, or
@@ -35,11 +35,11 @@ with Path(__file__).with_name("keys.csv").open(encoding="utf-8", newline="") as 
 
 
 def keys(section: str, doc: str | None = None, **types: Any) -> Any:
-    """Return a section of the settings with the keys that the table has for it.
+    """Make the class of a section of the settings from the table of keys.
 
-    doc: what the section is, where it needs no class with checks of its own. types: of the keys
-    whose type is not in the table; a pair of type and the function that makes the default, where
-    that is neither in the table nor what the type makes of nothing.
+    doc: description of the section, if it needs no class with its own checks. types: of the keys
+    whose type is not in the table; a pair of a type and the function that makes the default, if the
+    default is neither in the table nor that of the type.
     """
     rows = [row for row in ROWS if row["section"] == section]
     named_fields: dict[str, Any] = {row["key"]: _make_field(row, types) for row in rows}

@@ -1,1 +1,1 @@
-"""Motion that nothing keeps up: free decay, growth from rest, what a single event sets off."""
+"""Free motion without sustained forcing: decay, growth from rest, response to a single event."""

@@ -1,9 +1,9 @@
-"""The model of free motion: of one coordinate its mode, and what else swings beside it.
+"""Models of free motion: the mode of each coordinate, and further modes.
 
-Motion that damped sinusoids follow down to the noise gives the linear model of as many modes as
-there are coordinates. Where they do not, the usual search is asked about the motion less its
-further modes; where that finds no model, frequency and damping are told for each amplitude, and the
-model is their mean.
+If damped sinusoids follow the motion to the noise, the model is linear, with as many modes as
+coordinates. Otherwise the usual search is applied to the motion without its further modes; if that
+finds no model, frequency and damping are determined for each amplitude, and the model is their
+mean.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -42,7 +42,7 @@ PATH = "free motion"
 
 
 def is_of_one_coordinate(recordings: Sequence[Recording]) -> bool:
-    """Return whether recordings are of one coordinate and its velocity alone."""
+    """Decide whether recordings are of one coordinate and its velocity alone."""
     states = recordings[0].states
     return len(states) == 2 and len(velocity_pairs(states)) == 1
 
@@ -50,7 +50,8 @@ def is_of_one_coordinate(recordings: Sequence[Recording]) -> bool:
 def find_free_motion(recordings: Sequence[Recording]) -> FreeMotion | None:
     """Find free motion before any search.
 
-    It is asked for of a single coordinate, and for linear motion if displacements are not measured.
+    It is searched for in a single coordinate, and in linear motion if displacements are not
+    measured.
 
     Parameters
     ----------
@@ -60,7 +61,7 @@ def find_free_motion(recordings: Sequence[Recording]) -> FreeMotion | None:
     Returns
     -------
     FreeMotion or None
-        None if it is another motion, or the search is asked first.
+        None if the motion is another, or the usual search comes first.
     """
     is_single = is_of_one_coordinate(recordings)
     if not (is_single or unmeasured_displacements(recordings[0])):
@@ -116,8 +117,8 @@ def identify_linear_motion(problem: Problem, motion: FreeMotion) -> IdentifiedMo
     Returns
     -------
     IdentifiedModel or NoModel
-        NoModel if there are fewer modes than coordinates, or the question leaves other than linear
-        equations open.
+        NoModel if there are fewer modes than coordinates, or if the problem asks for more than
+        linear equations.
     """
     modes, own = motion.modes, motion.own[: len(motion.channels.pairs)]
     if len(own) < len(motion.channels.pairs) or not _can_be_linear(problem, motion):
@@ -131,7 +132,7 @@ def identify_linear_motion(problem: Problem, motion: FreeMotion) -> IdentifiedMo
 
 
 def without_omissions(found: IdentifiedModel, recordings: Sequence[Recording]) -> list[Recording]:
-    """Leave out of recordings what a model of free motion leaves out: rests, and further modes.
+    """Remove from recordings what a model of free motion omits: rests, and further modes.
 
     Parameters
     ----------
@@ -158,7 +159,7 @@ def without_omissions(found: IdentifiedModel, recordings: Sequence[Recording]) -
 
 
 def with_findings(found: IdentifiedModel, moving: Moving) -> IdentifiedModel:
-    """Add where motion begins and ends to a model of stretches of motion.
+    """Add the beginning and end of the motion to a model of stretches of motion.
 
     Parameters
     ----------
@@ -177,10 +178,10 @@ def with_findings(found: IdentifiedModel, moving: Moving) -> IdentifiedModel:
 
 
 def _can_be_linear(problem: Problem, motion: FreeMotion) -> bool:
-    """Whether free linear motion can answer the question.
+    """Decide whether a model of free linear motion solves the problem.
 
-    All stiffness and damping must be open, with nothing known about them, no term may be infinite
-    on the way, and all sensors must show the size of the motion.
+    All stiffness and damping must be unknown, without priors, no term may be infinite along the
+    motion, and all sensors must show the size of the motion.
     """
     scales = [one.unknown_scales for one in motion.recordings if one.unknown_scales is not None]
     linear = [_linear_term(problem, state) for state in range(len(problem.states))]
@@ -200,7 +201,7 @@ def _can_be_linear(problem: Problem, motion: FreeMotion) -> bool:
 
 
 def _linear_term(problem: Problem, state: int) -> int | None:
-    """Return index of the term that is this state alone, None if the library lacks it."""
+    """Find the index of the term that is this state alone, None if the library lacks it."""
     try:
         return problem.linear(state)
     except ValueError:
@@ -208,7 +209,7 @@ def _linear_term(problem: Problem, state: int) -> int | None:
 
 
 def _noise_excess(motion: FreeMotion) -> float:
-    """How many times the noise that was said the residuals have at most, zero if none was said."""
+    """Compute the largest ratio of the residuals to the stated noise, zero if none is stated."""
     channels, ratios = motion.channels, [0.0]
     for recording, noise in zip(motion.recordings, motion.modes.noise, strict=True):
         if recording.known_noise is not None:
@@ -225,7 +226,7 @@ def _identify_mean_model(
 ) -> IdentifiedModel | NoModel:
     """Identify the approximate model of a decay of one coordinate that is not exponential.
 
-    objections: why no model follows it.
+    objections: reasons why no model follows it.
     """
     modes, place = motion.modes, motion.own[0]
     parts = [
@@ -273,7 +274,7 @@ def _identified_model(
     system: np.ndarray,
     covariance: np.ndarray,
 ) -> IdentifiedModel | NoModel:
-    """Return the model of a linear system (n_states, n_states) with the covariance of its entries.
+    """Make the model of a linear system (n_states, n_states) with the covariance of its entries.
 
     NoModel if a coefficient is out of its bounds.
     """
@@ -327,7 +328,7 @@ def _identified_model(
 
 
 def with_further_modes(found: IdentifiedModel, motion: FreeMotion) -> IdentifiedModel:
-    """Add to a model what swings beside it, and what was noticed.
+    """Add further modes to a model, and all findings.
 
     Parameters
     ----------
@@ -356,7 +357,7 @@ def with_further_modes(found: IdentifiedModel, motion: FreeMotion) -> Identified
 
 
 def _further_modes(motion: FreeMotion, index: int, place: int) -> Iterator[FurtherMode]:
-    """Return a mode of a stretch, in each coordinate that is measured."""
+    """Yield a mode of a stretch, in each coordinate that is measured."""
     modes, states = motion.modes, motion.recordings[0].states
     pole = modes.poles[place]
     for coordinate in motion.channels.pairs:
@@ -372,10 +373,10 @@ def _further_modes(motion: FreeMotion, index: int, place: int) -> Iterator[Furth
 def _modal_displacement(
     motion: FreeMotion, index: int, place: int, coordinate: int
 ) -> complex | None:
-    """Return the amplitude of a mode in a coordinate at the first sample of a stretch.
+    """Compute the amplitude of a mode in a coordinate at the first sample of a stretch.
 
-    It is that of the channel in which the mode stands out most; None if nothing measures the
-    coordinate.
+    It is that of the channel with the highest ratio of the mode to the noise; None if nothing
+    measures the coordinate.
     """
     channels, modes = motion.channels, motion.modes
     orders = {coordinate: 0, channels.pairs[coordinate]: 1}
@@ -391,7 +392,7 @@ def _modal_displacement(
 
 
 def _position_of_rest(motion: FreeMotion, coordinate: int) -> tuple[float, float]:
-    """Return where a coordinate rests, with its standard error; zero where nothing measures it."""
+    """Find the equilibrium of a coordinate, with its standard error; zero if it is not measured."""
     if coordinate not in motion.channels.values:
         return 0.0, 0.0
     channel = motion.channels.values.index(coordinate)
@@ -405,7 +406,7 @@ def _position_of_rest(motion: FreeMotion, coordinate: int) -> tuple[float, float
 
 
 def _initial_states(motion: FreeMotion, rest: np.ndarray) -> np.ndarray:
-    """Return (n_stretches, n_states) of the coordinates' own modes."""
+    """Compute the initial states of the coordinates' own modes, (n_stretches, n_states)."""
     pairs = motion.channels.pairs
     found = np.tile(rest, (len(motion.stretches), 1))
     for index in range(len(found)):
@@ -418,7 +419,7 @@ def _initial_states(motion: FreeMotion, rest: np.ndarray) -> np.ndarray:
 
 
 def _noise_levels(problem: Problem, motion: FreeMotion) -> tuple[np.ndarray, dict[str, float]]:
-    """Return (n_stretches, n_states) noise of the values, and that of each rate by its name."""
+    """Compute the noise of the values, (n_stretches, n_states), and of each rate by its name."""
     channels, noise = motion.channels, motion.modes.noise
     sigma = np.full((len(noise), len(problem.states)), np.nan)
     count = len(channels.values)

@@ -1,4 +1,4 @@
-"""Leave out samples that free motion cannot follow: outliers, and those under an event's force."""
+"""Removal of samples that free motion cannot follow: outliers, and samples during an event."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,7 +17,7 @@ MIN_PERIODS = 8.0  # of a stretch, whose first and last one may be under such a 
 
 
 def without_faults(stretches: Sequence[Stretch], modes: DampedModes) -> list[Stretch] | None:
-    """Leave out samples that modes cannot follow.
+    """Remove samples that modes cannot follow.
 
     Parameters
     ----------
@@ -28,8 +28,8 @@ def without_faults(stretches: Sequence[Stretch], modes: DampedModes) -> list[Str
     Returns
     -------
     list of Stretch or None
-        Without outliers, each alone among others, and without samples at the ends of a stretch that
-        are under the force of an event; None if there are none of both.
+        Without isolated outliers, and without samples at the ends of a stretch that the force of an
+        event affects; None if there are neither.
     """
     cleaned, changed = [], False
     for stretch, residual in zip(stretches, modes.residuals, strict=True):
@@ -48,7 +48,7 @@ def without_faults(stretches: Sequence[Stretch], modes: DampedModes) -> list[Str
 
 
 def _under_force(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
-    """(n,) samples of the first and last period that the free motion between does not reach."""
+    """Find samples, (n,), of the first and last period that free motion does not follow."""
     period = 2.0 * np.pi / poles.imag[0]
     forced = np.zeros(len(stretch.time), bool)
     inside = (stretch.time > period) & (stretch.time < stretch.duration - period)

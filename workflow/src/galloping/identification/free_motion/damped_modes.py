@@ -1,4 +1,4 @@
-"""Fit exponentially damped sinusoids: the modes of free motion, by maximum likelihood.
+"""Fit of exponentially damped sinusoids, the modes of free motion, by maximum likelihood.
 
 A channel of free linear motion is a sum of terms Re[a exp(s t)]. The poles s are shared by all
 channels and all stretches of a recording, and the amplitudes a are free. The amplitudes are
@@ -34,7 +34,7 @@ class Stretch:
     values : (n, n_channels) array
         NaN where missing.
     drift_degrees : tuple of int
-        Degree of the polynomial in time on which each channel stands: 0 is a constant.
+        Degree of the polynomial drift of each channel in time: 0 is a constant.
     """
 
     time: np.ndarray
@@ -58,7 +58,7 @@ class Stretch:
 
     @cached_property
     def sizes(self) -> np.ndarray:
-        """(n_channels,) standard deviations, zero of a channel without samples."""
+        """Standard deviations, (n_channels,), zero for a channel without samples."""
         known = np.isfinite(self.values)
         count = np.maximum(known.sum(axis=0), 1)
         mean = np.where(known, self.values, 0.0).sum(axis=0) / count
@@ -72,15 +72,15 @@ class DampedModes:
     Parameters
     ----------
     poles : (n_modes,) complex array
-        Growth, 1/s, below zero of a decay, and frequency, rad/s.
+        Growth, 1/s, negative for a decay, and frequency, rad/s.
     covariance : (2 n_modes, 2 n_modes) array
         Of the growths and then of the frequencies.
     amplitudes : list of (n_modes, n_channels) complex arrays
         At the first sample of each stretch.
     offsets, offset_errors : (n_stretches, n_channels) arrays
-        Constants on which the channels stand, with standard errors; NaN of drifting channels.
+        Constant offsets of the channels, with standard errors; NaN for drifting channels.
     noise : (n_stretches, n_channels) array
-        Standard deviation of a sample, NaN where a stretch lacks a channel.
+        Standard deviation of a sample, NaN if a stretch lacks a channel.
     residuals : list of (n, n_channels) arrays
         Samples less the fit, NaN where missing.
     misfit : float
@@ -98,18 +98,18 @@ class DampedModes:
 
     @property
     def growth_errors(self) -> np.ndarray:
-        """(n_modes,) standard errors of the growths, 1/s."""
+        """Standard errors of the growths, (n_modes,), 1/s."""
         return np.sqrt(np.diag(self.covariance)[: len(self.poles)])
 
     @property
     def frequency_errors(self) -> np.ndarray:
-        """(n_modes,) standard errors of the frequencies, rad/s."""
+        """Standard errors of the frequencies, (n_modes,), rad/s."""
         return np.sqrt(np.diag(self.covariance)[len(self.poles) :])
 
     def amplitude_covariance(
         self, stretch: Stretch, index: int, which: Sequence[int]
     ) -> np.ndarray:
-        """Find the covariance of some modes with their amplitudes in a stretch.
+        """Compute the covariance of some modes with their amplitudes in a stretch.
 
         Parameters
         ----------
@@ -158,7 +158,10 @@ class DampedModes:
     def evaluate(
         self, which: Sequence[int] | np.ndarray, stretch: int, time: np.ndarray
     ) -> np.ndarray:
-        """(n, n_channels) motion in some modes at `time` (n,), s from the start of a stretch."""
+        """Compute the motion of some modes, (n, n_channels), at times from a stretch's start.
+
+        time: (n,) s.
+        """
         places = list(which)
         waves = np.exp(np.outer(time, self.poles[places]))
         return (waves @ self.amplitudes[stretch][places]).real
@@ -174,12 +177,12 @@ def fit_poles(
     stretches : sequence of Stretch
     poles : (n_modes,) complex array
     is_steady : (n_modes,) boolean array, optional
-        Which growths stay as they are. By default none does.
+        Which growths are fixed. By default none is.
 
     Raises
     ------
     IdentificationError
-        If the fit does not lead to finite poles that the samples tell apart.
+        If the fit does not lead to finite poles that the samples distinguish.
     """
     steady = np.zeros(len(poles), bool) if is_steady is None else is_steady
     free = np.append(~steady, np.ones(len(poles), bool))
@@ -217,7 +220,7 @@ def fit_poles(
 class _NormalEquations:
     """Normal equations of the poles, amplitudes eliminated; the rest as of `DampedModes`.
 
-    shares: of the information on each growth and frequency, that amplitudes do not explain as well.
+    shares: part of the information on each growth and frequency that amplitudes do not explain.
     """
 
     information: np.ndarray
@@ -233,8 +236,8 @@ class _NormalEquations:
     def scale_information(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Scale the information on the free growths and frequencies to a diagonal of ones.
 
-        Returns it and the square roots of its diagonal, (n_free,). Raises IdentificationError if it
-        has none.
+        Returns the result and the square roots of the diagonal, (n_free,). Raises
+        IdentificationError if there is no information.
         """
         if not np.all(self.shares[free] > ROUNDING):
             raise IdentificationError(Code.NO_OSCILLATION)
@@ -305,10 +308,10 @@ def _linearise(stretches: Sequence[Stretch], poles: np.ndarray) -> _NormalEquati
 
 
 def _wave_columns(stretch: Stretch, poles: np.ndarray, origin: np.ndarray) -> np.ndarray:
-    """Return the columns (n, 4 n_modes + n_drifts) of the regression on waves.
+    """Make the columns (n, 4 n_modes + n_drifts) of the regression on waves.
 
-    They are the waves as cosines and sines, the same times the share of the time, and polynomials
-    of the drifts.
+    They are the waves as cosines and sines, the same times the relative time, and polynomials of
+    the drifts.
     """
     time = stretch.time[:, np.newaxis]
     size, angle = np.exp(poles.real * (time - origin)), poles.imag * time
@@ -319,7 +322,7 @@ def _wave_columns(stretch: Stretch, poles: np.ndarray, origin: np.ndarray) -> np
 
 
 def _pole_slopes(a: np.ndarray, origin: np.ndarray, duration: float, count: int) -> np.ndarray:
-    """Return (count, 2 n_modes) by which columns make the changes with growths and frequencies.
+    """Compute how columns combine to changes with growths and frequencies, (count, 2 n_modes).
 
     a: (n_modes,) amplitudes.
     """
@@ -332,7 +335,7 @@ def _pole_slopes(a: np.ndarray, origin: np.ndarray, duration: float, count: int)
 
 
 def _invert_scaled(products: np.ndarray) -> np.ndarray:
-    """Return inverse of normal equations, in which columns may nearly be dependent."""
+    """Invert normal equations, in which columns may nearly be dependent."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(products), np.finfo(float).tiny))
     scaled = products * np.outer(scale, scale)
     return np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) * np.outer(scale, scale)

@@ -1,7 +1,7 @@
-"""Frequency and damping against amplitude: what a decay tells where no model follows it.
+"""Frequency and damping against amplitude, for a decay that no model follows.
 
-A recording less all modes but one is cut into stretches in which the amplitude changes by equal
-factors. In each a damped sinusoid is fitted, as for the logarithmic decrement, by all samples.
+A recording without all modes but one is divided into stretches in which the amplitude changes by
+equal factors. A damped sinusoid is fitted to all samples of each, like a logarithmic decrement.
 """
 
 from collections.abc import Sequence
@@ -87,7 +87,7 @@ def fit_envelope(stretch: Stretch, modes: DampedModes, index: int, place: int) -
 
 
 def strongest_channel(modes: DampedModes, index: int, place: int) -> int:
-    """Return the channel in which a mode stands out of the noise most."""
+    """Find the channel with the highest ratio of a mode to the noise."""
     ratio = np.abs(modes.amplitudes[index][place]) / modes.noise[index]
     return int(np.nanargmax(ratio))
 
@@ -95,7 +95,7 @@ def strongest_channel(modes: DampedModes, index: int, place: int) -> int:
 def running_amplitude(
     time: np.ndarray, values: np.ndarray, omega: float, length: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return amplitude of an oscillation in windows of `length` s, half a window apart.
+    """Compute the amplitude of an oscillation in windows of `length` s, half a window apart.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def running_amplitude(
 def _part_edges(
     centres: np.ndarray, logarithms: np.ndarray, begin: float, end: float, least: float
 ) -> list[float]:
-    """Return times, `least` s apart or more, between which amplitudes change by equal factors."""
+    """Find times, `least` s apart or more, between which amplitudes change by equal factors."""
     smooth = np.minimum.accumulate(logarithms)
     if logarithms[-1] > logarithms[0]:
         smooth = np.maximum.accumulate(logarithms)
@@ -141,12 +141,12 @@ def _part_edges(
 
 
 def decays(sizes: Sequence[float] | np.ndarray) -> bool:
-    """Whether amplitudes fall, by a factor of MIN_CHANGE or more, all through a recording."""
+    """Decide whether amplitudes fall throughout a recording, by a factor of MIN_CHANGE or more."""
     return _falls_throughout(np.asarray(sizes))
 
 
 def grows(sizes: Sequence[float] | np.ndarray) -> bool:
-    """Whether amplitudes rise, by a factor of MIN_CHANGE or more, all through a recording."""
+    """Decide whether amplitudes rise throughout a recording, by a factor of MIN_CHANGE or more."""
     return _falls_throughout(np.asarray(sizes)[::-1])
 
 

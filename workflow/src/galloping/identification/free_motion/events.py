@@ -1,8 +1,8 @@
-"""Find single events in free motion: a knock, or one step of a force.
+"""Detection of single events in free motion: a knock, or one step of a force.
 
-Between events motion is free: its poles stay, and only amplitudes and the position of rest change.
-What a change at each time would explain is told by the normal equations of what is before and after
-it, which are sums over the samples.
+Between events motion is free: its poles are constant, and only amplitudes and the equilibrium
+change. The effect of a change at each time follows from the normal equations before and after it,
+which are sums over the samples.
 """
 
 from collections.abc import Sequence
@@ -52,16 +52,15 @@ class Eventful:
 
 
 def find_events(stretches: Sequence[Stretch], modes: DampedModes, floor: float) -> Eventful | None:
-    """Look for events that leave only noise.
+    """Search for events whose removal leaves only noise.
 
     Parameters
     ----------
     stretches : sequence of Stretch
     modes : DampedModes
-        Fitted to them; their residuals hold more than noise.
+        Fitted to them; their residuals exceed the noise.
     floor : float
-        Misfit that further damped sinusoids have come down to: an event that explains little of
-        what they do is none.
+        Misfit with further damped sinusoids instead: an event that explains much less is none.
 
     Returns
     -------
@@ -92,9 +91,9 @@ def find_events(stretches: Sequence[Stretch], modes: DampedModes, floor: float) 
 
 
 def _without_needless(found: Eventful) -> Eventful:
-    """Leave out events that explain no more than noise does beside the others.
+    """Remove events that explain no more than noise does besides the others.
 
-    These first stood for two at once.
+    Such an event was found first, in place of two others.
     """
     for k in range(len(found.stretches) - 1, 0, -1):
         if found.origins[k] != found.origins[k - 1]:
@@ -126,7 +125,7 @@ def _split_stretch(stretch: Stretch, sample: int) -> tuple[Stretch, Stretch]:
 
 
 def _strongest_event(stretches: Sequence[Stretch], modes: DampedModes) -> Event | None:
-    """Return the event that explains most, None if none explains more than noise would."""
+    """Find the event that explains most, None if none explains more than noise would."""
     best, most = None, 0.0
     for index, stretch in enumerate(stretches):
         tried = _possible_samples(stretch, modes.poles)
@@ -143,7 +142,7 @@ def _strongest_event(stretches: Sequence[Stretch], modes: DampedModes) -> Event 
 
 
 def _possible_samples(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
-    """Return samples before which a stretch may change, each side long enough for a fit."""
+    """Find samples before which a stretch may change, each side long enough for a fit."""
     least = MIN_PERIODS * 2.0 * np.pi / poles.imag.min()
     first, last = np.searchsorted(stretch.time, (stretch.time[0] + least, stretch.time[-1] - least))
     first, last = max(first, MIN_SAMPLES), min(last, len(stretch.time) - MIN_SAMPLES)
@@ -155,7 +154,10 @@ def _possible_samples(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
 def _event_gains(
     stretch: Stretch, modes: DampedModes, index: int, tried: np.ndarray
 ) -> tuple[np.ndarray, int]:
-    """(n_tried,) what a change before each sample takes off chi^2, and its degrees of freedom."""
+    """Compute the fall of chi^2 by a change before each sample, (n_tried,).
+
+    Returns its degrees of freedom too.
+    """
     waves = np.exp(np.outer(stretch.time, modes.poles))
     basis = np.hstack([waves.real, -waves.imag, np.ones((len(waves), 1))])
     gains, freedom = np.zeros(len(tried)), 0
@@ -180,7 +182,7 @@ def _event_gains(
 
 
 def _explained_squares(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return (n,) squares explained by regressions with these normal equations."""
+    """Compute the squares, (n,), explained by regressions with these normal equations."""
     scale = np.sqrt(np.maximum(np.einsum("nii->ni", gram), np.finfo(float).tiny))
     scaled = gram / (scale[:, :, np.newaxis] * scale[:, np.newaxis, :])
     scaled = scaled + RIDGE * np.eye(gram.shape[1])

@@ -1,8 +1,7 @@
-"""Tell what kind of motion recordings hold, before any model is sought.
+"""Classification of the motion of recordings, before any model is searched for.
 
-Free motion follows from its first state: in linear motion it is a sum of damped sinusoids down to
-the noise. Whether it is so is asked first, for a motion that follows from its first state needs no
-random force, and one that falls off is no limit cycle.
+Free motion follows from its initial state: linear motion is a sum of damped sinusoids to the noise.
+This is tested first, since such motion needs no random force, and a decaying one is no limit cycle.
 """
 
 from collections.abc import Sequence
@@ -56,13 +55,13 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class Motion:
-    """What kind of motion recordings hold.
+    """The kind of motion of recordings.
 
     Parameters
     ----------
     kind : Kind
     recordings : list of Recording
-        As they came if the motion is not free.
+        Unchanged if the motion is not free.
     """
 
     kind: Kind
@@ -71,29 +70,27 @@ class Motion:
 
 @dataclass(frozen=True)
 class FreeMotion(Motion):
-    """Motion that follows from its first state, a steady force aside.
+    """Motion that follows from its initial state, apart from a steady force.
 
     Parameters
     ----------
     kind : Kind
         Decaying, growing or forced.
     recordings : list of Recording
-        Stretches of free motion between events, without outliers and samples under the force of an
-        event.
+        Stretches of free motion between events, without outliers and samples during an event.
     stretches : list of Stretch
         Their channels.
     is_linear : bool
-        Whether damped sinusoids follow the motion down to the noise.
+        Whether damped sinusoids follow the motion to the noise.
     channels : Channels
     modes : DampedModes
-        Those that were resolved, fitted to the recordings.
+        Resolved modes, fitted to the recordings.
     own, steady : tuple of int
-        Places among them of the system's own modes, that with most energy first, and of steady
-        oscillations.
+        Indices of the system's own modes, that with most energy first, and of steady oscillations.
     findings : tuple of Finding
     linear : FreeMotion or None
-        Of motion of which two modes may be parts of one that is not linear: the same, if they are
-        modes.
+        The same motion if two modes are modes, for a motion in which they may be parts of a single
+        nonlinear one.
     """
 
     stretches: list[Stretch]
@@ -107,13 +104,13 @@ class FreeMotion(Motion):
 
     @property
     def further(self) -> tuple[int, ...]:
-        """Places of the modes beyond one for each coordinate, steady oscillations among them."""
+        """Indices of the modes beyond one for each coordinate, including steady oscillations."""
         return (*self.own[len(self.channels.pairs) :], *self.steady)
 
 
 @one_thread
 def classify_motion(recordings: Sequence[Recording]) -> Motion:
-    """Tell the kind of motion.
+    """Determine the kind of motion.
 
     Parameters
     ----------
@@ -169,7 +166,7 @@ def _free_motion(recordings: list[Recording], channels: Channels) -> FreeMotion 
 def _find_linear_events(
     stretches: list[Stretch], modes: DampedModes, floor: float
 ) -> Eventful | None:
-    """Return events that leave linear motion, None if there are none, or too many.
+    """Find events between which motion is linear, None if there are none, or too many.
 
     modes: of which the first is the main one. floor: as of `find_events`.
     """
@@ -196,7 +193,7 @@ def _classify_modes(
     is_linear: bool,
     findings: list[Finding],
 ) -> FreeMotion | None:
-    """Return the motion of modes in the order of their energy, None if something may keep it up."""
+    """Make the motion of modes in the order of their energy, None if something may sustain it."""
     steady = [k for k in order if is_steady(stretches, modes, k)]
     own = [k for k in order if k not in steady]
     if not own or (order[0] in steady and (not is_linear or is_cycle(modes, order))):
@@ -226,7 +223,7 @@ def _classify_modes(
 
 
 def _make_stretch(recording: Recording, channels: Channels) -> Stretch:
-    """Return the channels of a recording; rates with an unknown offset stand on a slow drift."""
+    """Extract the channels of a recording; rates with an unknown offset have a slow drift."""
     columns = [recording.values[:, i] for i in channels.values]
     degrees = [0] * len(columns)
     for i in channels.rates:
@@ -239,7 +236,7 @@ def _make_stretch(recording: Recording, channels: Channels) -> Stretch:
 
 
 def _with_samples(recording: Recording, stretch: Stretch, channels: Channels) -> Recording:
-    """Return the recording with the samples of a stretch, where some are left out."""
+    """Replace the samples of a recording by those of a stretch, some of which are left out."""
     values = recording.values.copy()
     rates = None if recording.rates is None else recording.rates.copy()
     for c, i in enumerate(channels.values):
@@ -251,9 +248,9 @@ def _with_samples(recording: Recording, stretch: Stretch, channels: Channels) ->
 
 
 def without_further_modes(motion: FreeMotion) -> list[Recording]:
-    """Leave the modes beyond one for each coordinate out of the recordings of a motion.
+    """Remove the modes beyond one for each coordinate from the recordings of a motion.
 
-    What steps of a force have moved the position of rest since the first recording is left out too.
+    Displacements of the equilibrium by steps of a force after the first recording are removed too.
 
     Parameters
     ----------
@@ -271,9 +268,9 @@ def without_further_modes(motion: FreeMotion) -> list[Recording]:
 
 
 def _falls_or_rises(stretches: list[Stretch], modes: DampedModes) -> bool:
-    """Whether the amplitude of motion falls, or rises, all through the stretches.
+    """Decide whether the amplitude falls, or rises, throughout the stretches.
 
-    It is the motion of modes of about the first one's frequency.
+    It is that of the modes near the first one's frequency.
     """
     sizes = _running_amplitudes(
         stretches, modes, np.flatnonzero(is_close(modes.poles, modes.poles[0]))
@@ -284,7 +281,7 @@ def _falls_or_rises(stretches: list[Stretch], modes: DampedModes) -> bool:
 def _running_amplitudes(
     stretches: list[Stretch], modes: DampedModes, own: Sequence[int] | np.ndarray
 ) -> list[np.ndarray]:
-    """Return amplitudes of modes of about the same frequency in windows of each stretch."""
+    """Compute amplitudes of modes of about the same frequency in windows of each stretch."""
     found = []
     omega = modes.poles[own[0]].imag
     others = np.setdiff1d(np.arange(len(modes.poles)), own)
@@ -301,7 +298,7 @@ def _running_amplitudes(
 
 
 def _with_price(stretches: list[Stretch], events: Eventful) -> float:
-    """Return misfit of a fit with events, and the price of what they add."""
+    """Compute the misfit of a fit with events, plus the penalty of their parameters."""
     added = (len(events.stretches) - len(stretches)) * (2 * len(events.modes.poles) + 2)
     samples = sum(np.count_nonzero(np.isfinite(one.values)) for one in stretches)
     return events.modes.misfit + added * np.log(samples)
@@ -310,7 +307,7 @@ def _with_price(stretches: list[Stretch], events: Eventful) -> float:
 def _split_at_events(
     recordings: list[Recording], events: Eventful, channels: Channels
 ) -> tuple[list[Recording], list[Finding]]:
-    """Return the recordings between events, and what happened in these."""
+    """Split recordings at events, and make a finding on each event."""
     found, findings = [], []
     begins = dict.fromkeys(events.origins, 0)
     for k, (part, origin) in enumerate(zip(events.stretches, events.origins, strict=True)):

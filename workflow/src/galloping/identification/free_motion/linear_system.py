@@ -1,6 +1,6 @@
-"""The linear system that has given modes: its stiffness and damping, with their covariance.
+"""Linear system with given modes: its stiffness and damping, with their covariance.
 
-As many modes as coordinates, with their shapes in the channels, make the equations of all
+As many modes as coordinates, with their shapes in the channels, determine the equations of all
 velocities: dx/dt = A x has the modes as eigenvectors.
 """
 
@@ -18,7 +18,7 @@ STEP = 1e-3  # of finite differences, in standard errors
 
 
 def linear_system(channels: Channels, poles: np.ndarray, shapes: np.ndarray) -> np.ndarray:
-    """Find the system that has some modes.
+    """Compute the system that has given modes.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def linear_system(channels: Channels, poles: np.ndarray, shapes: np.ndarray) -> 
     Raises
     ------
     IdentificationError
-        If a coordinate is in no channel, or the shapes are too much alike.
+        If a coordinate is in no channel, or the shapes are nearly dependent.
     """
     pairs = channels.pairs
     moved = np.array([channels.displacement(i, poles, shapes) for i in pairs])
@@ -60,7 +60,7 @@ def with_covariance(
     modes: DampedModes,
     own: Sequence[int],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Find the system that has some of the modes fitted to stretches, and its covariance.
+    """Compute the system that has some of the modes fitted to stretches, and its covariance.
 
     Parameters
     ----------

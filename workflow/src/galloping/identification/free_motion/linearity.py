@@ -1,7 +1,7 @@
-"""Which damped sinusoids are modes, and whether the motion that they make is linear.
+"""Decide which damped sinusoids are modes, and whether their motion is linear.
 
-A motion that is not linear is followed by damped sinusoids as well, to some extent: by several of
-about the same frequency, and by harmonics. They are told from modes here.
+Damped sinusoids also follow nonlinear motion to some extent: several of about the same frequency,
+and harmonics. They are distinguished from modes here.
 """
 
 from collections.abc import Sequence
@@ -28,8 +28,8 @@ SIGNIFICANT = 4.0  # standard errors
 def resolved_modes(stretches: Sequence[Stretch], modes: DampedModes, is_noise: bool) -> list[int]:
     """Find the modes that differ in frequency from those with more energy.
 
-    What differs from a mode in its growth alone shows that the motion is not linear; but a steady
-    oscillation and a large one that decays are a force and what it sets off.
+    A sinusoid that differs from a mode in its growth alone shows nonlinear motion; but a steady
+    oscillation and a large decaying one are a force and its transient.
 
     Parameters
     ----------
@@ -37,12 +37,12 @@ def resolved_modes(stretches: Sequence[Stretch], modes: DampedModes, is_noise: b
     modes : DampedModes
         Fitted to them.
     is_noise : bool
-        Whether they leave noise.
+        Whether the residuals are noise.
 
     Returns
     -------
     list of int
-        Places of the modes, that with most energy first.
+        Indices of the modes, that with most energy first.
     """
     kept: list[int] = []
     longest = max(one.duration for one in stretches)
@@ -62,7 +62,7 @@ def _is_unresolved(modes: DampedModes, k: int, j: int, longest: float) -> bool:
 def _is_transient(
     stretches: Sequence[Stretch], modes: DampedModes, k: int, blurred: list[int]
 ) -> bool:
-    """Whether a mode and one of the same frequency are a steady oscillation and its transient."""
+    """Decide whether two modes of one frequency are a steady oscillation and its transient."""
     if len(blurred) != 1:
         return False
     pair = [k, *blurred]
@@ -77,7 +77,7 @@ def _is_transient(
 def has_linear_modes(
     stretches: Sequence[Stretch], modes: DampedModes, order: Sequence[int]
 ) -> bool:
-    """Tell whether modes that leave noise are those of linear motion.
+    """Decide whether modes whose residuals are noise are those of linear motion.
 
     Parameters
     ----------
@@ -94,9 +94,9 @@ def has_linear_modes(
 
 
 def may_be_one(stretches: Sequence[Stretch], modes: DampedModes, order: Sequence[int]) -> bool:
-    """Whether modes may be parts of one motion that is not linear.
+    """Decide whether modes may be parts of a single nonlinear motion.
 
-    Such a part has about the frequency of the strongest, or is what a quadratic term makes of it.
+    Such a part has about the frequency of the strongest, or a multiple of it by a quadratic term.
     """
     own = [k for k in order if not is_steady(stretches, modes, k)]
     return any(
@@ -106,13 +106,13 @@ def may_be_one(stretches: Sequence[Stretch], modes: DampedModes, order: Sequence
 
 
 def is_cycle(modes: DampedModes, order: Sequence[int]) -> bool:
-    """Whether one of some modes is a harmonic of the first, a steady one, as in a limit cycle."""
+    """Decide whether a mode is a harmonic of the first, steady one, as in a limit cycle."""
     times = range(2, MAX_HARMONIC + 1)
     return any(_is_multiple(modes, k, order[0], n) for k in order[1:] for n in times)
 
 
 def is_steady(stretches: Sequence[Stretch], modes: DampedModes, k: int) -> bool:
-    """Return whether a mode neither grows nor decays."""
+    """Decide whether a mode neither grows nor decays."""
     longest = max(one.duration for one in stretches)
     turns = modes.poles[k].imag * longest / (2.0 * np.pi)
     change = abs(modes.poles[k].real) * longest, 2.0 * modes.growth_errors[k] * longest
@@ -120,14 +120,14 @@ def is_steady(stretches: Sequence[Stretch], modes: DampedModes, k: int) -> bool:
 
 
 def _has_opposed(modes: DampedModes, own: Sequence[int]) -> bool:
-    """Whether a mode of about the frequency of the first grows if that decays, or vice versa."""
+    """Decide whether one of two modes of similar frequency grows and the other decays."""
     main = modes.poles[own[0]]
     opposed = modes.poles.real * np.sign(main.real) < -SIGNIFICANT * modes.growth_errors
     return bool(np.any((opposed & is_close(modes.poles, main))[own]))
 
 
 def _is_multiple(modes: DampedModes, k: int, main: int, times: int) -> bool:
-    """Whether a mode is so many times as fast as another, and grows or decays so much faster."""
+    """Decide whether frequency and growth of a mode are a given multiple of those of another."""
     off = modes.poles[k] - times * modes.poles[main]
     allowed_growth = SIGNIFICANT * modes.growth_errors[k] + 0.2 * abs(modes.poles[main].real)
     allowed = SIGNIFICANT * modes.frequency_errors[k]
@@ -135,10 +135,10 @@ def _is_multiple(modes: DampedModes, k: int, main: int, times: int) -> bool:
 
 
 def _depends_on_amplitude(stretches: Sequence[Stretch], modes: DampedModes, main: int) -> bool:
-    """Whether the damping or the frequency of a mode depends on its amplitude.
+    """Decide whether damping or frequency of a mode depends on its amplitude.
 
     The residual then contains exponentials of its frequency and of another decay, by perturbation
-    of second and third order, and of dry friction.
+    of second and third order, and by dry friction.
     """
     pole, gains, freedom = modes.poles[main], np.zeros(3), 0
     for index, stretch in enumerate(stretches):
@@ -166,7 +166,7 @@ def _depends_on_amplitude(stretches: Sequence[Stretch], modes: DampedModes, main
 
 
 def main_and_beside(stretches: list[Stretch], modes: DampedModes, order: list[int]) -> DampedModes:
-    """One exponential for a main mode that is none, and the modes that are plainly others."""
+    """Fit one exponential to a main motion that is not exponential, and the clearly other modes."""
     main = order[0]
     beside = [k for k in order[1:] if _is_beside(modes, k, main)]
     less = [
@@ -190,7 +190,7 @@ def main_and_beside(stretches: list[Stretch], modes: DampedModes, order: list[in
 
 
 def _is_beside(modes: DampedModes, k: int, main: int) -> bool:
-    """Whether a mode is one besides a main mode that is no exponential, and not a part of it."""
+    """Decide whether a mode is separate from a main motion that is not exponential."""
     pole = modes.poles[k]
     opposed = np.sign(pole.real) != np.sign(modes.poles[main].real)
     is_steady = abs(pole.real) < SIGNIFICANT * modes.growth_errors[k]
@@ -202,7 +202,7 @@ def _is_beside(modes: DampedModes, k: int, main: int) -> bool:
 
 
 def mode_energies(stretches: Sequence[Stretch], modes: DampedModes) -> np.ndarray:
-    """Return (n_modes,) squares of each mode over the noise."""
+    """Compute the square of each mode over the noise, (n_modes,)."""
     found = np.zeros(len(modes.poles))
     for index, stretch in enumerate(stretches):
         for k in range(len(found)):

@@ -1,4 +1,4 @@
-"""Find how many damped sinusoids motion holds, and where they are.
+"""Search for the number of damped sinusoids in a motion, and their poles.
 
 Modes are added one by one, where an exponentially windowed periodogram of the residual, a filter
 matched to a damped sinusoid, exceeds the noise.
@@ -41,12 +41,12 @@ COLOURED = 1.6  # ratio of that noise to white noise, which chance makes once in
 
 @dataclass(frozen=True)
 class Candidate:
-    """A damped sinusoid that a residual may hold.
+    """A damped sinusoid that a residual may contain.
 
     Parameters
     ----------
     pole : complex
-        A first guess.
+        First guess.
     power : float
         Of the matched filter, in units of that of the noise, summed over channels and stretches.
     allowed : float
@@ -59,7 +59,7 @@ class Candidate:
 
     @property
     def stands_out(self) -> bool:
-        """Whether the power exceeds what noise is allowed."""
+        """Whether the power exceeds the threshold for noise."""
         return self.power > self.allowed
 
 
@@ -70,7 +70,7 @@ def strongest_mode(
     apart: np.ndarray | None = None,
     band: tuple[float, float] = (0.0, np.inf),
 ) -> Candidate:
-    """Find the damped sinusoid that most likely is in residuals.
+    """Find the damped sinusoid that is most probable in residuals.
 
     Parameters
     ----------
@@ -78,10 +78,10 @@ def strongest_mode(
     residuals : sequence of (n, n_channels) arrays
         NaN where missing.
     poles : (n,) complex array, optional
-        Of modes that are taken off already, the strongest first. The spectrum of the noise then is
-        taken from the residuals, not too near to them. By default the noise counts as white.
+        Of subtracted modes, the strongest first. The noise spectrum is then estimated from the
+        residuals, not too near to these modes. By default the noise counts as white.
     apart : (n,) complex array, optional
-        Poles of one motion that is no exponential, of which the mode must not be a part.
+        Poles of a motion that is not exponential, of which the mode must not be a part.
     band : (float, float)
         Frequencies, rad/s, between which the mode must be.
     """
@@ -136,7 +136,7 @@ def strongest_mode(
 
 
 def _near_modes(omega: np.ndarray, poles: np.ndarray | None, resolution: float) -> np.ndarray:
-    """(n,) which frequencies, rad/s, are so near to modes that what is left of these is there."""
+    """Find frequencies, (n,), rad/s, near modes, where residuals of these remain."""
     near = np.zeros(len(omega), bool)
     for k, pole in enumerate(() if poles is None else poles):
         width = max(5.0 * abs(pole.real), 3.0 * resolution, CLOSE * pole.imag if k == 0 else 0.0)
@@ -147,22 +147,22 @@ def _near_modes(omega: np.ndarray, poles: np.ndarray | None, resolution: float) 
 def noise_level(
     power: np.ndarray, oversampled: float, omitted: np.ndarray, drifts: bool = True
 ) -> np.ndarray:
-    """Estimate the power of noise about each frequency of a periodogram.
+    """Estimate the power of noise near each frequency of a periodogram.
 
     Parameters
     ----------
     power : (n,) array
     oversampled : float
-        Bins of the periodogram in one of its resolution.
+        Bins of the periodogram per bin of its resolution.
     omitted : (n,) boolean array
         Bins over which the level is interpolated.
     drifts : bool
-        Whether slow bins are told closer to each other.
+        Whether the level of slow bins is resolved more finely.
 
     Returns
     -------
     (n,) array
-        No less than the median over all frequencies tells.
+        Not less than the level from the median over all frequencies.
     """
     first = int(oversampled) + 1  # slower is what a constant takes
     kept = np.flatnonzero(~omitted)
@@ -190,21 +190,21 @@ def noise_level(
 def fit_modes(
     stretches: Sequence[Stretch], may_go_on: Callable[[DampedModes], bool] = lambda _: True
 ) -> tuple[DampedModes | None, bool]:
-    """Fit as many damped sinusoids as stand out of the noise, the strongest first.
+    """Fit as many damped sinusoids as exceed the noise, the strongest first.
 
     Parameters
     ----------
     stretches : sequence of Stretch
     may_go_on : callable
-        Whether further modes are looked for where more than MAX_CLOSE are close to the first one.
+        Whether to search for further modes if more than MAX_CLOSE are close to the first one.
 
     Returns
     -------
     DampedModes or None
-        None if nothing oscillates, or if the motion is plainly not free.
+        None if nothing oscillates, or if the motion is clearly not free.
     bool
-        Whether the residuals are noise, without another mode. Where too many modes are close to the
-        first one, others are still looked for.
+        Whether the residuals are noise, without another mode. If too many modes are close to the
+        first one, others are still searched for.
     """
     found: DampedModes | None = None
     left, apart = [_without_means(one.values) for one in stretches], None
@@ -232,7 +232,7 @@ def fit_modes(
 
 
 def share_left(stretches: Sequence[Stretch], found: DampedModes) -> float:
-    """Return largest share of the power of a channel that modes leave."""
+    """Compute the largest share of the power of a channel in the residual of modes."""
     shares = [
         np.nanmax(found.noise[index][one.sizes > 0.0] / one.sizes[one.sizes > 0.0])
         for index, one in enumerate(stretches)
@@ -241,23 +241,23 @@ def share_left(stretches: Sequence[Stretch], found: DampedModes) -> float:
 
 
 def is_close(poles: np.ndarray, pole: complex) -> np.ndarray:
-    """Return (n,) whether poles (n,) are of about the frequency of one of them."""
+    """Decide which poles, (n,), are near the frequency of a given one."""
     return np.abs(poles.imag / pole.imag - 1.0) < CLOSE
 
 
 def is_part_of(poles: np.ndarray, motion: np.ndarray) -> np.ndarray:
-    """Tell which modes are parts of a motion that is no exponential.
+    """Decide which modes are parts of a motion that is not exponential.
 
     Parameters
     ----------
     poles : (n,) complex array
     motion : (n_parts,) complex array
-        Poles of the motion, the strongest first, over whose frequencies its own is spread.
+        Poles of the motion, the strongest first, over whose frequencies it is spread.
 
     Returns
     -------
     (n,) boolean array
-        Whether they are of about its frequency, or of a multiple, as its harmonics are.
+        Whether they are near its frequency, or a multiple of it, as its harmonics are.
     """
     main = motion[0]
     spread = np.abs(motion[is_close(motion, main)].imag / main.imag - 1.0).max()
@@ -274,7 +274,7 @@ def _without_means(values: np.ndarray) -> np.ndarray:
 
 
 def _with_noise_about(stretches: Sequence[Stretch], found: DampedModes) -> DampedModes:
-    """With the errors that the noise at the frequency of each mode makes, where it is coloured."""
+    """Recompute errors from the noise near the frequency of each mode, if it is coloured."""
     ratios = np.zeros(len(found.poles))
     weights = np.zeros(len(found.poles))
     for r, (stretch, residual) in enumerate(zip(stretches, found.residuals, strict=True)):

@@ -1,9 +1,9 @@
-"""Find where motion begins out of rest, and where it has come to rest.
+"""Find where motion begins from rest, and where it has come to rest.
 
-Rest is judged in units of the recording itself: a channel is at rest where it varies, over a period
-of the motion, much less than it does over the period that follows, or where nothing stands out of
-the noise until the end. Rest is no fault of a sensor, and says nothing of viscous damping. Dry
-friction is another case: where and when the motion sticks depends on the friction.
+Rest is defined in units of the recording itself: a channel is at rest where it varies, over a
+period of the motion, much less than over the following period, or where nothing exceeds the noise
+until the end. Rest is no fault of a sensor, and contains no information on viscous damping. Dry
+friction is another case: place and time of sticking depend on the friction.
 """
 
 from collections.abc import Iterator, Sequence
@@ -43,7 +43,7 @@ SMOOTH = 1.0  # ratio of the squared differences to the variance: 2 of white noi
 
 @dataclass(frozen=True)
 class MovingPart:
-    """Samples of a recording in which it moves.
+    """Samples of a recording during which it moves.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def _shift_part(part: MovingPart, rows: int) -> MovingPart:
 
 
 def moving_samples(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, list[Finding]]:
-    """Find the samples of a recording in which it moves.
+    """Find the samples of a recording during which it moves.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def moving_samples(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, li
 
 @dataclass(frozen=True)
 class Moving:
-    """Recordings without the rest that says nothing of the system.
+    """Recordings without rests that contain no information on the system.
 
     Parameters
     ----------
@@ -153,15 +153,15 @@ class Moving:
 
 
 def moving_recordings(recordings: Sequence[Recording], terms: Sequence[Exponents] = ()) -> Moving:
-    """Leave out the rest before and after the motion of recordings.
+    """Remove the rest before and after the motion of recordings.
 
     Parameters
     ----------
     recordings : sequence of Recording
-        Those of systems without a velocity, those with inputs and those of exact states stay as
-        they are.
+        Those of systems without a velocity, those with inputs and those of exact states are
+        unchanged.
     terms : sequence of Exponents, optional
-        The library. If it has a function sign(u), the motion may stick, and the rest after it is a
+        The library. If it has a function sign(u), the motion may stick, and the rest after it is
         part of it.
     """
     may_stick = any(isinstance(own, Function) and own.name == "sign" for own in chain(*terms))
@@ -201,7 +201,7 @@ def _rest_findings(time: np.ndarray, part: MovingPart, index: int) -> Iterator[F
 
 
 def _fill_gaps(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return (n_varying, n) channels that vary, straight over what is missing."""
+    """Interpolate the missing samples of channels that vary, (n_varying, n), linearly."""
     found = []
     for column in values.T:
         known = np.isfinite(column)
@@ -211,7 +211,7 @@ def _fill_gaps(time: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def _dominant_period(columns: np.ndarray) -> float:
-    """Return samples in a period of the largest velocity, infinite without one."""
+    """Find the period of the largest velocity, in samples, infinite without one."""
     power = np.zeros(columns.shape[1] // 2)
     for column in columns:
         own = np.abs(np.fft.rfft(np.diff(column)))[: len(power)] ** 2
@@ -222,9 +222,9 @@ def _dominant_period(columns: np.ndarray) -> float:
 
 
 def _window_deviations(columns: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return standard deviations in the windows from each sample on, and whether these are smooth.
+    """Compute standard deviations in the window from each sample on, and whether it is smooth.
 
-    Both are (n_channels, n - length + 1); smooth is what varies slowly within a window.
+    Both are (n_channels, n - length + 1); smooth channels vary slowly within a window.
     """
     centred = columns - columns.mean(axis=1, keepdims=True)
     mean = _window_sums(centred, length) / length
@@ -234,21 +234,21 @@ def _window_deviations(columns: np.ndarray, length: int) -> tuple[np.ndarray, np
 
 
 def _window_sums(columns: np.ndarray, length: int) -> np.ndarray:
-    """Return (n_channels, n - length + 1) sums over the windows from each sample on."""
+    """Compute sums over the window from each sample on, (n_channels, n - length + 1)."""
     total = np.pad(np.cumsum(columns, axis=1), ((0, 0), (1, 0)))
     return total[:, length:] - total[:, :-length]
 
 
 @dataclass(frozen=True)
 class _Onset:
-    """rested_from, at: first samples of the rest and of the motion."""
+    """First samples of a rest, `rested_from`, and of the motion after it, `at`."""
 
     rested_from: int
     at: int
 
 
 def _find_onsets(columns: np.ndarray, period: float) -> list[_Onset]:
-    """Return where motion begins out of rest, in order of time."""
+    """Find where motion begins from rest, in order of time."""
     found: list[_Onset] = []
     resolution = _sensor_resolution(columns)
     for length in sorted({max(int(share * period), MIN_WINDOW) for share in WINDOWS})[::-1]:
@@ -285,12 +285,12 @@ def _find_onsets(columns: np.ndarray, period: float) -> list[_Onset]:
 
 
 def _sensor_resolution(columns: np.ndarray) -> np.ndarray:
-    """Return (n_channels, 1) the smallest difference between two values of each channel."""
+    """Find the smallest difference between two values of each channel, (n_channels, 1)."""
     return np.array([[np.diff(np.unique(column)).min()] for column in columns])
 
 
 def _find_departure(columns: np.ndarray, rest: slice, length: int) -> int:
-    """Return the first sample out of a rest, whose end may lie up to `length` samples later."""
+    """Find the first sample out of a rest, whose end may be up to `length` samples later."""
     still = columns[:, rest]
     middle = still.mean(axis=1, keepdims=True)
     least = np.maximum(OUT_OF_REST * still.std(axis=1), 1.5 * np.abs(still - middle).max(axis=1))
@@ -300,13 +300,13 @@ def _find_departure(columns: np.ndarray, rest: slice, length: int) -> int:
 
 
 def _rest_begin(deviation: np.ndarray, last: int, least: np.ndarray, length: int) -> int:
-    """Return the first sample of the windows before `last` that vary by `least` at most."""
+    """Find the first sample of the windows before `last` that vary by `least` at most."""
     moves = np.any(deviation[:, :last] > least[:, np.newaxis], axis=0)
     return int(np.flatnonzero(moves)[-1]) + length if moves.any() else 0
 
 
 def _spike_length(columns: np.ndarray, period: float) -> int:
-    """Return samples from the begin of motion on in which a blow's own acceleration is seen."""
+    """Count samples at the beginning of motion that show the acceleration of an impact."""
     length = int(period)
     if columns.shape[1] < 4 * length:
         return 0
@@ -319,7 +319,7 @@ def _spike_length(columns: np.ndarray, period: float) -> int:
 
 
 def _without_tail(columns: np.ndarray, part: MovingPart, period: float, end: int) -> MovingPart:
-    """Return the part without the rest at its end. end: sample at which the next motion begins."""
+    """Remove the rest at the end of a part. end: sample at which the next motion begins."""
     begin, stop = part.rows.start, part.rows.stop
     length = max(int(period), MIN_WINDOW)
     own = columns[:, begin:stop]
@@ -346,7 +346,7 @@ def _without_tail(columns: np.ndarray, part: MovingPart, period: float, end: int
 
 
 def _is_still(columns: np.ndarray) -> bool:
-    """Whether nothing oscillates in channels (n_channels, n), the steps between samples alike."""
+    """Decide whether nothing oscillates in channels (n_channels, n), uniformly sampled."""
     if not len(columns) or columns.shape[1] < 2 * MIN_WINDOW:
         return True
     values = columns.T - columns.mean(axis=1)

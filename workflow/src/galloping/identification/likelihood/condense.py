@@ -24,17 +24,16 @@ class Condensed:
     """Projections of the recordings' samples, window by window, n_rows = PROJECTIONS of each.
 
     step: length of a window, s. first: (n_recordings + 1,) first window of each recording.
-    observed: (n_observed,) index of the state that each channel measures.
-    is_rate: (n_observed,) whether it measures the rate of that state.
-    functionals: (n_windows, n_observed, n_rows, ORDER + 1), from Taylor coefficients in the time
-    scaled by the window to the expected projections; zero rows where a window has few samples.
-    targets: (n_windows, n_observed, n_rows) the projections of the samples, in the state's unit.
-    counts: (n_recordings, n_observed) samples; rows: the same, non-zero rows.
-    remainder: (n_recordings, n_observed) sum of squares of the samples outside the projections.
-    known_noise: (n_recordings, n_observed) deviation of a sample where known, NaN else.
+    observed: (n_observed,) index of the state that each channel measures. is_rate: (n_observed,)
+    whether it measures the rate of that state. functionals: (n_windows, n_observed, n_rows, ORDER +
+    1), from Taylor coefficients in the time scaled by the window to the expected projections; zero
+    rows if a window has few samples. targets: (n_windows, n_observed, n_rows) the projections of
+    the samples, in the state's unit. counts: (n_recordings, n_observed) samples; rows: the same,
+    non-zero rows. remainder: (n_recordings, n_observed) sum of squares of the samples outside the
+    projections. known_noise: (n_recordings, n_observed) deviation of a sample if known, else NaN.
     inputs: (n_windows, n_powers, n_factors) factors of the inputs over each window (see
-    `Problem.input_factors`), without inputs (n_windows, 1, 0). samples: of which the projections
-    are sums, kept where the terms of a library have kinks, else None.
+    `Problem.input_factors`), without inputs (n_windows, 1, 0). samples: those behind the
+    projections, kept if the terms of a library have kinks, else None.
     """
 
     step: float
@@ -51,14 +50,14 @@ class Condensed:
     samples: Samples | None = None
 
     def channel_names(self, states: Sequence[str]) -> list[str]:
-        """Return what each channel measures: a state, or d and the name of one."""
+        """Name what each channel measures: a state, or d and the name of one."""
         pairs = zip(self.observed, self.is_rate, strict=True)
         return [f"d{states[k]}" if rate else states[k] for k, rate in pairs]
 
     def integrate_segments(
         self, compiled: System, first: np.ndarray, starts: np.ndarray, sensitive: bool
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
-        """`taylor.integrate` over segments between the windows `first` (n_segments + 1,)."""
+        """Integrate, as `taylor.integrate`, between the windows `first` (n_segments + 1,)."""
         own, samples = slice(first[0], first[-1]), self.samples
         if samples is not None:
             samples = samples._replace(offsets=samples.offsets[first[0] : first[-1] + 1])
@@ -73,23 +72,23 @@ class Condensed:
         return found
 
     def as_rates(self) -> Self:
-        """Replace the functionals by those of the rates of what is measured."""
+        """Replace the functionals by those of the rates of the channels."""
         samples = self.samples and self.samples._replace(order=self.samples.order + 1)
         shifted = rate_functionals(self.functionals, self.step)
         return replace(self, functionals=shifted, samples=samples)
 
     def sum_squares(self, residual: np.ndarray) -> np.ndarray:
-        """(n_recordings, n_observed) sums of squares of residuals, as `targets`."""
+        """Sum squares of residuals, as `targets`, over windows: (n_recordings, n_observed)."""
         return np.add.reduceat((residual**2).sum(axis=2), self.first[:-1], axis=0)
 
     def noise_by_state(
         self, states: Sequence[str], noise: np.ndarray
     ) -> tuple[np.ndarray, dict[str, float]]:
-        """Return the noise of a sample of each channel by state and by rate.
+        """Split the noise of a sample of each channel by state and by rate.
 
         noise: (n_recordings, n_observed). Returns the noise of states, (n_recordings, n_states),
-        NaN where not measured, and that of each rate in the last recording, as `noise_` and the
-        rate's name.
+        NaN if not measured, and that of each rate in the last recording, as `noise_` and the rate's
+        name.
         """
         noise, values = np.where(self.counts > 0, noise, np.nan), ~self.is_rate
         sigma = np.full((len(noise), len(states)), np.nan)
@@ -99,17 +98,17 @@ class Condensed:
 
     @cached_property
     def is_present(self) -> np.ndarray:
-        """(n_windows, n_observed, n_rows) whether a projection tells anything."""
+        """Whether a projection contains data, (n_windows, n_observed, n_rows)."""
         return np.asarray(self.functionals.any(axis=3))
 
     @property
     def is_known(self) -> np.ndarray:
-        """(n_recordings, n_observed) whether the noise of a sample is known."""
+        """Whether the noise of a sample is known, (n_recordings, n_observed)."""
         return np.isfinite(self.known_noise) & (self.counts > 0)
 
     @property
     def noise_variance(self) -> np.ndarray:
-        """(n_recordings, n_observed) of a sample: as known, or by `remainder`, inside windows."""
+        """Noise variance of a sample, known or from `remainder`, (n_recordings, n_observed)."""
         spare = self.counts - self.rows  # where there are none, the remainder is rounding
         inside = np.where(spare > 0, self.remainder, 0.0) / np.maximum(spare, 1)
         return np.where(self.is_known, self.known_noise**2, inside)
@@ -118,17 +117,17 @@ class Condensed:
     def has_noise_estimate(self) -> np.ndarray:
         """Whether the noise of a channel is known or can be measured, (n_recordings, n_observed).
 
-        It can be measured if windows have samples to spare: three tenths of all, as five samples in
-        a window have, of which three make projections, and four have not. With a smaller share a
-        misfit is held against a rough estimate of the noise, with a larger one more often against
-        none; the number was not calibrated.
+        It can be measured if windows have samples to spare: three tenths of all, as with five
+        samples in a window, of which three make projections, but not with four. With a smaller
+        share a misfit is compared with a rough estimate of the noise, with a larger one more often
+        with none; the number was not calibrated.
         """
         spare = self.counts - self.rows
         return self.is_known | (spare > 0.3 * np.maximum(self.counts, 1))
 
     @property
     def samplings(self) -> np.ndarray:
-        """(n_windows, n_observed, n_rows, 2): functionals on what is measured and its rate."""
+        """Functionals on each channel and its rate, (n_windows, n_observed, n_rows, 2)."""
         own = self.functionals[..., :2].copy()
         rates = np.flatnonzero(self.is_rate)
         own[:, rates] = self.functionals[:, rates, :, 1:3] * (self.step / np.array([1, 2]))
@@ -136,7 +135,7 @@ class Condensed:
 
 
 def rate_functionals(functionals: np.ndarray, step: float) -> np.ndarray:
-    """Functionals of a state's Taylor coefficients that read its rate in place of itself."""
+    """Convert functionals of a state's Taylor coefficients to those of its rate."""
     shifted = np.zeros_like(functionals)
     powers = np.arange(1, functionals.shape[-1]) / step
     np.multiply(functionals[..., :-1], powers, out=shifted[..., 1:])
@@ -152,7 +151,7 @@ def _project_recording(
     tau: (n,) times in their windows, 0 to 1. values: (n, n_observed). offsets: (n_windows + 1,)
     first sample of each window. longest: samples of the fullest window; to find it here would
     compile for five seconds longer. kept: (n, n_observed, n_rows), to be filled with the basis, or
-    None where it is not needed. The basis is orthonormal on a window's samples: Legendre-like, by
+    None if not needed. The basis is orthonormal on a window's samples: Legendre-like, by
     Gram-Schmidt, twice for its rounding.
     """
     n_windows, n_observed, n_rows, n_powers = functionals.shape

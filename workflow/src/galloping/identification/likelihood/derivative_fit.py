@@ -1,4 +1,4 @@
-"""Exact states with noisy derivatives: weighted linear least squares, equation by equation."""
+"""Weighted linear least squares for exact states with noisy derivatives, by equation."""
 
 import numpy as np
 from scipy.special import ndtri
@@ -23,15 +23,14 @@ from galloping.recording.samples import Recording, inputs_at_times
 
 
 def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedModel:
-    """Support and coefficients of the unknown equations from measured derivatives.
+    """Identify support and coefficients of the unknown equations from measured derivatives.
 
-    The noise of each recording's derivatives is estimated from the residuals of the whole
-    library. Rows with a missing value are left out, and recordings with no more complete rows of an
-    equation than the library has terms. The model is `refused` where that leaves no row, and
-    `approximate` where its residuals are correlated from sample to sample, as white noise is not;
-    intervals then are as wide as stretches differ in which way they pull the coefficients, as in
-    `free_run.approximate_free_runs`. The samples that the price of a term counts are those of its
-    equation.
+    The noise of each recording's derivatives is estimated from the residuals of the whole library.
+    Rows with a missing value are left out, and recordings with no more complete rows of an equation
+    than the library has terms. The model is `refused` if no row remains, and `approximate` if its
+    residuals are correlated from sample to sample, unlike white noise; intervals are then from the
+    differences between stretches in their gradients of the coefficients, as in
+    `free_run.approximate_free_runs`. The penalty of a term counts the samples of its equation.
     """
     n = len(problem.candidates)
     information, right = problem.with_prior(np.zeros((n, n)), np.zeros(n))

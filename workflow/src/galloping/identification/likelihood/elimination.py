@@ -1,9 +1,9 @@
-"""Elimination of the segments' states: what is left is a regression on the coefficients alone.
+"""Elimination of the segments' states, which leaves a regression on the coefficients alone.
 
-Where the segments of a chain match, their states follow from the chain's first one, which is
-eliminated by rotations of its rows: only so is what a chain says of the coefficients, a small part
-of the whole, not lost in rounding. Where the state may jump from segment to segment (weak
-constraint), states are eliminated from normal equations, which are block tridiagonal.
+If the segments of a chain match, their states follow from the chain's first one, which is
+eliminated by rotations of its rows: otherwise the information of a chain on the coefficients, a
+small part of the whole, would be lost in rounding. If the state may jump from segment to segment
+(weak constraint), states are eliminated from normal equations, which are block tridiagonal.
 """
 
 from dataclasses import dataclass, replace
@@ -32,10 +32,10 @@ STATE_RIDGE = 1e-12  # of the information about a state, added: a stretch may te
 
 @dataclass(frozen=True)
 class Eliminated:
-    """The regression on the coefficients, and how the segments' states follow them.
+    """Regression on the coefficients, and the response of the segments' states to them.
 
-    information: (n, n), right: (n,) of the coefficients' change. response: (n_segments, n_states,
-    n + 1), of each state to the coefficients' change, and constant.
+    information: (n, n), right: (n,) of the coefficients' change. response: (n_segments, n_states, n
+    + 1), of each state to the coefficients' change, and constant.
     """
 
     information: np.ndarray
@@ -43,16 +43,16 @@ class Eliminated:
     response: np.ndarray
 
     def move_states(self, change: np.ndarray, starts: np.ndarray | float = 0.0) -> np.ndarray:
-        """(n_segments, n_states) states from `starts` on, with a change of the coefficients."""
+        """Move states, (n_segments, n_states), with a change of the coefficients."""
         return starts + self.response[:, :, :-1] @ change + self.response[:, :, -1]
 
 
 @dataclass(frozen=True)
 class Matched(Eliminated):
-    """The regression of segments that match.
+    """Regression of segments that match.
 
-    gap: (n_states,) largest mismatch between segments of a chain. fall: by how much chi^2 falls
-    when the states alone are moved to their best.
+    gap: (n_states,) largest mismatch between segments of a chain. fall: decrease of chi^2 when the
+    states alone are moved to their best.
     """
 
     gap: np.ndarray
@@ -61,7 +61,7 @@ class Matched(Eliminated):
 
 @dataclass(frozen=True)
 class Jumping(Eliminated):
-    """The regression of segments between which the state jumps, with the priors of coefficients.
+    """Regression of segments between which the state jumps, with the priors of coefficients.
 
     variance, covariance: (n_segments, n_states, n_states), of each segment's first state, and of
     that with the next segment's, at given coefficients.
@@ -72,14 +72,13 @@ class Jumping(Eliminated):
 
 
 def chain_segments(linearised: Linearised, segments: Segments, longest: float = np.inf) -> Segments:
-    """Join segments to the longest chains whose ends do not depend too much on their beginnings.
+    """Join segments to the longest chains whose ends are not too sensitive to their beginnings.
 
-    longest: how many segments a chain may have; with one, every segment is free.
-    A chain is broken where its end state, in units of what a segment tells about it, moves by more
-    than MAX_SEGMENT_GROWTH such units of its first state and the coefficients, as on a chaotic or
-    very long recording. The last stretch of a chaotic recording tells most: of 288 recordings of
-    Lorenz's system with 20 to 40 % of noise, chains that grow by 2,000 lead to 213 exact models, by
-    1e6 to 246.
+    longest: how many segments a chain may have; with one, every segment is free. A chain is broken
+    where its end state, in units of a segment's error of it, moves by more than MAX_SEGMENT_GROWTH
+    such units of its first state and the coefficients, as in a chaotic or very long recording. The
+    last stretch of a chaotic recording has most information: of 288 recordings of Lorenz's system
+    with 20 to 40 % of noise, chains that grow by 2,000 lead to 213 exact models, by 1e6 to 246.
     """
     n, n_states = len(linearised.right), linearised.ends.shape[1]
     of_states = np.sum(linearised.rows[:, :, n:-1] ** 2, axis=1).mean(axis=0)
@@ -149,9 +148,9 @@ def _apply_chain_rule(slopes: np.ndarray, state: np.ndarray, n: int) -> np.ndarr
 def _solve_first_state(rows: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Solve for the first state of a chain, linear in the coefficients' change.
 
-    rows: (n_states, n + n_states + 1). Directions that the rows do not determine stay. Returns the
-    state, (n_states, n + 1), the constant last, and what these directions leave to say, a design
-    and a residual, (n_undetermined, n + 1).
+    rows: (n_states, n + n_states + 1). Directions that the rows do not determine remain unchanged.
+    Returns the state, (n_states, n + 1), the constant last, and the remaining equations of these
+    directions, a design and a residual, (n_undetermined, n + 1).
     """
     block = rows[:, n:-1]
     scale = 1.0 / np.maximum(np.linalg.norm(block, axis=0), np.finfo(float).tiny)
@@ -169,7 +168,7 @@ def eliminate_with_jumps(
     precision: np.ndarray,
     left_out: np.ndarray | None = None,
 ) -> Jumping:
-    """Eliminate the states of segments, each of which follows the one before up to a jump.
+    """Eliminate the states of segments that follow each other up to a jump.
 
     precision: (n_segments, n_states, n_states) of the jump from each to the next. left_out:
     (n_segments,) whose data, and whose jumps to and from them, do not count.
@@ -228,10 +227,10 @@ def eliminate_with_jumps(
 def jump_covariance(
     record: Record, linear: NormalEquations, solved: Jumping, change: np.ndarray, at: np.ndarray
 ) -> np.ndarray:
-    """(n_states, n_states) expected covariance of the states' jumps at full motion, given the data.
+    """Compute the expected covariance of the states' jumps at full motion, (n_states, n_states).
 
-    change: of coefficients. at: (n,) segments after which the state jumps. What a segment begins
-    with may have more entries than the states.
+    It is given the data. change: of coefficients. at: (n,) segments after which the state jumps.
+    The initial state of a segment may have more entries than the states.
     """
     n_states, by_state = record.states.shape[1], linear.by_state[at]
     starts, step = linear.starts, solved.move_states(change)

@@ -1,7 +1,7 @@
-"""The model that follows recordings to their noise.
+"""Search for the model that follows recordings to their noise.
 
-Each start is fitted in free segments and joined over the recording, and the residuals show whether
-its model is right.
+Each initial guess is fitted in free segments and joined over the recording, and the residuals show
+whether its model is right.
 """
 
 from dataclasses import replace
@@ -85,13 +85,13 @@ def fit_exact(begun: Start) -> IdentifiedModel | NoModel:
 
 
 def _fit_starts(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit | None:
-    """Fit starts in order until one settles.
+    """Fit initial guesses in order until one converges.
 
-    Else the fit is that of the first start that follows the data, or of the first that can be
+    Otherwise the fit is that of the first guess that follows the data, or of the first that can be
     integrated; None if none can.
 
-    Beside kinks chi^2 has several minima: where a motion sticks, no slope leads to another. There a
-    start counts as settled only if its residuals show nothing, and the best of the others is taken.
+    Near kinks chi^2 has several minima: if a motion sticks, no slope leads to another. A guess then
+    counts as converged only if its residuals show no misfit, and the best of the others is taken.
     """
     best, has_kinks = None, begun.problem.tables.n_kinks > 0
     for name, terms, dear in starts.starts_of_terms(begun):
@@ -120,7 +120,7 @@ def _fit_starts(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit |
 
 
 def _shows_misfit(begun: Start, joined: trajectory_fit.JoinedFit) -> bool:
-    """Whether the residuals of a settled fit show that it is not the model."""
+    """Decide whether the residuals of a converged fit show that its model is wrong."""
     remaining = attempt(partial(_chain_residuals, begun, joined.step.fit))
     condensed = joined.step.fit.record.condensed
     return isinstance(remaining, NoModel) or bool(
@@ -129,9 +129,9 @@ def _shows_misfit(begun: Start, joined: trajectory_fit.JoinedFit) -> bool:
 
 
 def _chain_residuals(begun: Start, fit: ShootingFit) -> tuple[np.ndarray, ResidualDiagnostics]:
-    """Residuals of single shooting over every chain, and what they show.
+    """Compute residuals of single shooting over every chain, and their diagnostics.
 
-    Raises FloatingPointError where the model diverges over a chain.
+    Raises FloatingPointError if the model diverges over a chain.
     """
     segments, bounds = fit.record.segments, fit.record.segments.bounds
     begins, each = bounds[:-1], np.arange(len(bounds) - 1)
@@ -161,10 +161,10 @@ def _refit_coloured_noise(
 def _find_objections(
     fit: ShootingFit, shown: ResidualDiagnostics, penalty: float
 ) -> tuple[list[Finding], bool]:
-    """Find what contradicts a settled fit, and whether its model is near all the same.
+    """Find contradictions of a converged fit, and whether its model is near nevertheless.
 
-    It is near where the residuals are those of noise and only an instrument is suspected: one sound
-    recording in two hundred is, by design, and keeps its model with the suspicion.
+    It is near if the residuals are those of noise and only an instrument is suspected: by design
+    this happens to one sound recording in two hundred, which keeps its model with the suspicion.
     """
     causes = find_faults(fit, penalty)
     misfit = shown.find_objections(fit.record.condensed.channel_names(fit.record.problem.states))
@@ -178,13 +178,13 @@ def _find_objections(
 
 
 def _find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
-    """Find the kind of term that explains most of the residual; none if no work is left."""
+    """Find the kind of term that explains most of the residual; none if the work is exhausted."""
     found = [] if is_exhausted() else attempt(partial(find_missing_kind, fit, penalty))
     return [] if isinstance(found, NoModel) else found
 
 
 def _find_causes(fit: ShootingFit, penalty: float) -> list[Finding]:
-    """Why no model may follow the whole recording; nothing where no work is left."""
+    """Find causes for which no model may follow the whole recording; none without work left."""
     if is_exhausted():
         return []
     if named := _find_missing_kind(fit, penalty):

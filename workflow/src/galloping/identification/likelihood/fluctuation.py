@@ -1,9 +1,9 @@
-"""Coefficients that fluctuate while a recording is made, as gusts vary the damping.
+"""Coefficients that fluctuate during a recording, as gusts vary the damping.
 
-The coefficients of terms linear in a state whose equation is sought (of a line, the dampings) vary
-about a mean, each by itself, with a correlation that falls exponentially in time. The variances of
-these fluctuations, and the covariance of the jumps that are left between stretches, are estimated
-by expectation maximisation.
+The coefficients of terms linear in a state whose equation is identified (of a line, the dampings)
+vary about a mean, independently, with a correlation that falls exponentially in time. The variances
+of these fluctuations, and the covariance of the remaining jumps between stretches, are estimated by
+expectation maximisation.
 """
 
 from dataclasses import replace
@@ -40,11 +40,11 @@ def select_with_input_powers(
     support: np.ndarray,
     price: float,
 ) -> np.ndarray:
-    """Select the terms worth their price, searched from all and from `support` (n,).
+    """Select terms by their penalty, searched from all and from `support` (n,).
 
-    With a term come the terms that the library has of it with other powers of the inputs: a
-    recording about one mean wind hardly tells these apart, and to leave one of them out would claim
-    a law for other winds. price: of each term, in units of chi^2.
+    With a term all terms of the library with other powers of the inputs are selected: a recording
+    near one mean wind hardly distinguishes these, and to leave one of them out would claim a law
+    for other winds. price: of each term, in units of chi^2.
     """
     tried = [np.ones(len(right), bool), support]
     return problem.same_state_monomial(problem.select_terms(information, right, tried, price))
@@ -55,12 +55,12 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
 
     Returns the fit, and the covariance of the means (n_support, n_support).
 
-    fit: of the whole library. None unless fluctuations explain most of what it leaves beyond the
-    noise: where the library lacks something else, such as modes that a sensor sees besides,
-    fluctuations would take part of that for themselves. None, too, where segments are too short or
-    too many to be divided, no term is left or no work. Raises FloatingPointError, or numpy's
-    LinAlgError, where the iteration diverges.
-    penalty: worth of a term in units of chi^2, were the model exact.
+    fit: of the whole library. None unless fluctuations explain most of its residual beyond the
+    noise: if the library lacks something else, such as further modes that a sensor measures,
+    fluctuations would explain part of that. None, too, if segments are too short or too many to be
+    divided, no term remains or the work is exhausted. Raises FloatingPointError, or numpy's
+    LinAlgError, if the iteration diverges. penalty: of a term in units of chi^2, if the model were
+    exact.
     """
     record, problem = fit.record, fit.record.problem
     equation, term = problem.candidates.T
@@ -119,7 +119,7 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
 
 
 def _log_excess(record: Record, misfit: np.ndarray) -> float:
-    """Logarithm of a white misfit over the noise, summed over channels that tell their noise."""
+    """Sum the logarithm of a white misfit over the noise, over channels with a noise estimate."""
     condensed = record.condensed
     noise = np.maximum(condensed.noise_variance, record.floor**2)
     return float(np.sum(np.log(misfit[:, 0, :, 0] / noise)[condensed.has_noise_estimate]))

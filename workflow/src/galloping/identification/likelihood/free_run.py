@@ -1,7 +1,6 @@
-"""The model with the least error in a free run over a recording that inputs drive.
+"""Model with the least error in a free run over a recording that inputs drive.
 
-The phase is that of the inputs, and what the model misses does not add up (simulation error, or
-output error).
+Inputs determine the phase, so that errors do not accumulate (simulation error, or output error).
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -47,9 +46,9 @@ def approximate_free_runs(
 
     information: (n_candidates, n_candidates). residual: (n_windows, n_observed, n_rows) of the free
     runs. The other arguments are as in `model_error.fit_approximation`, and so are the diagnostics,
-    of free runs in place of forecasts. Intervals hold for residuals of any spectrum: they are as
-    wide as the pulls of up to 40 stretches on the coefficients differ (sandwich; P. J. Huber,
-    1967), and a factor wider for an error alike in all stretches.
+    of free runs instead of forecasts. Intervals are valid for residuals of any spectrum: their
+    width is from the differences between the gradients of up to 40 stretches (sandwich; P. J.
+    Huber, 1967), with a factor for an error common to all stretches.
     """
     _, covariance = solve_support(information, np.zeros(len(fit.free)), fit.support)
     covariance = sandwich_covariance(_window_gradients(fit, residual), covariance)
@@ -65,10 +64,9 @@ def approximate_free_runs(
 def sandwich_covariance(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> np.ndarray:
     """Compute the covariance of coefficients from their gradients in stretches.
 
-    Returns (n_support, n_support), by how stretches differ in which way they pull the coefficients.
-
     pulls: (n, n_support) gradients of chi^2 / 2 of each recording, in the order of time, which are
-    summed over 40 stretches of it. covariance: what it were if the residuals were white noise.
+    summed over 40 stretches of it. covariance: that for white residuals. Returns (n_support,
+    n_support), from the differences between the stretches' gradients.
 
     Stretches must be so long that they are independent of each other, and so many that their
     covariance is known: of 40, `small_sample_factor` is 1.07. The number was not calibrated.
@@ -87,11 +85,10 @@ def sandwich_covariance(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> 
 def fit_free_runs(
     record: Record, near: IdentifiedModel, penalty: float, objections: Sequence[Finding]
 ) -> IdentifiedModel | NoModel:
-    """Fit the model whose free runs err least, with the terms of an approximate model.
+    """Fit the model with the least error of free runs, with the terms of an approximate model.
 
-    Detection limits stay those of `near`, with which the terms were chosen.
-
-    `NoModel` where the motion remembers how it began. Raises FloatingPointError where the iteration
+    Detection limits remain those of `near`, with which the terms were chosen. `NoModel` if the
+    motion depends on its initial state to the end. Raises FloatingPointError if the iteration
     diverges.
     """
     condensed, each = record.condensed, np.arange(len(record.condensed.first) - 1)
@@ -113,12 +110,12 @@ def fit_free_runs(
 
 
 def has_forgotten_start(fit: ShootingFit) -> bool:
-    """Whether a motion is independent of its first state in the end.
+    """Decide whether a motion is independent of its initial state in the end.
 
     The last tenth of each chain must depend at most a tenth as much on the first state as the first
-    tenth does. So it is of a damped system that is driven, not of a limit cycle, whose phase stays.
-    Of a limit cycle the ratio is near one, of a damped system it falls exponentially with the
-    length of the recording: between, where a system is hardly damped, a tenth is a choice.
+    tenth does. This applies to a damped system that is driven, not to a limit cycle, whose phase
+    persists. The ratio is near one for a limit cycle, and falls exponentially with the length of
+    the recording for a damped system; for hardly damped systems, a tenth is a choice.
     """
     for _, rows, _ in _chain_slopes(fit, fit.record.problem.candidates[:0]):
         tenth = max(len(rows) // 10, 1)
@@ -130,8 +127,7 @@ def has_forgotten_start(fit: ShootingFit) -> bool:
 def _window_gradients(fit: ShootingFit, residual: np.ndarray) -> Iterator[np.ndarray]:
     """Compute the gradient of chi^2 / 2 of each window by the coefficients of a fit.
 
-    Yields (n_windows, n_support) of each chain, of a run from the chain's first state, this state
-    at its best.
+    Yields (n_windows, n_support) of each chain, of a run from the chain's optimal first state.
     """
     pairs = fit.record.problem.candidates[fit.support]
     n = len(pairs)

@@ -1,6 +1,6 @@
-"""Oscillations that a recording holds besides its model, as a line's higher modes make them.
+"""Oscillations of a recording besides its model, such as a line's higher modes.
 
-Each is a line in the spectrum of what the model leaves, above the frequencies of the motion, where
+Each is a line in the spectrum of the model's residual, above the frequencies of the motion, where
 errors of the model itself are small: a sinusoid that grows or decays exponentially.
 """
 
@@ -26,10 +26,10 @@ FASTEST = 0.4  # periods in a window: of faster ones a mean tells little
 def find_further_modes(
     states: tuple[str, ...], condensed: Condensed, residual: np.ndarray
 ) -> tuple[FurtherMode, ...]:
-    """Find oscillations in the residual of a model, each recording and channel by itself.
+    """Find oscillations in the residual of a model, in each recording and channel separately.
 
     residual: (n_windows, n_observed, n_rows) projections of the samples less those of the model,
-    not finite where the model diverges. Channels that measure the rate of another are left out.
+    not finite if the model diverges. Channels that measure the rate of another are left out.
     """
     found: list[FurtherMode] = []
     own = condensed.observed[~condensed.is_rate]
@@ -53,7 +53,7 @@ def find_further_modes(
 
 
 def further_mode_findings(modes: tuple[FurtherMode, ...]) -> list[Finding]:
-    """Return a finding for each of some further modes."""
+    """Make a finding for each further mode."""
     return [
         Finding.of(Code.FURTHER_MODE, mode.state, frequency_hz=mode.frequency / (2.0 * np.pi))
         for mode in modes
@@ -63,10 +63,10 @@ def further_mode_findings(modes: tuple[FurtherMode, ...]) -> list[Finding]:
 def _find_oscillations(
     time: np.ndarray, values: np.ndarray, window: float, lowest: float
 ) -> list[tuple[float, float, float, float]]:
-    """Frequency, growth, cosine and sine of MOST at most, the strongest first, as in `FurtherMode`.
+    """Find frequency, growth, cosine and sine of the strongest oscillations, as in `FurtherMode`.
 
-    values: (n,) means over windows, s, about the times (n,), of which some may be missing. lowest:
-    frequency, Hz.
+    There are at most MOST, the strongest first. values: (n,) means over windows, s, about the times
+    (n,), of which some may be missing. lowest: frequency, Hz.
     """
     stretch = Stretch(time - time[0], values[:, np.newaxis], (0,))
     band = 2.0 * np.pi * lowest, 2.0 * np.pi * FASTEST / window

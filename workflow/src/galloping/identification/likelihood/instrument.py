@@ -1,8 +1,8 @@
-"""Score tests of a fit for faults of the sensors and for forces that the model does not know.
+"""Score tests of a fit for faults of the sensors and for unknown forces.
 
-Each fault is a parameter that the fit holds at zero; its score (Lagrange multiplier) says how far
-the data pull it away, without another fit (C. R. Rao, 1948; T. S. Breusch and A. R. Pagan, 1979).
-Noise shows in the variance of the residuals, forces in how badly the segments join up.
+Each fault is a parameter that is zero in the fit; its score (Lagrange multiplier) measures by how
+much the data contradict this, without another fit (C. R. Rao, 1948; T. S. Breusch and A. R. Pagan,
+1979). Noise shows in the variance of the residuals, forces in the mismatch of the segments.
 """
 
 from dataclasses import dataclass, field, replace
@@ -36,14 +36,14 @@ FORCES = (Code.FORCES, Code.FORCES_BESIDE_INPUTS)  # without inputs, and beside 
 
 @dataclass(frozen=True)
 class Fault:
-    """cause: what it is; z: how far the data deny its absence, in standard deviations.
+    """A possible fault of a sensor, or an unknown force, and the test of its presence.
 
+    cause: finding that names the fault. z: evidence for the fault, in standard deviations.
     or_model: whether a wrong model would show as this fault does. Residuals of a wrong model are
-    larger where the motion is larger, like noise that grows with the motion, and what the model
-    lacks may be slow, like a drift.
-    mixture: (n_parameters,) weights of the parameters of faults, tested as one parameter; none of a
-    fault that is no parameter. is_noise: whether the fault only adds white noise, which explains no
-    misfit that has a colour.
+    larger if the motion is larger, like noise that grows with the motion, and a missing term may be
+    slow, like a drift. mixture: (n_parameters,) weights of the parameters of faults, tested as one
+    parameter; none for a fault that is no parameter. is_noise: whether the fault only adds white
+    noise, which explains no coloured misfit.
     """
 
     cause: Finding
@@ -53,9 +53,9 @@ class Fault:
     is_noise: bool = False
 
     def can_explain(self, excess: float) -> bool:
-        """Whether the fault may be the cause of a misfit beyond the noise, in units of chi^2.
+        """Decide whether the fault may cause a misfit beyond the noise, in units of chi^2.
 
-        The fault takes most of the misfit away, or any misfit of a model shows as this fault.
+        Either the fault explains most of the misfit, or any misfit of a model shows as this fault.
         """
         explained = 0.0 if self.is_noise else self.z**2
         return self.cause.code in FORCES or explained >= excess / 2.0
@@ -64,8 +64,8 @@ class Fault:
 def find_faults(fit: ShootingFit, penalty: float) -> list[Fault]:
     """Find the faults that the data show, the clearest first; none if the recording is sound.
 
-    fit: converged, in its chains. penalty: 2 ln N of N samples. A sound recording is accused once
-    in two hundred. Raises FloatingPointError where the model diverges.
+    fit: converged, in its chains. penalty: 2 ln N of N samples. The false-alarm rate is one sound
+    recording in two hundred. Raises FloatingPointError if the model diverges.
     """
     problem, condensed, segments = fit.record.problem, fit.record.condensed, fit.record.segments
     residual, _ = segment_residuals(fit.record, fit.free, fit.starts)
@@ -106,11 +106,11 @@ DelayedInput = tuple[str, list[tuple[int, int]], list[float]]
 def _add_input_rates(fit: ShootingFit) -> tuple[ShootingFit, list[DelayedInput]]:
     """Add terms with the rates of inputs to the problem of a fit, to test for delays.
 
-    Returns the fit, the rates being inputs of its problem, and of each input that may be delayed
+    Returns the fit, with the rates as inputs of its problem, and for each input that may be delayed
     its name, the coefficients (equation, term) that then are not zero, and their values for a delay
     of 1 s.
 
-    A delay of an input u takes c b u^(b - 1) du/dt from each term c u^b. Looked at are inputs that
+    A delay of an input u subtracts c b u^(b - 1) du/dt from each term c u^b. Tested are inputs that
     share no term with another.
     """
     problem, condensed = fit.record.problem, fit.record.condensed
@@ -223,9 +223,9 @@ def _combine_parameters(
 
 
 def _score_beside_term(quadratic: Eliminated, fit: ShootingFit, test: Fault) -> float:
-    """Compute z of a fault beside the one term, if any, that the model lacks most.
+    """Compute z of a fault together with the one term, if any, that the model lacks most.
 
-    What a weak term that was not selected leaves in the residuals may look like a fault.
+    The residual of a weak term that was not selected may look like a fault.
     """
     n, more = len(fit.support), fit.support.copy()
     whitened = whiten(quadratic.information[:n, :n], quadratic.right[:n], fit.free)
@@ -243,8 +243,8 @@ def _score_instead_of_terms(
 ) -> float:
     """Compute z of a fault that may replace terms which only imitate it.
 
-    It is by how much the data prefer the fault with other terms, selected anew, to the terms
-    without it; 0 if they do not.
+    It measures how much the data prefer the fault with newly selected terms to the terms without
+    it; 0 if they do not.
     """
     information, right = _combine_parameters(quadratic.information, quadratic.right, test.mixture)
     problem, about = fit.record.problem, np.append(fit.free, 0.0)
@@ -258,7 +258,7 @@ def _score_instead_of_terms(
         return 0.0
 
     def penalised_misfit(present: np.ndarray) -> float:
-        """chi^2, from that of the fit, and the penalty of the terms and of the fault."""
+        """Compute chi^2, relative to the fit, and the penalty of the terms and of the fault."""
         gone = np.where(present, 0.0, -about)
         rest = right - information @ gone
         change, _ = solve_support(information, rest, present)
@@ -269,7 +269,7 @@ def _score_instead_of_terms(
 
 
 def _test_gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
-    """How much better the recording is followed in stretches than as a whole.
+    """Test whether stretches are followed better than the recording as a whole.
 
     linear: by the terms of the fit, and then by parameters of faults.
     """
@@ -296,7 +296,7 @@ def _test_gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
 
 
 def _test_variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -> list[Fault]:
-    """Whether the residuals are larger where the signal is steep, or where it is large."""
+    """Test whether the residuals are larger where the signal is steep, or where it is large."""
     condensed, segments, sigma = fit.record.condensed, fit.record.segments, fit.sigma
     owner = np.repeat(segments.recording, np.diff(segments.first))
     there = condensed.is_present
@@ -326,7 +326,7 @@ def _test_variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -
 
 
 def _as_gaussian(z: float, skew: float) -> float:
-    """Return the Gaussian variable that is exceeded as often as a skew variable.
+    """Transform a skew variable to the Gaussian one that is exceeded as often.
 
     z: of variance one, with a skewness, approximated by a chi^2 variable as skew (E. B. Wilson and
     M. M. Hilferty, 1931).

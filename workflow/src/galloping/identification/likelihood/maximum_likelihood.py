@@ -1,8 +1,8 @@
-"""Maximum likelihood: coefficients, initial states and terms at the limit the data set.
+"""Maximum likelihood estimation of coefficients, initial states and terms.
 
-The method is on a page, docs/identification.md, in the order of this module: the starts, of which
-each is fitted in free segments and joined over the recording; what the residuals show; the verdict;
-and what is asked where no model of the library is right.
+docs/identification.md describes the method in the order of this module: the initial guesses, each
+of which is fitted in free segments and joined over the recording; the residuals; the assessment;
+and the searches if no model of the library is right.
 """
 
 from collections.abc import Callable, Sequence
@@ -88,23 +88,46 @@ def maximum_likelihood(
 ) -> IdentifiedModel:
     """Identify one polynomial model from one or several recordings of a system.
 
-    recordings: sharing their states; any sampling, NaN where samples or channels are missing. The
-    noise of each channel of each recording is taken for white and Gaussian. Its size is estimated;
-    where a recording says it, no less is assumed, and the misfit is held against what it says.
-    Where the values of all recordings are exact, the equations are fitted to their rates directly.
-    terms: the library, in the states or in the states and the inputs of the first recording, which
-    all must have; a recording counts in the stretches in which they are there, and `initial_states`
-    and `sigma` of the result are those of the stretches. known: model whose equations of
-    `known_states` hold; the equation of a state X is known to be dX/dt = dX where a state has that
-    name. start: of `weak_form.make_start`, where it is made already.
-    coefficients: what is known of single ones, which are then always there. allowed: (n_states,
-    n_terms) boolean, in which equations each term is sought; in all by default.
-    prior: of the terms (see `Prior`); None: the data alone choose them and speak in the verdict.
-    forced: names of coordinates or states that unmeasured random forces move, () for all: then
-    `fit_random_forces` answers. By default such forces are tried where the motion may be theirs.
-    The status is `ok`, `not identifiable` (other terms could be there as well), `approximate` (no
-    model of the library follows the data to the noise; see `model_error`), or `refused`.
-    Raises ValueError where the recordings differ in their states, and for other input.
+    The noise of each channel of each recording is modelled as white and Gaussian. Its size is
+    estimated, and is at least the one that a recording states. If the values of all recordings are
+    exact, the equations are fitted to their rates directly.
+
+    Parameters
+    ----------
+    recordings : Recording or sequence of Recording
+        With the same states; any sampling, NaN where samples or channels are missing.
+    terms : tuple of Exponents
+        The library, in the states or in the states and the inputs of the first recording, which all
+        must have. Of a recording the stretches with inputs are used, to which `initial_states` and
+        `sigma` of the result refer.
+    known : PolynomialModel, optional
+        Contains the equations of `known_states`. The equation of a state X is always known to be
+        dX/dt = dX if a state has that name.
+    known_states : tuple of str
+        States whose equations are known.
+    prior : Prior or None
+        Prior odds of the terms; None: the data alone select them.
+    start : Start, optional
+        Of `weak_form.make_start`, if it is made already.
+    forced : sequence of str, optional
+        Coordinates or states that unmeasured random forces excite, () for all; the model is then
+        that of `fit_random_forces`. By default such forces are tried if the motion may be due to
+        them.
+    coefficients : sequence of Coefficient
+        Priors and bounds of single coefficients, whose terms are then always present.
+    allowed : (n_states, n_terms) boolean array, optional
+        Equations in which each term is sought; all by default.
+
+    Returns
+    -------
+    IdentifiedModel
+        With status `ok`, `not identifiable` (other terms are possible as well), `approximate` (no
+        model of the library follows the data to the noise; see `model_error`), or `refused`.
+
+    Raises
+    ------
+    ValueError
+        If the recordings differ in their states, and for other input.
     """
     recordings = checked_recordings(recordings)
     problem = validated_problem(
@@ -128,10 +151,10 @@ def maximum_likelihood(
 
 
 def _search_model(problem: Problem, moving: Moving, start: Start | None) -> IdentifiedModel:
-    """Search the model of recordings without rests.
+    """Search for the model of recordings without rests.
 
-    Of a single coordinate, and where displacements are not measured, free motion is tried first:
-    that takes a tenth of a second, and much else need then not be searched.
+    Free motion is tried first for a single coordinate, and if displacements are not measured: this
+    takes a tenth of a second, and often replaces longer searches.
     """
     recordings = moving.recordings
     if (motion := find_free_motion(moving.until_rest)) is not None:
@@ -154,7 +177,7 @@ def _search_time_scales(
 ) -> IdentifiedModel:
     """Search from each time scale until a start leads to a model.
 
-    The spectrum shows the time scale of most of the power; a transient or a relaxation is quicker.
+    The spectrum shows the time scale of most of the power; a transient or a relaxation is faster.
     """
     objections = []
     for share in starts.TIME_SCALES:
@@ -176,9 +199,9 @@ def _search_time_scale(
 ) -> Outcome:
     """Run the searches of a time scale in their order.
 
-    Is there a model that follows the data, did random forces move the system, which model is near?
-    Random forces are tried where the motion may be theirs, and first where no model follows the
-    data in segments, or displacements are not measured.
+    They are for a model that follows the data, for random forces, and for an approximate model.
+    Random forces are tried if the motion may be due to them, and first if no model follows the data
+    in segments, or if displacements are not measured.
     """
     first = replace(begun, problem=problem) if begun else make_start(problem, recordings, share)
     begun, told = starts.rescale_start(first, recordings, share)
@@ -203,12 +226,10 @@ def _search_time_scale(
 
 
 def _run_searches(searches: Sequence[Search], recordings: list[Recording]) -> Outcome:
-    """Run searches until one leads to a sure model.
+    """Run searches until one leads to a certain model.
 
-    If a model is not sure, later searches have a quarter of the work to find one that forecasts
-    better.
-
-    Each search is told what the searches before it found to speak against a model.
+    If a model is uncertain, later searches have a quarter of the work to find one that forecasts
+    better. Each search receives the objections of earlier ones to a model.
     """
     unsure: IdentifiedModel | None = None
     objections: Findings = ()
@@ -226,15 +247,15 @@ def _run_searches(searches: Sequence[Search], recordings: list[Recording]) -> Ou
 
 
 def _search_exact(begun: Start, _: Findings) -> tuple[Outcome, bool]:
-    """Search the model that follows the data to the noise."""
+    """Search for the model that follows the data to the noise."""
     with sub_budget(0.6):  # of the work that is left; the rest to come near
         return _search_rest_positions(begun, fit_exact), True
 
 
 def _search_rest_positions(begun: Start, search: Callable[[Start], Outcome]) -> Outcome:
-    """Run a search, from several positions of rest if displacements are not measured.
+    """Run a search, from several equilibria if displacements are not measured.
 
-    Positions are tried until two models have the same terms. The outcome is the best.
+    Equilibria are tried until two models have the same terms. The outcome is the best.
     """
     if not starts.rests_at_zero(begun):
         return attempt(partial(search, begun))
@@ -251,11 +272,11 @@ def _search_rest_positions(begun: Start, search: Callable[[Start], Outcome]) -> 
 
 
 def _search_free_motion(begun: Start, objections: Findings) -> tuple[Outcome, bool]:
-    """Search the model of free motion of several coordinates.
+    """Search for the model of free motion of several coordinates.
 
-    The motion is taken without its further modes and between events. If no model follows it to the
-    noise, the model is the linear one of its modes. In free motion without any of these, random
-    forces are not tried.
+    The motion is used without its further modes and between events. If no model follows it to the
+    noise, the model is the linear one of its modes. In free motion without further modes and
+    events, random forces are not tried.
     """
     if is_of_one_coordinate(begun.recordings):  # which was asked before all else
         return NoModel(objections), False
@@ -276,9 +297,9 @@ def _search_free_motion(begun: Start, objections: Findings) -> tuple[Outcome, bo
 
 
 def _search_stochastic(begun: Start, _: Findings) -> tuple[Outcome, bool]:
-    """Search the model in random forces, and whether these certainly moved the system.
+    """Search for the model in random forces, and decide whether these certainly moved the system.
 
-    An input at the wrong times leaves what looks like random forces, and is named.
+    An input with a wrong delay looks like random forces, and is named.
     """
     found, is_sure = try_random_forces(begun.problem, begun.recordings, begun.period)
     if found is None:
@@ -287,7 +308,7 @@ def _search_stochastic(begun: Start, _: Findings) -> tuple[Outcome, bool]:
 
 
 def _search_approximate(begun: Start, objections: Findings) -> tuple[Outcome, bool]:
-    """Search the model nearest to the data if none follows them. objections: why none does."""
+    """Search for the model nearest to the data if none follows them. objections: the reasons."""
     # a score test names a late input, but not by how much it is late
     late = _find_late_inputs(begun)
     named = {each.subject for each in late}
@@ -315,7 +336,7 @@ def _fit_approximate(begun: Start, objections: Findings) -> Outcome:
 
 
 def _find_late_inputs(begun: Start) -> list[Finding]:
-    """Find which inputs are late or early, and by how much.
+    """Find inputs with a delay or advance, and its size.
 
     An input that is held between its samples seems late by half of its step if it is interpolated.
     """

@@ -1,7 +1,7 @@
-"""Which kind of term a library lacks, told by what its best model leaves.
+"""Kind of term that a library lacks, found from the residual of its best model.
 
-A term that is no polynomial, such as dry friction, is a force that is known along the motion of a
-fit. Score tests (C. R. Rao, 1948) ask by how much chi^2 falls with each of a few such forces beside
+A term that is no polynomial, such as dry friction, is a known force along the motion of a fit.
+Score tests (C. R. Rao, 1948) compute by how much chi^2 falls with each of a few such forces besides
 all terms of the library.
 """
 
@@ -36,10 +36,9 @@ EXPLAINED = 0.5
 
 
 def find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
-    """Find the kind of term that explains most of what a fit leaves, if any.
+    """Find the kind of term that explains most of the residual of a fit, if any.
 
-    fit: in its chains. penalty: 2 ln N of N samples. Raises FloatingPointError where the fit
-    diverges.
+    fit: in its chains. penalty: 2 ln N of N samples. Raises FloatingPointError if the fit diverges.
     """
     record, problem = fit.record, fit.record.problem
     kinds = [kind for kind in _candidate_kinds(problem) if kind[2] not in problem.terms]
@@ -85,9 +84,9 @@ def find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
 
 
 def _candidate_kinds(problem: Problem) -> Iterator[tuple[int, int, Exponents]]:
-    """List the kinds of terms that are tried, each with its equation and state.
+    """Yield the kinds of terms that are tried, each with its equation and state.
 
-    These are drag and friction along a velocity, and what bends or breaks a stiffness along a
+    These are drag and friction along a velocity, and curved or broken stiffness along a
     displacement.
     """
     n, pairs = len(problem.states), velocity_pairs(problem.states)

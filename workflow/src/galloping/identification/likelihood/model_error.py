@@ -1,9 +1,9 @@
 """Identification if no model of the library follows the data to the noise.
 
-The equations hold up to jumps of the state between segments, in proportion to the motion, whose
-covariance is estimated with the coefficients (expectation maximisation), and to a misfit of the
-spectrum that residuals have. How many terms the model deserves, how sure they are and what it
-predicts is judged on stretches that were left out of the fit.
+The equations are valid up to jumps of the state between segments, in proportion to the motion,
+whose covariance is estimated with the coefficients (expectation maximisation), and up to a misfit
+of the spectrum that residuals have. Number of terms, errors and forecasts are assessed on stretches
+that were left out of the fit.
 """
 
 from collections.abc import Callable, Sequence
@@ -50,14 +50,14 @@ MisfitOf = Callable[[Record, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Approximation:
-    """A model that follows the data as well as a compact one can.
+    """A compact model that forecasts the data nearly as well as any.
 
     information, covariance: of the candidates with the disturbance accounted for, and of the
-    supported ones by leaving stretches out (delete-a-group jackknife), widened for what errs alike
-    in all stretches, or, where the coefficients fluctuate, that of their means. residual:
-    (n_windows, n_observed, n_rows) of forecasts over the segments of the fit, each from its
-    beginning. price: of a term, in units of chi^2, at which the terms were chosen. path: how it was
-    found, in words. fluctuates: whether the coefficients are means of ones that fluctuate.
+    supported ones by leaving stretches out (delete-a-group jackknife), widened for errors common to
+    all stretches, or, if the coefficients fluctuate, that of their means. residual: (n_windows,
+    n_observed, n_rows) of forecasts over the segments of the fit, each from its beginning. price:
+    of a term, in units of chi^2, at which the terms were chosen. path: how it was found, in words.
+    fluctuates: whether the coefficients are means of fluctuating ones.
     """
 
     fit: ShootingFit | StretchFit
@@ -70,7 +70,7 @@ class Approximation:
 
     @cached_property
     def forecast_squares(self) -> np.ndarray:
-        """(2, n_segments, n_observed) mean squares of data, and of what forecasts leave of them."""
+        """Mean squares of data and of the errors of forecasts, (2, n_segments, n_observed)."""
         first = self.fit.record.segments.first
         squares = [
             np.add.reduceat(np.sum(values**2, axis=2), first[:-1]) / np.diff(first)[:, None]
@@ -80,7 +80,7 @@ class Approximation:
 
     @property
     def forecast_r2(self) -> float:
-        """R2 of the forecasts, averaged over the channels; minus infinity where one diverges."""
+        """R2 of the forecasts, averaged over the channels; minus infinity if one diverges."""
         data, left = self.forecast_squares.sum(axis=1)
         return float(np.mean(1.0 - left / data)) if np.all(np.isfinite(left)) else -np.inf
 
@@ -88,7 +88,7 @@ class Approximation:
     def error_shares(self) -> np.ndarray:
         """Errors of the forecasts as shares of the motion, (n_observed,).
 
-        Root mean squares, less the noise, both about their means over a recording.
+        They are root mean squares, less the noise, both about their means over a recording.
         """
         condensed = self.fit.record.condensed
         shares = np.zeros(len(condensed.observed))
@@ -109,10 +109,10 @@ def fit_approximation(
 ) -> IdentifiedModel | NoModel:
     """Fit the most compact model whose forecasts are hardly worse than those of the best.
 
-    start: in segments of some periods each, or fewer where it diverges sooner. penalty: worth of a
-    term in units of chi^2, were the model exact. objections: why no model of the library is right.
-    Refused where its forecasts are no better than the mean of the data; none where no model can be
-    integrated over a stretch.
+    start: in segments of some periods each, or fewer if it diverges sooner. penalty: of a term in
+    units of chi^2, if the model were exact. objections: reasons why no model of the library is
+    right. The model is refused if its forecasts are no better than the mean of the data; `NoModel`
+    if no model can be integrated over a stretch.
     """
     made = _search_approximation(start, penalty)
     if isinstance(made, NoModel):
@@ -137,12 +137,12 @@ def as_identified(
     objections: Sequence[Finding],
     missed: Finding,
 ) -> IdentifiedModel:
-    """Return an approximation as an identified model.
+    """Convert an approximation to an identified model.
 
-    residual: (n_windows, n_observed, n_rows) of its motion, in which further modes are looked for.
-    noise: (n_recordings, n_observed) of a sample. objections: why no model of the library is right.
-    missed: a finding that is made of each channel, with the share of its motion that the model
-    misses. The diagnostics are the R2 of the forecasts and these shares.
+    residual: (n_windows, n_observed, n_rows) of its motion, in which further modes are searched
+    for. noise: (n_recordings, n_observed) of a sample. objections: reasons why no model of the
+    library is right. missed: a finding made for each channel, with the share of its motion that the
+    model misses. The diagnostics are the R2 of the forecasts and these shares.
     """
     fit, record, condensed = made.fit, made.fit.record, made.fit.record.condensed
     problem, support = record.problem, fit.support
@@ -180,9 +180,9 @@ def as_identified(
 def _search_approximation(start: ShootingFit, penalty: float) -> Approximation | NoModel:
     """Search the smallest of several models that forecast, or means of fluctuating coefficients.
 
-    What is missed is taken for noise of its own spectrum and, where no model so found predicts
-    stretches that were left out, for white noise: of a motion that grows, and of few stretches,
-    the spectrum is told badly.
+    The misfit is modelled as noise with its own spectrum and, if no such model predicts stretches
+    that were left out, as white noise: for a growing motion, and with few stretches, the spectrum
+    is poorly known.
     """
     record, every = start.record, np.ones(len(start.free), bool)
     scale = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
@@ -212,8 +212,8 @@ def _fit_with_misfit(
     second may be absent.
 
     A wrong model needs stronger evidence: 7 times chooses nearly the same terms of every recording
-    of a truth, 3 to 5 up to five terms more. No model may jump more than the whole library: what a
-    term that was left out would do is no disturbance.
+    of a truth, 3 to 5 up to five terms more. No model may jump more than the whole library: the
+    effect of an omitted term is no disturbance.
     """
     fit = whole = _iterate_fit(first, misfit_of)
     made: list[Approximation] = []
@@ -233,7 +233,7 @@ def _fit_with_misfit(
 def _fit_with_price(
     fit: StretchFit, misfit_of: MisfitOf, price: float, most_jump: np.ndarray
 ) -> tuple[StretchFit, Approximation] | NoModel:
-    """Fit the model whose terms are worth a price, from a fit. most_jump: as of `_iterate_fit`."""
+    """Fit the model with a penalty per term, from a fit. most_jump: as of `_iterate_fit`."""
     fit = _iterate_fit(fit, misfit_of, price, most_jump)
     return (
         (fit, _cross_validate(fit, price))
@@ -264,7 +264,7 @@ def _choose_smallest(made: list[Approximation]) -> Approximation:
 
 
 def _fit_varying(fit: StretchFit, penalty: float) -> Approximation | None:
-    """Means of coefficients that fluctuate, judged as a fit is, where they predict anything."""
+    """Fit means of coefficients that fluctuate, and assess them; None if they predict nothing."""
     varying = attempt(partial(fit_fluctuations, fit, penalty))
     if varying is None or isinstance(varying, NoModel):
         return None
@@ -281,13 +281,13 @@ def _iterate_fit(
     price: float | None = None,
     most_jump: np.ndarray | None = None,
 ) -> StretchFit:
-    """Iterate by Gauss-Newton, with covariances estimated on the way.
+    """Iterate by Gauss-Newton, and estimate the covariances meanwhile.
 
     Unless `price` is None, terms are chosen in the first passes. most_jump: (n_states, n_states)
-    covariance of jumps; those of the model are not allowed to be larger.
+    upper limit of the covariance of jumps.
 
     Passes end with a step below 0.05, squared, in standard deviations: errors grow by 2.5 %. The
-    most passes bound the work of what alternates, and were not calibrated.
+    limit of the passes bounds the work of an alternating iteration, and was not calibrated.
     """
     record, passes, choosing = fit.record, 5 if price is None else 20, 6
     for passed in range(passes):
@@ -355,11 +355,11 @@ def _cross_validate(fit: StretchFit, price: float) -> Approximation:
 
 
 def prior_covariance(problem: Problem, information: np.ndarray, support: np.ndarray) -> np.ndarray:
-    """(n_support, n_support) covariance of coefficients for the errors of their priors' means."""
+    """Compute the covariance of coefficients, (n_support, n_support), by errors of prior means."""
     _, covariance = solve_support(information, np.zeros(len(support)), support)
     return covariance * problem.candidate_values(problem.precision)[support] @ covariance
 
 
 def small_sample_factor(groups: int) -> float:
-    """Factor on a variance estimated from so few groups, for normal intervals to hold 95 %."""
+    """Compute the factor on a variance from few groups for which normal intervals cover 95 %."""
     return float((stdtrit(max(groups - 1, 1), QUANTILES_95[1]) / NORMAL_95) ** 2)

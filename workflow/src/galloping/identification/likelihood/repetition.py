@@ -1,4 +1,4 @@
-"""Whether a recorded motion only repeats: then other equations have the same orbit."""
+"""Decide whether a recorded motion only repeats: then other equations have the same orbit."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -17,7 +17,7 @@ FINE = 1e-4  # of the step between these samples, to which a delay is told
 class FollowedRecording(NamedTuple):
     """A recording that a model follows in segments.
 
-    times: (n_segments,) s, when each begins, the first at zero. states: (n_segments, n_states) of
+    times: (n_segments,) s, beginning of each, the first at zero. states: (n_segments, n_states) of
     the model there. duration: s, of the recording.
     """
 
@@ -29,28 +29,28 @@ class FollowedRecording(NamedTuple):
 def is_periodic(
     model: PolynomialModel, followed: Sequence[FollowedRecording], period: float
 ) -> bool:
-    """Whether in all recordings the model's motion is one orbit again and again.
+    """Decide whether the model's motion in all recordings repeats a single orbit.
 
-    Two tones without a common period come near to themselves after some delay, but not after its
-    multiples. The motion is that in segments, for an orbit may be unstable, and a free run then
-    leaves the orbit by rounding. period: the shortest of the motion, s. What inputs drive is no
-    orbit, nor is what diverges.
+    Two tones without a common period nearly return after some delay, but not after its multiples.
+    The motion is that in segments, since an orbit may be unstable, and a free run then leaves the
+    orbit by rounding. period: the shortest of the motion, s. A motion that inputs drive is no
+    orbit, nor is one that diverges.
     """
     return not model.inputs and all(_has_period(model, one, period) for one in followed)
 
 
 def _has_period(model: PolynomialModel, followed: FollowedRecording, period: float) -> bool:
-    """Whether standardised states return to themselves over two thirds of the time.
+    """Decide whether standardised states return to themselves over two thirds of the time.
 
-    Sought is the delay, up to a third of the time, after which the states differ least from what
-    they were; short delays are passed by, up to where the difference first falls. A delay of whole
-    samples must leave a fifth of the states' size at most. Made finer, then counted as many times
-    as fit into two thirds of the time, it must leave less than a hundredth. period: s; a motion
-    that repeats over 500 periods goes on so.
+    The delay, up to a third of the time, after which the states differ least is sought; short
+    delays are skipped, up to where the difference first falls. A delay of whole samples must leave
+    a fifth of the states' size at most. Refined, and multiplied as often as it fits into two thirds
+    of the time, it must leave less than a hundredth. period: s; a motion that repeats over 500
+    periods is periodic.
 
-    Of 60 samples in a period a cubic spline errs by 2e-5 of a third harmonic, 1e-4 of a fifth.
+    With 60 samples in a period a cubic spline errs by 2e-5 of a third harmonic, 1e-4 of a fifth.
     Delays of whole samples are up to half a sample off, which leaves 0.05 of the shortest period's
-    own swing and 0.16 of a third harmonic.
+    own oscillation and 0.16 of a third harmonic.
     """
     time = np.arange(0.0, min(followed.duration, 500 * period), period / SAMPLES)
     try:
@@ -85,7 +85,7 @@ def _has_period(model: PolynomialModel, followed: FollowedRecording, period: flo
 def _segment_motion(
     model: PolynomialModel, followed: FollowedRecording, time: np.ndarray
 ) -> np.ndarray:
-    """(n, n_states) at `time` (n,), s, each segment from its first state on.
+    """Simulate states, (n, n_states), at `time` (n,), s, each segment from its first state.
 
     Raises FloatingPointError if a segment diverges or takes too many steps.
     """
@@ -104,9 +104,7 @@ def _segment_motion(
 def _lag_distances(states: np.ndarray) -> np.ndarray:
     """Compute the root mean square change of states (n, n_states) after each lag.
 
-    Returns (n
-
-    3,), after 0, 1, ... samples.
+    Returns one value for each lag of 0, 1, ... samples, up to a third of n.
     """
     count, size = len(states), 2 * len(states)
     spectrum = np.fft.rfft(states, size, axis=0)

@@ -1,4 +1,4 @@
-"""Whether a fit may be trusted: what its residuals show."""
+"""Tests of the residuals of a fit, which decide whether it is reliable."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -28,19 +28,18 @@ ROUNDING = 1e-5
 
 @dataclass(frozen=True)
 class ResidualDiagnostics:
-    """What the residuals of a fit show.
+    """Statistics of the residuals of a fit.
 
     chi2: mean square of the projected residuals, per degree of freedom, against the noise inside
-    the windows; NaN where the windows hold too few samples to measure it. chi2_allowed: the
-    largest that white noise would give. noise_known: whether the noise of any channel is known
-    and need not be measured.
-    band: power density of the residuals below 1.5/period over that above; band_allowed: the largest
-    ratio that white noise would give. A model error shows below, at the frequencies of the motion.
-    band_power: (n_recordings, n_observed) power density below, as the variance of a projection.
-    excess: (n_recordings, n_observed) sum of squares below, less that with the density above.
-    line: ratio of the highest peak of the residuals' periodogram to its surroundings; line_allowed:
-    the largest that noise would give. frequency, Hz, and channel of that peak, and its cycles in
-    the recording.
+    the windows; NaN if the windows contain too few samples to measure it. chi2_allowed: the largest
+    that white noise would give. noise_known: whether the noise of any channel is known and need not
+    be measured. band: power density of the residuals below 1.5/period over that above;
+    band_allowed: the largest ratio that white noise would give. A model error shows below, at the
+    frequencies of the motion. band_power: (n_recordings, n_observed) power density below, as the
+    variance of a projection. excess: (n_recordings, n_observed) sum of squares below, less that
+    with the density above. line: ratio of the highest peak of the residuals' periodogram to its
+    surroundings; line_allowed: the largest that noise would give. frequency, Hz, and channel of
+    that peak, and its cycles in the recording.
     """
 
     chi2: float
@@ -62,10 +61,10 @@ class ResidualDiagnostics:
         return not self.noise_known and self.chi2 > max(MOST_COLOUR, self.chi2_allowed)
 
     def find_objections(self, channels: list[str]) -> list[Finding]:
-        """Find why the fit must not be trusted; nothing if it may.
+        """Find reasons not to trust the fit; none if it is reliable.
 
-        channels: names of the observed channels. Noise correlated over a few samples may have up
-        to twice the power at the motion's frequencies.
+        channels: names of the observed channels. Noise correlated over a few samples may have up to
+        twice the power at the motion's frequencies.
         """
         misfit: Any = {"band": self.band, "chi2": self.chi2}
         channel = channels[self.channel]
@@ -89,8 +88,8 @@ def diagnose_residuals(
 ) -> ResidualDiagnostics:
     """Test the residuals (n_windows, n_observed, n_rows) of a fit.
 
-    parameters: how many the fit has. period: the shortest of the motion, s. Channels whose
-    residuals are below ROUNDING show no more than that, and are left out of the spectra.
+    parameters: number of parameters of the fit. period: the shortest of the motion, s. Channels
+    whose residuals are below ROUNDING are left out of the spectra.
     """
     limit = 1.5 * condensed.step / period * (1.0 - TIME_ROUNDING)  # which may be at a bin
     low, high, bins = [], [], np.zeros(2)
@@ -130,7 +129,7 @@ def diagnose_residuals(
 def _chi2_inside(
     condensed: Condensed, residual: np.ndarray, parameters: int
 ) -> tuple[float, float]:
-    """chi^2 per degree of freedom against the noise inside the windows, and the largest allowed."""
+    """Compute chi^2 per degree of freedom against the noise inside windows, and its limit."""
     squares = condensed.sum_squares(residual)
     spare = np.where(condensed.is_known, np.inf, condensed.counts - condensed.rows)
     measured = condensed.has_noise_estimate
@@ -144,9 +143,9 @@ def _chi2_inside(
 
 
 def _max_mean_square(spread: float) -> float:
-    """Return the largest allowed mean square of a variable of mean square one.
+    """Compute the largest allowed mean square of a variable of mean square one.
 
-    It is as many deviations, of the relative `spread`, above one as a sum exceeds at RESIDUAL_RATE,
+    It is one plus as many deviations, of the relative `spread`, as a sum exceeds at RESIDUAL_RATE,
     rounded up.
     """
     return float(1.0 + np.ceil(-ndtri(RESIDUAL_RATE)) * spread)

@@ -1,10 +1,10 @@
-"""The least of several minima of chi^2, as models with kinks have.
+"""Search for the least of several minima of chi^2, as models with kinks have.
 
-Where a motion sticks it no longer depends on its beginning, and where it just does not stick, or
-turns once more, chi^2 has a kink of its own: Gauss-Newton steps go to and fro across it, or end in
-a minimum beside the least one. So steps are shortened until chi^2 of the whole motion falls, and
-other minima are looked for in the range that is left by what was recorded before the swing in which
-it stuck: a model with another one of the minima may stick a turn earlier or later.
+A motion that sticks no longer depends on its beginning. At the limit of sticking, or of one more
+swing, chi^2 has a kink: Gauss-Newton steps alternate across it, or end in another minimum than the
+least. Therefore steps are shortened until chi^2 of the whole motion falls, and other minima are
+searched for in the range allowed by the samples before the swing in which the motion stuck: in
+another minimum it may stick a turn earlier or later.
 """
 
 from dataclasses import replace
@@ -49,8 +49,8 @@ LOWER = 1.0  # of chi^2, by which another minimum must be lower
 def refine_fit(joined: JoinedFit, price: Price) -> JoinedFit:
     """Move a fit to the least minimum that is found, with the terms that are best there.
 
-    It is looked for from where segments were joined and, where that leads to none that follows the
-    data, from where they were free. joined: returned as it is where neither does.
+    The search is from the joined segments and, if that leads to no fit that follows the data, from
+    the free segments. joined: returned unchanged if neither does.
     """
     for step in (joined.step, joined.free):
         found = attempt(partial(_settle_terms, step, price))
@@ -81,7 +81,7 @@ def _settle_terms(step: Step, price: Price) -> Step:
 
 
 def _choose_terms(step: Step, price: Price) -> np.ndarray:
-    """(n,) the best terms by the quadratic model of a step."""
+    """Choose the best terms, (n,), by the quadratic model of a step."""
     about, problem = step.fit.free, step.fit.record.problem
     tried = [np.ones(len(about), bool), step.fit.support]
     return problem.select_terms(step.information, step.right, tried, price, about)
@@ -106,7 +106,7 @@ def _find_least(fit: ShootingFit) -> Step:
 def _descend_chi2(fit: ShootingFit) -> Step:
     """Take steps with the terms of a fit, each so short that chi^2 falls.
 
-    The quadratic model of the last step is about the fit that it leads to; where no step is short
+    The quadratic model of the last step is about the fit that it leads to; if no step is short
     enough, as at a kink, its slope counts as zero.
     """
     fit = _match_segments(fit)
@@ -139,13 +139,13 @@ def _quadratic_model(fit: ShootingFit) -> Matched:
 
 
 def _coefficient_step(fit: ShootingFit, quadratic: Matched) -> np.ndarray:
-    """(n,) the Gauss-Newton step of the coefficients."""
+    """Compute the Gauss-Newton step of the coefficients, (n,)."""
     problem, right = fit.record.problem, quadratic.right
     return problem.solve_within_bounds(quadratic.information, right, fit.support, fit.free)[0]
 
 
 def _match_segments(fit: ShootingFit) -> ShootingFit:
-    """Put all segments of a chain on the motion from its first state.
+    """Move all segments of a chain to the motion from its first state.
 
     Returns the fit with its noise and chi^2 of that motion. Raises FloatingPointError if it
     diverges.
@@ -179,10 +179,10 @@ def _motion_states(fit: ShootingFit) -> np.ndarray:
 
 
 def _draw_starts(fit: ShootingFit) -> list[ShootingFit]:
-    """Fits from which other minima may be reached, the best first; none where nothing sticks.
+    """Draw fits from which other minima may be reached, the best first; none if nothing sticks.
 
-    What is recorded before that swing has one minimum, and leaves a range in which the least one
-    is: models are drawn from it.
+    The recording before the last swing has one minimum, and determines a range that contains the
+    least one: models are drawn from it.
     """
     moving = _fit_while_moving(fit)
     if moving is None:

@@ -29,8 +29,8 @@ class Segments:
     """Segments of the recordings, each of whole windows.
 
     first: (n_segments + 1,) first window of each, and the number of windows. recording:
-    (n_segments,) index of the recording that each is cut from. chains: (n_segments,) the chain of
-    each segment, non-decreasing.
+    (n_segments,) index of the recording of each. chains: (n_segments,) the chain of each segment,
+    non-decreasing.
     """
 
     first: np.ndarray
@@ -39,13 +39,13 @@ class Segments:
 
     @property
     def bounds(self) -> np.ndarray:
-        """(n_chains + 1,) the first segment of each chain, and the number of segments."""
+        """First segment of each chain, and the number of segments, (n_chains + 1,)."""
         return np.flatnonzero(np.diff(self.chains, prepend=-1, append=-1))
 
 
 @dataclass(frozen=True)
 class Record:
-    """The condensed samples, in segments, that the problem's equations are fitted to.
+    """Condensed samples, in segments, and the problem whose equations are fitted to them.
 
     states: (n_windows, n_states) smoothed, where the windows begin. floor: (n_recordings,
     n_observed) least standard deviation of the projections' noise.
@@ -59,12 +59,12 @@ class Record:
 
     @property
     def starts(self) -> np.ndarray:
-        """(n_segments, n_states) smoothed states at the beginning of each segment."""
+        """Smoothed states at the beginning of each segment, (n_segments, n_states)."""
         return self.states[self.segments.first[:-1]]
 
     @property
     def first_segments(self) -> np.ndarray:
-        """(n_recordings,) index of the first segment of each."""
+        """Index of the first segment of each recording, (n_recordings,)."""
         return np.unique(self.segments.recording, return_index=True)[1]
 
     @cached_property
@@ -81,8 +81,8 @@ class Record:
     def segment_sizes(self) -> np.ndarray:
         """Relative root mean square of the motion in each segment, (n_segments,).
 
-        It is relative to the whole record. 3 % is added in squares: jumps are no smaller where the
-        motion rests. With less added, quiet segments bind the model more, with more less; the
+        It is relative to the whole record. 3 % is added in squares: jumps are no smaller if the
+        motion rests. With less added, quiet segments constrain the model more, with more less; the
         number was not calibrated.
         """
         mean = np.mean(self.states**2, axis=0) + np.finfo(float).tiny
@@ -110,11 +110,11 @@ class Record:
 
     @cached_property
     def extent(self) -> np.ndarray:
-        """(n_states,) the largest size of each state."""
+        """Largest size of each state, (n_states,)."""
         return np.abs(self.states).max(axis=0) + np.finfo(float).tiny
 
     def derivative_units(self, pairs: np.ndarray) -> np.ndarray:
-        """Units in which derivatives of the states are numbers of about one.
+        """Choose units in which derivatives of the states are numbers of about one.
 
         Parameters
         ----------
@@ -143,12 +143,12 @@ class Record:
     def iterate_linearised(
         self, free: np.ndarray, starts: np.ndarray, pairs: np.ndarray, at_once: int
     ) -> Iterator[tuple[slice, slice, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-        """Solutions from the `starts` of segments with derivatives, `at_once` segments a time.
+        """Yield solutions from the `starts` of segments with derivatives, `at_once` at a time.
 
         pairs: (n_pairs, 2) coefficients (equation, term); derivatives are by these and by the first
         states. Yields the segments, their windows, the residual (n_windows, n_observed, n_rows),
         derivatives of the predicted projections (..., n_pairs + n_states), the ends (n, n_states)
-        and derivatives of the ends. Raises FloatingPointError where a solution diverges.
+        and derivatives of the ends. Raises FloatingPointError if a solution diverges.
         """
         compiled, first = self.problem.compile_system(free, pairs), self.segments.first
         most = HUGE * self.extent, HUGE * self.derivative_units(pairs)
@@ -166,12 +166,12 @@ class Record:
 
 @dataclass(frozen=True)
 class ShootingFit:
-    """Coefficients and first states at which an iteration stands.
+    """Coefficients and first states of an iteration.
 
     free: (n_candidates,) coefficients, zero outside the support (n_candidates,), boolean. starts:
     (n_segments, n_states) first states. sigma: (n_recordings, n_observed) standard deviation of the
     projections' noise, not below the floor. reference: the same as first estimated. chi2: misfit in
-    units of `reference`, of the fit from which the last step led to this one, infinite before any.
+    units of `reference`, of the fit before the last step, infinite before any.
     """
 
     record: Record
@@ -184,7 +184,7 @@ class ShootingFit:
 
     @property
     def misfit(self) -> float:
-        """chi^2 per row, that is, per projection."""
+        """Misfit chi^2 per row, that is, per projection."""
         return self.chi2 / float(np.sum(self.record.condensed.rows))
 
     @property
@@ -194,7 +194,7 @@ class ShootingFit:
         return int(self.support.sum()) + chains * self.starts.shape[1]
 
     def follow_recordings(self, recordings: Sequence[Recording]) -> list[FollowedRecording]:
-        """How the model follows the recordings from which the samples were condensed."""
+        """Describe how the model follows the recordings whose samples were condensed."""
         segments, condensed = self.record.segments, self.record.condensed
         owner = segments.recording
         times = condensed.step * (segments.first[:-1] - condensed.first[owner])
@@ -209,13 +209,13 @@ class Linearised:
     """Misfit of every segment, linearised in the coefficients and the segment's state.
 
     A segment's rows are rotated so that only the first n_states of them contain its state: these
-    are `rows`; the others are regressions on the coefficients alone. Only so is what is left when
-    the state is eliminated, a small part of the whole, not lost in rounding.
+    are `rows`; the others are regressions on the coefficients alone. Otherwise the remainder after
+    elimination of the state, a small part of the whole, would be lost in rounding.
 
     rows: (n_segments, n_states, n + n_states + 1), of coefficients, state and residual.
     information: (n, n), right: (n,), of all other rows together. squares: (n_recordings,
-    n_observed) sums of squared residuals, in units of sigma^2.
-    ends: (n_segments, n_states) last states; end_derivatives: (n_segments, n_states, n + n_states).
+    n_observed) sums of squared residuals, in units of sigma^2. ends: (n_segments, n_states) last
+    states; end_derivatives: (n_segments, n_states, n + n_states).
     """
 
     rows: np.ndarray
@@ -227,10 +227,10 @@ class Linearised:
 
 
 def cut_segments(condensed: Condensed, windows: int, allowed: np.ndarray) -> Segments:
-    """Segments of about `windows` windows, each a chain of its own.
+    """Divide windows into segments of about `windows` windows, each a chain of its own.
 
-    allowed: (n_windows,) whether a segment may start at a window; where not, it starts at the
-    nearest window where it may. One may start at the first window of every recording.
+    allowed: (n_windows,) whether a segment may start at a window; otherwise it starts at the
+    nearest window that is allowed. One may start at the first window of every recording.
     """
     first, recording = [], []
     for r, (a, b) in enumerate(zip(condensed.first[:-1], condensed.first[1:], strict=True)):
@@ -251,12 +251,12 @@ def cut_segments(condensed: Condensed, windows: int, allowed: np.ndarray) -> Seg
 def linearise(
     fit: ShootingFit, pairs: np.ndarray | None = None, columns: np.ndarray | None = None
 ) -> Linearised:
-    """Misfit of the condensed samples about the candidates' coefficients and segment states.
+    """Linearise the misfit of the condensed samples in coefficients and segment states.
 
-    pairs: (n_pairs, 2) coefficients (equation, term) to linearise by, the candidates
-    where not given. columns: (n_windows, n_observed, n_rows, n_columns), derivatives of the
-    predicted projections by parameters of the instrument, which count as coefficients after the
-    others. Raises FloatingPointError where the solution diverges within a segment.
+    pairs: (n_pairs, 2) coefficients (equation, term) to linearise by, by default the candidates.
+    columns: (n_windows, n_observed, n_rows, n_columns), derivatives of the predicted projections by
+    parameters of the instrument, which count as coefficients after the others. Raises
+    FloatingPointError if the solution diverges within a segment.
     """
     record, sigma, free, starts = fit.record, fit.sigma, fit.free, fit.starts
     problem, segments = record.problem, record.segments
@@ -299,7 +299,7 @@ def linearise(
 def qr_eliminate(
     rows: np.ndarray, residual: np.ndarray, n: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows rotated so that only the first contain the columns from `n` on, the states.
+    """Rotate rows so that only the first contain the columns from `n` on, the states.
 
     rows: (n_rows, n + n_states), residual: (n_rows,). Returns the first rows, (n_states, n +
     n_states + 1), with the residual as last column, and the others' design (n_rows, n) and residual
@@ -315,10 +315,10 @@ def qr_eliminate(
 def segment_residuals(
     record: Record, free: np.ndarray, starts: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Projections of the samples less those of the solution, and the integrator's relative error.
+    """Compute projections of the samples less those of the solution.
 
-    The residuals are (n_windows, n_observed, n_rows). Raises FloatingPointError where the
-    solution diverges within a segment.
+    Returns the residuals, (n_windows, n_observed, n_rows), and the integrator's relative error.
+    Raises FloatingPointError if the solution diverges within a segment.
     """
     compiled = record.problem.compile_system(free, record.problem.candidates[:0])
     predicted, _, ends, _, truncation = record.condensed.integrate_segments(

@@ -1,7 +1,7 @@
-"""Where an identification starts from, in order: time scales, positions of rest, terms.
+"""Initial guesses of an identification, in order: time scales, equilibria, terms.
 
-Moved along a displacement that no channel measures, a polynomial model is another one that follows
-velocities and accelerations as well: that which rests at zero, without constants, is meant.
+A polynomial model that is shifted along an unmeasured displacement follows velocities and
+accelerations as well: the one with its equilibrium at zero, without constants, is chosen.
 """
 
 from collections.abc import Iterator
@@ -28,8 +28,8 @@ def rescale_start(
 ) -> tuple[Start, dict[str, float]]:
     """Divide values of unknown scale by their scale, and add the measured rates.
 
-    share: the start's of `TIME_SCALES`. Returns the start in these recordings, and the scales by
-    name.
+    share: of `TIME_SCALES`, for this start. Returns the start in these recordings, and the scales
+    by name.
     """
     own = with_scales(recordings, begun.period)
     if any(one is not other for one, other in zip(recordings, own, strict=True)):
@@ -38,7 +38,7 @@ def rescale_start(
 
 
 def rests_at_zero(begun: Start) -> bool:
-    """Whether each unknown equation is of the velocity of a displacement that is not measured."""
+    """Decide whether each unknown equation is of the velocity of an unmeasured displacement."""
     return set(begun.problem.unknown) <= {
         velocity for _, velocity in _unmeasured_displacements(begun)
     }
@@ -52,13 +52,13 @@ def _unmeasured_displacements(begun: Start) -> set[tuple[int, int]]:
 
 
 def positions_of_rest(begun: Start) -> Iterator[tuple[str, Start]]:
-    """Make starts without constants, by name, at several positions of rest.
+    """Yield starts without constants, by name, at several equilibria.
 
-    The curves are taken as they are, then moved along each displacement that is not measured.
+    The curves are used as they are, then shifted along each displacement that is not measured.
 
-    The middle of a motion may lie a fifth of the displacement's deviation from rest; that of the
-    study's line lies 0.15 deviations from rest, and on its accelerations starts that are 0.0 to 0.1
-    deviations off always lead to the model. Raises what `weak_fit` raises.
+    The middle of a motion may be a fifth of the displacement's deviation from the equilibrium. For
+    the line of the study it is 0.15 deviations away, and on its accelerations starts that are 0.0
+    to 0.1 deviations off always lead to the model. Raises what `weak_fit` raises.
     """
     problem = begun.problem.drop_terms(lambda term: not any(term))  # which nothing moves
     units = (
@@ -79,11 +79,11 @@ def positions_of_rest(begun: Start) -> Iterator[tuple[str, Start]]:
 
 
 def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
-    """Name and terms of each start, in order, and how dear its terms are at first (see `join`).
+    """Yield name and terms of each start, in order, and the initial factor on penalties.
 
-    A start of few terms moves no faster than the samples tell: of twenty recordings of the
+    A start with few terms moves no faster than the samples show: of twenty recordings of the
     displacements of a line, three samples a second, starts of 25 to 70 terms left fourteen without
-    a model, of 4 to 10 terms none. A start of the second degree runs away less.
+    a model, of 4 to 10 terms none. A start of the second degree diverges less.
     """
     rough, problem = rough_fit(begun), begun.problem
 

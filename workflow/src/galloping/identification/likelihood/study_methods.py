@@ -1,4 +1,4 @@
-"""The methods of this package as a study calls them, with the evidence that they share."""
+"""Methods of this package as a study calls them, with their common starting point."""
 
 from collections.abc import Sequence
 
@@ -13,12 +13,12 @@ from galloping.recording.samples import Recording
 
 
 def shared_evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> dict:
-    """Return what `weak_gls` and `maximum_likelihood` take of a study.
+    """Prepare the data that `weak_gls` and `maximum_likelihood` use in a study.
 
     Returns
     -------
     dict
-        Recordings, library, and the start that both methods share. The start is None where none is
+        Recordings, library, and the start that both methods share. The start is None if none is
         found, for a reason that each method finds again, and for exact states with derivatives,
         which need no start.
     """

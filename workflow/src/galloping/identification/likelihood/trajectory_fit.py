@@ -1,4 +1,4 @@
-"""From a rough start to the trajectory that follows the recordings: free segments, then joined."""
+"""Fit of the trajectory that follows the recordings: free segments first, then joined ones."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -45,8 +45,8 @@ CONVERGED = 0.01  # squared length of a step, in standard deviations: errors gro
 class Step:
     """A Gauss-Newton step from one fit, `before`, to the next, `fit`, with segments in chains.
 
-    information: of the regression on all candidates; right: half the fall of chi^2 with each, at
-    the new fit. decrement: squared length of the step, in units of its covariance. gap: largest
+    information: of the regression on all candidates; right: half the decrease of chi^2 with each,
+    at the new fit. decrement: squared length of the step, in units of its covariance. gap: largest
     mismatch of segments before the step, in units of each state's size.
     """
 
@@ -58,7 +58,7 @@ class Step:
     gap: float
 
     def path(self, period: float) -> Iterator[str]:
-        """Windows and segments of the step, in words. period: the shortest of the motion, s."""
+        """Yield windows and segments of the step, in words. period: s, the shortest."""
         record = self.fit.record
         if (finer := round(period / WINDOWS_PER_PERIOD / record.condensed.step)) > 1:
             yield f"windows 1/{finer}"
@@ -70,11 +70,11 @@ class Step:
 
 @dataclass(frozen=True)
 class JoinedFit:
-    """Where an iteration over joined segments ended.
+    """Result of an iteration over joined segments.
 
     free: the last step in free segments. step: the last step of all, with a quadratic model of
     chi^2. path: the stages, in words. settled: whether the iteration converged with the same terms.
-    objection: why the fit does not follow the data, None where it does.
+    objection: why the fit does not follow the data, None if it does.
     """
 
     free: Step
@@ -85,7 +85,7 @@ class JoinedFit:
 
     @property
     def misfit(self) -> float:
-        """chi^2 per row of the last fit."""
+        """Misfit chi^2 per row of the last fit."""
         return self.step.fit.misfit
 
 
@@ -95,8 +95,8 @@ def fit_free_segments(begun: Start, start: WeakFit) -> Step | None:
     Segments are halved up to three times, until the fit is close; if it never is, they are as short
     as halving them still halved the misfit. None if all diverge.
 
-    From a rough start, that of a sensitive system above all, long segments lead astray; segments
-    that are shorter than they need be hide what the recording may have wrong.
+    From a rough start, particularly of a sensitive system, long segments diverge from the solution;
+    segments that are too short hide faults of the recording.
     """
     best, improving, periods = None, True, float(PERIODS_PER_SEGMENT)
     for _ in range(4):
@@ -118,9 +118,9 @@ def fit_free_segments(begun: Start, start: WeakFit) -> Step | None:
 
 
 def follows_in_segments(begun: Start) -> bool:
-    """Whether a model follows the data to the noise in free segments of three periods or more.
+    """Decide whether a model follows the data to the noise in segments of three periods or more.
 
-    No model does if random forces move the system.
+    The segments are free. No model follows the data if random forces move the system.
     """
     try:
         fit = prepare_fit(begun, begun.fit, PERIODS_PER_SEGMENT)
@@ -131,7 +131,7 @@ def follows_in_segments(begun: Start) -> bool:
 
 
 def _iterate_free_segments(fit: ShootingFit) -> Step:
-    """Iterate over segments that stay apart. Raises FloatingPointError if one diverges."""
+    """Iterate over free segments. Raises FloatingPointError if one diverges."""
     before = fit
     # with three steps fewer are `ok` (docs/identification_parts.csv); then segments are joined,
     # however bad the fit
@@ -144,10 +144,10 @@ def _iterate_free_segments(fit: ShootingFit) -> Step:
 
 
 def prepare_fit(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
-    """Condense the samples of a start, in segments of so many periods with first states.
+    """Condense the samples of a start, in segments of `periods` periods with first states.
 
-    Windows are halved until the Taylor series is accurate over one, segments until the start
-    does not diverge within one. Raises FloatingPointError where neither is enough.
+    Windows are halved until the Taylor series is accurate over one, segments until the start does
+    not diverge within one. Raises FloatingPointError if neither suffices.
     """
     recordings, smoothed, period = begun.recordings, begun.smoothed, begun.period
     problem, n = begun.problem, len(begun.problem.states)
@@ -201,11 +201,11 @@ def _error_of_inputs(
 ) -> np.ndarray:
     """Estimate the error of the solution from inputs that are no polynomials, (n_observed,).
 
-    It is a root mean square within windows, of what their polynomials leave out of the inputs, such
-    as the steps of one that is held.
+    It is a root mean square within windows, of the difference between the inputs and their
+    polynomials, such as the steps of a held input.
 
-    A rate errs by what is left out, the state by its integral, and what the state is the rate of by
-    the second one. No term counts for more than would make up its equation. left: as of
+    This difference affects a rate, its integral the state, and its second integral the state that
+    has this state as rate. No term counts for more than its whole equation. left: as of
     `Problem.inputs_left_out`.
     """
     problem, n = begun.problem, len(begun.problem.states)
@@ -232,8 +232,8 @@ def _window_states(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Interpolate smoothed states where the windows start, and find whether data are near.
 
-    Returns (n_windows, n_states) and (n_windows,). Where no data are near, as in the gap of a
-    channel, states are kept to the range that they have.
+    Returns (n_windows, n_states) and (n_windows,). Without data nearby, as in the gap of a channel,
+    states are limited to their range.
     """
     states, valid = [], []
     for r, (recording, one) in enumerate(zip(recordings, smoothed, strict=True)):
@@ -249,18 +249,17 @@ def _window_states(
 
 
 def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
-    """Gauss-Newton with segments joined in chains; terms chosen at every pass but the last ones.
+    """Iterate Gauss-Newton with segments in chains, choosing terms in all but the last passes.
 
-    Chains grow fourfold until the terms stay the same: about a rough fit, that of too many terms
-    above all, the solution over a long chain is far from linear in the coefficients, and the terms
-    that seem best then lead astray. Where those of the start are the best already, the chains are
-    whole from the first.
+    Chains grow fourfold until the terms are unchanged: about a rough fit, particularly with too
+    many terms, the solution over a long chain is far from linear in the coefficients, and the
+    apparently best terms mislead. If those of the start are the best already, the chains are whole
+    from the first.
 
-    free: the last step in free segments. price: of the terms. dear: how many times as much they
-    cost in the first two passes; half as much, but no less than their price, in the next two, and
-    so on.
-    unseen: whether mixtures of terms go unseen: then many models follow the data alike, what does
-    not settle while terms are chosen never will, and the last model stands for the others.
+    free: the last step in free segments. price: of the terms. dear: factor on the prices in the
+    first two passes; half of it, but at least one, in the next two, and so on. unseen: whether
+    mixtures of terms are undetermined: then many models follow the data alike, an iteration that
+    does not converge while terms are chosen never will, and the last model represents the others.
     """
     step, count = free, len(free.fit.starts)
     best = _choose_terms(step.fit, step.information, step.right, price.scale_by(dear))
@@ -301,10 +300,8 @@ def take_guarded_step(
     """Take a step from `fit`, or from nearer to `previous` if that fails.
 
     A step fails if it diverges, or raises a misfit that is not close by half; then it is taken from
-    half as far from `previous`, and so on.
-
-    The other arguments as in `_gauss_newton`. Raises FloatingPointError where halving the way
-    does not help, or no work is left.
+    half as far from `previous`, and so on. The other arguments are as in `_gauss_newton`. Raises
+    FloatingPointError if halving does not help, or the work is exhausted.
     """
     passing("follow the recording in segments")
     for _ in range(MOST_HALVINGS):
@@ -323,10 +320,10 @@ def take_guarded_step(
 
 
 def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) -> Step:
-    """Linearise, choose the terms (unless their price is None), move, re-estimate noise.
+    """Linearise, choose the terms (unless their price is None), move, and re-estimate the noise.
 
-    The noise is that of the projections: of coloured noise samples in a window scatter otherwise.
-    longest: as in `chain_segments`, None to keep the chains that there are.
+    The noise is that of the projections, since coloured noise scatters differently within a window.
+    longest: as in `chain_segments`, None to keep the existing chains.
     """
     record, linear = fit.record, linearise(fit)
     segments = record.segments

@@ -1,4 +1,4 @@
-"""The verdict on a set of terms, and the identified model that carries it: decided here alone."""
+"""Status of an identified model: decided from its terms and their rivals, here alone."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ FOLLOW = ("ok", "not identifiable")  # of models that follow the data to the noi
 
 @dataclass(frozen=True)
 class Regression:
-    """chi^2 as a quadratic of the candidates' coefficients, about a fit, and the terms chosen.
+    """Quadratic form of chi^2 in the candidates' coefficients, about a fit, and the chosen terms.
 
     information, right: as in `selection.solve_support`. support: (n,) boolean. penalty: 2 ln N of N
     samples. largest: (n,) coefficients as in `problem.largest_coefficients`. about: (n,)
@@ -65,7 +65,7 @@ class Regression:
 
 
 class Fitted(TypedDict, total=False):
-    """What a fit contributes to an `IdentifiedModel`, as the fields of these names there."""
+    """Results of a fit for an `IdentifiedModel`, with the names of its fields."""
 
     initial_states: np.ndarray
     sigma: np.ndarray
@@ -75,7 +75,7 @@ class Fitted(TypedDict, total=False):
 
 
 class Rivals(TypedDict, total=False):
-    """The rivals of an `IdentifiedModel`, as the fields of these names there."""
+    """Rivals of an `IdentifiedModel`, with the names of its fields."""
 
     rivals: np.ndarray
     rival_share: float
@@ -83,11 +83,11 @@ class Rivals(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class ApproximateFit:
-    """Coefficients of a model near the data, of which no model of the library is right.
+    """Coefficients of a model near the data, if no model of the library is right.
 
     free: (n,), zero outside `support` (n,). errors: (n,) standard errors of the present ones, and
-    of each absent one were it alone added. covariance: (n_support, n_support). price: of a term, in
-    units of chi^2, at which the terms were chosen.
+    of each absent one if it alone were added. covariance: (n_support, n_support). price: of a term,
+    in units of chi^2, at which the terms were chosen.
     """
 
     free: np.ndarray
@@ -105,17 +105,16 @@ def assess_fit(
     period: float = np.inf,
     **fitted: Unpack[Fitted],
 ) -> IdentifiedModel:
-    """Make the identified model of a fit that may be trusted, `ok` or `not identifiable`.
+    """Make the identified model of a reliable fit, `ok` or `not identifiable`.
 
-    `ok` claims: the terms found are right, every absent term is smaller than its stated limit, and
-    no simple term that matters may hide. Where another term may hide, or where the prior settled
-    which terms there are and the data alone would not, a finding of the `ok` says so. Intervals
-    and limits are those of the data alone.
+    `ok` claims: the terms are right, every absent term is smaller than its stated limit, and no
+    simple term that matters may be undetected. A finding of an `ok` model says if another term may
+    be undetected, or if the prior determines the terms and the data alone would not. Intervals and
+    limits are those of the data alone.
 
-    doubts: why the terms are not settled, none where they are. followed: the recordings, of which
-    it is asked whether their motion only repeats; none where derivatives were measured. period: s,
-    the shortest of the motion. fitted: initial_states, sigma, chi2 and diagnostics, as in
-    `IdentifiedModel`.
+    doubts: why the terms are not certain, none if they are. followed: the recordings, to test
+    whether their motion only repeats; none if derivatives were measured. period: s, the shortest of
+    the motion. fitted: initial_states, sigma, chi2 and diagnostics, as in `IdentifiedModel`.
     """
     support, penalty = regression.support, regression.penalty
     information, right, about = regression.information, regression.right, regression.about
@@ -169,7 +168,7 @@ def assess_approximation(
 ) -> IdentifiedModel:
     """Make the identified model if no model of the library is right, `approximate`.
 
-    It claims no more than how far it is from the data, which is among the findings. fitted: as of
+    It claims only its distance from the data, which is among the findings. fitted: as of
     `assess_fit`.
     """
     findings = as_warnings(findings)
@@ -207,8 +206,8 @@ def find_beyond_bounds(
 ) -> tuple[np.ndarray, list[Finding]]:
     """Find coefficients that the data would put beyond their bounds.
 
-    Returns the absent terms that would come with such a coefficient, (n,) boolean, and findings of
-    the coefficients that the recording alone would put there for certain.
+    Returns the absent terms that would have such a coefficient, (n,) boolean, and findings of the
+    coefficients that the recording alone would certainly put there.
     """
     ruled_out, contradicted = np.zeros(len(regression.support), bool), []
     lower, upper = problem.coefficient_bounds
@@ -231,7 +230,7 @@ def find_beyond_bounds(
 
 
 def have_same_terms(found: list[IdentifiedModel]) -> bool:
-    """Whether the last of several models has the terms of an earlier one.
+    """Decide whether the last of several models has the terms of an earlier one.
 
     Both must follow the data.
     """
@@ -243,7 +242,7 @@ def best_of(found: list[IdentifiedModel]) -> IdentifiedModel:
     """Choose among models from several starts.
 
     It is that of the fewest terms that follow the data, or else of the best forecasts; not `ok` if
-    no other follows the data, for a better one may then be missed.
+    no other follows the data, since a better one may then be missed.
     """
 
     def preference_key(identified: IdentifiedModel) -> tuple[int, float]:
@@ -262,11 +261,11 @@ def best_of(found: list[IdentifiedModel]) -> IdentifiedModel:
 def find_open_questions(
     problem: Problem, whitened: Whitened, plausible: Plausible
 ) -> list[Finding]:
-    """Find why the terms found are not settled.
+    """Find reasons why the terms are not certain.
 
-    The terms are not settled where the plausible supports that lack any of them weigh more than
-    MOST_RIVAL_WEIGHT together, or where an absent term, or a pair, improves the fit more than noise
-    does, yet less than selection asks.
+    They are not if the plausible supports that lack any of them have more total weight than
+    MOST_RIVAL_WEIGHT, or if an absent term, or a pair, improves the fit more than noise does, yet
+    less than selection requires.
     """
     share, rival = _heaviest_rival(problem, plausible)
     found = [Finding.of(Code.RIVAL_TERMS, share=share, **rival)]
@@ -293,10 +292,10 @@ def is_simple(problem: Problem, support: np.ndarray) -> np.ndarray:
 
 
 def find_unseen_mixture(information: np.ndarray, largest: np.ndarray) -> list[Finding]:
-    """Find whether a mixture of terms may be present unseen, far larger than its equations.
+    """Find whether a mixture of terms may be undetected, far larger than its equations.
 
-    Nothing is found if rounding hides whether it is. Arguments as of `mixture_information`, of all
-    candidates.
+    Nothing is found if rounding errors are too large to decide. Arguments as of
+    `mixture_information`, of all candidates.
     """
     told = mixture_information(information, largest)
     if max(told[0], len(told) * np.finfo(float).eps * told[-1]) * MOST_MIXED**2 > 1.0:
@@ -312,11 +311,11 @@ def find_hidden_term(
     most: np.ndarray | float,
     code: Code,
 ) -> list[Finding]:
-    """Find the absent term that may be there unseen though it matters, if any.
+    """Find the absent term that may be present undetected although it matters, if any.
 
-    limits: (n,) of `detection_limits`, the prior counted. largest: (n,) as in
-    `problem.largest_coefficients`. most: (n,) share of its equation from which each may not go
-    unseen. code: of the finding.
+    limits: (n,) of `detection_limits`, including the prior. largest: (n,) as in
+    `problem.largest_coefficients`. most: (n,) share of its equation above which each must be
+    detectable. code: of the finding.
     """
     share = np.where(support, 0.0, limits / np.maximum(largest, np.finfo(float).tiny))
     k = int(np.argmax(share / most))
@@ -326,9 +325,9 @@ def find_hidden_term(
 
 
 def _heaviest_rival(problem: Problem, plausible: Plausible) -> tuple[float, dict[str, Any]]:
-    """Weigh the supports that lack any of the terms found.
+    """Weigh the supports that lack any of the selected terms.
 
-    Returns their weight together, and the difference of the heaviest of them, as data of a finding.
+    Returns their total weight, and the difference of the heaviest of them, as data of a finding.
     """
     support = plausible.supports[0]
     lacking = np.where(plausible.supports[:, support].all(axis=1), 0.0, plausible.weight)

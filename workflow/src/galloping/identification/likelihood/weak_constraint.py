@@ -1,4 +1,4 @@
-"""Segments of a recording whose equations hold up to jumps of the state between them.
+"""Segments of a recording whose equations allow jumps of the state between them.
 
 Weak-constraint estimation (Y. Tremolet, Q. J. R. Meteorol. Soc. 132, 2006): the misfit of the
 segments, white or with a spectrum, and its normal equations, linearised about a fit.
@@ -23,7 +23,10 @@ STRETCH_PERIODS = 10
 
 
 def white_autocovariance(record: Record, variance: np.ndarray) -> np.ndarray:
-    """(n_recordings, 1, n_observed, n_rows) white misfit. variance: (n_recordings, n_observed)."""
+    """Make the autocovariance of a white misfit, (n_recordings, 1, n_observed, n_rows).
+
+    variance: (n_recordings, n_observed).
+    """
     return np.repeat(variance[:, None, :, None], record.condensed.targets.shape[2], axis=3)
 
 
@@ -39,8 +42,8 @@ def coloured_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
     Returns (n_recordings, n_lags, n_observed, n_rows).
 
     The autocovariance falls to zero over the longest segment, by a Parzen window, which makes its
-    spectrum smooth. What a model lacks recurs with the motion: taken for white noise, it would
-    count as many times as there are windows.
+    spectrum smooth. Errors of a model recur with the motion: as white noise, they would count as
+    many times as there are windows.
     """
     first, n_lags = record.condensed.first, int(np.diff(record.segments.first).max())
     lags = np.arange(n_lags) / (n_lags + 0.5)
@@ -80,12 +83,12 @@ class NormalEquations:
 
 @dataclass(frozen=True)
 class StretchFit:
-    """Where an iteration over segments with jumps between them stands.
+    """Values of an iteration over segments with jumps between them.
 
-    free, support: (n_candidates,) coefficients and which are there. starts: (n_segments, n_states)
-    first states. misfit: (n_recordings, n_lags, n_observed, n_rows) autocovariance of what the
-    projections miss, by the lag in windows, zero beyond the last. jump: (n_states, n_states)
-    covariance of the state's jumps at full motion.
+    free, support: (n_candidates,) coefficients and which are present. starts: (n_segments,
+    n_states) first states. misfit: (n_recordings, n_lags, n_observed, n_rows) autocovariance of the
+    residuals of projections, by the lag in windows, zero beyond the last. jump: (n_states,
+    n_states) covariance of the state's jumps at full motion.
     """
 
     record: Record
@@ -97,7 +100,7 @@ class StretchFit:
 
     @cached_property
     def normal_equations(self) -> NormalEquations:
-        """The normal equations about the fit. Raises FloatingPointError where it diverges."""
+        """Normal equations about the fit. Raises FloatingPointError if it diverges."""
         record, count, n = self.record, len(self.starts), len(self.free)
         m = n + self.starts.shape[1]
         information, right = np.empty((count, m, m)), np.empty((count, m))
@@ -154,7 +157,7 @@ class StretchFit:
 
 
 def make_integrable(fit: StretchFit, following: StretchFit) -> StretchFit:
-    """`following`, or as much of the step to it as can be integrated over every segment."""
+    """Shorten the step to `following` until every segment can be integrated."""
     for _ in range(MOST_HALVINGS):
         try:
             following.normal_equations  # noqa: B018 - which the next step needs

@@ -1,6 +1,6 @@
-"""The model of the weak form, a fast method of its own.
+"""Identification by the weak form alone, a fast method.
 
-The other methods only start from it.
+Other methods use the weak form only as a starting point.
 """
 
 from collections.abc import Sequence
@@ -35,11 +35,30 @@ def weak_gls(
 ) -> IdentifiedModel:
     """Identify one model from noisy states by the weak form, in generalised least squares.
 
-    recordings: of one system, any sampling, NaN where missing. terms: the library. known: model
-    whose equations of `known_states` hold; the equation of a state X is known to be dX/dt = dX
-    where a state has that name. start: of `make_start`, where it is made already.
-    The intervals are those of the linearised weak form, inflated by the misfit where it is above
-    one. The status is as in `IdentifiedModel`. Raises ValueError for other input.
+    The intervals are those of the linearised weak form, inflated by the misfit if it exceeds one.
+
+    Parameters
+    ----------
+    recordings : Recording or sequence of Recording
+        Of one system, any sampling, NaN where missing.
+    terms : tuple of Exponents
+        The library.
+    known : PolynomialModel, optional
+        Contains the equations of `known_states`. The equation of a state X is always known to be
+        dX/dt = dX if a state has that name.
+    known_states : tuple of str
+        States whose equations are known.
+    start : Start, optional
+        Of `make_start`, if it is made already.
+
+    Returns
+    -------
+    IdentifiedModel
+
+    Raises
+    ------
+    ValueError
+        For input that does not fit.
     """
     recordings = checked_recordings(recordings)
     problem = validated_problem(recordings, terms, known, known_states)

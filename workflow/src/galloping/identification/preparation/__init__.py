@@ -1,1 +1,1 @@
-"""Prepare recordings: faults, smooth curves, rate channels, and the weak form on the curves."""
+"""Preparation of recordings: faults, smooth curves, rate channels, and the weak form."""

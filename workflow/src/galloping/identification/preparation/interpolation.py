@@ -1,8 +1,8 @@
-"""What inputs are between their samples, where nobody said it: held, linear or smooth.
+"""Interpolation of inputs between their samples, if unspecified: held, linear or smooth.
 
-A controller holds its output until the next sample, and a wind goes on smoothly. Taken for smooth,
-an input that is held seems late by half of its step. The misfit of the weak form tells, by all
-candidate terms, so that no model is needed that nearly follows.
+A controller holds its output until the next sample, and a wind varies smoothly. If it is
+interpolated smoothly, a held input seems late by half of its step. The misfit of the weak form
+decides, with all candidate terms, so that no nearly correct model is needed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ FINER = 8  # steps, in a step of the grid, over which inputs are averaged exactl
 
 
 def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> dict[str, str]:
-    """Choose what each input is between its samples, as of `Input.between`.
+    """Choose the interpolation of each input between its samples, as in `Input.between`.
 
     Parameters
     ----------
@@ -39,8 +39,9 @@ def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> di
     Returns
     -------
     dict
-        By the name of each input that has alternatives: the input as it is, unless an alternative
-        takes LEAST_FALL of the misfit beyond the noise away, and more than the price of a term.
+        By the name of each input that has alternatives: its present interpolation, unless an
+        alternative removes the share LEAST_FALL of the misfit beyond the noise, and more than the
+        penalty of a term.
     """
     undecided = [
         name for name in problem.inputs if any(one.inputs[name].alternatives for one in recordings)
@@ -77,7 +78,7 @@ def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> di
 
 
 def held_inputs(problem: Problem, recordings: Sequence[Recording]) -> list[str]:
-    """Return the names of inputs that are held between their samples, and were said not to be."""
+    """List the inputs that are held between their samples, contrary to their specification."""
     if all(one.inputs[name].between == "zero" for one in recordings for name in problem.inputs):
         return []
     asked = []
@@ -98,13 +99,13 @@ def _alternative_kinds(recordings: Sequence[Recording], name: str) -> list[str]:
 
 
 def decide_kind(one: Input, kind: str) -> Input:
-    """Return an input with what it is between its samples decided."""
+    """Set the interpolation of an input."""
     found = {each.between: each for each in (*one.alternatives, one)}
     return replace(found.get(kind, one), alternatives=())
 
 
 def with_interpolants(recording: Recording, kinds: Mapping[str, str]) -> Recording:
-    """Return a recording with what its inputs are between their samples decided, by name."""
+    """Set the interpolation of a recording's inputs, by name."""
     inputs = {
         name: decide_kind(one, kinds[name]) if name in kinds else one
         for name, one in recording.inputs.items()
@@ -115,12 +116,12 @@ def with_interpolants(recording: Recording, kinds: Mapping[str, str]) -> Recordi
 def _with_inputs(
     recording: Recording, curve: Smooth, problem: Problem, kinds: Mapping[str, str]
 ) -> Smooth:
-    """Return smooth curves with their inputs, as kinds say, made ready for the integrals of tests.
+    """Add inputs to smooth curves, interpolated by `kinds`, for integrals with test functions.
 
     A value at a point of the grid is the integral of the input with a kernel about it: the sum over
     the grid with any smooth function is then the integral of the product, to the third order in the
-    step of the grid, whatever the input does between the points. An input that the library divides
-    by stays within its range, beyond which a kernel leads beside a jump.
+    step of the grid, however the input varies between the points. An input that the library divides
+    by is limited to its range, which a kernel exceeds beside a jump.
     """
     step = (curve.time[1] - curve.time[0]) / FINER
     reach = 2 * FINER  # of the kernel
@@ -143,8 +144,8 @@ def _with_inputs(
 def _cubic_kernel(x: np.ndarray) -> np.ndarray:
     """Evaluate the kernel of cubic convolution.
 
-    Samples of any quadratic, summed with it, give the quadratic back (R. G. Keys, IEEE Trans.
-    Acoust. Speech Signal Process. 29, 1981).
+    It reproduces any quadratic from its samples (R. G. Keys, IEEE Trans. Acoust. Speech Signal
+    Process. 29, 1981).
     """
     x = np.abs(x)
     near, far = (1.5 * x - 2.5) * x**2 + 1.0, ((-0.5 * x + 2.5) * x - 4.0) * x + 2.0

@@ -1,7 +1,7 @@
 """Channels that measure the rate of a state, such as accelerometers: offsets, scales, noise.
 
-What is slow in the difference of such a channel and the smooth curve's slope is an offset, for the
-curve itself has no slow slope.
+A slow difference between such a channel and the smooth curve's slope is an offset, since the curve
+itself has no slow slope.
 """
 
 from dataclasses import replace
@@ -25,15 +25,15 @@ from galloping.recording.samples import Recording
 
 
 def stack_channels(recording: Recording) -> np.ndarray:
-    """(n, 2 n_states) samples of each state and of each one's rate, NaN where there are none."""
+    """Stack the samples of states and of their rates, (n, 2 n_states), NaN where there are none."""
     return np.hstack([recording.values, sampled_rates(recording)])
 
 
 def channel_noise(recording: Recording, smoothed: Smooth) -> tuple[np.ndarray, np.ndarray]:
     """Estimate the noise of a sample of each channel, as a first guess.
 
-    Returns it, (2 n_states,), in the order of `stack_channels`, and the noise known beforehand, NaN
-    where none is.
+    Returns it, (2 n_states,), in the order of `stack_channels`, and the known noise, NaN if
+    unknown.
     """
     about = _robust_deviation(sampled_rates(recording) - _curve_slopes(recording, smoothed))
     told, known = np.append(smoothed.noise, about), recording.known_noise
@@ -50,7 +50,7 @@ def with_scales(recordings: list[Recording], period: float) -> list[Recording]:
 
 
 def estimate_scales(recordings: list[Recording], scaled: list[Recording]) -> dict[str, float]:
-    """Return the mean unknown scales, by name, from recordings and those of `with_scales`."""
+    """Average the unknown scales, by name, from recordings and those of `with_scales`."""
     told: dict[str, list[float]] = {}
     for recording, own in zip(recordings, scaled, strict=True):
         if own is not recording:
@@ -61,19 +61,19 @@ def estimate_scales(recordings: list[Recording], scaled: list[Recording]) -> dic
 
 
 def _unknown_scales(recording: Recording) -> list[int]:
-    """Return the indices of the values of unknown scale."""
+    """List the indices of the values of unknown scale."""
     scales = recording.unknown_scales
     return [] if scales is None else np.flatnonzero(scales).tolist()
 
 
 def _curve_slopes(recording: Recording, smoothed: Smooth) -> np.ndarray:
-    """Return (n, n_states) slopes of the smooth curves at the samples."""
+    """Interpolate slopes of the smooth curves at the samples, (n, n_states)."""
     slopes = np.gradient(smoothed.states, smoothed.time, axis=0)
     return np.column_stack([np.interp(recording.time, smoothed.time, one) for one in slopes.T])
 
 
 def _robust_deviation(values: np.ndarray) -> np.ndarray:
-    """Return robust standard deviation of each column, NaN of one without values."""
+    """Compute the robust standard deviation of each column, NaN for one without values."""
     known = np.isfinite(values).any(axis=0)
     deviation = np.full(values.shape[1], np.nan)
     apart = np.abs(values[:, known] - np.nanmedian(values[:, known], axis=0))
@@ -84,10 +84,10 @@ def _robust_deviation(values: np.ndarray) -> np.ndarray:
 def without_offsets(
     recording: Recording, given: Recording, smoothed: Smooth, period: float
 ) -> Recording:
-    """Return the recording with the rates of the given one, without their offsets and outliers.
+    """Replace the rates of a recording by given ones, without their offsets and outliers.
 
-    period: s, the shortest of the motion. Raises IdentificationError where an offset cannot be
-    told.
+    period: s, the shortest of the motion. Raises IdentificationError if an offset cannot be
+    determined.
     """
     if given.rates is None:
         return recording
@@ -117,7 +117,7 @@ def without_offsets(
 
 
 def _with_scale(recording: Recording, period: float) -> Recording:
-    """As `with_scales`, of one recording; itself where no scale is unknown."""
+    """Apply `with_scales` to one recording; unchanged if no scale is unknown."""
     unknown = _unknown_scales(recording)
     if not len(unknown):
         return recording
@@ -144,9 +144,9 @@ def _weak_integrals(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Integrate values (n,), and their derivative `rates` (n,), against test functions.
 
-    Integration by parts takes the derivatives of the values to the test functions, bumps as wide as
-    twice `length`, s, so that both integrals, (n_tests,), are equal but for scale, offset and
-    noise. Stretches with gaps are left out.
+    Integration by parts moves the derivatives of the values to the test functions, bumps as wide as
+    twice `length`, s, so that both integrals, (n_tests,), differ only in scale, offset and noise.
+    Stretches with gaps are left out.
     """
     known = np.isfinite(values) & np.isfinite(rates)
     time, values, rates = time[known], values[known], rates[known]

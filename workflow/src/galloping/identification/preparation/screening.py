@@ -1,4 +1,4 @@
-"""Removing what is no measurement of the state: stuck and saturated sensors, outliers.
+"""Removal of faulty samples: stuck and saturated sensors, outliers.
 
 Removed samples become NaN, which every later stage treats as missing.
 """
@@ -32,7 +32,7 @@ def prepare_recordings(
     ----------
     recordings : list of Recording
     share : float
-        Of the shortest period that the spectra show, which is taken in place of that period.
+        Factor on the shortest period that the spectra show; the product is used instead.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def prepare_recordings(
     Raises
     ------
     IdentificationError
-        If no channel varies, or a state cannot be had from the channels.
+        If no channel varies, or a state cannot be derived from the channels.
     """
     passing("smooth the recording")
     count_work(1e-6 * sum(recording.samples for recording in recordings))
@@ -62,11 +62,11 @@ def prepare_recordings(
 
 
 def without_faults(recording: Recording, period: float) -> Recording:
-    """Return the recording without constant channels and without saturated stretches.
+    """Remove constant channels and saturated stretches from a recording.
 
-    A channel is saturated where many samples equal its largest or its smallest value exactly;
-    those samples go, with their neighbours within a grid step (period/24), whose noise the limit
-    cuts off too.
+    A channel is saturated where many samples equal its largest or its smallest value exactly; those
+    samples are removed, with their neighbours within a grid step (period/24), whose noise the limit
+    truncates too.
     """
     values = recording.values.copy()
     for channel in values.T:
@@ -84,9 +84,9 @@ def without_faults(recording: Recording, period: float) -> Recording:
 
 
 def find_saturated_values(values: np.ndarray) -> list[float]:
-    """Return the least and the greatest of values (n,), if far more samples have it than the next.
+    """Find the least and greatest of values (n,), if far more samples have it than the next.
 
-    At a coarse resolution many samples have each value.
+    With a coarse resolution many samples have each value.
     """
     different, counts = np.unique(values, return_counts=True)
     ends = ((0, 1), (-1, -2)) if len(different) > 1 else ()
@@ -95,13 +95,13 @@ def find_saturated_values(values: np.ndarray) -> list[float]:
 
 
 def smooth_without_outliers(recording: Recording, period: float) -> tuple[Recording, Smooth]:
-    """Return the recording without the samples far from a smooth curve, and that curve.
+    """Remove samples far from a smooth curve, and return recording and curve.
 
     Far is 5.5 robust standard deviations, which Gaussian noise exceeds once in 30 million samples,
     and well above the accuracy of the curve itself; the curve is fitted again until none is left.
     The deviation is that of the channel and also that of the samples within some four periods, as
-    noise may grow and shrink with the signal. Raises IdentificationError where more than a tenth of
-    the samples of a channel would go.
+    noise may vary with the signal. Raises IdentificationError if more than a tenth of the samples
+    of a channel would be removed.
     """
     before = np.isfinite(recording.values).sum(axis=0)
     smoothed = smooth(recording, period)
@@ -128,10 +128,9 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
 
 
 def _local_median(time: np.ndarray, values: np.ndarray, length: float) -> np.ndarray:
-    """Return medians (n,) of stretches of about `length`, s, interpolated between these.
+    """Compute medians (n,) of stretches of about `length`, s, interpolated between these.
 
-    All stretches have as many samples: a stretch of few samples would take its outliers for its
-    noise.
+    All stretches have the same number of samples, since in few samples outliers look like noise.
     """
     count = max(round_down((time[-1] - time[0]) / length), 1)
     centres = [part.mean() for part in np.array_split(time, count)]

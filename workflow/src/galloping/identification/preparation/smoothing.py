@@ -1,8 +1,8 @@
 """Spline estimates of the states on a uniform grid, from any sampling.
 
-A state and its measured velocity are smoothed apart where samples are plenty, for the identity
-between them is information; as one curve and its derivative where samples are few, or where one of
-them is not measured or has gaps.
+A state and its measured velocity are smoothed separately if samples are plenty, since the identity
+between them is information; as one curve and its derivative if samples are few, or if one of them
+is not measured or has gaps.
 """
 
 from dataclasses import dataclass, replace
@@ -36,7 +36,10 @@ DRIFT_DEGREE = 3  # bias and slow drift of a channel of rates: a cubic over the 
 
 @cache
 def _spline_basis() -> np.ndarray:
-    """(n, n), n = SPLINE_DEGREE + 1: coefficient of u^k of the j-th B-spline alive on a span."""
+    """Compute the coefficient of u^k of the j-th B-spline that is nonzero on a span, (n, n).
+
+    n = SPLINE_DEGREE + 1.
+    """
     spline = BSpline.basis_element(np.arange(SPLINE_DEGREE + 2.0))
     spans = np.arange(SPLINE_DEGREE, -1.0, -1.0)  # the first one alive is on its last span
     return np.column_stack(
@@ -46,16 +49,15 @@ def _spline_basis() -> np.ndarray:
 
 @dataclass(frozen=True)
 class Smooth:
-    """States of one recording on a uniform grid.
+    """Smoothed states of one recording on a uniform grid.
 
-    time: (n_grid,), s. states: (n_grid, n_states). sigma: (n_states,) standard deviation of
-    white noise on the grid with the density of the measurement noise, which counts as no less
-    than the accuracy of a spline; NaN for derived states.
-    derived: (n_states,) index of the state whose curve's derivative this state is, else -1.
-    noise: (n_states,) standard deviation of a sample about the curve, NaN where not measured.
-    residual: (n, n_states) samples less the curve, NaN where missing.
-    valid: (n_grid,) whether samples of every curve are near, rather than in a gap.
-    inputs: (n_grid, n_inputs) those of the recording, as of `inputs_on_grid`.
+    time: (n_grid,), s. states: (n_grid, n_states). sigma: (n_states,) standard deviation of white
+    noise on the grid with the density of the measurement noise, at least the accuracy of a spline;
+    NaN for derived states. derived: (n_states,) index of the state whose curve's derivative this
+    state is, else -1. noise: (n_states,) standard deviation of a sample about the curve, NaN if not
+    measured. residual: (n, n_states) samples less the curve, NaN where missing. valid: (n_grid,)
+    whether samples of every curve are near, rather than in a gap. inputs: (n_grid, n_inputs) those
+    of the recording, as of `inputs_on_grid`.
     """
 
     time: np.ndarray
@@ -69,12 +71,12 @@ class Smooth:
 
     @property
     def values(self) -> np.ndarray:
-        """(n_grid, n_states + n_inputs) states, and inputs beside them."""
+        """States and inputs, (n_grid, n_states + n_inputs)."""
         return np.hstack([self.states, self.inputs]) if self.inputs.size else self.states
 
 
 def shortest_period(recordings: list[Recording]) -> float:
-    """Return the shortest period, s, that matters: 95 % of each channel's power is at longer ones.
+    """Determine the shortest relevant period, s: each channel has 95 % of its power at longer ones.
 
     Only power well above the noise floor (the median of the spectrum) counts. Raises
     IdentificationError if no channel varies.
@@ -134,7 +136,7 @@ def smooth(recording: Recording, period: float) -> Smooth:
 def _group_states(
     recording: Recording, period: float, grid: np.ndarray
 ) -> tuple[list[list[int]], np.ndarray]:
-    """States to smooth as one curve: [state], or [state, its velocity]; and `Smooth.derived`."""
+    """Group states to smooth as one curve, [state] or [state, velocity], with `Smooth.derived`."""
     counts = np.isfinite(recording.values).sum(axis=0)
     duration = recording.time[-1] - recording.time[0]
     plenty = SAMPLES_PER_KNOT * LEAST_KNOTS_PER_PERIOD * duration / period
@@ -158,7 +160,7 @@ def _group_states(
 def _fit_curve(
     recording: Recording, curve: list[int], pieces: int, grid: np.ndarray, period: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """Return one curve, from one channel or from a channel and its derivative.
+    """Fit one curve to one channel or to a channel and its derivative.
 
     Returns the curve and, with two channels, its derivative on the grid, (n_grid, n_channels);
     the residuals of the samples, (n, n_channels); their deviation, by channel; and the square
@@ -207,13 +209,13 @@ def _fit_curve(
 def _is_near_samples(
     recording: Recording, curve: list[int], grid: np.ndarray, within: float
 ) -> np.ndarray:
-    """(n_grid,) whether any sample of the curve's channels is not further away than `within`, s."""
+    """Decide which grid points, (n_grid,), are within `within`, s, of the curve's samples."""
     sampled = recording.time[np.isfinite(recording.values[:, curve]).any(axis=1)]
     return distance_to(sampled, grid) <= within * (1.0 + TIME_ROUNDING)
 
 
 def distance_to(nearest: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """(n,) distance from each `time` to the nearest of others, `nearest` (m,), increasing."""
+    """Compute the distance, (n,), from each `time` to the nearest of `nearest` (m,), increasing."""
     after = np.searchsorted(nearest, time)
     to_next = nearest[np.minimum(after, len(nearest) - 1)] - time
     return np.minimum(np.abs(to_next), np.abs(time - nearest[np.maximum(after - 1, 0)]))
@@ -222,9 +224,9 @@ def distance_to(nearest: np.ndarray, time: np.ndarray) -> np.ndarray:
 def _is_away_from_gaps(
     recording: Recording, curve: list[int], grid: np.ndarray, period: float
 ) -> np.ndarray:
-    """Return whether gaps longer than a period are half a period away or more, (n_grid,).
+    """Decide which points are half a period or more from gaps longer than a period, (n_grid,).
 
-    Beside a gap a curve is as bad as at its end.
+    Near a gap a curve is as inaccurate as at its end.
     """
     sampled = recording.time[np.isfinite(recording.values[:, curve]).any(axis=1)]
     away = np.ones(len(grid), bool)
@@ -236,7 +238,7 @@ def _is_away_from_gaps(
 
 @njit(cache=True)
 def _evaluate_alive(place, pieces, basis, derivative, spacing, out):
-    """Values of the B-splines alive at `place` (in knot spans); returns the first one's index."""
+    """Evaluate the B-splines that are nonzero at `place` (in knot spans); return the first one."""
     span = min(max(int(place), 0), pieces - 1)
     u = place - span
     for j in range(basis.shape[0]):
@@ -249,7 +251,7 @@ def _evaluate_alive(place, pieces, basis, derivative, spacing, out):
 
 @njit(cache=True)
 def _accumulate(place, values, weights, spacing, basis, bands, right):
-    """Banded normal equations of the spline; channel k observes its k-th derivative."""
+    """Accumulate banded normal equations of the spline; channel k observes its k-th derivative."""
     n = basis.shape[0]
     pieces = len(right) - n + 1
     alive = np.empty(n)
@@ -265,7 +267,7 @@ def _accumulate(place, values, weights, spacing, basis, bands, right):
 
 @njit(cache=True)
 def _evaluate_spline(place, coefficients, derivative, spacing, basis):
-    """(n,) values of the spline, or of its first derivative, at `place` (n,), in knot spans."""
+    """Evaluate the spline, or its first derivative, at `place` (n,), in knot spans."""
     n = basis.shape[0]
     alive = np.empty(n)
     result = np.zeros(len(place))
@@ -293,18 +295,18 @@ def _add_roughness(bands: np.ndarray, weight: float) -> None:
 
 
 def sampled_rates(recording: Recording) -> np.ndarray:
-    """Return (n, n_states) rates of a recording, NaN where it has none."""
+    """Return the rates of a recording, (n, n_states), NaN where it has none."""
     return np.full(recording.values.shape, np.nan) if recording.rates is None else recording.rates
 
 
 def unmeasured_displacements(recording: Recording) -> dict[int, int]:
-    """Index of each state X that has no values, with that of its velocity dX, a state too."""
+    """Map the index of each state X without values to that of its velocity dX, a state too."""
     measured = np.any(np.isfinite(recording.values), axis=0).tolist()
     return {x: v for x, v in velocity_pairs(recording.states).items() if not measured[x]}
 
 
 def with_integrals(recording: Recording) -> Recording:
-    """Return the recording with values of each state X that has none, by integration.
+    """Add values of each state X that has none to a recording, by integration.
 
     They are the values of dX integrated, else the rate of X, else the rate of dX integrated twice.
     The recording itself is returned if every state has values.
@@ -322,10 +324,10 @@ def with_integrals(recording: Recording) -> Recording:
 
 
 def without_drift(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return samples (n,), NaN where missing, less their offset and slow drift, a cubic.
+    """Remove offset and slow drift, a cubic, from samples (n,), NaN where missing.
 
-    The cubic is fitted with little weight at the ends, where periods that are cut short would count
-    as drift.
+    The cubic is fitted with little weight at the ends, where incomplete periods would count as
+    drift.
     """
     known = np.isfinite(values)
     place = 2.0 * (time - time[0]) / (time[-1] - time[0]) - 1.0
@@ -336,10 +338,10 @@ def without_drift(time: np.ndarray, values: np.ndarray) -> np.ndarray:
 def _integrate_channel(time: np.ndarray, values: np.ndarray, times: int) -> np.ndarray:
     """Integrate values over time, `times` times, without what is slower than the motion.
 
-    Of the motion's power, as far as it stands out of the noise, a hundredth is slower. Below six
-    tenths of that frequency all is taken out, steeply: white noise of accelerations grows as the
-    square of the period in displacements. The filter leaves 0.998 of what has that frequency, and
-    2e-4 of what has three tenths of it. NaN where `values` (n,) are.
+    A hundredth of the motion's power above the noise is slower. Below six tenths of that frequency
+    all is removed, steeply: white noise of accelerations grows as the square of the period in
+    displacements. The gain of the filter is 0.998 at that frequency, and 2e-4 at three tenths of
+    it. NaN where `values` (n,) are.
     """
     known = np.isfinite(values)
     grid = np.linspace(time[0], time[-1], int(known.sum()))

@@ -1,8 +1,8 @@
-"""Weak form by generalised least squares: where methods start from.
+"""Weak form by generalised least squares, the starting point of all methods.
 
 Each equation, tested with bump functions phi, reads <phi', x_i> + <phi, f_i(x)> = 0, whitened by
-the covariance of the measurement noise. Known equations give rows without free coefficients: noise
-that they share with others makes them informative.
+the covariance of the measurement noise. Known equations give rows without free coefficients, which
+are informative by the noise that they share with other rows.
 """
 
 from collections.abc import Sequence
@@ -35,13 +35,13 @@ MOST_MISFIT = 3.0  # chi^2 per row of the weak form: linearised errors explain n
 def whitened_weak_form(
     problem: Problem, smooth: Smooth, coefficients: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return design and right-hand side of the weak form, with errors of unit variance.
+    """Compute design and right-hand side of the weak form, with errors of unit variance.
 
-    The test functions have a radius of half the shortest period and are TEST_STRIDE steps
-    of the grid apart; those that reach into a gap give zero rows. coefficients: (n_states,
-    n_terms), about which the errors are linearised; without them the rows are only scaled. Returns
-    the design (n_rows, n_candidates) and the right-hand side (n_rows,). Raises IdentificationError
-    where the covariance of the errors is singular.
+    The test functions have a radius of half the shortest period and are TEST_STRIDE steps of the
+    grid apart; those that reach into a gap give zero rows. coefficients: (n_states, n_terms), about
+    which the errors are linearised; without them the rows are only scaled. Returns the design
+    (n_rows, n_candidates) and the right-hand side (n_rows,). Raises IdentificationError if the
+    covariance of the errors is singular.
     """
     phi, slope = _test_function(smooth)
     n_states = len(problem.states)
@@ -76,10 +76,10 @@ def whitened_weak_form(
 
 
 def _is_sign_hidden(problem: Problem, smooth: Smooth) -> np.ndarray:
-    """Return the share, 0 or 1, (n_grid,), of a point in which noise hides the sign of an argument.
+    """Find points of the grid, 0 or 1, (n_grid,), where noise hides the sign of an argument.
 
-    It is an argument with a kink, as at rest: there terms that jump are noise, which errors that
-    are linearised do not show.
+    It is an argument with a kink, as at rest: there discontinuous terms are noise, which linearised
+    errors do not include.
     """
     own = smooth.derived >= 0
     pace = 2.0 * np.pi / (GRID_PER_PERIOD * (smooth.time[1] - smooth.time[0]))
@@ -92,7 +92,7 @@ def _is_sign_hidden(problem: Problem, smooth: Smooth) -> np.ndarray:
 
 
 def _test_function(smooth: Smooth) -> tuple[np.ndarray, np.ndarray]:
-    """Test function and its derivative at the grid points inside the support, times their spacing.
+    """Evaluate the test function and its derivative at the grid points, times their spacing.
 
     (1 - u^2)^5, of a radius of half a period, keeps 0.68 of a sine of that period and 0.18 of half.
     """
@@ -104,14 +104,14 @@ def _test_function(smooth: Smooth) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _integrate_tests(series: np.ndarray, phi: np.ndarray) -> np.ndarray:
-    """Return (n_grid, m) -> (n_tests, m): integrals of the columns against every test function."""
+    """Integrate columns against every test function: (n_grid, m) -> (n_tests, m)."""
     return sliding_window_view(series, len(phi), axis=0)[::TEST_STRIDE] @ phi
 
 
 def _row_covariance(
     problem: Problem, smooth: Smooth, coefficients: np.ndarray, usable: np.ndarray, keep: list[int]
 ) -> np.ndarray:
-    """Return covariance of the rows, which are by test and then by kept equation, as lower bands.
+    """Compute the covariance of the rows, by test and then by kept equation, as lower bands.
 
     usable: (n_tests,) boolean; the rows of the other tests, all zero, get a variance of one.
     Returns (n_bands, n_tests * n_kept).
@@ -143,7 +143,7 @@ def _row_covariance(
 def _noise_influence(
     problem: Problem, smooth: Smooth, points: slice, coefficients: np.ndarray
 ) -> np.ndarray:
-    """Return the derivatives of each row by unit noise, (n_tests, n_states, n_states, n_points).
+    """Compute derivatives of each row by unit noise, (n_tests, n_states, n_states, n_points).
 
     A row is of a test and an equation, the noise of each state at each point that the test reaches.
     points: of the grid, all that the tests reach.
@@ -171,10 +171,11 @@ def _noise_influence(
 
 @dataclass(frozen=True)
 class WeakFit:
-    """A fit of the weak form. free, support: (n,) candidates' coefficients and which are there.
+    """A fit of the weak form.
 
-    information: (n, n), right: (n,) of the normal equations, in units of the noise. misfit: chi^2
-    per row, of which there are `rows`.
+    free, support: (n,) candidates' coefficients and which are present. information: (n, n), right:
+    (n,) of the normal equations, in units of the noise. misfit: chi^2 per row, of which there are
+    `rows`.
     """
 
     free: np.ndarray
@@ -186,10 +187,10 @@ class WeakFit:
 
 
 def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFit:
-    """Return support and coefficients from the weak form, the errors linearised about the last fit.
+    """Fit support and coefficients of the weak form, with errors linearised about the last fit.
 
-    penalty: worth of a term in units of chi^2. Raises IdentificationError where the covariance of
-    the rows is singular, or gaps leave no row.
+    penalty: of a term in units of chi^2. Raises IdentificationError if the covariance of the rows
+    is singular, or gaps leave no row.
     """
     n = len(problem.candidates)
     support = every = np.ones(n, bool)
@@ -211,7 +212,7 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
 def _normal_equations(
     problem: Problem, smoothed: list[Smooth], coefficients: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, float, int]:
-    """Return normal equations of the weak form, (n, n) and (n,), sum of squares and row count."""
+    """Compute normal equations of the weak form, (n, n) and (n,), sum of squares and row count."""
     n = len(problem.candidates)
     information, right, total, rows = np.zeros((n, n)), np.zeros(n), 0.0, 0
     for one in smoothed:
@@ -226,10 +227,10 @@ def _normal_equations(
 
 @dataclass(frozen=True)
 class Start:
-    """What the methods start from: recordings and curves of `prepare_recordings`, and the weak fit.
+    """Starting point of methods: recordings and curves of `prepare_recordings`, and the weak fit.
 
     period: the shortest of the motion, s. penalty: 2 ln N of N samples. samples: their number in
-    the recordings as they were given.
+    the original recordings.
     """
 
     problem: Problem
@@ -241,15 +242,15 @@ class Start:
     samples: int
 
     def with_rates(self, given: Sequence[Recording]) -> Self:
-        """Return the start with the rates of the given recordings, as `without_offsets`."""
+        """Add the rates of the given recordings to the start, as `without_offsets`."""
         pairs = zip(self.recordings, given, self.smoothed, strict=True)
         return replace(self, recordings=[without_offsets(*each, self.period) for each in pairs])
 
     @cached_property
     def price(self) -> Price:
-        """The price of the terms, by the rates in the equations of the weak fit.
+        """Penalties of the terms, by the rates in the equations of the weak fit.
 
-        The slopes of the curves contain noise, the more the faster it is.
+        The slopes of the curves contain noise, which increases with its frequency.
         """
         rates = design_matrix(self._values, self.problem.terms)
         rates = rates @ self.problem.coefficients(self.fit.free).T
@@ -259,21 +260,21 @@ class Start:
 
     @property
     def largest(self) -> np.ndarray:
-        """(n_candidates,) as in `problem.largest_coefficients`, of the smooth curves."""
+        """Coefficients, (n_candidates,), of `problem.largest_coefficients` of the curves."""
         rates = [np.gradient(one.states, one.time, axis=0)[one.valid] for one in self.smoothed]
         return largest_coefficients(self.problem, self._values, np.concatenate(rates))
 
     @property
     def _values(self) -> np.ndarray:
-        """(n, n_states + n_inputs) of the smooth curves."""
+        """Values of the smooth curves, (n, n_states + n_inputs)."""
         return np.concatenate([one.values[one.valid] for one in self.smoothed])
 
 
 def make_start(problem: Problem, recordings: list[Recording], share: float = 1.0) -> Start:
-    """Make the start of an identification from recordings.
+    """Make the starting point of an identification from recordings.
 
     share: of their shortest period, as in `prepare_recordings`. Raises IdentificationError if there
-    is no start, or a term is not finite on the way.
+    is none, or a term is not finite along the motion.
     """
     cleaned, smoothed, period = prepare_recordings(recordings, share)
     _check_functions(problem, smoothed)
@@ -298,10 +299,10 @@ def _check_functions(problem: Problem, smoothed: list[Smooth]) -> None:
 
 
 def rough_fit(start: Start) -> WeakFit:
-    """Return the weak fit of the start or, of long recordings, of their most informative stretches.
+    """Return the weak fit of the start, or of the most informative stretches of long recordings.
 
-    The longer a motion has settled, the more the errors of the weak form, small but the same in
-    every period, outweigh what the rest of a recording says about other motions.
+    The longer a motion is in its final state, the more the errors of the weak form, small but the
+    same in every period, outweigh the information of the rest of a recording on other motions.
     """
     stretches = [
         _most_informative_stretch(start.problem, one, start.period) for one in start.smoothed
@@ -312,7 +313,7 @@ def rough_fit(start: Start) -> WeakFit:
 
 
 def _most_informative_stretch(problem: Problem, smooth: Smooth, period: float) -> Smooth:
-    """Return the stretch of some 1,000 periods in which the library moments are most diverse.
+    """Find the stretch of some 1,000 periods in which the library moments are most diverse.
 
     The measure is their determinant (D-optimality, J. Kiefer and J. Wolfowitz, 1960). It is the
     whole curve if that is shorter than two stretches. Of the default line's 70 candidates, 14 of
@@ -334,15 +335,15 @@ def _most_informative_stretch(problem: Problem, smooth: Smooth, period: float) -
 
 
 def delayed_inputs(start: Start) -> dict[str, float]:
-    """Find inputs whose times are not those at which they move the system.
+    """Find inputs whose times differ from those at which they move the system.
 
-    Returns, by name, by how many s they are late, negative where early.
+    Returns the delays by name, s, negative if early.
 
-    Delays within four of the shortest periods are tried, with all candidates, so that no model is
-    needed that nearly follows. A delay counts that takes away most of the misfit of the weak form
-    beyond the noise. Eight steps of half a period reach so far, and four halvings determine a delay
-    to a thirty-second of a period; what is later is not found, and each step costs a weak form. The
-    reach was not calibrated.
+    Delays within four of the shortest periods are tried, with all candidates, so that no nearly
+    correct model is needed. A delay counts if it removes most of the misfit of the weak form beyond
+    the noise. Eight steps of half a period and four halvings determine a delay to a thirty-second
+    of a period; a larger one is not found, and each step needs a weak form. The range was not
+    calibrated.
     """
     problem, n = start.problem, len(start.problem.candidates)
     weighed, found = problem.coefficients(start.fit.free), {}

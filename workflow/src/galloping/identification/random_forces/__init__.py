@@ -1,1 +1,1 @@
-"""Systems that random forces move: models as stochastic differential equations."""
+"""Systems under random forces, modelled as stochastic differential equations."""

@@ -1,4 +1,4 @@
-"""What of a system its recordings measure, as rows of the states."""
+"""Measurement equations: channels of recordings as rows of the states."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,11 +18,11 @@ ADJACENT = 1.5
 
 @dataclass(frozen=True)
 class Channels:
-    """What recordings measure of a system, as rows of its states.
+    """Channels of recordings of a system, as rows of its states.
 
     states: names of the n_states states. values, rates: indices of those that are measured, and of
     those whose rate is; the n_channels are in this order. averaged: whether a rate is the mean
-    since the last sample, its force included, as of an accelerometer; else it is the rate at the
+    since the last sample, including its force, as of an accelerometer; else it is the rate at the
     sample, without white forces.
     """
 
@@ -33,7 +33,7 @@ class Channels:
 
     @classmethod
     def from_recordings(cls, recordings: Sequence[Recording]) -> "Channels":
-        """Of recordings of one system."""
+        """Determine the channels of recordings of one system."""
 
         def measured(name: str) -> tuple[int, ...]:
             given = [getattr(each, name) for each in recordings]
@@ -44,22 +44,22 @@ class Channels:
 
     @property
     def pairs(self) -> dict[int, int]:
-        """The velocity of each coordinate, as indices of states."""
+        """Velocity of each coordinate, as indices of states."""
         return velocity_pairs(self.states)
 
     @property
     def kept(self) -> tuple[int, ...]:
-        """States of which a filter keeps what they were at the last sample."""
+        """States whose values at the last sample a filter keeps."""
         return self.rates if self.averaged else ()
 
     @property
     def names(self) -> tuple[str, ...]:
-        """(n_channels,) those of the states, and of rates with a d before."""
+        """Names of the channels, (n_channels,): those of states, and of rates with a d before."""
         rates = (f"d{self.states[i]}" for i in self.rates)
         return (*(self.states[i] for i in self.values), *rates)
 
     def samples(self, recording: Recording) -> np.ndarray:
-        """Return the samples (n, n_channels) of a recording, NaN where missing.
+        """Extract the samples (n, n_channels) of a recording, NaN where missing.
 
         Rates are without their unknown offsets. A mean since the last sample is missing if there is
         no last sample, or a gap.
@@ -78,13 +78,16 @@ class Channels:
         return np.array(columns).T
 
     def sensing(self, system: np.ndarray) -> np.ndarray:
-        """(n_channels, n_states) of the linear system (n_states, n_states), rates at the sample."""
+        """Compute the channels of a linear system, (n_channels, n_states), rates at the sample.
+
+        system: (n_states, n_states).
+        """
         return np.vstack([np.eye(len(system))[list(self.values)], system[list(self.rates)]])
 
     def response(self, system: np.ndarray, omega: np.ndarray) -> np.ndarray:
-        """(n, n_channels, n_states) of the channels to forces on the states at `omega` (n,), rad/s.
+        """Compute the response of the channels to forces on the states, (n, n_channels, n_states).
 
-        system: (n_states, n_states), of the states first.
+        system: (n_states, n_states), of the states first. omega: (n,), rad/s.
         """
         unit = np.eye(len(system))
         at = 1j * omega[:, np.newaxis, np.newaxis]
@@ -95,10 +98,10 @@ class Channels:
         return sensed @ np.linalg.inv(at * unit - system)
 
     def displacement(self, i: int, rates: np.ndarray, seen: np.ndarray) -> np.ndarray:
-        """Return (n_modes,) shapes of the coordinate `i`.
+        """Compute the mode shapes of the coordinate `i`, (n_modes,).
 
         rates: (n_modes,) eigenvalues, 1/s. seen: (n_channels, n_modes) shapes of the channels.
-        Raises IdentificationError where no channel is of this coordinate.
+        Raises IdentificationError if no channel measures this coordinate.
         """
         velocity = self.pairs[i]
         of = [

@@ -1,4 +1,4 @@
-"""Identify systems that random forces move: ambient excitation, turbulence, traffic.
+"""Identification of systems under random forces: ambient excitation, turbulence, traffic.
 
 The equations have white forces of unknown strength, dx = f(x) dt + dW. If f is linear, the
 likelihood of the samples is exact. This module decides which motion is interpreted as one in random
@@ -51,12 +51,13 @@ Fit = Callable[[ModeSelection], Outcome]
 def fit_random_forces(
     problem: Problem, given: list[Recording], forced: Sequence[str]
 ) -> IdentifiedModel:
-    """Identify the model that random forces move, from recordings as they came.
+    """Identify the model of a system under random forces.
 
     Parameters
     ----------
     problem : Problem
     given : list of Recording
+        Unprocessed.
     forced : sequence of str
         Names of the coordinates or states in whose equations a force acts; empty for all equations
         that are sought.
@@ -102,7 +103,7 @@ def _identify_selection(
     may_be_slow: bool = True,
     doubts: Callable[[ForcedFit], Sequence[Finding]] = lambda _: (),
 ) -> Outcome:
-    """Return the model of `fit_in_forces`, which takes no terms with functions."""
+    """Identify the model of `fit_in_forces`, which allows no terms with functions."""
     polynomial, places = problem.drop_terms(has_functions), list(map(has_functions, problem.terms))
     if problem.known[:, places].any() or problem.precision[:, places].any():
         return NoModel((Finding.of(Code.FORCES_BESIDE_FUNCTIONS),))
@@ -116,9 +117,9 @@ def _identify_selection(
 
 
 def _identify_some_modes(fit: Fit, several: SeveralModes) -> Outcome:
-    """Return the model of recordings or, if that is not `ok`, of their slowest modes or of more.
+    """Identify the model of recordings or, if that is not `ok`, of their slowest modes or of more.
 
-    If no model is `ok`, it is the one whose innovations are predicted least.
+    If no model is `ok`, it is the one with the least predictable innovations.
     """
     found = fit(several.whole)
     if _is_ok(found):
@@ -131,7 +132,7 @@ def _identify_some_modes(fit: Fit, several: SeveralModes) -> Outcome:
 def _identify_selections(
     selections: Iterable[ModeSelection], fit: Fit
 ) -> Iterator[IdentifiedModel]:
-    """Fit selections of modes one after the other, each when its model is asked for."""
+    """Fit selections of modes one after the other, each when its model is needed."""
     for selection in selections:
         found = attempt(partial(_identify_modes, selection, fit))
         if not isinstance(found, NoModel):
@@ -139,7 +140,7 @@ def _identify_selections(
 
 
 def _identify_modes(selection: ModeSelection, fit: Fit) -> Outcome:
-    """Return the model of the selected modes, or of one that is two."""
+    """Identify the model of the selected modes, or of one that is two."""
     found = fit(selection)
     if isinstance(found, NoModel) or not selection.has_modes_of(found):
         return NoModel()
@@ -147,7 +148,7 @@ def _identify_modes(selection: ModeSelection, fit: Fit) -> Outcome:
 
 
 def _with_split_mode(found: IdentifiedModel, selection: ModeSelection, fit: Fit) -> IdentifiedModel:
-    """Return the model of a selection or, if a mode of it is two, one with a mode more."""
+    """Replace the model of a selection by one with a mode more, if one of its modes is two."""
     if found.status != "ok" or selection.n_further == BESIDES or not may_have_split_mode(found):
         return found
     split = fit(replace(selection, n_further=selection.n_further + 1))
@@ -157,7 +158,7 @@ def _with_split_mode(found: IdentifiedModel, selection: ModeSelection, fit: Fit)
 def _with_overlapping_modes(
     found: IdentifiedModel, several: SeveralModes, fit: Fit
 ) -> IdentifiedModel:
-    """Return the model of whole recordings or, if a mode of it is two, one that separates these."""
+    """Replace the model of whole recordings by one that separates a mode that is two."""
     if not several.channels.rates:
         return _with_split_mode(found, several.whole, fit)
     if not may_have_split_mode(found):
@@ -172,7 +173,7 @@ def _is_ok(found: Outcome | None) -> TypeGuard[IdentifiedModel]:
 
 
 def _best_model(models: Iterable[IdentifiedModel]) -> IdentifiedModel | None:
-    """Return the first model that is `ok`, or the one whose innovations are predicted least."""
+    """Choose the first model that is `ok`, or the one with the least predictable innovations."""
     others = []
     for found in models:
         if _is_ok(found):
@@ -214,10 +215,10 @@ def try_random_forces(
     Returns
     -------
     IdentifiedModel or None
-        None if the motion may be another one.
+        None if the motion may have another cause.
     bool
-        Whether it is plain that random forces moved the recordings. If not, the model is
-        `approximate`, has some modes of many, and their amplitudes fluctuate.
+        Whether random forces certainly moved the recordings. If not, the model is `approximate`,
+        has some modes of many, and their amplitudes fluctuate.
     """
     several = SeveralModes(recordings, period)
     fit = partial(_fit_on_trial, problem)
@@ -242,10 +243,10 @@ def try_random_forces(
 
 
 def _fit_on_trial(problem: Problem, selection: ModeSelection, as_fallback: bool = False) -> Outcome:
-    """Return the model in random forces of selected modes, none if the motion may be another one.
+    """Fit the model in random forces of selected modes; none if the motion may have another cause.
 
-    A motion that repeats leaves its harmonics in the innovations. as_fallback: whether a model will
-    do that explains most of the motion.
+    The innovations of a motion that repeats contain its harmonics. as_fallback: whether a model is
+    accepted that explains most of the motion.
     """
     recordings, period = selection.recordings, selection.period
     with limit_work(recordings, TRIAL_BESIDE_INPUTS if problem.inputs else TRIAL) as work:
@@ -268,9 +269,9 @@ def _fit_on_trial(problem: Problem, selection: ModeSelection, as_fallback: bool 
 
 
 def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]:
-    """Return the indices of the equations of `forced` coordinates or states, of all if none.
+    """Find the indices of the equations of `forced` coordinates or states, of all if none.
 
-    Raises ValueError for a name that is none.
+    Raises ValueError for an unknown name.
     """
     pairs, states = velocity_pairs(problem.states), problem.states
     places = []

@@ -1,4 +1,4 @@
-"""Maximum likelihood of a system in white forces, by Fisher's scoring.
+"""Maximum likelihood of a system in white forces, by Fisher scoring.
 
 The likelihood is that of the innovations of the Kalman filter: exact for linear systems and any
 sampling. Their derivatives are differences; the information is that of F. C. Schweppe
@@ -44,9 +44,9 @@ FIRST_DAMPING = 1e-4  # of the steps (K. Levenberg, 1944), in units of the infor
 
 
 def fisher_information(slopes: np.ndarray) -> np.ndarray:
-    """Return the Fisher information (n_parameters, n_parameters) of slopes of innovations.
+    """Compute the Fisher information, (n_parameters, n_parameters), of slopes of innovations.
 
-    It is one on parameters of which the data say nothing, such as the noise of exact samples.
+    It is one for parameters that the data do not determine, such as the noise of exact samples.
     """
     flat = slopes.reshape(len(slopes), -1)
     known = flat @ flat.T
@@ -55,7 +55,7 @@ def fisher_information(slopes: np.ndarray) -> np.ndarray:
 
 
 def likelihood_score(slopes: np.ndarray, filtered: Innovations) -> np.ndarray:
-    """Return derivative of the log-likelihood."""
+    """Compute the derivative of the log-likelihood."""
     error = filtered.standardised
     error = error[np.isfinite(error)]
     left = np.concatenate([-error, (error**2 - 1.0) / np.sqrt(2.0)])
@@ -64,11 +64,11 @@ def likelihood_score(slopes: np.ndarray, filtered: Innovations) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Parameters:
-    """Map between models of some terms and vectors of parameters.
+    """Map between models with some terms and vectors of parameters.
 
     Parameters are the centred coefficients of the support, roots of the forces, and noise.
-    correlated: whether the forces of two equations may be. start: a model with the slow forces and
-    resonances of all.
+    correlated: whether the forces of two equations may be correlated. start: a model with the slow
+    forces and resonances of all.
     """
 
     posed: ForcedProblem
@@ -78,18 +78,18 @@ class Parameters:
 
     @cached_property
     def centring(self) -> np.ndarray:
-        """As of `ForcedProblem`."""
+        """Matrix that centres coefficients, as of `ForcedProblem`."""
         return self.posed.centring(self.support)
 
     @cached_property
     def lower(self) -> tuple[np.ndarray, np.ndarray]:
-        """Where the root holds what forces share."""
+        """Indices of the entries of the root that correlate forces."""
         n = len(self.start.root)
         return np.tril_indices(n, -1 if self.correlated else -n)
 
     @cached_property
     def places(self) -> dict[str, slice]:
-        """Where each kind of parameter is in a vector."""
+        """Slice of each kind of parameter in a vector."""
         start = self.start
         counts = {
             "coefficients": self.support.sum(), "strengths": len(start.root),
@@ -101,7 +101,7 @@ class Parameters:
         return dict(zip(counts, map(slice, ends[:-1], ends[1:]), strict=True))
 
     def to_vector(self, model: ForcedModel) -> np.ndarray:
-        """Return the parameters (n_parameters,) of a model as one vector."""
+        """Convert a model to the vector of its parameters, (n_parameters,)."""
         scaled = self.centring @ (model.coefficients / self.posed.unit)[self.support]
         diagonal, swings = np.diag(model.root), model.extra_modes
         least = self.posed.least_noise
@@ -113,7 +113,7 @@ class Parameters:
         ])  # fmt: skip
 
     def to_model(self, vector: np.ndarray) -> ForcedModel:
-        """Of parameters (n_parameters,)."""
+        """Convert parameters (n_parameters,) to a model."""
         of = {name: vector[own] for name, own in self.places.items()}
         coefficients, root = np.zeros(len(self.support)), np.eye(len(self.start.root))
         scaled = np.linalg.solve(self.centring, of["coefficients"])
@@ -133,8 +133,8 @@ class Parameters:
 class ForcedFit:
     """The most likely model of its terms, those of the parameters' support.
 
-    filtered: with it. slopes: (n_parameters, 2, n_samples) derivatives of the standardised
-    innovations, and of half the logarithms of their variances times the root of two.
+    filtered: innovations of the model. slopes: (n_parameters, 2, n_samples) derivatives of the
+    standardised innovations, and of half the logarithms of their variances times the root of two.
     """
 
     parameters: Parameters
@@ -144,45 +144,45 @@ class ForcedFit:
 
     @property
     def posed(self) -> ForcedProblem:
-        """What was asked."""
+        """The problem that was fitted."""
         return self.parameters.posed
 
     @property
     def support(self) -> np.ndarray:
-        """(n_candidates,) the terms that were free."""
+        """Terms that were free, (n_candidates,)."""
         return self.parameters.support
 
     @cached_property
     def modes(self) -> Modes:
-        """Those of the linear part of the equations."""
+        """Modes of the linear part of the equations."""
         return self.posed.state_space_model(self.model).modes
 
     @cached_property
     def normal_equations(self) -> tuple[np.ndarray, np.ndarray]:
-        """As of `ForcedProblem`, at the model. Raises FloatingPointError as there."""
+        """Normal equations as of `ForcedProblem`, at the model, and with the same errors."""
         return self.posed.normal_equations(self.model)
 
     def covariance(self, kind: str) -> np.ndarray:
-        """Of the parameters of a kind, as of `Parameters.places`."""
+        """Compute the covariance of the parameters of a kind, as of `Parameters.places`."""
         own = self.parameters.places[kind]
         return np.linalg.inv(fisher_information(self.slopes))[own, own]
 
     @property
     def swing_errors(self) -> np.ndarray:
-        """(n_resonances, 2) standard errors of the frequencies, rad/s, and damping ratios."""
+        """Standard errors of the resonances, (n_resonances, 2): frequency, rad/s, damping ratio."""
         own = self.model.extra_modes.own
         variances = np.diag(self.covariance("swings"))  # of logarithms
         return own * np.sqrt(variances).reshape(own.shape)
 
     @property
     def coefficient_covariance(self) -> np.ndarray:
-        """(n_support, n_support) in units of the coefficients."""
+        """Covariance of the coefficients, (n_support, n_support), in their units."""
         away = np.linalg.inv(self.parameters.centring)
         return away @ self.covariance("coefficients") @ away.T
 
     @cached_property
     def whiteness(self) -> Whiteness:
-        """What the innovations say."""
+        """Result of the whiteness test of the innovations."""
         recordings, begin = self.posed.recordings, 2 * len(self.posed.size)
         step = typical_step(recordings)
         parts = list(zip(self.filtered.parts, recordings, strict=False))  # priors are parts, too
@@ -206,10 +206,10 @@ class ForcedFit:
 def maximise_likelihood(
     posed: ForcedProblem, model: ForcedModel, support: np.ndarray, correlated: bool
 ) -> ForcedFit:
-    """Return the most likely model of the terms `support` (n_candidates,), from one near it.
+    """Find the most likely model of the terms `support` (n_candidates,), from one near it.
 
-    correlated: whether the forces of two equations may be. Terms of which the data say nothing are
-    left out. Raises FloatingPointError where the start cannot be followed.
+    correlated: whether the forces of two equations may be correlated. Terms that the data do not
+    determine are left out. Raises FloatingPointError if the filter of the start fails.
     """
     parameters = Parameters(posed, support, correlated, model)
 
@@ -276,7 +276,7 @@ def _difference_innovations(
 
 
 def forces_are_needed(fit: ForcedFit, penalty: float) -> bool:
-    """Whether a model without its forces follows the samples less well than noise explains."""
+    """Decide whether a model without its forces misses the samples by more than noise."""
     model = fit.model
     still = replace(model, root=FAINT * model.root, slow=tuple(FAINT * np.array(model.slow)))
     lost = fit.filtered.log_likelihood - fit.posed.filter_recordings(still).log_likelihood
@@ -284,7 +284,7 @@ def forces_are_needed(fit: ForcedFit, penalty: float) -> bool:
 
 
 def forces_are_correlated(fit: ForcedFit, penalty: float) -> bool:
-    """Return whether the forces are, by the Wald statistic of what they share."""
+    """Decide whether the forces are correlated, by a Wald test."""
     if fit.model.extra_modes.hosts:  # which the same forces move
         return True
     root = fit.model.root

@@ -1,4 +1,4 @@
-"""Follow recordings by an identified model in random forces, and continue them."""
+"""Filtering of recordings by an identified model in random forces, and their continuation."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -26,9 +26,9 @@ MOST_MISFIT = 1.5  # mean square of standardised innovations: that of another li
 
 
 def state_space_model(found: IdentifiedModel, recording: Recording) -> tuple[StateSpaceModel, Data]:
-    """Of an identified model that random forces move, and a recording of its system.
+    """Make the state-space model of a model in random forces, and the data of a recording.
 
-    Raises ValueError where the model does not know the noise of a channel.
+    Raises ValueError if the model does not know the noise of a channel.
     """
     channels, states = Channels.from_recordings([recording]), found.model.states
     averaged = bool(found.diagnostics.get("rates_averaged", False))
@@ -57,10 +57,10 @@ def simulate_motions(
     time: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return (n_models, n, n_states) at `time` (n,), s, one of each model, in forces drawn for it.
+    """Simulate models at `time` (n,), s, in drawn forces: (n_models, n, n_states).
 
-    found: whose forces and noise they share. Each begins at a state drawn as the end of the
-    recording tells it.
+    found: whose forces and noise they share. Each begins at a state drawn from the filter's
+    distribution at the end of the recording.
     """
     recording = recording_end(found, recording)
     inputs = [recording.inputs[name] for name in found.model.inputs]
@@ -76,7 +76,7 @@ def simulate_motions(
 def noise_of_means(
     found: IdentifiedModel, recording: Recording, rates: Sequence[int], sigma: np.ndarray
 ) -> np.ndarray:
-    """`sigma` (n,) with the white forces in the mean rates of states, `rates`, its last."""
+    """Add the white forces to the noise `sigma` (n,) of mean rates of states, `rates`, its last."""
     noise = sigma.copy()
     if rates and found.diagnostics.get("rates_averaged"):
         noise[-len(rates) :] = np.hypot(
@@ -86,7 +86,7 @@ def noise_of_means(
 
 
 def recording_end(found: IdentifiedModel, recording: Recording) -> Recording:
-    """As much of the end of a recording as tells where it ends."""
+    """Cut a recording to its end, as long as its last state depends on it."""
     slowest = state_space_model(found, recording)[0].modes.omega.min()
     begin = recording.time[-1] - WITHIN * 2.0 * np.pi / slowest
     first = int(np.searchsorted(recording.time, begin))
@@ -94,7 +94,7 @@ def recording_end(found: IdentifiedModel, recording: Recording) -> Recording:
 
 
 def check_followed(found: IdentifiedModel, recording: Recording) -> None:
-    """Raise ValueError, in one line, where the end of a recording is not the motion of a model."""
+    """Raise ValueError, in one line, if a model does not follow the end of a recording."""
     system_model, data = state_space_model(found, recording_end(found, recording))
     end = system_model.filter(data)
     square = (end.innovations**2 / end.variances)[2 * len(end.mean) :]
@@ -108,7 +108,7 @@ def check_followed(found: IdentifiedModel, recording: Recording) -> None:
 
 
 def filter_states(found: IdentifiedModel, recording: Recording) -> np.ndarray:
-    """Return (n, n_states) as the samples until each tell them."""
+    """Estimate the states, (n, n_states), from the samples until each."""
     system_model, data = state_space_model(found, recording)
     return system_model.filter(data).means
 
@@ -116,10 +116,10 @@ def filter_states(found: IdentifiedModel, recording: Recording) -> np.ndarray:
 def model_spectra(
     found: IdentifiedModel, recording: Recording, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (n,), Hz, and one-sided spectra (n, n_channels) of the channels of a recording.
+    """Compute frequencies (n,), Hz, and one-sided spectra (n, n_channels) of the channels.
 
-    In squares of the channels' units per Hz, noise included. Those of a linear model are exact;
-    another one's are means over motions in forces drawn for each.
+    They are in squares of the channels' units per Hz, noise included. Those of a linear model are
+    exact; others are means over motions in forces drawn for each.
     """
     from scipy.signal import welch  # slow to import
 

@@ -1,4 +1,4 @@
-"""What is asked of recordings that random forces move, and models from which fits to them begin."""
+"""Identification problem in random forces, and initial models of the fit."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -48,8 +48,8 @@ class ForcedModel:
     """A model with its forces and noise.
 
     coefficients: (n_candidates,). root: lower triangular, of the equations with a force and then of
-    the resonances; root root' is the covariance of the white forces in a second. noise:
-    (n_channels,) deviations of a sample. slow: (n_forced,) roots of the same of what drives slow
+    the resonances; root root' is the covariance of the white forces per second. noise:
+    (n_channels,) deviations of a sample. slow: (n_forced,) roots of the same of the drive of slow
     forces, empty without; rates: (n_forced,) 1/s, of those. extra_modes: the resonances.
     """
 
@@ -65,8 +65,8 @@ class ForcedModel:
 class Innovations:
     """The innovations of all recordings.
 
-    parts: the filter over each recording, and what priors expect, as samples of coefficients; empty
-    if the model cannot be followed, for which `objection` gives the reason.
+    parts: the filter over each recording, and expectations of priors, as samples of coefficients;
+    empty if the filter fails, for which `objection` gives the reason.
     """
 
     parts: tuple[FilterResult, ...]
@@ -74,17 +74,17 @@ class Innovations:
 
     @cached_property
     def innovations(self) -> np.ndarray:
-        """Of the samples of all parts."""
+        """Innovations of the samples of all parts."""
         return np.concatenate([part.innovations for part in self.parts])
 
     @cached_property
     def variances(self) -> np.ndarray:
-        """Of these innovations."""
+        """Variances of the innovations of all parts."""
         return np.concatenate([part.variances for part in self.parts])
 
     @cached_property
     def log_likelihood(self) -> float:
-        """But for a constant; minus infinity where the filter fails, as by rounding."""
+        """Log-likelihood except for a constant; minus infinity if the filter fails."""
         if self.objection:
             return -np.inf
         known = np.isfinite(self.innovations) & (self.variances > 0.0)
@@ -101,12 +101,12 @@ class Innovations:
 
 @dataclass(frozen=True)
 class ForcedProblem:
-    """What is asked of recordings that random forces move.
+    """Identification problem of recordings under random forces.
 
     forced: indices of the equations that have a force. size: (n_states,) of the motion. unit:
     (n_candidates,) of the coefficients. always: (n_candidates,) those of the linear equations that
-    every fit has, and those with a prior. middle: (n_states,) about which the motion is.
-    least_noise: (n_channels,) of a sample. held: means of the inputs.
+    every fit has, and those with a prior. middle: (n_states,) of the motion. least_noise:
+    (n_channels,) of a sample. held: means of the inputs.
     """
 
     problem: Problem
@@ -122,19 +122,19 @@ class ForcedProblem:
 
     @cached_property
     def data(self) -> tuple[Data, ...]:
-        """What the channels measure of each recording."""
+        """Samples of the channels of each recording."""
         return tuple(Data.from_recording(each, self.channels) for each in self.recordings)
 
     @property
     def penalty(self) -> float:
-        """2 ln N of N samples."""
+        """Penalty of a term, 2 ln N of N samples."""
         return 2.0 * np.log(sum(int(np.isfinite(one.samples).sum()) for one in self.data))
 
     def centring(self, support: np.ndarray) -> np.ndarray:
-        """Return the matrix (n_support, n_support) that centres coefficients, in their units.
+        """Compute the matrix (n_support, n_support) that centres coefficients, in their units.
 
-        A constant becomes what is left of its equation in the middle of the motion: if the motion
-        is far from zero, the stiffness alone determines a constant otherwise.
+        A constant becomes the residual of its equation in the middle of the motion: otherwise, if
+        the motion is far from zero, the stiffness alone would determine a constant.
         """
         places, terms = np.flatnonzero(support), self.problem.state_exponents
         centring, equations = np.eye(len(places)), self.problem.candidates[places, 0]
@@ -146,7 +146,7 @@ class ForcedProblem:
         return centring
 
     def restrict(self, model: ForcedModel, support: np.ndarray) -> ForcedModel:
-        """Restrict a model to a support, as it acts in the middle of the motion."""
+        """Restrict a model to a support, with the same rates in the middle of the motion."""
         present = model.coefficients != 0.0
         scaled, kept = np.zeros((2, len(present)))
         scaled[present] = self.centring(present) @ (model.coefficients / self.unit)[present]
@@ -155,7 +155,7 @@ class ForcedProblem:
         return replace(model, coefficients=kept)
 
     def state_space_model(self, model: ForcedModel) -> StateSpaceModel:
-        """Return the filter of a model."""
+        """Make the state-space model of a model, for its filter."""
         problem, n = self.problem, len(self.size)
         white, slow = np.zeros((2, n, n))
         rates, drives = np.ones(n), model.root @ model.root.T
@@ -170,7 +170,7 @@ class ForcedProblem:
     def resonances(
         self, model: ForcedModel, errors: np.ndarray | None = None
     ) -> tuple[Resonance, ...]:
-        """Of a model. errors: (n_resonances, 2), as `Resonance`."""
+        """List the resonances of a model. errors: (n_resonances, 2), as `Resonance`."""
         n, f, drives = len(self.size), len(self.forced), model.root @ model.root.T
         swings, found = model.extra_modes, []
         errors = np.full(swings.own.shape, np.nan) if errors is None else errors
@@ -184,12 +184,11 @@ class ForcedProblem:
         return tuple(found)
 
     def normal_equations(self, model: ForcedModel) -> tuple[np.ndarray, np.ndarray]:
-        """Return the normal equations of changes of the coefficients, in their units.
+        """Compute the normal equations of changes of the coefficients, in their units.
 
-        Information (n_candidates, n_candidates), and half the fall of chi^2 with each,
-        (n_candidates,), by the slopes of the innovations of a model.
-
-        Raises FloatingPointError if the slopes diverge.
+        Information (n_candidates, n_candidates), and half the decrease of chi^2 with each,
+        (n_candidates,), by the slopes of the innovations of a model. Raises FloatingPointError if
+        the slopes diverge.
         """
         terms, places = np.unique(self.problem.candidates[:, 1], return_inverse=True)
         candidates = np.column_stack([self.problem.candidates[:, 0], places])
@@ -211,7 +210,7 @@ class ForcedProblem:
         return known + prior * np.outer(self.unit, self.unit), right + pull * self.unit
 
     def filter_recordings(self, model: ForcedModel) -> Innovations:
-        """Return what a model leaves of all recordings."""
+        """Compute the innovations of all recordings by a model."""
         system_model = self.state_space_model(model)
         parts = attempt(lambda: [system_model.filter(one) for one in self.data])
         if isinstance(parts, NoModel):
@@ -219,7 +218,7 @@ class ForcedProblem:
         return Innovations((*parts, *self._prior_samples(model)))
 
     def _prior_samples(self, model: ForcedModel) -> list[FilterResult]:
-        """Return what priors of coefficients expect beyond a model, as a sample each."""
+        """Convert priors of coefficients to samples, relative to a model."""
         problem = self.problem
         mean, precision = map(problem.candidate_values, (problem.expected, problem.precision))
         told, none = np.flatnonzero(precision), np.empty(0)
@@ -231,10 +230,10 @@ class ForcedProblem:
 def make_forced_problem(
     problem: Problem, recordings: list[Recording], forced: tuple[int, ...], besides: int
 ) -> tuple[ForcedProblem, list[ForcedModel]]:
-    """Return the problem in units of the motion, and starts, the likeliest first.
+    """Make the problem in units of the motion, and initial models, the likeliest first.
 
-    Of rates that are measured at the sample or as means since the last one, what is likelier.
-    Raises IdentificationError where there is no start.
+    Rates are modelled as measured at the sample or as means since the last one, whichever is
+    likelier. Raises IdentificationError if there is no initial model.
     """
     passing("modes from correlations")
     channels = Channels.from_recordings(recordings)
@@ -281,7 +280,7 @@ def _scaled_problem(
     period: float,
     factors: tuple[np.ndarray, np.ndarray],
 ) -> ForcedProblem:
-    """Return the problem in units of the motion, with rates at the samples.
+    """Make the problem in units of the motion, with rates at the samples.
 
     period: s, the shortest of the motion. factors: as of `_input_factor_moments`.
     """
@@ -302,9 +301,9 @@ def _scaled_problem(
 def _initial_coefficients(
     posed: ForcedProblem, system: np.ndarray, factors: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
-    """Return (n_candidates,) that make a linear system (n_states, n_states) at the means of inputs.
+    """Compute coefficients, (n_candidates,), of a linear system at the means of inputs.
 
-    factors: as of `_input_factor_moments`.
+    system: (n_states, n_states). factors: as of `_input_factor_moments`.
     """
     problem, powers, (about, largest) = posed.problem, posed.problem.state_exponents, factors
     alike = np.all(powers[:, np.newaxis] == powers, axis=2)
@@ -319,7 +318,7 @@ def _initial_coefficients(
 def _input_factor_moments(
     problem: Problem, recordings: list[Recording]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(n_terms,) mean and root mean square of what inputs bring to each term, 1 if nothing."""
+    """Compute mean and root mean square, (n_terms,), of each term's input factor, 1 if none."""
     own = [inputs_at_times(tuple(each.inputs.values()), each.time) for each in recordings]
     of_inputs = tuple(term[len(problem.states) :] for term in problem.terms)
     factors = design_matrix(np.concatenate(own), of_inputs)
@@ -327,10 +326,10 @@ def _input_factor_moments(
 
 
 def _linear_candidates(problem: Problem, steady: np.ndarray) -> np.ndarray:
-    """Return (n_candidates,) those of the linear equations, and those with a prior.
+    """Find the terms, (n_candidates,), of the linear equations, and those with a prior.
 
-    Of terms that differ in their inputs alone, the one of the lowest powers of those that are
-    mostly there: steady, (n_terms,).
+    Of terms that differ only in their inputs, it is the one with the lowest powers of the steadiest
+    inputs: steady, (n_terms,).
     """
     always = problem.candidate_values(problem.precision) > 0.0
     simplest: dict[tuple[int, ...], list[tuple[int, int]]] = {}

@@ -35,7 +35,7 @@ def _multiply_into(a, b, out):
 
 @njit(cache=True, error_model="numpy")
 def _add_congruence(a, b, begin, work, out):
-    """Add a b a' to `begin`, both symmetric, into `out`, which may be `b`. work: as large."""
+    """Write a b a' plus `begin`, both symmetric, to `out`, which may be `b`. work: as large."""
     _multiply_into(a, b, work)
     for i in range(len(a)):
         for j in range(i + 1):
@@ -139,7 +139,7 @@ def _evaluate_monomials(x, exponents, out):
 
 @njit(cache=True, error_model="numpy")
 def _evaluate_rates(x, exponents, coefficients, terms, out):
-    """x: states, and then factors of inputs. terms: room for the monomials, which stay there."""
+    """Evaluate the rates of states x, with factors of inputs. terms: memory for monomials."""
     _evaluate_monomials(x, exponents, terms)
     for i in range(len(out)):
         total = 0.0
@@ -149,11 +149,10 @@ def _evaluate_rates(x, exponents, coefficients, terms, out):
 
 
 def lowered_terms(exponents: np.ndarray, n_states: int) -> np.ndarray:
-    """Return the derivatives of terms by states, (n_slopes, 3 + n_signals).
+    """Tabulate the derivatives of terms by states, (n_slopes, 3 + n_signals).
 
     As of `polynomial.differentiate_terms`, one a row: term, state, exponent, and the remaining
-    exponents.
-    exponents: (n_terms, n_signals).
+    exponents. exponents: (n_terms, n_signals).
     """
     by_state = differentiate_terms(tuple(map(tuple, exponents.tolist())), n_states)
     rows = [
@@ -178,7 +177,7 @@ def _evaluate_jacobian(x, lowered, coefficients, out):
 
 @njit(cache=True, error_model="numpy")
 def _expand_exponential(a, square, cube, fourth, parts, out):
-    """exp(a / parts) into `out`, to the fourth order; square, cube, fourth: powers of `a`."""
+    """Write exp(a / parts) to `out`, to the fourth order; square, cube, fourth: powers of `a`."""
     second, third, last = 2.0 * parts**2, 6.0 * parts**3, 24.0 * parts**4
     for i in range(len(a)):
         for j in range(len(a)):
@@ -188,9 +187,9 @@ def _expand_exponential(a, square, cube, fourth, parts, out):
 
 @njit(cache=True, error_model="numpy")
 def _advance_state(x, h, force, driven, exponents, coefficients, terms, stages, middle):
-    """Change `x` to `h` s later, in a constant force; `middle` to where it is half way.
+    """Advance `x` by `h` s in a constant force; write the state half way to `middle`.
 
-    driven: (3, n_factors) at the begin, half way and at the end.
+    driven: (3, n_factors) at the beginning, half way and at the end.
     """
     d = len(coefficients)
     before = stages[4]
@@ -220,16 +219,16 @@ def extended_filter(
 
     Returns innovations and their variances, (n, n_channels) each, NaN where samples are missing or
     the filter fails; the means of the states (n, n_states) after each sample; and the slopes of the
-    innovations (n, n_channels, n_candidates) with coefficients, the gains held.
+    innovations (n, n_channels, n_candidates) with coefficients, at constant gains.
 
     samples, step_of, noise, x, p: as of `kalman_filter`. lengths, substeps: (n_steps,) s, and into
     how many each is divided. driven: (3 n_substeps of all steps + 1, n_factors) factors of inputs,
     as of `Steps.input_factors`. exponents: (n_terms, n_states + n_factors), coefficients:
     (n_states, n_terms) of the equations; lowered: their `lowered_terms`. white: (n_states,
-    n_states) covariance of their forces in a second. sensed, is_rate: (n_channels,) the state of
+    n_states) covariance of their forces per second. sensed, is_rate: (n_channels,) the state of
     each channel, and whether its rate is measured. kept: indices of the states whose mean rates
-    since the last sample are measured, by the last channels; the last states are what they were
-    then. candidates: (n_candidates, 2) equation and term.
+    since the last sample are measured, by the last channels; the last states are their values at
+    that sample. candidates: (n_candidates, 2) equation and term.
     """
     n, channels = samples.shape
     d, many, place = len(x), len(candidates), 0
@@ -319,7 +318,7 @@ def extended_filter(
 
 @njit(cache=True, error_model="numpy")
 def random_motion(x, step_of, lengths, substeps, driven, exponents, coefficients, root, noise):
-    """Return (n, n_states) from `x` on, in forces whose covariance in a second is root root'.
+    """Simulate states, (n, n_states), from `x`, in forces with covariance root root' per second.
 
     All until `coefficients`: as of `extended_filter`. noise: (n_substeps of all steps, n_states) of
     unit variance.

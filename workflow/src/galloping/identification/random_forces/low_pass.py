@@ -1,4 +1,4 @@
-"""What is faster than a frequency is taken out of recordings, whose white noise stays white."""
+"""Low-pass filter of recordings, after which white noise is still white."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ SAME = 1e-3  # of a step between samples, that rounding makes of it
 
 
 def as_modelled(found: IdentifiedModel, recordings: list[Recording]) -> list[Recording]:
-    """Return recordings without what a model leaves out. Raises as `low_pass_recording`."""
+    """Filter recordings as those of a model were filtered. Raises as `low_pass_recording`."""
     below = float(found.diagnostics.get("below", 0.0))
     if not below:
         return recordings
@@ -30,9 +30,9 @@ def as_modelled(found: IdentifiedModel, recordings: list[Recording]) -> list[Rec
 
 
 def low_pass_recordings(recordings: list[Recording], below: float) -> list[Recording]:
-    """Apply `low_pass_recording`, and return the recordings of which something is left.
+    """Apply `low_pass_recording`, and return the recordings with remaining samples.
 
-    Raises IdentificationError if nothing is left of any.
+    Raises IdentificationError if there are none.
     """
     left, errors = [], []
     for each in recordings:
@@ -46,17 +46,17 @@ def low_pass_recordings(recordings: list[Recording], below: float) -> list[Recor
 
 
 def _filtered_step(below: float) -> float:
-    """s, between samples after the filter."""
+    """Compute the step between samples after the filter, s."""
     return (1.0 + ROLL_OFF) / (2.0 * below)
 
 
 def low_pass_recording(recording: Recording, below: float) -> Recording:
-    """Return without what is faster than `below`, Hz, and at no more samples than then tell all.
+    """Remove components above `below`, Hz, and reduce the samples accordingly.
 
-    What is slower than FLAT of it stays as it is, and white noise is white again: the filter is a
+    Components slower than FLAT of it are unchanged, and white noise stays white: the filter is a
     root raised cosine, and a step is half a period of the frequency in the middle of its edge (J.
     G. Proakis and M. Salehi, Digital Communications, 2008, section 9.2). There are no samples
-    within REACH steps of the ends and of gaps. Raises ValueError where nothing is left, the samples
+    within REACH steps of the ends and of gaps. Raises ValueError if nothing is left, the samples
     are no faster, or the values are exact.
     """
     step = _filtered_step(below)
@@ -86,7 +86,7 @@ def low_pass_recording(recording: Recording, below: float) -> Recording:
 def _filter_channel(
     at: np.ndarray, values: np.ndarray, time: np.ndarray, step: float, own: float
 ) -> np.ndarray:
-    """(len(time),) of samples (n,) at `at`, about every `own` s; NaN where these are missing."""
+    """Filter samples (n,) at `at`, about every `own` s, to the times `time`; NaN where missing."""
     grid = np.arange(at[0], at[-1] + own / 2.0, own)
     bridged, found = np.interp(grid, at, values), np.full(len(time), np.nan)
     gaps = np.flatnonzero(np.diff(at) > max(INTERPOLATED * own, BRIDGED * step))
@@ -101,7 +101,7 @@ def _filter_channel(
 
 
 def _root_raised_cosine(x: np.ndarray) -> np.ndarray:
-    """Evaluate the filter (n,) at times in steps; limits at three points are taken beside them."""
+    """Evaluate the filter (n,) at times in steps, with its limits at three singular points."""
     x = np.where((x == 0.0) | (np.abs(4.0 * ROLL_OFF * x) == 1.0), x + 1e-6, x)
     edge = 4.0 * ROLL_OFF * x
     swings = np.sin(np.pi * x * (1.0 - ROLL_OFF)) + edge * np.cos(np.pi * x * (1.0 + ROLL_OFF))

@@ -1,6 +1,6 @@
-"""The model in random forces of recordings, from its start to its terms and to what it leaves.
+"""Fit of a model in random forces: initial model, selection of terms, whiteness of innovations.
 
-Terms are chosen as ever, but that of every forced coordinate its own stiffness and damping stay.
+Terms are selected as usual, except that each forced coordinate keeps its stiffness and damping.
 """
 
 from collections.abc import Callable, Sequence
@@ -53,12 +53,12 @@ def fit_in_forces(
     may_be_slow: bool = True,
     doubts: Callable[[ForcedFit], Sequence[Finding]] = lambda fit: (),
 ) -> FinalFit | NoModel:
-    """Return the fit to recordings without outliers, whose shortest period, s, is `period`.
+    """Fit a model in random forces to recordings without outliers. period: s, the shortest.
 
-    forced: indices of the equations with a force. besides: how many modes there are more than
-    coordinates. may_be_slow: whether forces may be; else a model with white ones that leaves
-    plainly more than noise is none. doubts: why a fit, first to some of the samples and then to
-    all, is not to be had, none where it is.
+    forced: indices of the equations with a force. besides: number of modes beyond the coordinates.
+    may_be_slow: whether forces may be slow; otherwise a model with white ones and clearly
+    correlated innovations is refused. doubts: why a fit, first to some of the samples and then to
+    all, is refused, none if it is accepted.
     """
     rescaled = with_scales(recordings, period)
     some = _fit_some_samples(problem, rescaled, forced, may_be_slow, besides)
@@ -81,7 +81,7 @@ def _fit_some_samples(
     may_be_slow: bool,
     besides: int,
 ) -> ForcedFit | NoModel:
-    """Return the fit of all terms that may stay, to no more samples than it needs."""
+    """Fit all terms that may be needed, to no more samples than necessary."""
     posed, starts = make_forced_problem(problem, _thin_recordings(recordings), forced, besides)
     channels = posed.channels
     white = [each for each in starts if not each.slow]
@@ -105,7 +105,7 @@ def _fit_some_samples(
 
 
 def _fits_from(posed: ForcedProblem, starts: list[ForcedModel]) -> list[ForcedFit]:
-    """Return the fits from those starts that lead to one."""
+    """Fit from each start, and return the fits that succeed."""
     found = [attempt(partial(_fit_from, posed, start)) for start in starts]
     return [fit for fit in found if not isinstance(fit, NoModel)]
 
@@ -117,9 +117,9 @@ def _fit_from(posed: ForcedProblem, start: ForcedModel) -> ForcedFit:
 
 
 def _with_shared_forces(posed: ForcedProblem, start: ForcedModel) -> ForcedModel:
-    """Let the resonances of a start share their forces with others as is likeliest, one by one.
+    """Correlate the forces of a start's resonances with others as is likeliest, one by one.
 
-    From forces that share nothing a fit may end where two close modes have each other's damping.
+    Starting from uncorrelated forces, a fit may exchange the damping of two close modes.
     """
     best, most = start, posed.filter_recordings(start).log_likelihood
     for i in range(len(posed.forced), len(start.root)):
@@ -139,7 +139,7 @@ def _with_shared_forces(posed: ForcedProblem, start: ForcedModel) -> ForcedModel
 def _fit_all_samples(
     some: ForcedFit, recordings: list[Recording], period: float
 ) -> FinalFit | NoModel:
-    """Return the fit of the terms that stay, to all samples."""
+    """Fit the selected terms to all samples."""
     penalty = some.posed.penalty
     information, _ = some.normal_equations
     correlated = forces_are_correlated(some, penalty)
@@ -157,7 +157,7 @@ def _fit_all_samples(
 
 
 def _with_slow_forces(white: ForcedFit, start: ForcedModel) -> ForcedFit:
-    """Return the fit with slow forces beside the white ones, where they pay."""
+    """Add slow forces to the white ones, if they improve the fit by more than their penalty."""
     posed, slow = white.posed, start.slow
     if not slow or posed.problem.inputs:
         rate = SLOW * white.modes.omega.min()
@@ -171,11 +171,11 @@ def _with_slow_forces(white: ForcedFit, start: ForcedModel) -> ForcedFit:
 
 
 def _with_further_terms(fit: ForcedFit, noise: np.ndarray) -> ForcedFit:
-    """Return the fit with the terms that pay, nonlinear ones and those of inputs.
+    """Add nonlinear terms and those of inputs that improve the fit by more than their penalty.
 
-    They are chosen on the slopes of the innovations, again after each fit of those that were.
-    noise: (n_channels,) of the start, from which each fit begins again: terms that were missing may
-    have left none.
+    They are chosen by the slopes of the innovations, again after each fit of those that were.
+    noise: (n_channels,) of the start, from which each fit begins again: the estimate with missing
+    terms may be zero.
     """
     allowed = fit.support | ~fit.posed.always
     for _ in range(MOST_CHOICES):
@@ -191,10 +191,10 @@ def _with_further_terms(fit: ForcedFit, noise: np.ndarray) -> ForcedFit:
 def _with_chosen_terms(fit: ForcedFit, allowed: np.ndarray, noise: np.ndarray) -> ForcedFit:
     """Fit the terms that are selected of those allowed (n_candidates,).
 
-    The fit itself is returned if it has these terms. Terms that the data alone hardly determine
-    stay too, so that intervals cover them: the effect of inputs on the damping of a coordinate,
+    The fit itself is returned if it has these terms. Terms that the data alone hardly determine are
+    kept too, so that intervals include them: the effect of inputs on the damping of a coordinate,
     and, if the motion is so large that any nonlinear term is selected, its cubic damping and
-    stiffness, for the linear ones would take their place.
+    stiffness, which the linear ones would otherwise replace.
     """
     posed, problem, unit = fit.posed, fit.posed.problem, fit.posed.unit
     pairs = {velocity: [velocity, i] for i, velocity in posed.channels.pairs.items()}
@@ -224,11 +224,11 @@ def _with_chosen_terms(fit: ForcedFit, allowed: np.ndarray, noise: np.ndarray) -
 
 
 def _select_terms(fit: ForcedFit, penalty: float) -> np.ndarray:
-    """Return (n_candidates,) the terms that stay.
+    """Select the terms to keep, (n_candidates,).
 
-    A coordinate's own stiffness and damping do, and a constant that pays. What couples two
-    coordinates stays or goes together: of coupled modes each term bears on every damping, also one
-    that by itself is hardly told.
+    A coordinate's own stiffness and damping are kept, and a constant that reaches its penalty.
+    Terms that couple two coordinates are kept or removed together: in coupled modes each affects
+    every damping, even one that is hardly determined by itself.
     """
     posed, problem, support = fit.posed, fit.posed.problem, fit.support.copy()
     judged = support & posed.always & (problem.candidate_values(problem.precision) == 0.0)
@@ -257,7 +257,7 @@ def _select_terms(fit: ForcedFit, penalty: float) -> np.ndarray:
 
 
 def _first_states(fit: ForcedFit, period: float) -> np.ndarray:
-    """Return (n_recordings, n_states) at the first samples, from START_PERIODS after them."""
+    """Estimate the states at the first samples, (n_recordings, n_states), from those after."""
     system_model, found = fit.posed.state_space_model(fit.model), []
     for one in fit.posed.data:
         lengths = one.steps.lengths[np.maximum(one.steps.of, 0)]
@@ -267,7 +267,7 @@ def _first_states(fit: ForcedFit, period: float) -> np.ndarray:
 
 
 def _thin_recordings(recordings: list[Recording]) -> list[Recording]:
-    """With no more samples than a trial needs; all of rates, which may be means between them."""
+    """Reduce the samples to those that a trial needs; keep all of rates, which may be means."""
     if Channels.from_recordings(recordings).rates:
         return recordings
     every = max(

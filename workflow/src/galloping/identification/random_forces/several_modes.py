@@ -1,6 +1,6 @@
-"""Select modes of recordings that have more modes than coordinates.
+"""Selection of modes from recordings with more modes than coordinates.
 
-A selection holds the slowest modes; what is faster is filtered out of the recordings. If the next
+A selection contains the slowest modes; faster ones are filtered out of the recordings. If the next
 mode is too close for a filter, it stays in the model, as a force that oscillates.
 """
 
@@ -43,11 +43,11 @@ BROAD, LESS_WHITE, LIKELIER = 0.02, 0.75, 1e-7
 
 @dataclass(frozen=True)
 class ModeSelection:
-    """Recordings of some of their modes.
+    """Recordings filtered to some of their modes.
 
-    recordings, period: as of `prepare_recordings`, s. n_further: modes more than coordinates.
-    modes: Hz, of the model; None if any will do. faster: Hz, modes that are left out. below: Hz,
-    from which on motion is left out; None if all of it is in the recordings.
+    recordings, period: as of `prepare_recordings`, s. n_further: number of modes beyond the
+    coordinates. modes: Hz, of the model; None if any are allowed. faster: Hz, modes that are left
+    out. below: Hz, above which motion is left out; None if all of it is in the recordings.
     """
 
     recordings: list[Recording]
@@ -58,7 +58,7 @@ class ModeSelection:
     below: float | None = None
 
     def has_modes_of(self, found: IdentifiedModel) -> bool:
-        """Return whether each oscillation of the linear part of a model is at a selected mode."""
+        """Decide whether each oscillation of the linear part of a model is at a selected mode."""
         if self.modes is None:
             return True
         beside = (each.frequency for each in found.resonances if each.is_mode)
@@ -67,7 +67,7 @@ class ModeSelection:
         return bool(np.all(np.abs(np.log(ratios)).min(axis=1) < 1.5 * np.log(APART)))
 
     def with_omissions(self, found: IdentifiedModel) -> IdentifiedModel:
-        """Return a model with a finding of what is left out, and `below` in its diagnostics."""
+        """Add a finding on what is left out to a model, and `below` to its diagnostics."""
         if self.below is None:
             return found
         if self.faster:
@@ -83,7 +83,7 @@ class ModeSelection:
 class SeveralModes:
     """Recordings, as of `prepare_recordings`, that may have more modes than coordinates.
 
-    Nothing is selected beside inputs, or if random forces need not have moved the recordings.
+    Nothing is selected if there are inputs, or if random forces need not have moved the recordings.
     """
 
     recordings: list[Recording]
@@ -91,32 +91,32 @@ class SeveralModes:
 
     @property
     def whole(self) -> ModeSelection:
-        """The recordings as they are."""
+        """The recordings without a filter."""
         return ModeSelection(self.recordings, self.period)
 
     @cached_property
     def modes(self) -> list[float]:
-        """Hz, the slowest first; none beside inputs, whose frequencies are no modes."""
+        """Modes, Hz, the slowest first; none with inputs, whose frequencies are no modes."""
         return [] if self.recordings[0].inputs else _find_modes(self.recordings)
 
     @cached_property
     def channels(self) -> Channels:
-        """What the recordings measure."""
+        """Channels of the recordings."""
         return Channels.from_recordings(self.recordings)
 
     def slowest(self, apart: tuple[float, float] = FAR_APART) -> Iterator[ModeSelection]:
         """Select the slowest modes, one per coordinate, if there are more modes than coordinates.
 
-        apart: times the last of these modes, between which the next one is.
+        apart: limits of the next mode, as multiples of the last of these modes.
         """
         own = len(self.channels.pairs)
         return self._selections([own] if len(self.modes) > own else [], apart)
 
     def more(self) -> Iterator[ModeSelection]:
-        """Select more modes than coordinates: all, also as one more than seen, or the slowest.
+        """Select more modes than coordinates: all, also one more than visible, or the slowest.
 
-        Accelerations show forces beyond all modes, where these are no longer white. What is far
-        beyond is left out, also if there are no more modes than coordinates, and if samples are
+        Accelerations show forces beyond all modes, where these are no longer white. Frequencies far
+        beyond are removed, also if there are no more modes than coordinates, and if samples are
         many times as fast as the modes.
         """
         own, every = len(self.channels.pairs), len(self.modes)
@@ -153,10 +153,10 @@ class SeveralModes:
 
 
 def may_have_split_mode(found: IdentifiedModel) -> bool:
-    """Whether a mode of a model is so broad that it may be two.
+    """Decide whether a mode of a model is so broad that it may be two.
 
-    The innovations then are less white than those of most sound models. Beside inputs no further
-    mode is sought.
+    The innovations then are less white than those of most sound models. With inputs no further mode
+    is sought.
     """
     if found.model.inputs:
         return False
@@ -173,10 +173,10 @@ def may_have_split_mode(found: IdentifiedModel) -> bool:
 
 
 def splits_mode(split: IdentifiedModel, found: IdentifiedModel) -> bool:
-    """Return whether a model with one mode more shows that a mode of another model is two.
+    """Decide whether a model with one mode more shows that a mode of another model is two.
 
     Of two modes that overlap, a broad one in their middle leaves innovations that are nearly white;
-    the model of both is plainly likelier.
+    the model of both is clearly likelier.
     """
     if split.status != "ok" or not all(each.is_mode for each in split.resonances):
         return False
@@ -188,9 +188,9 @@ def splits_mode(split: IdentifiedModel, found: IdentifiedModel) -> bool:
 def _filter_edges(
     modes: list[float], k: int, fastest: float, apart: tuple[float, float]
 ) -> Iterator[float]:
-    """Where the filter may end that leaves the first k of some modes, Hz, at `fastest` at most.
+    """Yield cut-off frequencies, Hz, up to `fastest`, that keep the first k of some modes, Hz.
 
-    apart: times the last one, between which the next one is, to be filtered out.
+    apart: limits of the next mode, which is removed, as multiples of the last one.
     """
     if 0 < k < len(modes):
         least, most = SWEPT[0] / FLAT * modes[k - 1], SWEPT[1] * modes[k]
@@ -202,14 +202,14 @@ def _filter_edges(
 
 
 def _linear_modes(found: IdentifiedModel) -> Modes:
-    """Return those of the linear part of a model."""
+    """Compute the modes of the linear part of a model."""
     return found.model.small_motions(np.zeros(len(found.model.states)))
 
 
 def _size_varies(recordings: list[Recording]) -> bool:
-    """Whether the size of every channel fluctuates.
+    """Decide whether the size of every channel fluctuates.
 
-    That of a limit cycle does not, of which the filter leaves no harmonics.
+    That of a limit cycle, whose harmonics the filter removes, does not.
     """
     channels, sizes = Channels.from_recordings(recordings), []
     for each in recordings:  # with a little more than two samples in a period
@@ -219,7 +219,7 @@ def _size_varies(recordings: list[Recording]) -> bool:
 
 
 def _find_modes(recordings: list[Recording]) -> list[float]:
-    """Return where the mean spectrum of any channel has peaks, Hz, the slowest first."""
+    """Find the peaks of the mean spectrum of any channel, Hz, the slowest first."""
     step, grids = on_grids(recordings)
     lengths = np.array(list(map(len, grids)))
     alike = [
@@ -240,7 +240,7 @@ def _find_modes(recordings: list[Recording]) -> list[float]:
 
 
 def _neighbour_slices(frequency: np.ndarray, times: float) -> list[slice]:
-    """Of each frequency (n,), increasing, those that are less than `times` as large or as small."""
+    """Find the neighbours of each frequency (n,), increasing, within a factor of `times`."""
     first = np.searchsorted(frequency, frequency / times)
     last = np.searchsorted(frequency, frequency * times, side="right")
     return list(map(slice, first, last))

@@ -1,8 +1,8 @@
-"""Find starts of a fit in random forces: modes from correlations, then forces and noise.
+"""Initial models of a fit in random forces: modes from correlations, then forces and noise.
 
 The correlations of stationary motion decay as free motion does. Stochastic subspace identification
 finds its modes (P. Van Overschee and B. De Moor, 1996; B. Peeters and G. De Roeck, MSSP 13, 1999);
-as shapes of the displacements they are the stiffness and damping of the named equations.
+with their shapes in the displacements these give stiffness and damping of the named equations.
 """
 
 from collections.abc import Iterator, Sequence
@@ -46,7 +46,7 @@ NOISY = 0.2
 
 
 def on_grid(time: np.ndarray, samples: np.ndarray, step: float) -> np.ndarray:
-    """Return the samples (n, n_channels) of the nearest of steps, s, NaN where there is none."""
+    """Take the samples (n, n_channels) nearest to uniform steps, s, NaN where there is none."""
     place = np.round((time - time[0]) / step).astype(np.int64)
     grid = np.full((place[-1] + 1, samples.shape[1]), np.nan)
     grid[place] = samples
@@ -54,12 +54,12 @@ def on_grid(time: np.ndarray, samples: np.ndarray, step: float) -> np.ndarray:
 
 
 def typical_step(recordings: Sequence[Recording]) -> float:
-    """s, the median step between the samples of all recordings."""
+    """Compute the median step between the samples of all recordings, s."""
     return float(np.median(np.concatenate([np.diff(each.time) for each in recordings])))
 
 
 def on_grids(recordings: Sequence[Recording]) -> tuple[float, list[np.ndarray]]:
-    """Return the step, s, of all recordings, and their samples on it without their means."""
+    """Compute the step, s, of all recordings, and their samples on it without their means."""
     channels, step = Channels.from_recordings(recordings), typical_step(recordings)
     samples = [channels.samples(each) for each in recordings]
     return step, [
@@ -69,14 +69,14 @@ def on_grids(recordings: Sequence[Recording]) -> tuple[float, list[np.ndarray]]:
 
 
 def sample_correlations(grids: list[np.ndarray], lags: int) -> np.ndarray:
-    """(lags + 1, n_channels, n_channels) mean of y(t + lag) y(t)' of the samples that there are."""
+    """Average y(t + lag) y(t)' over the available samples, (lags + 1, n_channels, n_channels)."""
     total = sum(_sum_lagged_products(np.nan_to_num(grid), lags) for grid in grids)
     count = sum(_sum_lagged_products(np.isfinite(grid).astype(float), lags) for grid in grids)
     return total / np.maximum(count, 1.0)
 
 
 def _sum_lagged_products(samples: np.ndarray, lags: int) -> np.ndarray:
-    """Return (lags + 1, n_channels, n_channels) sum of y(t + lag) y(t)'."""
+    """Sum y(t + lag) y(t)' over samples, (lags + 1, n_channels, n_channels)."""
     size = 2 ** int(np.ceil(np.log2(len(samples) + lags + 1)))
     of = np.fft.rfft(samples, size, axis=0)
     return np.fft.irfft(of[:, :, None] * of[:, None].conj(), size, axis=0)[: lags + 1]
@@ -85,11 +85,11 @@ def _sum_lagged_products(samples: np.ndarray, lags: int) -> np.ndarray:
 def modes_from_correlations(
     correlation: np.ndarray, step: float, stride: int, count: int, further: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return eigenvalues (count,), 1/s, and shapes (n_channels, count) of that many oscillations.
+    """Find eigenvalues (count,), 1/s, and shapes (n_channels, count) of `count` oscillations.
 
     correlation: (n_lags, n_channels, n_channels), of lags that are multiples of `stride` steps, s.
-    further: how many more states the correlations may have; the oscillations that make most of
-    them are taken. Raises IdentificationError where they hold fewer.
+    further: number of additional states of the correlations; the strongest oscillations are
+    returned. Raises IdentificationError if there are fewer.
     """
     channels, rows = correlation.shape[1], (len(correlation) + 1) // 2
     order = 2 * count + further
@@ -128,7 +128,7 @@ class ExtraModes:
 
     @property
     def is_shared(self) -> np.ndarray:
-        """(n_resonances, n_forced) where `onto` is not one by definition."""
+        """Entries of `onto` that are not one by definition, (n_resonances, n_forced)."""
         shared = np.ones(self.onto.shape, bool)
         shared[np.arange(len(self.hosts)), list(self.hosts)] = False
         return shared
@@ -136,7 +136,7 @@ class ExtraModes:
 
 @dataclass(frozen=True)
 class LinearStart:
-    """system: (n_states, n_states), and the modes beside its own."""
+    """Linear system (n_states, n_states), and resonances besides its modes."""
 
     system: np.ndarray
     extra_modes: ExtraModes
@@ -145,11 +145,11 @@ class LinearStart:
 def find_linear_systems(
     channels: Channels, grids: list[np.ndarray], step: float, period: float, besides: int
 ) -> Iterator[LinearStart]:
-    """Return linear systems that may have moved so, with `besides` modes more than coordinates.
+    """Yield linear systems that may explain the motion, with `besides` additional modes.
 
     grids: samples on uniform steps, s, without their means. period: s, the shortest of the motion.
-    Each is told from correlations of another length, of the samples or of their differences, which
-    have the same modes and less of what is slow.
+    Each is from correlations of another length, of the samples or of their differences, which have
+    the same modes and weaker slow components.
     """
     pairs = channels.pairs
     size = np.nanstd(np.concatenate(grids), axis=0)
@@ -182,9 +182,9 @@ def find_linear_systems(
 def _system_with_modes(
     channels: Channels, rates: np.ndarray, seen: np.ndarray
 ) -> LinearStart | None:
-    """With these modes, None where their shapes are too alike.
+    """Make the system with these modes, None if their shapes are too alike.
 
-    The coordinates' own are those whose shapes differ most; to these the others are forces.
+    The coordinates' own are those whose shapes differ most; the others are forces on these.
     """
     pairs = channels.pairs
     damping = np.maximum(-rates.real, LEAST_DAMPING * np.abs(rates))
@@ -218,7 +218,7 @@ def _system_with_modes(
 
 
 def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (n,), rad/s, and two-sided spectra (n, n_channels) there, in means of BINS."""
+    """Estimate frequencies (n,), rad/s, and two-sided spectra (n, n_channels), in means of BINS."""
     frequencies, powers = [], []
     for grid in grids:
         known = np.isfinite(grid)
@@ -233,9 +233,9 @@ def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, 
 
 
 def shortest_velocity_period(recordings: Sequence[Recording]) -> float:
-    """s, the shortest period of the motion's velocities, where white noise is taken off.
+    """Find the shortest period of the motion's velocities, s, after subtraction of white noise.
 
-    Raises IdentificationError where the recordings tell none.
+    Raises IdentificationError if the recordings show none.
     """
     step, grids = on_grids(recordings)
     omega, power = estimate_spectra(grids, step)
@@ -260,10 +260,10 @@ def estimate_strengths(
     power: np.ndarray,
     slow: float | None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Estimate the strengths of forces and noise, whose sum is nearest to spectra.
+    """Estimate the strengths of forces and noise whose sum is nearest to spectra.
 
-    Returns covariances in a second of white forces, in the equations (n_forced,) and then on the
-    resonances, and of what drives slow ones, (n_forced,), and spectra (n_channels,) of noise.
+    Returns covariances per second of white forces, in the equations (n_forced,) and then on the
+    resonances, and of the drive of slow ones, (n_forced,), and spectra (n_channels,) of noise.
 
     omega: (n,) rad/s, power: (n, n_channels). slow: rate of slow forces, 1/s; None: there are none.
     """
@@ -293,10 +293,10 @@ STEADY, WAVERING, TREND = 5.0, 0.12, 3
 
 
 def amplitude_fluctuates(recordings: Sequence[Recording], period: float) -> bool:
-    """Return whether the size of the motion in every channel goes up and down about the same size.
+    """Decide whether the size of the motion in every channel fluctuates about a constant.
 
-    As random forces make it; a motion that grows, decays or repeats does not. period: s. Parts of
-    less than half the longest recording are left aside: a few periods follow any trend.
+    Random forces cause this; a motion that grows, decays or repeats does not fluctuate. period: s.
+    Parts of less than half the longest recording are ignored: a few periods follow any trend.
     """
     found, channels = [], Channels.from_recordings(list(recordings))
     lengths = [np.ptp(recording.time) for recording in recordings]
@@ -317,10 +317,10 @@ def amplitude_fluctuates(recordings: Sequence[Recording], period: float) -> bool
 
 
 def is_ambient_candidate(start: Start) -> bool:
-    """Whether random forces may have moved a recording.
+    """Decide whether random forces may have moved a recording.
 
-    A motion that follows from its first state leaves little in the weak form, if noise does not
-    hide what is left and the start follows the oscillations, not what is slower.
+    The weak form of a motion that follows from its initial state has small residuals, if noise does
+    not hide them and the start follows the oscillations, not slower components.
 
     start: the start of all methods.
     """

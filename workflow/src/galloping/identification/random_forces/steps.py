@@ -1,4 +1,4 @@
-"""The steps between samples, for any sampling, and linear systems in white forces over them.
+"""Steps between samples, for any sampling, and linear systems in white forces over them.
 
 dx = A x dt + dW, of covariance G dt, has x(t + h) = exp(A h) x(t) + w, with the covariance of w
 the integral of exp(A s) G exp(A s)' from 0 to h; both by the eigenvectors of A.
@@ -22,8 +22,8 @@ FEWEST = 1e-10  # relative determinant of the eigenvectors: fewer than n of them
 class Steps:
     """The steps between samples.
 
-    lengths: (n_steps,) s, that occur between samples. of: (n,) index of the step before each
-    sample, -1 before the first. time: (n,) s. inputs: what is known beside the motion.
+    lengths: (n_steps,) s, distinct lengths. of: (n,) index of the step before each sample, -1
+    before the first. time: (n,) s. inputs: those of the recording.
     """
 
     lengths: np.ndarray
@@ -33,19 +33,18 @@ class Steps:
 
     @classmethod
     def from_times(cls, time: np.ndarray, inputs: Sequence[Input] = ()) -> "Steps":
-        """Of times (n,) s, increasing."""
+        """Make the steps of times (n,) s, increasing."""
         tick = np.median(np.diff(time)) / TICKS
         counts = np.diff(np.round((time - time[0]) / tick).astype(np.int64))
         occurring, index = np.unique(np.maximum(counts, 1), return_inverse=True)
         return cls(occurring * tick, np.append(-1, index), time, tuple(inputs))
 
     def input_factors(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
-        """Return the factors of the inputs, (3 n_substeps + 1, n_factors).
+        """Compute the factors of the inputs, (3 n_substeps + 1, n_factors).
 
-        They are at the begin, half way and just before the end of each of the substeps, (n_steps,)
-        of a step, of all steps, and at the last time.
-
-        The last ones are kept: a fit asks for the same of nearly every model that it tries.
+        They are at the beginning, half way and just before the end of each of the substeps,
+        (n_steps,) of a step, of all steps, and at the last time. The last result is cached, since a
+        fit needs the same for nearly every model.
         """
         asked = substeps.tobytes(), tuple(factors)
         if asked not in self._factor_cache:
@@ -78,10 +77,10 @@ class Steps:
 def discretise(
     system: np.ndarray, forces: np.ndarray, lengths: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return transitions and covariances (n_steps, n, n) over steps of `lengths`, s.
+    """Compute transitions and covariances (n_steps, n, n) over steps of `lengths`, s.
 
-    system: (n, n), A; forces: (n, n), G. Raises IdentificationError where A has too few
-    eigenvectors, as at critical damping.
+    system: (n, n), A; forces: (n, n), G. Raises IdentificationError if A has too few eigenvectors,
+    as at critical damping.
     """
     values, vectors = np.linalg.eig(system)
     alike = vectors / np.linalg.norm(vectors, axis=1)[:, np.newaxis]  # whatever the states' units

@@ -1,4 +1,4 @@
-"""A model in white forces that follows its recordings by the filter, and goes on from there."""
+"""State-space model in white forces: filter of recordings, and simulation from their end."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -39,25 +39,25 @@ FILTER, OF_STATE, OF_STEP, OF_TERM, OF_SLOPE = 3e-4, 6e-8, 8e-7, 1.2e-8, 4e-9
 
 @dataclass(frozen=True)
 class Data:
-    """samples: (n, n_channels) of a recording, NaN where missing; steps: between them."""
+    """Samples (n, n_channels) of a recording, NaN where missing, and the steps between them."""
 
     samples: np.ndarray
     steps: Steps
 
     @classmethod
     def from_recording(cls, recording: Recording, channels: Channels) -> "Data":
-        """Return what channels measure of a recording."""
+        """Extract the samples of channels from a recording."""
         steps = Steps.from_times(recording.time, tuple(recording.inputs.values()))
         return cls(channels.samples(recording), steps)
 
 
 @dataclass(frozen=True)
 class FilterResult:
-    """What a filter returns of a recording.
+    """Result of a filter over a recording.
 
     innovations, variances: (n, n_channels) of samples, NaN where missing. means: (n, n_states)
     after each. mean, covariance: of the states, and of slow forces, after the last. count: of the
-    samples, more than of the finite innovations where the filter fails.
+    samples, more than of the finite innovations if the filter fails.
     """
 
     innovations: np.ndarray
@@ -69,7 +69,7 @@ class FilterResult:
 
     @property
     def standardised(self) -> np.ndarray:
-        """(n, n_channels) innovations in their deviations."""
+        """Innovations over their standard deviations, (n, n_channels)."""
         return self.innovations / np.sqrt(self.variances)
 
 
@@ -77,9 +77,9 @@ class FilterResult:
 class Forces:
     """The random forces of a model.
 
-    white: (n_states, n_states) covariance in a second of white forces in the equations. slow:
-    (n_states, n_states) of what drives forces that decay at `rates` (n_states,), 1/s, as those of
-    gusts do; zero where there are none. resonances: forces that oscillate.
+    white: (n_states, n_states) covariance per second of white forces in the equations. slow:
+    (n_states, n_states) of the drive of forces that decay at `rates` (n_states,), 1/s, as those of
+    gusts do; zero if there are none. resonances: forces that oscillate.
     """
 
     white: np.ndarray
@@ -89,30 +89,30 @@ class Forces:
 
     @cached_property
     def places(self) -> np.ndarray:
-        """(n_slow,) indices of the equations with a slow force."""
+        """Indices of the equations with a slow force, (n_slow,)."""
         return np.flatnonzero(np.diag(self.slow))
 
     @classmethod
     def from_model(cls, found: IdentifiedModel) -> "Forces":
-        """Return those of an identified model."""
+        """Extract the forces of an identified model."""
         rates = [found.diagnostics.get(f"slow_rate_{s}", 1.0) for s in found.model.states]
         return cls(found.forces, found.slow_forces, np.array(rates), found.resonances)
 
     def density(self, omega: float) -> np.ndarray:
-        """Return the two-sided density (n_states, n_states) of the forces at a frequency, rad/s.
+        """Compute the two-sided density (n_states, n_states) of the forces at a frequency, rad/s.
 
-        It is the covariance in a second of the white forces that move a mode there as much.
+        It is the covariance per second of white forces with the same effect on a mode there.
         """
         return self.white + self.slow / (self.rates**2 + omega**2)
 
 
 @dataclass(frozen=True)
 class StateSpaceModel:
-    """A model, its forces and its instruments.
+    """A model, its forces and the noise of its sensors.
 
     noise: (n_channels,) deviations of a sample. size: (n_states,) of the motion. held: means of the
-    inputs, at which the linear part is. With slow forces, the filter is of the states and of those.
-    Raises IdentificationError where the model has no rest.
+    inputs, at which the linear part is computed. With slow forces, the filter includes these.
+    Raises IdentificationError if the model has no equilibrium.
     """
 
     model: PolynomialModel
@@ -124,29 +124,29 @@ class StateSpaceModel:
 
     @cached_property
     def steady(self) -> PolynomialModel:
-        """The model in the means of its inputs."""
+        """The model at the means of its inputs."""
         return self.model.at(self.held) if self.held else self.model
 
     @cached_property
     def system(self) -> np.ndarray:
-        """(n_states, n_states) the linear part of the equations."""
+        """Linear part of the equations, (n_states, n_states)."""
         return self.steady.jacobian(np.zeros((1, len(self.size))))[0]
 
     @cached_property
     def modes(self) -> Modes:
-        """Those of the linear part."""
+        """Modes of the linear part."""
         return self.steady.small_motions(np.zeros(len(self.size)))
 
     @cached_property
     def rest(self) -> np.ndarray:
-        """(n_states,) where the linear part is in equilibrium."""
+        """Equilibrium of the linear part, (n_states,)."""
         if np.linalg.det(self.system) == 0.0:
             raise IdentificationError(Code.STIFFNESS_UNDETERMINED)
         return -np.linalg.solve(self.system, self.steady(np.zeros((1, len(self.size))))[0])
 
     @cached_property
     def augmented_system(self) -> tuple[np.ndarray, np.ndarray]:
-        """The linear system and its white forces, with those that drive other forces, (m, m)."""
+        """Linear system, with slow and oscillating forces, and its white forces, (m, m)."""
         n, places, swings = len(self.rest), self.forces.places, self.forces.resonances
         p, r = n + len(places), len(swings)
         m = p + 2 * r
@@ -166,7 +166,7 @@ class StateSpaceModel:
 
     @cached_property
     def is_linear(self) -> bool:
-        """Whether it is, and no input bears on it."""
+        """Whether the equations are linear and independent of inputs."""
         exponents: np.ndarray = np.array(self.model.terms)
         n = len(self.size)
         others = (exponents[:, :n].sum(axis=1) > 1) | exponents[:, n:].any(axis=1)
@@ -174,12 +174,12 @@ class StateSpaceModel:
 
     @property
     def first_mean(self) -> np.ndarray:
-        """(m,) before anything was measured."""
+        """Mean of the states before any measurement, (m,)."""
         return np.append(self.rest, np.zeros(len(self.augmented_system[0]) - len(self.rest)))
 
     @property
     def first_covariance(self) -> np.ndarray:
-        """(m, m) before anything was measured."""
+        """Covariance of the states before any measurement, (m, m)."""
         slow = np.diag(self.forces.slow) / (2.0 * self.forces.rates)
         within = (DIFFUSE if self.is_linear else NEAR) * self.size
         p, swings = len(self.size) + len(self.forces.places), self.forces.resonances
@@ -195,7 +195,7 @@ class StateSpaceModel:
     def equations(self, terms: Sequence[int] | np.ndarray = ()) -> tuple[np.ndarray, np.ndarray]:
         """Return exponents (n_terms, m + n_factors) and coefficients (m, n_terms) of the equations.
 
-        They move the states and slow forces, and have the terms of the model that are present,
+        They are of the states and slow forces, and have the terms of the model that are present,
         after `terms`, indices that come first.
         """
         n, m, known = len(self.size), len(self.augmented_system[0]), self._tables
@@ -211,7 +211,7 @@ class StateSpaceModel:
         return exponents, coefficients
 
     def substeps(self, lengths: np.ndarray) -> np.ndarray:
-        """Return (n_steps,) into how many a step of a length, s, is divided."""
+        """Compute the number of substeps of each step, (n_steps,), by its length, s."""
         fastest = self.modes.omega.max()
         return np.ceil(lengths * fastest * SUBSTEPS / (2.0 * np.pi)).astype(np.int64)
 
@@ -220,9 +220,9 @@ class StateSpaceModel:
     ) -> tuple[FilterResult, np.ndarray]:
         """Filter samples by a nonlinear system, with slopes of innovations with coefficients.
 
-        As of `extended_filter`. candidates: (n_candidates, 2), of equations and of `terms`. Raises
-        IdentificationError if a pass takes more than all the work of a search, or what it follows
-        is much quicker than its samples.
+        The arguments are as of `extended_filter`. candidates: (n_candidates, 2), of equations and
+        of `terms`. Raises IdentificationError if a pass takes more than all the work of a search,
+        or if the system is much faster than its samples.
         """
         m, kept = len(self.augmented_system[0]), np.array(self.channels.kept, int)
         given = self.first_mean, self.first_covariance, self.augmented_system[1]
@@ -236,7 +236,7 @@ class StateSpaceModel:
         return self._make_result(data, innovations, variances, means, x, p), slopes
 
     def _make_result(self, data: Data, innovations, variances, means, x, p) -> FilterResult:
-        """Of what a compiled filter returns; x, p: mean and covariance that it leaves."""
+        """Assemble the result of a compiled filter; x, p: mean and covariance at its end."""
         n, m, count = (
             len(self.size),
             len(self.augmented_system[0]),
@@ -265,7 +265,7 @@ class StateSpaceModel:
         )  # fmt: skip
 
     def simulate(self, x: np.ndarray, steps: Steps, rng: np.random.Generator) -> np.ndarray:
-        """Return (n, n_states) from states and slow forces `x` (m,) on, in forces drawn for it."""
+        """Simulate states, (n, n_states), from states and slow forces `x` (m,), in drawn forces."""
         counts = self.substeps(steps.lengths)
         noise = rng.standard_normal((counts[steps.of[1:]].sum(), len(x)))
         driven, root = (
@@ -276,9 +276,7 @@ class StateSpaceModel:
         return random_motion(x, *own)[:, : len(self.size)]
 
     def filter(self, data: Data) -> FilterResult:
-        """Return the filter of all samples. Raises IdentificationError where the model cannot be
-        followed.
-        """
+        """Filter all samples. Raises IdentificationError if the filter fails."""
         if not self.is_linear:
             return self.filter_extended(data, np.zeros((0, 2), np.int64))[0]
         transitions, disturbances = discretise(*self.augmented_system, data.steps.lengths)
@@ -306,10 +304,10 @@ class StateSpaceModel:
         return self._make_result(data, innovations, variances, means, x, p)
 
     def first_state(self, data: Data, count: int) -> np.ndarray:
-        """Return (n_states,) at the first sample, as `count` samples tell it.
+        """Estimate the states, (n_states,), at the first sample from `count` samples.
 
-        By the filter of the states beside what they were at first, which does not change, and of
-        rates at the sample, to which mean ones come near but for the forces in them.
+        The filter is of the states together with their first values, which are constant, and of
+        rates at the sample, which mean rates approximate except for the forces in them.
         """
         if self.channels.averaged:
             force = (
@@ -338,7 +336,7 @@ class StateSpaceModel:
 def motion_sizes(
     recordings: list[Recording], channels: Channels, period: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the deviations (n_states,) of the states, and means and deviations of the channels.
+    """Compute deviations (n_states,) of the states, and means and deviations of the channels.
 
     Deviations of the channels determine those of the states at a period, s.
     """

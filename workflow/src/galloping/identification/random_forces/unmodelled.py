@@ -1,4 +1,4 @@
-"""Modes that a recording shows and its states leave no room for."""
+"""Modes of a recording for which its states have no coordinate."""
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -25,7 +25,7 @@ NAMED, APART = 3, 0.5  # frequencies that are named, and how far apart, in that 
 
 
 def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
-    """Find which coordinates move much faster than they swing, a finding for each frequency."""
+    """Find coordinates with a fast mode besides their own, a finding for each frequency."""
     channels, found = Channels.from_recordings(recordings), []
     names = channels.names
     if not names:  # a line that diverged has no motion

@@ -1,4 +1,4 @@
-"""The verdict on a fit in random forces, and the identified model that carries it."""
+"""Status of a fit in random forces, and its identified model."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,8 +16,9 @@ from galloping.identification.status import status_of
 class FinalFit:
     """A fit to all samples.
 
-    absent: (n_candidates,) standard errors of absent terms, were they there. penalty: of a term.
-    initial_states: (n_recordings, n_states). scales: of values that were in unknown units, by name.
+    absent: (n_candidates,) standard errors of absent terms, if they were present. penalty: of a
+    term. initial_states: (n_recordings, n_states). scales: of values that were in unknown units, by
+    name.
     """
 
     fit: ForcedFit
@@ -28,7 +29,7 @@ class FinalFit:
 
 
 def assess_forced_fit(found: FinalFit) -> IdentifiedModel:
-    """Return the identified model of a fit with its status.
+    """Make the identified model of a fit with its status.
 
     It is `ok`, or `approximate` if the innovations are not white and that matters.
     """

@@ -1,4 +1,4 @@
-"""Whether what a fit in random forces leaves is white noise, and if not, at which frequencies."""
+"""Whiteness tests of the innovations of a fit in random forces, and frequencies of deviations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -34,12 +34,12 @@ class Whiteness:
     """Tests of standardised innovations for whiteness.
 
     statistic, allowed: of the correlations of innovations, over their degrees of freedom. told:
-    share of their power that their past predicts. frequency: Hz, at which a spectrum of theirs
-    stands out most; channel: index; peak: over what surrounds it, peak_allowed: most by chance at
-    all frequencies of all channels. swings: whether modes oscillate there. largest: innovation, in
-    deviations; after: s, from the beginning of its recording, when; jumping: index of its channel.
-    goes_with: the state or input of which the innovations are a function, as of a force that the
-    library lacks; '' none.
+    share of their power that their past predicts. frequency: Hz, of the highest peak of their
+    spectrum; channel: index; peak: over its surroundings, peak_allowed: largest by chance at all
+    frequencies of all channels. swings: whether modes oscillate there. largest: innovation, in
+    deviations; after: s, from the beginning of its recording; jumping: index of its channel.
+    goes_with: the state or input on which the innovations depend, as for a force that the library
+    lacks; '' none.
     """
 
     statistic: float
@@ -56,7 +56,7 @@ class Whiteness:
     goes_with: str = ""
 
     def to_finding(self, channels: Sequence[str]) -> Finding:
-        """Return what a fit leaves that is no white noise. channels: their names."""
+        """Make the finding on innovations that are not white. channels: their names."""
         if self.goes_with:
             return Finding.of(Code.FORCE_MISSING, self.goes_with)
         if self.has_jump:
@@ -70,45 +70,45 @@ class Whiteness:
 
     @property
     def shows_line(self) -> bool:
-        """Whether the spectrum stands out at a frequency more than by chance."""
+        """Whether the spectrum has a higher peak than by chance."""
         return self.peak > (1.0 if self.swings else APART) * self.peak_allowed
 
     @property
     def has_jump(self) -> bool:
-        """Whether a single innovation is larger than random forces and noise make any."""
+        """Whether a single innovation is larger than random forces and noise allow."""
         return self.largest > JUMP
 
     @property
     def is_white(self) -> bool:
-        """Whether no test tells the innovations from white noise."""
+        """Whether all tests accept the innovations as white noise."""
         apart = self.shows_line or self.has_jump or self.goes_with
         return self.statistic <= self.allowed and not apart
 
     @property
     def is_nearly_white(self) -> bool:
-        """Whether it is at least not another kind of motion."""
+        """Whether the innovations at least exclude another kind of motion."""
         return not self.is_relevant or (
             self.peak < MOST_LINE * self.peak_allowed and self.told < MOST_TOLD
         )
 
     @property
     def explains_most(self) -> bool:
-        """Whether random forces explain most of the motion, and nothing else plainly any of it."""
+        """Whether random forces explain most of the motion, and nothing else a clear part."""
         few = self.peak < MOST_LINE * self.peak_allowed and self.told < PARTLY_TOLD
         return few and not self.goes_with
 
     @property
     def is_relevant(self) -> bool:
-        """Whether what is no white noise in it bears on the model."""
+        """Whether deviations from white noise affect the model."""
         apart = self.shows_line or self.has_jump or self.goes_with
         return self.told > RELEVANT or bool(apart)
 
 
 def assess_whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Whiteness:
-    """Of standardised innovations (n, n_channels) on uniform steps, s, NaN where missing.
+    """Test standardised innovations (n, n_channels) on uniform steps, s, NaN where missing.
 
-    modes: Hz, at which the model swings. Of many samples in a period each tells the noise of the
-    sensor and hardly any force: sums of some are looked at as well, which are as white.
+    modes: Hz, of the model. With many samples in a period each shows mostly the noise of the sensor
+    and hardly any force: sums of several are tested as well, which are as white.
     """
     found = _assess_grids(grids, step, modes)
     many = int(1.0 / (modes.max() * step * SAMPLES))
@@ -125,14 +125,14 @@ def assess_whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) ->
 
 
 def _sum_groups(grid: np.ndarray, many: int) -> np.ndarray:
-    """Of every `many` rows, of the same variance as one."""
+    """Sum every `many` rows, scaled to the variance of one."""
     parts = grid[: len(grid) // many * many].reshape(-1, many, grid.shape[1])
     counts = np.isfinite(parts).sum(axis=1)
     return np.nansum(parts, axis=1) / np.sqrt(np.where(counts, counts, np.nan))
 
 
 def _assess_grids(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Whiteness:
-    """By the statistic of G. Ljung and G. Box (Biometrika 65, 1978), of every pair of channels."""
+    """Test all pairs of channels by the statistic of G. Ljung and G. Box (Biometrika 65, 1978)."""
     channels = grids[0].shape[1]
     lags = int(np.clip(PERIODS / modes.min() / step, 4, MOST_LAGS))
     total, counts = np.zeros((2, lags, channels, channels))
@@ -160,11 +160,10 @@ def _assess_grids(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Wh
 
 
 def find_dependence(errors: np.ndarray, before: np.ndarray) -> int | None:
-    """Return the column of `before` (n, m) of which innovations are plainly a function.
+    """Find the column of `before` (n, m) on which innovations clearly depend.
 
-    Standardised innovations (n, n_channels) of a right model are a function of nothing that was
-    known before each. The test is on their means in GROUPS of equally many values. None if there is
-    none.
+    Standardised innovations (n, n_channels) of a right model are independent of everything known
+    before each. The test is on their means in GROUPS of equally many values. None if there is none.
     """
     tests, most, found = errors.shape[1] * before.shape[1], 0.0, None
     for k, column in enumerate(before.T):
@@ -184,7 +183,7 @@ def find_dependence(errors: np.ndarray, before: np.ndarray) -> int | None:
 
 
 def _find_peak(grids: list[np.ndarray], step: float) -> tuple[float, float, int]:
-    """Return the largest ratio of BINS of a spectrum to AROUND groups nearby, and where it is."""
+    """Find the largest ratio of BINS of a spectrum to AROUND groups nearby, and its place."""
     found = (0.0, np.nan, 0)
     for grid in grids:
         power = np.abs(np.fft.rfft(np.nan_to_num(grid), axis=0)[1:]) ** 2

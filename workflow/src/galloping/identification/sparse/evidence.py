@@ -1,7 +1,7 @@
-"""Reduce recordings for sparse regression: derivatives on a library.
+"""Reduction of recordings for sparse regression: derivatives on a library.
 
-Derivatives are measured, or come from noisy states by least-squares splines, as smooth as the data
-ask for.
+Derivatives are measured, or come from noisy states by least-squares splines, whose smoothness
+follows the data.
 """
 
 from collections.abc import Sequence
@@ -39,11 +39,11 @@ ENOUGH = 1.05  # the scan stops once every channel's score is this much above it
 def differentiate(
     time: np.ndarray, values: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return smoothed states, their derivatives, and the effective number of observations.
+    """Compute smoothed states, their derivatives, and the effective number of observations.
 
     time: (n,) s, increasing, regular or not; values: (n, n_channels). Returns two (n, n_channels)
-    arrays and (n_channels,) counts of spline coefficients: that many independent values are left in
-    a smoothed channel. Raises ValueError for samples too few for a spline.
+    arrays and (n_channels,) counts of spline coefficients, the numbers of independent values in
+    smoothed channels. Raises ValueError for samples too few for a spline.
     """
     splines, effective = _fit_splines(time, values)
     derivatives = [spline.derivative()(time) for spline in splines]
@@ -51,11 +51,11 @@ def differentiate(
 
 
 def with_missing_samples(recording: Recording) -> Recording:
-    """Return a recording whose times are some of an equally spaced grid, on the whole grid.
+    """Complete a recording whose times are part of an equally spaced grid.
 
-    Between the samples stand the values of smoothing splines, so that one algorithm serves all
-    samples of a record and a random subset of them. A recording is returned as it is where its
-    times are on no grid, or on all of one. Raises ValueError for samples too few for a spline.
+    Values between the samples are from smoothing splines, so that one algorithm serves all samples
+    of a recording and a random subset of them. A recording is unchanged if its times are on no
+    grid, or on all of one. Raises ValueError for samples too few for a spline.
     """
     steps = np.diff(recording.time)
     places = np.r_[0.0, np.cumsum(steps)] / steps.min()
@@ -72,7 +72,8 @@ def with_missing_samples(recording: Recording) -> Recording:
 def _fit_splines(time: np.ndarray, values: np.ndarray) -> tuple[list[BSpline], np.ndarray]:
     """Fit a least-squares spline of degree 7 to each channel, and count its coefficients.
 
-    It has a knot at every m-th sample; m by generalised cross-validation (Craven and Wahba 1979).
+    It has a knot at every m-th sample; m is chosen by generalised cross-validation (Craven and
+    Wahba 1979).
     """
     n, channels = values.shape
     score, effective = np.full(channels, np.inf), np.zeros(channels, dtype=int)
@@ -100,14 +101,17 @@ def _evaluate_splines(splines: list[BSpline], time: np.ndarray) -> np.ndarray:
 
 
 def _clamped_knots(time: np.ndarray, every: int) -> np.ndarray:
-    """Return clamped knots at every m-th sample, so that each span holds data."""
+    """Place clamped knots at every m-th sample, so that each span contains data."""
     inner = time[every:-every:every]
     return np.r_[[time[0]] * (DEGREE + 1), inner, [time[-1]] * (DEGREE + 1)]
 
 
 @lru_cache(maxsize=len(KNOT_EVERY))  # replicates mostly share their times
 def _spline_basis(time: bytes, every: int) -> tuple[csr_array, np.ndarray]:
-    """B-splines at the times, (n, p), and the banded Cholesky factor of their normal equations."""
+    """Compute B-splines at the times, (n, p), and the Cholesky factor of their normal equations.
+
+    The factor is banded.
+    """
     instants = np.frombuffer(time)
     # no sample is outside, and to look for one costs as much as the matrix
     design = BSpline.design_matrix(
@@ -120,11 +124,11 @@ def _spline_basis(time: bytes, every: int) -> tuple[csr_array, np.ndarray]:
 
 @dataclass(frozen=True)
 class Regressions:
-    """What the methods that regress derivatives on states see of the recordings of one replicate.
+    """Regression problems of the recordings of one noise realisation.
 
-    plain: derivatives as measured, or those of a spline that generalised cross-validation made as
-    smooth as each channel asks for. tuned: by the smoothing that predicts held-out stretches best,
-    or `plain` where there is none to choose. filters: every one that was tried.
+    plain: derivatives as measured, or those of a spline whose smoothness generalised
+    cross-validation chooses for each channel. tuned: by the smoothing that predicts held-out
+    stretches best, or `plain` if there is none to choose. filters: all that were tried.
     """
 
     plain: ReducedRegression
@@ -133,11 +137,11 @@ class Regressions:
 
 
 def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regressions:
-    """Return the regressions of recordings of one system on the candidate library `terms`.
+    """Reduce recordings of one system to regressions on the candidate library `terms`.
 
-    Where no derivatives were measured they come from smoothing, and so do the states: it is chosen
-    where the samples are equally spaced, or some of equally spaced ones. Raises IdentificationError
-    where a value is missing.
+    Derivatives that were not measured come from smoothing, and so do the states: it is chosen if
+    the samples are equally spaced, or part of equally spaced ones. Raises IdentificationError if a
+    value is missing.
     """
     _check_complete(recordings)
     if recordings[0].exact:
@@ -166,7 +170,7 @@ def _check_complete(recordings: Sequence[Recording]) -> None:
 
 
 def reduce_weakly(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regressions:
-    """Weak forms of recordings of one system: integrals against test functions, not derivatives.
+    """Reduce recordings of one system to weak forms: integrals against test functions.
 
     Weak SINDy (Messenger and Bortz 2021; Reinbold et al. 2020) with pysindy's test functions.
     Raises ValueError for irregular, short or missing samples.

@@ -1,6 +1,7 @@
 """Forward regression by orthogonal least squares (Billings 2013; pysindy's FROLS).
 
-Apart from `stlsq`: an edit of a method that a study does not ask for runs none of its jobs again.
+This module is separate from `stlsq`, so that an edit of an unused method reruns none of a study's
+jobs.
 """
 
 import numpy as np
@@ -20,7 +21,7 @@ STEPS = 20  # the largest model of an equation
 
 
 def fit_frols(evidence: Regressions) -> IdentifiedModel:
-    """Add the term that explains most until held-out stretches, or EBIC, ask for no more.
+    """Add the most explanatory terms as long as held-out stretches, or EBIC, require more.
 
     Terms that their successors have made NEGLIGIBLE are dropped.
     """
@@ -39,6 +40,6 @@ def fit_frols(evidence: Regressions) -> IdentifiedModel:
 
 
 def models_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
-    """Return models (f, m, k, p) of 0 to STEPS terms, of problems with unit columns and targets."""
+    """Compute models (f, m, k, p) of 0 to STEPS terms; columns and targets have unit length."""
     shares = forward_models(grams, moments, min(STEPS, grams.shape[1]))
     return solve(grams, moments, np.abs(shares) >= NEGLIGIBLE)

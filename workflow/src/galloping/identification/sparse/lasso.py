@@ -13,7 +13,7 @@ PENALTIES = np.geomspace(1, 1e-6, 45)  # of unit columns and targets, as sums ov
 
 
 def fit_lasso(evidence: Regressions, *, threshold: float | None) -> IdentifiedModel:
-    """Fit each equation with its own l1 penalty: cross-validated, or the kink that EBIC prefers.
+    """Fit each equation with its own l1 penalty: cross-validated, or the kink with the best EBIC.
 
     threshold: penalty alpha on unit columns and targets, or None to choose it. Terms whose refitted
     share is NEGLIGIBLE are dropped.
@@ -37,7 +37,7 @@ def fit_lasso(evidence: Regressions, *, threshold: float | None) -> IdentifiedMo
 
 
 def models_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
-    """Return models (f, m, k, p) at PENALTIES, of problems with unit columns and targets."""
+    """Compute models (f, m, k, p) at PENALTIES, of problems with unit columns and targets."""
     supports = np.zeros((*moments.shape[:2], len(PENALTIES), moments.shape[2]), dtype=bool)
     for f, m in np.ndindex(moments.shape[:2]):
         kinks, _, path = lars_path_gram(
@@ -55,7 +55,7 @@ def models_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
 def _choose_by_ebic(
     library: np.ndarray, targets: np.ndarray, observations: np.ndarray
 ) -> np.ndarray:
-    """Return the kink of each target's path that EBIC prefers."""
+    """Choose the kink of each target's path by EBIC."""
     alphas = []
     for i in range(targets.shape[1]):
         target = targets[:, [i]]
@@ -67,5 +67,5 @@ def _choose_by_ebic(
 
 
 def _prune(library: np.ndarray, target: np.ndarray, supports: np.ndarray) -> np.ndarray:
-    """Return supports without the terms that least squares finds negligible."""
+    """Remove terms that least squares finds negligible from supports."""
     return supports & (np.abs(refit(library, target, supports)) >= NEGLIGIBLE)

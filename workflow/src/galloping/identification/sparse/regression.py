@@ -1,11 +1,12 @@
-"""One QR per recording: all that least squares can learn from it, in 39 rows instead of 30,001.
+"""Reduction of a recording to one QR factor: all that least squares needs, in few rows.
 
-The rows of [Theta(X) | dX/dt] enter a regression only through their inner products, and an
-orthogonal transformation keeps those. Identification therefore works on the triangular factor.
+The rows of [Theta(X) | dX/dt] enter a regression only through their inner products, which an
+orthogonal transformation preserves. Identification therefore works on the triangular factor, with
+39 rows instead of 30,001.
 
-Fits to some stretches of a recording are judged by the others, in the weak form of the raw samples:
-what a model predicts of a held-out stretch, int phi Theta(x) c, is compared with -int phi' y, which
-no smoothing has touched, so that its noise has zero mean and is the same for all filters.
+Fits to some stretches of a recording are validated on the others, in the weak form of the raw
+samples: the prediction of a held-out stretch, int phi Theta(x) c, is compared with -int phi' y,
+which is unsmoothed, so that its noise has zero mean and is the same for all filters.
 """
 
 from collections.abc import Callable, Iterable
@@ -33,9 +34,9 @@ class ReducedRegression:
     library: (rows, n_terms), targets: (rows, n_states), rows of the stacked block factors, each
     with as many rows as columns. observations: (n_states,) effective number of independent
     observations of each target. held_out: (blocks, n_terms + n_states, n_terms + n_states), inner
-    products of [library | derivatives] in the weak form on each stretch, which judge what others
-    teach; None where thresholds are chosen by an information criterion instead.
-    states, terms: names of the targets' states, and the candidate library.
+    products of [library | derivatives] in the weak form on each stretch, which validate fits to the
+    others; None if thresholds are chosen by an information criterion instead. states, terms: names
+    of the targets' states, and the candidate library.
     """
 
     library: np.ndarray
@@ -46,7 +47,7 @@ class ReducedRegression:
     held_out: np.ndarray | None = None
 
     def model(self, coefficients: np.ndarray, thresholds: np.ndarray = UNSTATED) -> IdentifiedModel:
-        """Return what a method makes of it: (n_states, n_terms) coefficients, without a verdict."""
+        """Make the model of a method, without a status: (n_states, n_terms) coefficients."""
         model = PolynomialModel(self.states, self.terms, coefficients)
         return IdentifiedModel(model, "unjudged", thresholds=thresholds)
 
@@ -61,7 +62,7 @@ class ReducedRegression:
     def triangle(self) -> tuple[np.ndarray, np.ndarray]:
         """Library and targets as the rows of one triangle, (p + m, p) and (p + m, m).
 
-        Raises IdentificationError where a column is zero.
+        Raises IdentificationError if a column is zero.
         """
         triangle = np.linalg.qr(np.hstack([self.library, self.targets]), mode="r")
         check_nonzero(np.linalg.norm(triangle, axis=0))
@@ -70,9 +71,7 @@ class ReducedRegression:
 
 
 def check_nonzero(lengths: np.ndarray) -> np.ndarray:
-    """Return the lengths of columns. Raises IdentificationError where one has none to be scaled
-    by.
-    """
+    """Return the lengths of columns. Raises IdentificationError if one is zero."""
     if not np.all(lengths > 0):
         raise IdentificationError(Code.STATE_ZERO)
     return lengths
@@ -92,12 +91,12 @@ class Scaled:
         self.library, self.targets = library / self.lengths, targets / self.scale
 
     def unscale(self, shares: np.ndarray) -> np.ndarray:
-        """Return coefficients (m, p) from those of the scaled columns."""
+        """Compute coefficients (m, p) from those of the scaled columns."""
         return shares * self.scale[:, np.newaxis] / self.lengths
 
 
 def block_slices(n: int) -> list[slice]:
-    """Return the rows of each block: at most BLOCKS contiguous stretches of n rows."""
+    """Divide n rows into at most BLOCKS contiguous slices."""
     edges = np.linspace(0, n, min(BLOCKS, n) + 1).astype(int)
     return [slice(a, b) for a, b in pairwise(edges)]
 
@@ -116,7 +115,7 @@ def reduce_blocks(
 
 
 def _triangular_factor(rows: np.ndarray) -> np.ndarray:
-    """R of the QR factorisation, square; in cache-sized panels first, three times faster."""
+    """Compute R of the QR factorisation, square; cache-sized panels make it three times faster."""
     columns = rows.shape[1]
     panel = 8 * columns
     whole = len(rows) // panel
@@ -130,7 +129,7 @@ def _triangular_factor(rows: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class HeldOutErrors:
-    """Models along a path, fitted to all stretches, with the errors of their like elsewhere.
+    """Models along a path, fitted to all stretches, with errors of the same fits on held-out ones.
 
     supports: (m, k, p) of the m state derivatives. errors: (FOLDS, m, k) squared errors on held-out
     stretches.
@@ -141,11 +140,11 @@ class HeldOutErrors:
 
     @property
     def best(self) -> np.ndarray:
-        """(m,) the lowest error of each state derivative."""
+        """Lowest error of each state derivative, (m,)."""
         return self.errors.sum(axis=0).min(axis=1)
 
     def choose_sparsest(self) -> np.ndarray:
-        """Return the place on the path of each model chosen, (m,).
+        """Choose a model for each state derivative by the index on its path, (m,).
 
         It is the sparsest of all within one standard error of the best (the one-standard-error
         rule; Breiman et al. 1984).
@@ -163,7 +162,7 @@ class HeldOutErrors:
 def judge_path(
     products: np.ndarray, held_out: np.ndarray, n_states: int, path: Path
 ) -> HeldOutErrors:
-    """Judge the models along a path by the stretches that they are not fitted to.
+    """Compute errors of the models along a path on stretches that they are not fitted to.
 
     Parameters
     ----------

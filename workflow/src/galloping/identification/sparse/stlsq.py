@@ -33,10 +33,10 @@ RIDGES = (0.0, 1e-4)
 def fit_normalised(
     evidence: Regressions, *, threshold: float | None, path_length: int
 ) -> IdentifiedModel:
-    """Fit STLSQ whose thresholds act on each term's share of the state derivative.
+    """Fit STLSQ with thresholds on each term's share of the state derivative.
 
     threshold: share in (0, 1), or None to choose one for each equation out of `path_length` between
-    NEGLIGIBLE and 1: by cross-validation, or where nothing is held out by EBIC.
+    NEGLIGIBLE and 1: by cross-validation, or by EBIC if nothing is held out.
     """
     problem = evidence.tuned
     scaled = Scaled(*problem.triangle)
@@ -55,11 +55,11 @@ def fit_raw(
     path_length: int,
     kinematics: str = IDENTIFIED,
 ) -> IdentifiedModel:
-    """Fit STLSQ whose thresholds act on the coefficients in SI units, as the paper did.
+    """Fit STLSQ with thresholds on the coefficients in SI units, as the paper did.
 
     threshold: in the coefficients' units, or None to choose one for each equation by EBIC out of
     `path_length` from NEGLIGIBLE times the largest coefficient of least squares up to it.
-    kinematics: KNOWN puts in place of an identified rate of a displacement its velocity.
+    kinematics: KNOWN replaces an identified rate of a displacement by its velocity.
     """
     library, targets = evidence.plain.triangle
     if threshold is None:
@@ -79,7 +79,7 @@ def fit_raw(
 
 
 def models_along(path: np.ndarray, grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
-    """Models (f, m, k, p) of problems with unit columns, at all RIDGES and thresholds (path)."""
+    """Compute models (f, m, k, p) at all RIDGES and thresholds (path); columns have unit length."""
     ridges = np.multiply.outer(RIDGES, np.eye(grams.shape[1]))[:, np.newaxis]
     each = np.broadcast_to(moments, (len(RIDGES), *moments.shape))
     supports = thresholded_supports(grams + ridges, each, path)
@@ -90,7 +90,7 @@ def models_along(path: np.ndarray, grams: np.ndarray, moments: np.ndarray) -> np
 def choose_thresholds(
     problem: ReducedRegression, threshold: float | None, path_length: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the threshold and the ridge of each equation, as `fit_normalised` has them."""
+    """Choose the threshold and the ridge of each equation, as `fit_normalised` does."""
     path, ridges = threshold_path(path_length), np.zeros(len(problem.states))
     if threshold is not None:
         return np.full(len(ridges), threshold), ridges
@@ -113,7 +113,7 @@ def choose_thresholds(
 def _scan_thresholds(
     library: np.ndarray, targets: np.ndarray, candidates: np.ndarray, observations: np.ndarray
 ) -> np.ndarray:
-    """Return the threshold of each equation, of (m, k) candidates, that EBIC prefers."""
+    """Choose the threshold of each equation, of (m, k) candidates, by EBIC."""
     lengths = np.linalg.norm(library, axis=0)
     unit = library / lengths  # the same supports and fits, better conditioned
     supports = thresholded_supports(unit.T @ unit, targets.T @ unit, candidates, 1 / lengths)
@@ -126,8 +126,8 @@ def fit(
 ) -> np.ndarray:
     """Fit pysindy's STLSQ to each target at its own threshold: (m, p) coefficients.
 
-    Targets in units of their threshold let one threshold of 1 serve them all. Without a ridge
-    STLSQ's last step is least squares already, there is no bias to remove.
+    Targets in units of their threshold allow a common threshold of 1. Without a ridge STLSQ's last
+    step is least squares already, there is no bias to remove.
     """
     optimizer = ps.STLSQ(threshold=1, alpha=ridge, unbias=ridge > 0)
     with config_context(assume_finite=True, skip_parameter_validation=True):
@@ -146,10 +146,8 @@ def fit_ensemble(
     """Fit ensemble SINDy (Fasel et al. 2022): the median of models of bootstrapped rows.
 
     They are all fitted at once, as pysindy's EnsembleOptimizer does; a term stays if most of
-    `models` have it.
-
-    threshold: share, or None to take what STLSQ chooses for each equation. The rows of a block's
-    factor are exchangeable once an orthogonal transform has mixed them.
+    `models` have it. threshold: share, or None for the choice of STLSQ for each equation. The rows
+    of a block's factor are exchangeable after an orthogonal transform has mixed them.
     """
     problem = evidence.tuned
     scaled = Scaled(problem.library, problem.targets)
@@ -166,7 +164,7 @@ def fit_ensemble(
 
 
 def _mix_rows(rows: np.ndarray, size: int) -> np.ndarray:
-    """Rows of each block of `size` mixed by an orthogonal transform: (rows, columns) again."""
+    """Mix the rows of each block of `size` by an orthogonal transform: (rows, columns) again."""
     blocks = rows.reshape(-1, size, rows.shape[1])
     return dct(blocks, axis=1, norm="ortho").reshape(rows.shape)
 
@@ -174,7 +172,7 @@ def _mix_rows(rows: np.ndarray, size: int) -> np.ndarray:
 def bagged_medians(
     library: np.ndarray, targets: np.ndarray, models: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return (n_targets, n_terms) medians over models whose terms stay while |coefficient| >= 1.
+    """Compute medians (n_targets, n_terms) over models whose terms stay while |coefficient| >= 1.
 
     library: (rows, n_terms); targets: (rows, n_targets), in units of their threshold. The rows are
     those that pysindy draws with NumPy's global generator seeded by `rng`.

@@ -1,4 +1,4 @@
-"""Thresholds from the data alone: sequential thresholding along a path, judged by EBIC."""
+"""Thresholds from the data alone: sequential thresholding along a path, selected by EBIC."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ COLLINEAR = 1e-12  # of a unit column's square: what rounding leaves of one that
 
 
 def threshold_path(length: int) -> np.ndarray:
-    """Return (length,) thresholds to try, in equal ratios, as shares of the largest coefficient."""
+    """Make (length,) thresholds in equal ratios, as shares of the largest coefficient."""
     return np.geomspace(NEGLIGIBLE, 1, length)
 
 
@@ -36,7 +36,7 @@ def solve(gram: np.ndarray, moments: np.ndarray, supports: np.ndarray) -> np.nda
 def _solve(
     gram: np.ndarray, moments: np.ndarray, targets: np.ndarray, supports: np.ndarray
 ) -> np.ndarray:
-    """As `solve`, for supports (n, p), each of one target; targets: (n,) their places among all."""
+    """Solve as `solve` for supports (n, p), each of one target; targets: (n,) indices."""
     # neighbouring thresholds mostly have the same support: each is solved once
     keys = np.column_stack([targets, np.packbits(supports, axis=1)])
     _, first, where = np.unique(keys, axis=0, return_index=True, return_inverse=True)
@@ -58,14 +58,14 @@ def _solve(
 
 
 def refit(library: np.ndarray, targets: np.ndarray, supports: np.ndarray) -> np.ndarray:
-    """Least squares on many supports: library (rows, p), targets (rows, m), else as `solve`."""
+    """Fit least squares on many supports: library (rows, p), targets (rows, m), else as `solve`."""
     return solve(library.T @ library, targets.T @ library, supports)
 
 
 def thresholded_supports(
     gram: np.ndarray, moments: np.ndarray, thresholds: np.ndarray, weights: np.ndarray | float = 1
 ) -> np.ndarray:
-    """Return fixed points of sequentially thresholded least squares (Brunton et al. 2016).
+    """Find fixed points of sequentially thresholded least squares (Brunton et al. 2016).
 
     gram (..., p, p) and moments (..., m, p) as in `solve`, a ridge on the diagonal if there is one.
     thresholds: (m, k), or (k,) for all targets; weights: (p,), a term stays while |coefficient| *
@@ -85,10 +85,10 @@ def thresholded_supports(
 
 
 def forward_models(grams: np.ndarray, moments: np.ndarray, steps: int) -> np.ndarray:
-    """Forward regression by orthogonal least squares (FROLS; Billings 2013): greedy models.
+    """Fit greedy models by orthogonal least squares (FROLS; Billings 2013).
 
     grams: (f, p, p), moments: (f, m, p). Returns (f, m, steps + 1, p) least squares coefficients of
-    0 to `steps` terms, each with the term that takes most from what its predecessor leaves.
+    0 to `steps` terms, each with the term that explains most of the residual of its predecessor.
     """
     f, m, p = moments.shape
     models = np.zeros((f, m, steps + 1, p))
@@ -118,7 +118,7 @@ def forward_models(grams: np.ndarray, moments: np.ndarray, steps: int) -> np.nda
 def ebic_scores(
     library: np.ndarray, targets: np.ndarray, supports: np.ndarray, observations: np.ndarray
 ) -> np.ndarray:
-    """EBIC of supports (m, k, p) of the m targets: (m, k)."""
+    """Compute the EBIC of supports (m, k, p) of the m targets: (m, k)."""
     coefficients = refit(library, targets, supports)
     residuals = targets.T[:, np.newaxis, :] - coefficients @ library.T
     rss = np.sum(residuals**2, axis=-1)
@@ -126,7 +126,7 @@ def ebic_scores(
 
 
 def best_threshold(thresholds: np.ndarray, supports: np.ndarray, place: int) -> float:
-    """Return geometric middle of the thresholds that give the same support as the one at `place`.
+    """Compute the geometric mean of the thresholds that give the same support as that at `place`.
 
     thresholds: (k,), supports: (k, p). The middle, because at either end of the range a rounding
     error or a resampled row changes the support.

@@ -1,9 +1,9 @@
-"""The settings that pysindy leaves to its user, tried on a recording: smoothing and test functions.
+"""Tuning of pysindy's settings on a recording: smoothing and test functions.
 
-All of them are scaled by the shortest period that a recording shows, and judged by the same
-integrals of its raw samples over held-out stretches (see `regression`). On equally spaced samples
-they are linear filters, whose kernels are what pysindy's own classes answer to an impulse; applying
-those classes to every sample would take 10^3 times longer.
+All settings are scaled by the shortest period of a recording, and validated by the same integrals
+of its raw samples over held-out stretches (see `regression`). On equally spaced samples they are
+linear filters, whose kernels are the impulse responses of pysindy's own classes; applying those
+classes to every sample would take 10^3 times longer.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -38,7 +38,7 @@ Block = tuple[np.ndarray, np.ndarray]  # rows of a library (r, p) and of targets
 
 @dataclass(frozen=True)
 class TriedFilter:
-    """A filter tried on recordings: by what filters are compared, and what the chosen one reduces.
+    """A filter tried on recordings: data for its comparison with others, and for its reduction.
 
     states, terms, products, held_out: as of `ReducedRegression`. blocks: library and targets of
     each stretch.
@@ -52,15 +52,15 @@ class TriedFilter:
 
     @cached_property
     def reduced(self) -> ReducedRegression:
-        """Least squares with this filter."""
+        """Least-squares problem with this filter."""
         observations = np.full(len(self.states), sum(len(library) for library, _ in self.blocks))
         return reduce_blocks(self.blocks, observations, self.states, self.terms, self.held_out)
 
 
 def best_filter(tried: Sequence[TriedFilter]) -> TriedFilter:
-    """Return the filter whose models, grown term by term, err least on held-out stretches.
+    """Choose the filter whose models, grown term by term, err least on held-out stretches.
 
-    Errors of each state derivative in units of the least of all filters, added up.
+    Errors of each state derivative, over the least of all filters, are added.
     """
     path = partial(forward_models, steps=STEPS)
     errors = np.stack(
@@ -71,7 +71,7 @@ def best_filter(tried: Sequence[TriedFilter]) -> TriedFilter:
 
 @lru_cache(maxsize=64)
 def savitzky_golay(window: int, order: int, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return kernels (window,) of the smoothed state and of its slope.
+    """Compute kernels (window,) of the smoothed state and of its slope.
 
     window: odd number of samples, order: of the local polynomial, step: between samples, s.
     The state is that of SmoothedFiniteDifference, the slope that of SINDyDerivative.
@@ -95,10 +95,10 @@ def savitzky_golay(window: int, order: int, step: float) -> tuple[np.ndarray, np
 
 @lru_cache(maxsize=64)
 def weak_form(half: int, order: int, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return kernels (2 half + 1,) of the integrals of a library and of a state's derivative.
+    """Compute kernels (2 half + 1,) of the integrals of a library and of a state's derivative.
 
-    half: of the test function's length, in samples; order: of its ends. Both are WeakPDELibrary's
-    weights of one test function, which are the same wherever it stands.
+    half: half length of the test function, in samples; order: of its ends. Both are
+    WeakPDELibrary's weights of one test function, which are the same at any place.
     """
     drawn_from = np.random.get_state()
     # the cell holds these 2 half + 1 samples wherever its centre is drawn
@@ -114,7 +114,7 @@ def weak_form(half: int, order: int, step: float) -> tuple[np.ndarray, np.ndarra
 
 
 class Convolution:
-    """Columns (n, m) that many kernels will be applied to.
+    """Columns (n, m) for convolution with many kernels.
 
     longest: samples of the longest kernel.
     """
@@ -124,18 +124,18 @@ class Convolution:
         self._spectrum = rfft(np.ascontiguousarray(columns.T), self._length)
 
     def __call__(self, kernel: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Return the convolution with a kernel of odd length, centred on `rows`: (len(rows), m)."""
+        """Convolve with a kernel of odd length, centred on `rows`: (len(rows), m)."""
         full = irfft(self._spectrum * rfft(kernel, self._length), self._length)
         return full[:, rows + len(kernel) // 2].T
 
 
 class _Frame:
-    """The rows of one recording to regress on, in stretches, and the integrals that judge.
+    """Rows of one recording for regression, in stretches, and the integrals that validate.
 
-    values: (n, m), step: s between them, samples: in a period. rows: samples, none nearer to an
-    end than half a period. stretches: of the rows. centres: (c,) rows of each stretch where the
-    test functions stand that judge. weights, slopes: the test function on the rows, its slope on
-    samples.
+    values: (n, m), step: s between them, samples: in a period. rows: samples, none nearer to an end
+    than half a period. stretches: of the rows. centres: (c,) rows of each stretch at which the
+    validating test functions are centred. weights, slopes: the test function on the rows, its slope
+    on samples.
     """
 
     def __init__(self, recording: Recording, period: float, terms: tuple[Exponents, ...]) -> None:
@@ -157,7 +157,7 @@ class _Frame:
         return [-_weighted_sums(self.values, self.slopes, self.rows[c]) for c in self.centres]
 
     def held_out(self, library: np.ndarray) -> np.ndarray:
-        """Inner products of the integrals of a library (r, p), and of the raw samples' slopes."""
+        """Compute inner products of integrals of a library (r, p) and of raw samples' slopes."""
         stretches = zip(self.centres, self._raw, strict=True)
         return _inner_products(
             (_weighted_sums(library, self.weights, c), raw) for c, raw in stretches
@@ -166,7 +166,7 @@ class _Frame:
     def try_filter(
         self, library: np.ndarray, targets: np.ndarray, held_out: np.ndarray | None = None
     ) -> TriedFilter:
-        """Return the filter that makes these of the rows. held_out: where it is known."""
+        """Make the filter with this library and targets. held_out: if already computed."""
         held_out = self.held_out(library) if held_out is None else held_out
         blocks = [(library[each], targets[each]) for each in self.stretches]
         return TriedFilter(self.states, self.terms, _inner_products(blocks), held_out, blocks)
@@ -179,10 +179,8 @@ def tried_filters(
 ) -> list[TriedFilter]:
     """Try filters on all recordings together.
 
-    applied: `smoothing_filters` or `weak_form_filters`.
-
-    Empty where derivatives were measured, samples are not equally spaced, or the stretches of a
-    recording are too short to be held out.
+    applied: `smoothing_filters` or `weak_form_filters`. Empty if derivatives were measured, samples
+    are not equally spaced, or the stretches of a recording are too short to be held out.
     """
     if not all(not r.exact and r.is_uniform for r in recordings):
         return []
@@ -194,7 +192,7 @@ def tried_filters(
 
 
 def smoothing_filters(frame: _Frame) -> Iterator[TriedFilter]:
-    """Return a filter for each window and order of Savitzky and Golay, of states and slopes."""
+    """Yield a filter for each window and order of Savitzky and Golay, of states and slopes."""
     windows = 2 * (np.geomspace(SMALLEST, frame.samples, WINDOWS) / 2).astype(int) + 1
     filtered = Convolution(frame.values, windows[-1])
     for window, order in product(windows.tolist(), ORDERS):
@@ -204,7 +202,7 @@ def smoothing_filters(frame: _Frame) -> Iterator[TriedFilter]:
 
 
 def weak_form_filters(frame: _Frame) -> Iterator[TriedFilter]:
-    """Return a filter for each length and order of the weak form's test functions."""
+    """Yield a filter for each length and order of the weak form's test functions."""
     raw = design_matrix(frame.values, frame.terms)
     halves = [max(2, int(share * frame.samples)) for share in HALF_WIDTHS]
     longest = 2 * halves[-1] + 1
@@ -216,7 +214,7 @@ def weak_form_filters(frame: _Frame) -> Iterator[TriedFilter]:
 
 
 def _join_filters(parts: Sequence[TriedFilter]) -> TriedFilter:
-    """Return one filter on all recordings."""
+    """Join filters of several recordings."""
     return replace(
         parts[0],
         products=np.concatenate([part.products for part in parts]),
@@ -226,12 +224,12 @@ def _join_filters(parts: Sequence[TriedFilter]) -> TriedFilter:
 
 
 def _inner_products(blocks: Iterable[Block]) -> np.ndarray:
-    """Return inner products of all columns, of each of some blocks: (blocks, p + m, p + m)."""
+    """Compute inner products of all columns of each block: (blocks, p + m, p + m)."""
     return np.stack([rows.T @ rows for rows in map(np.hstack, blocks)])
 
 
 def _shortest_line_period(recording: Recording) -> float:
-    """Return the shortest period, s, of the strongest spectral lines of the channels."""
+    """Find the shortest period, s, of the strongest spectral lines of the channels."""
     n = len(recording.time)
     spectrum = np.abs(rfft(recording.values - recording.values.mean(axis=0), axis=0))
     line = 1 + spectrum[1:].argmax(axis=0).max()
@@ -239,12 +237,12 @@ def _shortest_line_period(recording: Recording) -> float:
 
 
 def _test_function(half: int, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return weights (2 half + 1,) of int phi f and int phi' f for phi = (1 - u^2)^order."""
+    """Compute weights (2 half + 1,) of int phi f and int phi' f for phi = (1 - u^2)^order."""
     order, u = JUDGE[1], np.arange(-half, half + 1) / half
     inside = 1 - u**2
     return step * inside**order, -2 * order * u * inside ** (order - 1) / half
 
 
 def _weighted_sums(columns: np.ndarray, weights: np.ndarray, centres: np.ndarray) -> np.ndarray:
-    """Return sums of weights times columns (n, m) around each centre: (len(centres), m)."""
+    """Sum weights times columns (n, m) around each centre: (len(centres), m)."""
     return sliding_window_view(columns, len(weights), axis=0)[centres - len(weights) // 2] @ weights
