@@ -156,7 +156,8 @@ def _unknown_key(location: tuple) -> str:
 
 def _anonymise(path: Iterable) -> list[str]:
     """Return the keys of a path with `<name>` for each name that the user chose."""
-    node, keys = schema(), []
+    node = schema()
+    keys: list[str] = []
     for key in path:
         keys.append(key if key in names(node) else "<name>")
         node = child(node, key)
