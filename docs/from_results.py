@@ -50,9 +50,9 @@ def claims() -> Table:
     steady = group.get_group("long and steady").set_index("case")
     cycles = steady[steady.index.str.contains("cycle")]
     long, wild = steady[steady.index.str.endswith(" s")], steady.loc["sensitive lines"]
-    named, coverage = faults["cause_named"], every["coverage_unconditional"]
-    systems = table_of("trust/systems").groupby("method")[["replicates", "exact"]].sum()
-    best = systems["exact"].drop(OURS)
+    named, coverage = faults["fault_diagnosed"], every["coverage_unconditional"]
+    systems = table_of("trust/systems").groupby("method")[["replicates", "exact_support"]].sum()
+    best = systems["exact_support"].drop(OURS)
     yield "Claim", "Aim", "Found", "Result"
     for claim, aim, shown, is_met in (
         ("random lines, 5 % noise: `ok` and wrong", "at most 2 %",
@@ -63,8 +63,8 @@ def claims() -> Table:
         ("random lines: true coefficients inside 95 % intervals that cover rival models",
          "93 to 98 %", f"{100 * coverage:.1f} %", 0.93 <= coverage <= 0.98),
         ("default line, 5 to 15 % noise: exact", "all",
-         percent(known["exact"].sum(), known["fits"].sum()),
-         known["exact"].sum() == known["fits"].sum()),
+         percent(known["exact_support"].sum(), known["fits"].sum()),
+         known["exact_support"].sum() == known["fits"].sum()),
         ("faults of sensors: `ok` and wrong", "at most 1 of 20 for each fault",
          f"at most {faults['ok_and_wrong'].max()} of {faults['fits'].max()}",
          faults["ok_and_wrong"].max() <= 1),
@@ -73,12 +73,12 @@ def claims() -> Table:
          named.min() >= 15),
         (f"{table_of('trust/systems')['system'].nunique()} published systems, 1 to 20 % noise: "
          "exact", "more than `weak_gls` and pysindy's weak form",
-         f"{percent(systems.loc[OURS, 'exact'], systems.loc[OURS, 'replicates'])}; "
+         f"{percent(systems.loc[OURS, 'exact_support'], systems.loc[OURS, 'replicates'])}; "
          f"`weak_gls` {best['weak_gls']}, weak form {best['weak']}",
-         systems.loc[OURS, "exact"] > best.max()),
+         systems.loc[OURS, "exact_support"] > best.max()),
         ("recordings of 2,000 to 100,000 s: exact and `ok`", "all",
-         percent(long[["exact", "ok"]].min(axis=1).sum(), long["fits"].sum()),
-         long[["exact", "ok"]].min(axis=1).sum() == long["fits"].sum()),
+         percent(long[["exact_support", "ok"]].min(axis=1).sum(), long["fits"].sum()),
+         long[["exact_support", "ok"]].min(axis=1).sum() == long["fits"].sum()),
         ("chaotic or very sensitive lines", "none `refused`, none `ok` and wrong",
          f"{wild['refused']} `refused`, {wild['ok']} of {wild['fits']} `ok`, "
          f"{wild['ok_and_wrong']} wrong", wild["refused"] == wild["ok_and_wrong"] == 0),
@@ -92,7 +92,9 @@ def statuses_of_groups() -> Table:
     """How often each status was given, and how often it was right."""
     yield ("Recordings", "Noise", "Number", "Exact", "`ok`", "`ok` and wrong", "`not identifiable`",
            "`approximate`", "`refused`", "Inside intervals")  # fmt: skip
-    counts = ["fits", "exact", "ok", "ok_and_wrong", "not_identifiable", "approximate", "refused"]
+    counts = [
+        "fits", "exact_support", "ok", "ok_and_wrong", "not_identifiable", "approximate", "refused",
+    ]  # fmt: skip
     rows = table_of("trust/trust")
     of_fault = rows["group"] == "sensor faults"
     rows["case"] = rows["case"].where(~(of_fault & (rows["case"] == "none")), "no fault")
@@ -143,14 +145,14 @@ def exact_terms() -> Table:
         ("4 s", lorenz[duration == 4]),
         ("10 s", lorenz[duration == 10]),
     ):
-        shares = cells[["exact", "odr_bindy", "jsindy", "ensemble_weak_sindy"]].mean()
+        shares = cells[["share_exact_support", "odr_bindy", "jsindy", "ensemble_weak_sindy"]].mean()
         yield name, *(f"{100 * share:.1f}" for share in shares)
 
 
 def published_statuses() -> Table:
     """Exact, `ok` and wrong models of the published settings, by system."""
     found = table_of("published/published_terms")
-    found["models"] = (found["exact"] * found["fits"]).round().astype(int)
+    found["models"] = (found["share_exact_support"] * found["fits"]).round().astype(int)
     yield "System", "Recordings", "Exact", "`ok`", "`ok` and wrong"
     names = {"lorenz": "Lorenz", "rossler": "Rössler", "van_der_pol": "van der Pol"}
     for name, rows in found.groupby("system"):
@@ -165,13 +167,14 @@ def weak_term() -> Table:
            "Inside its 95 % interval, %")  # fmt: skip
     for row in found.to_dict("records"):
         published, naive = (
-            row["found_published"],
-            [row[f"found_naive_{e}"] for e in ("low", "high")],
+            row["share_with_term_published"],
+            [row[f"share_with_term_naive_{e}"] for e in ("low", "high")],
         )
-        yield (row["case"].split()[1], f"{row['samples']:,}", f"{100 * row['found']:.1f}",
+        yield (row["case"].split()[1], f"{row['samples']:,}",
+               f"{100 * row['share_with_term']:.1f}",
                "" if pd.isna(naive).any() else " to ".join(f"{100 * each:.1f}" for each in naive),
                "" if pd.isna(published) else f"{100 * published:.1f}",
-               f"{100 * row['holds']:.1f}")  # fmt: skip
+               f"{100 * row['coverage']:.1f}")  # fmt: skip
 
 
 # --- the study ---

@@ -141,10 +141,10 @@ def test_derivatives_of_exact_states_have_one_noise():
 def test_a_release_of_three_metres_makes_the_non_resonant_line_identifiable():
     line, first = given_line("non_resonant")
     best, *others = ranked_releases(line, first, 0.05, [0.1, 3.0])
-    assert (best["release"], best["identifiable"]) == ("q_w(0) = 3 m", True)
-    assert best["weakest_t"] == pytest.approx(82, rel=0.02)
-    same = next(row for row in others if row["release"] == "q_v(0) = 0.1 m")
-    assert same["weakest_t"] == pytest.approx(2.07 * np.sqrt(2), rel=0.02)
+    assert (best["initial_displacement"], best["identifiable"]) == ("q_w(0) = 3 m", True)
+    assert best["min_coefficient_over_bound"] == pytest.approx(82, rel=0.02)
+    same = next(row for row in others if row["initial_displacement"] == "q_v(0) = 0.1 m")
+    assert same["min_coefficient_over_bound"] == pytest.approx(2.07 * np.sqrt(2), rel=0.02)
 
 
 def test_identifiability_tells_which_terms_can_be_known():
@@ -157,7 +157,10 @@ def test_identifiability_tells_which_terms_can_be_known():
     verdicts = {row["term"]: row["verdict"] for row in rows if row["equation"] == "vertical"}
     assert verdicts["q_v q_w^2"] == "not identifiable"
     assert verdicts["q_v"] == "identifiable"
-    assert all((row["t"] > IDENTIFIABLE) == (row["verdict"] == "identifiable") for row in rows)
+    assert all(
+        (row["coefficient_over_bound"] > IDENTIFIABLE) == (row["verdict"] == "identifiable")
+        for row in rows
+    )
 
 
 def test_efficiency_table_counts_everything():
@@ -165,22 +168,23 @@ def test_efficiency_table_counts_everything():
     base = cell | {
         "method": "m", "missing": 0, "spurious": 0, "r2_q_v": 0.9, "r2_q_w": 0.8, "motion": "ok",
         "amplitude_error_q_v_percent": 1.0, "amplitude_error_q_w_percent": 2.0,
-        "intervals": 4.0, "intervals_holding": 4.0,
+        "intervals": 4.0, "intervals_covering": 4.0,
     }  # fmt: skip
     failed = {
         "missing": 4, "motion": "m: no luck",
-        "r2_q_v": -np.inf, "r2_q_w": -np.inf, "intervals": np.nan, "intervals_holding": np.nan,
+        "r2_q_v": -np.inf, "r2_q_w": -np.inf, "intervals": np.nan, "intervals_covering": np.nan,
     }  # fmt: skip
     scores = pd.DataFrame(
         {**base, "level": level, "efficiency": efficiency, **more}
         for level, efficiency, more in (
             (0.0, np.nan, {}), (0.05, 3.0, {}),
-            (0.05, 4.0, {"spurious": 1, "intervals_holding": 3.0}),
+            (0.05, 4.0, {"spurious": 1, "intervals_covering": 3.0}),
             (0.1, 1.0, {}), (0.1, np.inf, failed),
         )
     )  # fmt: skip
     known = pd.DataFrame(
-        {**cell, "level": level, "t": t} for level, t in ((0.05, 5.0), (0.1, 2.5), (0.1, 7.0))
+        {**cell, "level": level, "coefficient_over_bound": t}
+        for level, t in ((0.05, 5.0), (0.1, 2.5), (0.1, 7.0))
     )
     rows = efficiency(scores, known)
     first, second = rows.to_dict("records")
@@ -188,8 +192,8 @@ def test_efficiency_table_counts_everything():
     assert first["efficiency"] == pytest.approx(np.sqrt(12.5))
     assert (first["amplitude_error_percent"], first["coverage_95_percent"]) == (2.0, 87.5)
     assert (second["efficiency"], second["failures"], second["exact_support"]) == (1.0, 1, 1)
-    assert (first["no_model"], second["no_model"]) == (0, 1)
-    assert (first["weakest_t"], second["weakest_t"]) == (5.0, 2.5)
+    assert (first["n_without_model"], second["n_without_model"]) == (0, 1)
+    assert (first["min_coefficient_over_bound"], second["min_coefficient_over_bound"]) == (5.0, 2.5)
     without_noise = efficiency(scores[scores["level"] == 0], known)
     assert without_noise.empty and list(without_noise) == list(rows)
 

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 from snakemake.utils import update_config
 
+from galloping.configuration.keys import RENAMED
 from galloping.configuration.load import configured, load, merged, ordered, plain
 from galloping.configuration.schema import (
     BEGIN,
@@ -133,6 +134,9 @@ FAR = {"kind": "spacers", "mass": 4, "positions": [9, 301]}
 # where the mistake is, what is written there or the whole mapping, and words of its one line
 REFUSED = [
     # unknown keys
+    (f"{CASE}.releases", {"wide": {"q_w": 3}}, "unknown key; is now initial_states"),
+    ("measurement.paper_draws", 20, "unknown key; is now paper_replicates"),
+    ("assessment.open_parameters.release_vertical", [0.1], "unknown key; is now initial_vertical"),
     (f"{CASE}.wnd", {"speed": 3}, "unknown key", "'wind'"),
     (f"{CASE}.span", 3, "'cases.<name>.line.span'"),
     ("figures.zzz", 1, "unknown key", "allowed: dpi, font_size"),
@@ -248,6 +252,14 @@ def assert_finite(line):
     assert all(map(math.isfinite, (*derived.coefficients.values(), *derived.quantities.values())))
 
 
+def test_a_renamed_key_leads_to_one_that_exists():
+    paths = [f"{path}." for path, _ in leaves()]
+    for old, new in RENAMED.items():
+        here = f"{old.rpartition('.')[0]}.{new}."
+        assert any(path.startswith(here) for path in paths)
+        assert not any(path.startswith(f"{old}.") for path in paths)
+
+
 @pytest.mark.parametrize("value", EXTREMES, ids=repr)
 def test_an_absurd_number_anywhere_is_refused_or_can_be_derived_from(value):
     for path, node in leaves():
@@ -265,7 +277,7 @@ LIMITS = {
     path: st.sampled_from((node["minimum"], node["maximum"]))
     for path, node in leaves()
     if path.startswith("cases.") and "maximum" in node
-    if not {"releases", "truth"} & set(path.split("."))
+    if not {"initial_states", "truth"} & set(path.split("."))
 }
 
 
@@ -345,13 +357,15 @@ def test_merged_keys_may_be_overridden(tmp_path):
 
 
 def test_an_overriding_file_does_not_reorder_cases():
-    own = {"cases": {"first": {}, "second": {"releases": {"one": {}, "two": {}}}}}
-    ours = {"cases": {"third": {}, "second": {"releases": {"three": {}, "one": {}}, "gravity": 9}}}
+    own = {"cases": {"first": {}, "second": {"initial_states": {"one": {}, "two": {}}}}}
+    ours = {
+        "cases": {"third": {}, "second": {"initial_states": {"three": {}, "one": {}}, "gravity": 9}}
+    }
     whole = over(own, ours)
     found = ordered(whole, [own, ours])
     assert found == ordered(whole, []) == whole
     assert list(found["cases"]) == ["first", "second", "third"] != list(whole["cases"])
-    assert list(found["cases"]["second"]["releases"]) == ["one", "two", "three"]
+    assert list(found["cases"]["second"]["initial_states"]) == ["one", "two", "three"]
 
 
 def test_a_case_set_to_null_is_removed():
@@ -369,7 +383,8 @@ def test_a_line_of_ones_own_is_studied_alone():
 def test_which_cases_are_judged():
     both = {"internal_resonance": "", "non_resonant": ""}
     assert departures(load({})) == both
-    ours = {"wind": {"speed": 30}, "damping": {"vertical": 0.01}, "releases": {"high": {"q_v": 2}}}
+    ours = {"wind": {"speed": 30}, "damping": {"vertical": 0.01}}
+    ours |= {"initial_states": {"high": {"q_v": 2}}}
     tighter = {"line": {"tension": 36000}}  # the paper prints the tension of the first line alone
     cases = {"internal_resonance": ours, "non_resonant": tighter, "b": {}}
     assert departures(load({"cases": cases})) == both
@@ -422,7 +437,7 @@ def test_parameters_carry_their_source():
 
 
 def test_both_tables_together_hold_every_parameter():
-    settings = plain(load(case(releases={"wide": {}}, truth={"model": "continuous"})))
+    settings = plain(load(case(initial_states={"wide": {}}, truth={"model": "continuous"})))
     keys = {key for table in (conductor, spacers) for key in table(settings)["key"]}
     of_cases = (path.partition("cases.<name>.")[2] for path, _ in leaves())
     assert {key.replace("wide", "<name>") for key in keys} == {*filter(None, of_cases)}

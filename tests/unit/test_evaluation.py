@@ -107,7 +107,7 @@ def test_coverage_counts_the_intervals_that_hold():
     values = found({(1, 1): 2.19, (1, 4): 4.2, (1, 9): 0.0})
     # held; off by two standard deviations; missed
     held = scores.coverage(TRUE, values, errors, (1,))
-    assert held == {"intervals": 3.0, "intervals_holding": 1.0}
+    assert held == {"intervals": 3.0, "intervals_covering": 1.0}
 
 
 NO_BOUND = np.full((4, 35), np.nan)
@@ -168,7 +168,7 @@ def test_failures_are_rows_of_worst_values(truth, failure):
     for of_coefficients in ("mean_error_linear_percent", "e2", "efficiency"):
         assert (row[of_coefficients] == INF) == (failure == "fit")
     left_out = {name for name, value in row.items() if value != value}
-    assert left_out == {"intervals", "intervals_holding"}  # the method states none
+    assert left_out == {"intervals", "intervals_covering"}  # the method states none
 
 
 def test_a_term_that_the_library_lacks_is_missing():
@@ -200,7 +200,7 @@ def test_a_line_that_does_not_gallop_has_no_amplitude_to_miss():
     (motion,) = reconstruct(truth, [other])
     row = score(truth, other, motion, np.ones((4, len(line.terms))))
     assert {name for name, value in row.items() if value != value} == {
-        "intervals", "intervals_holding",
+        "intervals", "intervals_covering",
         "amplitude_error_q_v_percent", "amplitude_error_q_w_percent",
     }  # fmt: skip
 

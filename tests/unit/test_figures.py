@@ -94,8 +94,10 @@ def test_the_median_is_shown_with_its_range_and_what_the_paper_prints():
     table = scores((0.01, 0.05), case=case, worst=90.0).assign(mean_error_linear_percent=[
         7.0, 1.0, 2.0, 3.0, 8.0, 2.0, 4.0, 6.0
     ])  # fmt: skip
-    more = table[4:5].rename(columns={"replicate": "draw"})
-    more = pd.concat([more.assign(draw=k, mean_error_linear_percent=k + 1.0) for k in range(9)])
+    more = table[4:5]
+    more = pd.concat(
+        [more.assign(replicate=k, mean_error_linear_percent=k + 1.0) for k in range(9)]
+    )
     (of_paper,) = errors.printed("mean_error_linear_percent", case)
     for further, values in (((), [8.0, 2.0, 4.0, 6.0]), ((more,), np.arange(1.0, 10.0))):
         figure = errors.draw_draws(table, {**NOISE, **CELL, "case": case}, *further)
@@ -221,7 +223,9 @@ def test_a_status_is_right_where_its_claim_holds_or_its_doubt_is_due():
         ("not identifiable", False, False, np.nan), ("not identifiable", True, False, np.nan),
         ("refused", False, False, 0.0), ("approximate", True, False, np.nan),
     ]  # fmt: skip
-    fits = pd.DataFrame(rows, columns=["status", "exact", "ok_and_wrong", "cause_named"])
+    fits = pd.DataFrame(
+        rows, columns=["status", "exact_support", "ok_and_wrong", "fault_diagnosed"]
+    )
     figure = draw_trust(fits.assign(group="lines"))
     written = [text.get_text() for text in figure.axes[0].texts]
     assert written == ["1 of 2", "1 of 2", "0 of 1", "1 of 1"]

@@ -166,7 +166,7 @@ def test_the_oracle_is_never_worse_than_what_was_chosen():
     right = [scored("stlsq", k, 20, 0, 0.4, choice="right terms") for k in range(3)]
     best = pd.DataFrame(least + right)
     table = peers(scores, {"a cell": best}).set_index(["method", "setting"])
-    numbers = ["mean_error_percent", "exact", "r2_q_v", "r2_q_w", "replicates"]
+    numbers = ["mean_error_percent", "share_exact_support", "r2_q_v", "r2_q_w", "replicates"]
     assert table.loc[("stlsq", CHOSEN), numbers].tolist() == [12.5, 0, 0.5, 0.5, 4]
     assert table.loc[("stlsq", ORACLE), numbers].tolist() == [5, 1, 0.5, 0.5, 3]
     assert ("ours", ORACLE) not in table.index

@@ -110,7 +110,8 @@ def test_the_headline_is_read_from_the_tables():
     about = {"case": "line", "protocol": "state"}
     place = {"case": "line", "parameter": "wind_speed"}
     cycles = pd.DataFrame(
-        [{**place, "value": value, "stable": stable, "v_m": value / 10, "w_m": 1.0}
+        [{**place, "value": value, "stable": stable, "vertical_amplitude_m": value / 10,
+          "horizontal_amplitude_m": 1.0}
          for value, stable in ((6.0, True), (16.0, True), (18.0, False))]
     )  # fmt: skip
     changes = pd.DataFrame([{**place, "name": "Hopf", "value": 5.253}])
@@ -138,7 +139,7 @@ def test_what_needs_no_figure_is_said():
         )
     )  # fmt: skip
     bounds = pd.DataFrame(
-        {**cell, "recordings": number, "level": level, "points": 9, "t": t,
+        {**cell, "recordings": number, "level": level, "points": 9, "coefficient_over_bound": t,
          "verdict": "identifiable" if t > 7 else "not identifiable"}
         for number, level, t in ((1, 0.05, 9), (1, 0.05, 2), (1, 0.1, 1), (2, 0.05, 9))
     )  # fmt: skip
@@ -167,6 +168,8 @@ def test_every_column_of_the_reference_and_of_the_claims_has_a_meaning(root):
 
 
 def test_a_table_s_own_meaning_comes_before_the_general_one():
-    assert meaning("measures", "v_m") != meaning("limit_cycles", "v_m")
-    assert meaning("limit_cycles", "v_m").endswith("(m)")
+    assert meaning("measures", "vertical_amplitude_m") != meaning(
+        "limit_cycles", "vertical_amplitude_m"
+    )
+    assert meaning("limit_cycles", "vertical_amplitude_m").endswith("(m)")
     assert meaning("scores", "no_such_column") == ""

@@ -70,22 +70,24 @@ def result():
 def test_claims_that_hold(result):
     true, sure = result
     row = against_truth(true, sure)
-    assert row["exact"] and not row["ok_and_wrong"]
-    assert row["terms"] == row["holding_unconditional"] == row["holding_given_terms"]
+    assert row["exact_support"] and not row["ok_and_wrong"]
+    assert row["terms"] == row["covered_unconditional"] == row["covered_given_terms"]
     assert row["terms"] == np.sum(true.support[2:]) and row["width_ratio"] == 2.0
 
 
 @pytest.mark.parametrize(
     ("fault", "term", "factor", "added"),
-    [("false_terms", (0, 0, 0, 0), 1.0, 0.5), ("above_limit", (1, 0, 0, 0), 0.0, 0.0),
-     ("off", (1, 0, 0, 0), 1.09, 0.0)],
+    [("spurious_terms", (0, 0, 0, 0), 1.0, 0.5), ("missing_above_limit", (1, 0, 0, 0), 0.0, 0.0),
+     ("beyond_4_standard_errors", (1, 0, 0, 0), 1.09, 0.0)],
 )  # fmt: skip
 def test_claims_that_do_not_hold(result, fault, term, factor, added):
     true, sure = result
     values = true.coefficients.copy()
     values[2, TERMS.index(term)] = factor * values[2, TERMS.index(term)] + added
     wrong = replace(sure, model=replace(true, coefficients=values))
-    if fault != "off":  # the limits and errors of the terms that the method then has
+    if (
+        fault != "beyond_4_standard_errors"
+    ):  # the limits and errors of the terms that the method then has
         wrong = replace(wrong, detection_limits=np.full((4, 35), 0.01))
     row = against_truth(true, wrong)
     assert row[fault] == 1 and row["ok_and_wrong"]
@@ -120,7 +122,7 @@ def test_random_lines_and_their_table():
 
 def test_a_chaotic_system_is_followed_in_short_segments_where_long_ones_lead_astray():
     fit = next(published.systems(4711, "lorenz", [0], METHODS, samples=[2000], levels=[0.1]))
-    assert fit["status"] == "ok" and fit["exact"] and not fit["ok_and_wrong"]
+    assert fit["status"] == "ok" and fit["exact_support"] and not fit["ok_and_wrong"]
 
 
 def test_a_weak_term_that_is_left_out_is_no_drift_of_a_sensor():
@@ -151,8 +153,8 @@ def test_terms_that_make_up_others_are_followed_from_few_on_but_not_on_a_limit_c
 
 def test_a_system_is_compared_with_its_bound():
     system = next(published.systems(5, "van_der_pol", [0], METHODS, samples=[500], levels=[0.01]))
-    assert system["exact"] and 0.2 < system["error_over_bound"] < 3.0
-    assert np.isnan(system["cause_named"])
+    assert system["exact_support"] and 0.2 < system["error_over_bound"] < 3.0
+    assert np.isnan(system["fault_diagnosed"])
 
 
 @pytest.mark.parametrize(
@@ -163,7 +165,7 @@ def test_a_system_is_compared_with_its_bound():
 def test_a_fault_is_named(fault, size):
     """Late channels also where the data are followed in pieces only."""
     fit = next(recorded_lines.of_faulty_recordings(4711, fault, [0], METHODS, levels=[0.05]))
-    assert fit["cause_named"] and fit["status"] != "ok" and fit["size"] >= size
+    assert fit["fault_diagnosed"] and fit["status"] != "ok" and fit["size"] >= size
 
 
 def test_published_settings_stand_beside_their_numbers():
@@ -172,9 +174,15 @@ def test_published_settings_stand_beside_their_numbers():
     (row,) = published_terms({"lorenz": fits}).to_dict("records")
     assert (row["system"], row["duration"], row["level"], row["fits"]) == ("lorenz", 4.0, 0.1, 2)
     assert (row["odr_bindy"], row["ensemble_weak_sindy"]) == (128 / 128, 1 / 128)
-    assert row["exact_low"] < row["exact"] or row["exact"] == 0.0
+    assert (
+        row["share_exact_support_low"] < row["share_exact_support"]
+        or row["share_exact_support"] == 0.0
+    )
     again = pd.DataFrame(published.exact_terms(5, "lorenz", [1], METHODS, **settings))
-    assert again["weakest_t"][0] == fits["weakest_t"][1] and len(again) == 1
+    assert (
+        again["min_coefficient_over_bound"][0] == fits["min_coefficient_over_bound"][1]
+        and len(again) == 1
+    )
     assert draw_published_terms(published_terms({"lorenz": fits})).axes
 
 
@@ -186,10 +194,12 @@ def test_intervals_after_selection_stand_beside_their_numbers():
         for case in ("gamma 0", "gamma 0.16")
     }
     table = published_intervals(fits).set_index("case")
-    assert table.loc["gamma 0.16", "found_published"] == 0.6485
-    assert np.isnan(table.loc["gamma 0.16", "holds_published_low"])
-    assert table.loc["gamma 0", "holds"] == 1.0 and table.loc["gamma 0", "found"] == 0.0
-    assert table.loc["gamma 0.16", "found"] == 1.0
+    assert table.loc["gamma 0.16", "share_with_term_published"] == 0.6485
+    assert np.isnan(table.loc["gamma 0.16", "coverage_published_low"])
+    assert (
+        table.loc["gamma 0", "coverage"] == 1.0 and table.loc["gamma 0", "share_with_term"] == 0.0
+    )
+    assert table.loc["gamma 0.16", "share_with_term"] == 1.0
     assert draw_published_intervals(table.reset_index()).axes
 
 
@@ -223,7 +233,7 @@ def test_free_decays_are_told_with_intervals_that_hold():
     case = "free decay with a second mode"
     rows = pd.DataFrame(free_decays.trial(8284271, case, range(100), METHODS))
     assert (rows["status"] == "ok").sum() >= 95
-    assert 0.93 <= rows["intervals_held"].mean() <= 0.97
+    assert 0.93 <= rows["coverage"].mean() <= 0.97
     assert not rows["path"].str.contains("random forces").any()
     assert rows["seconds"].median() < 3.0 and rows["seconds"].max() < 20.0
     over_bound = rows["damping_v_error_percent"] / rows["damping_v_bound_percent"]

@@ -66,7 +66,7 @@ def edited(study, tmp_path_factory):
     edited = study.copied(tmp_path_factory.mktemp("reference") / "edited")
     file = edited.folder / "results/reference/smoke/efficiency.csv"
     numbers = pd.read_csv(file)
-    numbers["weakest_t"] *= 1.01
+    numbers["min_coefficient_over_bound"] *= 1.01
     numbers.to_csv(file, index=False)
     return replace(edited, first=edited.snakemake())
 
@@ -74,7 +74,7 @@ def edited(study, tmp_path_factory):
 def test_another_reference_runs_the_comparison_alone_and_shows(edited):
     said = edited.first.stdout
     assert "3 of 3 steps (100%) done" in said, said  # the comparison, the report, the rule of all
-    found = edited.table("reference_differences").query("column == 'weakest_t'")
+    found = edited.table("reference_differences").query("column == 'min_coefficient_over_bound'")
     assert len(found) > 10 and set(found["verdict"]) == {"beyond tolerance"}
     with pytest.raises(AssertionError):
         hold_to_reference(edited.results / "tables", edited.folder / "results/reference/smoke")

@@ -131,7 +131,7 @@ rule redraw_paper:
     params:
         line=released,
         amounts=amounts(),
-        number=setting("measurement.paper_draws"),
+        number=setting("measurement.paper_replicates"),
         threshold=setting("identification.paper.threshold"),
         kinematics=setting("identification.paper.kinematics"),
         degree=setting("identification.degree"),
@@ -162,8 +162,8 @@ rule vary_parameter:
         values=lambda wildcards: setting(f"assessment.open_parameters.{wildcards.parameter}"),
         amounts=amounts(),
         number=lambda wildcards: {
-            "measurement.paper_draws": min(
-                STUDY.settings.measurement.paper_draws, MOST_VARIED_DRAWS
+            "measurement.paper_replicates": min(
+                STUDY.settings.measurement.paper_replicates, MOST_VARIED_DRAWS
             )
         },
         threshold=setting("identification.paper.threshold"),

@@ -38,7 +38,7 @@ rule simulate_line:
         **CASE_RESOURCES,
     params:
         releases=lambda wildcards: {
-            f"cases.{wildcards.case}.releases": list(case(wildcards).releases)
+            f"cases.{wildcards.case}.initial_states": list(case(wildcards).releases)
         },
         duration=setting("simulation.duration"),
         sampling_rate=setting("simulation.sampling_rate"),
@@ -69,7 +69,7 @@ rule simulate_many_modes:
         line=line,
         truth=lambda wildcards: {"truth": case(wildcards).truth},
         releases=lambda wildcards: {
-            f"cases.{wildcards.case}.releases": list(case(wildcards).releases)
+            f"cases.{wildcards.case}.initial_states": list(case(wildcards).releases)
         },
         duration=setting("simulation.duration"),
         sampling_rate=setting("simulation.sampling_rate"),

@@ -8,8 +8,8 @@ from galloping.storage import write_rows
 from galloping.trajectory.simulation import Simulator
 
 COLUMNS = [  # of a line that never gallops, too
-    "case", "parameter", "unit", "value", "branch", "point", "stable", "v_m", "w_m", "period_s",
-    "largest_multiplier", "trivial_defect",
+    "case", "parameter", "unit", "value", "branch", "point", "stable", "vertical_amplitude_m",
+    "horizontal_amplitude_m", "period_s", "largest_multiplier", "trivial_multiplier_error",
 ]  # fmt: skip
 
 

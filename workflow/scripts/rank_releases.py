@@ -5,7 +5,10 @@ from galloping.reproducibility.job import run
 from galloping.storage import write_rows
 from galloping.study.files import read_model, read_trajectories
 
-COLUMNS = ("case", "release", "level", "weakest_t", "weakest_term", "identifiable")
+COLUMNS = (
+    "case", "initial_displacement", "level", "min_coefficient_over_bound", "weakest_term",
+    "identifiable",
+)  # fmt: skip
 HEIGHTS = (1.0, 2.0, 3.0)  # m, of the further releases that are compared
 
 

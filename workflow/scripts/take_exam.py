@@ -21,10 +21,9 @@ from galloping.study.cells import Study, Trial
 from galloping.study.files import read_table
 from galloping.tables import exam
 
-SHOWN = {  # columns of `exam.sum_up_strata`, and the measures of their differences
-    "exact": "exact", "ok": "ok", "ok_and_wrong": "ok_and_wrong", "refused": "refused",
-    "coverage": "intervals_held", "cause_named": "cause_named", "work": "work",
-}  # fmt: skip
+SHOWN = (  # columns of `exam.sum_up_strata`, and the measures of their differences
+    "exact_support", "ok", "ok_and_wrong", "refused", "coverage", "fault_diagnosed", "work",
+)  # fmt: skip
 
 
 def main(*arguments: str) -> int:
@@ -92,8 +91,8 @@ def format_table(strata: pd.DataFrame, compared: pd.DataFrame) -> Iterator[str]:
     rows = [["stratum", "answers", *(name.replace("_", " ") for name in SHOWN), "seconds"]]
     for row in strata.to_dict("records"):
         cells = [row["stratum"], str(row["fits"])]
-        for column, measure in SHOWN.items():
-            shift = shifts.get((row["stratum"], row["method"], measure))
+        for column in SHOWN:
+            shift = shifts.get((row["stratum"], row["method"], column))
             cells.append(_format_cell(column, row[column], shift))
         rows.append([*cells, f"{row['seconds']:.0f}"])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]

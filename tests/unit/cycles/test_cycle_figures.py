@@ -35,10 +35,10 @@ def test_diagram():
     simulated = rows.simulation_rows("line", RESONANT, "wind_speed", [4, 8], simulator())
     assert [row["kind"] for row in simulated] == ["rest", "cycle"]
     cycles = pd.DataFrame(rows.limit_cycle_rows("line", "wind_speed", along) + simulated)
-    assert set(cycles["unit"]) == {"m/s"} and cycles["trivial_defect"].max() <= 1e-6
+    assert set(cycles["unit"]) == {"m/s"} and cycles["trivial_multiplier_error"].max() <= 1e-6
     changes = pd.DataFrame(rows.bifurcation_rows("line", "wind_speed", along, RESONANT))
     (hopf,) = changes[changes["name"] == "Hopf"].to_dict("records")
-    assert hopf["value"] == pytest.approx(hopf["closed_form"], rel=1e-9)
+    assert hopf["value"] == pytest.approx(hopf["closed_form_wind_m_s"], rel=1e-9)
     ends = changes[changes["name"] == "end"]
     assert list(ends["note"]) == ["reached 9"] * 3
 
@@ -75,14 +75,14 @@ def test_map_and_orbits():
     winds, tensions = ("wind_speed", [8.0, 30.0]), ("tension", [22e3, 25e3, 28e3])
     table = pd.DataFrame(rows.map_rows("line", RESONANT, winds, tensions, simulator()))
     assert table["frequency_ratio"].is_monotonic_decreasing
-    assert not np.isfinite(table["v_m"]).all()  # 30 m/s is too much for the model
+    assert not np.isfinite(table["vertical_amplitude_m"]).all()  # 30 m/s is too much for the model
     settings = {"case": "line", "x_label": "x", "y_label": "y", "y_scale": 1000}
     alone = drawn(lambda: draw_resonance_map(table, settings))
     more = pd.concat([table, table.assign(y_parameter="span"), table])  # of other sweeps
     assert drawn(lambda: draw_resonance_map(more, settings)) == alone
     assert drawn(lambda: draw_resonance_map(more[more["y_parameter"] == "span"], settings))
-    bounded = table[np.isfinite(table["w_m"])]
-    ratio = bounded.loc[bounded["w_m"].idxmax(), "frequency_ratio"]
+    bounded = table[np.isfinite(table["horizontal_amplitude_m"])]
+    ratio = bounded.loc[bounded["horizontal_amplitude_m"].idxmax(), "frequency_ratio"]
     assert f"{ratio:.2f} times" in draw_resonance_map(table, settings).get_label()
 
 
@@ -98,8 +98,11 @@ def test_orbits_that_leave_all_design_ellipses_are_named():
 def test_clearance_and_measures():
     motion = settle(simulator(), line_family(RESONANT, "wind_speed").model(12.0), START)
     told = rows.clearance_rows("line", RESONANT, {12.0: motion}, (0.0, 8.0), 3.0)
-    assert [row["what"] for row in told] == ["Davison", "Toye", "CIGRE 322", "cycle"]
-    assert told[-1]["height_m"] == pytest.approx(2 * 1.305, abs=2e-3) and told[-1]["kept"]
+    assert [row["orbit"] for row in told] == ["Davison", "Toye", "CIGRE 322", "cycle"]
+    assert (
+        told[-1]["height_m"] == pytest.approx(2 * 1.305, abs=2e-3)
+        and told[-1]["is_clearance_sufficient"]
+    )
     growing = motion.states * np.linspace(1.0, 2.0, len(motion.states))[:, np.newaxis]
     irregular = replace(motion, kind="irregular", states=growing)
     *_, last = rows.clearance_rows("line", RESONANT, {12.0: irregular}, (0.0, 8.0), 3.0)
@@ -112,9 +115,9 @@ def test_clearance_and_measures():
     figure = draw_measures(table, {"cases": ["line"]})
     assert figure.get_label() == ""  # no measure beside removal of the ice that helps
     written = [text.get_text() for text in figure.axes[0].texts]
-    assert written == [f"{value:.3g}" for value in table["v_m"]]
-    as_it_is = table.set_index("measure").loc[NOTHING.label, "v_m"]
-    better = table[:1].assign(measure="a damper", v_m=as_it_is / 2)
+    assert written == [f"{value:.3g}" for value in table["vertical_amplitude_m"]]
+    as_it_is = table.set_index("measure").loc[NOTHING.label, "vertical_amplitude_m"]
+    better = table[:1].assign(measure="a damper", vertical_amplitude_m=as_it_is / 2)
     said = draw_measures(pd.concat([table, better]), {"cases": ["line"]}).get_label()
     assert f"a damper, reduces the vertical amplitude from {as_it_is:.2g}" in said
     many = [f"line {k}" for k in range(20)]
@@ -128,11 +131,11 @@ def test_prediction():
     wide = Prediction(np.array([8.0, 12.0]), near, 0.9 * near, 1.1 * near, np.zeros(2))
     cell = {"case": "line", "protocol": "state", "method": "maximum_likelihood", "replicate": 0}
     told = rows.prediction_rows(cell, wide, true, "not identifiable: q_v^3")
-    assert len(told) == 4 and all(row["inside"] for row in told)
+    assert len(told) == 4 and all(row["interval_contains_truth"] for row in told)
     nothing = np.full((2, 4), np.nan)
     lost = Prediction(wide.winds, nothing, nothing, nothing, np.ones(2), "it does not settle")
     told += rows.prediction_rows({**cell, "method": "stlsq"}, lost, true, "unjudged")
-    assert not any(row["inside"] for row in told[4:])
+    assert not any(row["interval_contains_truth"] for row in told[4:])
     settings = {"case": "line", "protocol": "state", "method": "maximum_likelihood",
                 "replicate": 0, "recorded": 12.0, "peer": "stlsq"}  # fmt: skip
     figure = draw_prediction(pd.DataFrame(told), settings)

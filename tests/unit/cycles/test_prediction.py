@@ -140,14 +140,24 @@ def test_ranking():
         "ice removed", "damper of 200 N s/m at 30 m", "as it is",
     ]  # fmt: skip
     bare, _, as_is = order
-    assert bare["critical_wind_m_s"] == np.inf and bare["v_m"] == 0 and bare["kind"] == "rest"
-    assert (as_is["v_m"], as_is["w_m"]) == pytest.approx(CHECKS[12], abs=1e-3)
-    assert as_is["v_m_low"] < as_is["v_m"] < as_is["v_m_high"]
+    assert (
+        bare["critical_wind_m_s"] == np.inf
+        and bare["vertical_amplitude_m"] == 0
+        and bare["kind"] == "rest"
+    )
+    assert (as_is["vertical_amplitude_m"], as_is["horizontal_amplitude_m"]) == pytest.approx(
+        CHECKS[12], abs=1e-3
+    )
+    assert (
+        as_is["vertical_amplitude_m_low"]
+        < as_is["vertical_amplitude_m"]
+        < as_is["vertical_amplitude_m_high"]
+    )
     assert 3 < as_is["clearance_m"] < 8
     lost = with_measure(
         parts, RESONANT, NOTHING, replace(design, wind=25.0), simulator(), draws[:0]
     )
-    assert lost["kind"].startswith("diverged") and np.isnan(lost["v_m"])
+    assert lost["kind"].startswith("diverged") and np.isnan(lost["vertical_amplitude_m"])
 
 
 REFUSED = IdentifiedModel.refused(STATES, polynomial_library(4, 3), [])
@@ -179,7 +189,7 @@ def test_table_of_recorded_and_true_amplitudes(resonant):
     identified = {"a": {"maximum_likelihood": [stated(line, 1e-3), REFUSED]}}
     made = Derived(line, {}, {}), [motion], identified
     table = limit_cycles_ahead(*made, settings)
-    told = table[["state", "answered", "coverage_95_percent"]].to_numpy().tolist()
+    told = table[["state", "n_limit_cycles", "coverage_95_percent"]].to_numpy().tolist()
     assert told == [["q_v", 1, 100.0], ["q_w", 1, 100.0]]
     assert table["recorded_m"].to_list() == pytest.approx([1.106, 1.873], abs=1e-3)
     assert table["true_m"].to_list() == pytest.approx([1.305, 2.132], abs=5e-4)

@@ -48,17 +48,17 @@ def test_what_is_said_of_a_file_is_judged():
     known = sample("decay to rest")
     _, said = identify_field(write_and_read(known), FieldQuestion())
     row = judge(known, said)
-    assert said.found.status == "ok" and row["exact"] and not row["ok_and_wrong"]
-    assert row["intervals_held"] == 1.0 and np.isnan(row["cause_named"])
-    assert judge(replace(known, cause=Code.KNOCKED), said)["cause_named"] == 0.0
+    assert said.found.status == "ok" and row["exact_support"] and not row["ok_and_wrong"]
+    assert row["coverage"] == 1.0 and np.isnan(row["fault_diagnosed"])
+    assert judge(replace(known, cause=Code.KNOCKED), said)["fault_diagnosed"] == 0.0
     slower = replace(known, mode=Oscillation(0.99 * known.mode.frequency, known.mode.damping))
-    assert judge(slower, said)["intervals_held"] == 0.5
+    assert judge(slower, said)["coverage"] == 0.5
     without_equation = replace(slower, equation="")
     row = judge(without_equation, said)
-    assert row["ok_and_wrong"] and "exact" not in row
+    assert row["ok_and_wrong"] and "exact_support" not in row
 
 
 def test_a_file_is_identified_as_by_the_command():
     row = next(trial(11, "limit cycle in micrometres", [0], {"maximum_likelihood": {}}))
     assert (row["case"], row["replicate"], row["status"]) == ("limit cycle in micrometres", 0, "ok")
-    assert row["exact"] and not row["ok_and_wrong"] and row["work"] > 0.0
+    assert row["exact_support"] and not row["ok_and_wrong"] and row["work"] > 0.0

@@ -105,7 +105,7 @@ def test_trial_has_a_row_for_each_replicate_and_method():
     fits = pd.DataFrame(real_lines.trial(3, "two modes, gusts 2 %", [0], METHODS))
     table = model_error({"small": fits}).set_index("method")
     ours = table.loc["maximum_likelihood"]
-    assert ours[["replicates", "answered"]].to_list() == [1, 1]
+    assert ours[["replicates", "n_models"]].to_list() == [1, 1]
     assert ours["damping_v_error_percent"] < 5.0 and ours["forecast_r2"] > 0.9
     assert ours["amplitude_v_worst_percent"] == ours["amplitude_v_error_percent"] < 5.0
     assert 0.0 <= ours["coverage_95_percent"] <= 100.0

@@ -94,7 +94,7 @@ def test_terms_are_found_and_coefficients_within_their_intervals(path, record_pr
     record_property("path", found.diagnostics["path"])
     row = against_truth(true, found)
     assert found.status in ("ok", "not identifiable"), found.reason
-    assert row["exact"] and not row["off"]  # within four errors
+    assert row["exact_support"] and not row["beyond_4_standard_errors"]  # within four errors
     error = (found.model.coefficients - true.coefficients)[found.support]
     size = true.coefficients[found.support]
     assert np.linalg.norm(error) < 0.1 * np.linalg.norm(size)

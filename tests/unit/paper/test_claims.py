@@ -30,7 +30,7 @@ def scores(draws=20, **columns):
     for kind, level, points in cells:
         for draw in range(draws if level else 1):
             row = {
-                "kind": kind, "level": level, "points": points, "draw": draw, "motion": "ok",
+                "kind": kind, "level": level, "points": points, "replicate": draw, "motion": "ok",
                 "missing": 0, "spurious": round(100 * level), "true_positive_ratio": 1.0,
                 "e2": level, "mean_error_linear_percent": 200 * level + 0.01 * draw,
                 "mean_error_cubic_percent": 450 * level + 0.01 * draw,
@@ -76,22 +76,24 @@ def test_a_printed_number_is_judged_on_both_sides(values, verdict):
 def test_a_bound_is_judged_by_the_interval_of_the_share_of_draws(kind, sign, met, verdict, bad):
     values = 10.0 + sign * np.where(np.arange(200) < met, 0.1, -bad)
     found = judge_values(kind, values)
-    assert (found["verdict"], found["share_of_draws"]) == (verdict, met / 200)
-    assert found["share_low"] <= met / 200 <= found["share_high"]
+    assert (found["verdict"], found["share_met"]) == (verdict, met / 200)
+    assert found["share_met_low"] <= met / 200 <= found["share_met_high"]
     assert judge_values(kind, np.full(20, np.nan))["verdict"] == "undecided"
 
 
 def test_the_interval_of_a_share_is_wilson_s_and_a_single_draw_has_none():
     found = paper_claims.share_with_interval(np.arange(200) < 100)
-    assert (found["share_low"], found["share_high"]) == pytest.approx((0.4313, 0.5687), abs=1e-3)
-    assert paper_claims.share_with_interval(np.array([True]))["share_low"] == 1.0
+    assert (found["share_met_low"], found["share_met_high"]) == pytest.approx(
+        (0.4313, 0.5687), abs=1e-3
+    )
+    assert paper_claims.share_with_interval(np.array([True]))["share_met_low"] == 1.0
 
 
 def test_a_wide_interval_is_said_to_say_little_and_why_a_bound_is_missed():
     assert "nearly any" in judge_values("value", np.geomspace(0.1, 1000, 20))["reason"]
     assert "nearly any" not in judge_values("value", np.linspace(8, 12, 20))["reason"]
     drawn_ = scores(r2_q_v=0.5)
-    drawn_.loc[drawn_["draw"] < 5, "missing"] = 1
+    drawn_.loc[drawn_["replicate"] < 5, "missing"] = 1
     found = tables(drawn_).set_index("claim").loc["R2 of q_v at noise 0.05"]
     assert found["verdict"] == "not met" and "25 % lost a true term" in found["reason"]
     assert "100 % have false terms" in found["reason"]
@@ -118,7 +120,7 @@ def test_paper_csv_has_a_row_for_each_sentence_and_the_joint_shares():
     ]
     assert table["claim"].to_list()[: len(about)] == about
     joint = table[table["role"] == "joint"]
-    assert len(joint) == 2 and set(joint["share_of_draws"]) <= {0.0, 1.0}
+    assert len(joint) == 2 and set(joint["share_met"]) <= {0.0, 1.0}
     beyond = table[table["role"] == "beyond"]
     assert (
         len(beyond) == len(paper_claims.BEYOND_JUDGEMENT) > 5
@@ -138,8 +140,8 @@ def test_paper_csv_has_a_row_for_each_sentence_and_the_joint_shares():
 
 def test_bounds_hold_together_in_the_draws_that_keep_each():
     drawn_ = scores()
-    drawn_.loc[drawn_["draw"] == 3, "r2_q_v"] = 0.5
-    drawn_.loc[drawn_["draw"] == 4, "missing"] = 1
+    drawn_.loc[drawn_["replicate"] == 3, "r2_q_v"] = 0.5
+    drawn_.loc[drawn_["replicate"] == 4, "missing"] = 1
     bounds = [c for c in paper_claims.CLAIMS if not c.is_number and c.column in drawn_]
     bounds = [c for c in bounds if c.name != "exact parameters without noise"]
     kept = paper_claims.find_joint_draws(bounds, drawn_)
@@ -161,7 +163,7 @@ def test_what_the_study_lacks_is_not_run_and_what_differs_is_not_judged():
     table = tables(few[few["level"] != 0.1]).set_index("claim")
     assert set(table.loc[table.index.str.contains("noise 0.1$"), "verdict"]) == {"not run"}
     reason = "line.span is 320, where the paper has 300"
-    replicates = few[few["draw"] < 4].assign(case=CASE, protocol="state", method="stlsq")
+    replicates = few[few["replicate"] < 4].assign(case=CASE, protocol="state", method="stlsq")
     told = claims_table(replicates, settings(pairs=[("state", "stlsq"), ("state", "weak")]))
     assert set(told["method"]) == {"stlsq"} and set(told["replicates"]) == {1, 4}
     other = paper_table(claims_table(few, settings(cases=[])), {}, {"departures": {CASE: reason}})
@@ -224,8 +226,10 @@ def test_other_settings_are_judged_one_at_a_time():
         [variation_rows(RESONANT, plan, amounts, *each, CASE, drawn_) for each in values.items()]
     )
     assert rows.groupby(["parameter", "value"]).size().nunique() == 1
-    assert set(rows.loc[rows["default"], "value"]) == {12.0, 0.002}
-    exact = rows[rows["claim"] == "exact structure without noise"].set_index("value")["held"]
+    assert set(rows.loc[rows["is_default"], "value"]) == {12.0, 0.002}
+    exact = rows[rows["claim"] == "exact structure without noise"].set_index("value")[
+        "is_reproduced"
+    ]
     assert exact.to_dict() == {12.0: True, 14.0: True, 0.002: True, 1.0: False}
     assert set(rows.loc[rows["claim"] == "all terms found at noise 0.01", "verdict"]) == {"not run"}
     assert "threshold 1" in report.by_settings(rows)

@@ -191,8 +191,8 @@ def test_tables_and_figure(tried):
     readings = tables.paper_readings(parts)
     assert readings["reading"].to_list() == [unknowns.FIRST_READING.name, "sine"]
     assert readings["verdict"].to_list() == ["first", "ruled out as tried"]
-    assert readings["power_of_ten"].iloc[1] == pytest.approx(-10 / np.log(10))
-    assert readings["loses_most_by"].iloc[1] == "noise 0.05"
+    assert readings["log10_bayes_factor"].iloc[1] == pytest.approx(-10 / np.log(10))
+    assert readings["worst_claims"].iloc[1] == "noise 0.05"
     samples = tables.region_samples(parts)
     for group in ("all", *GROUPS):
         sums = samples.groupby("stage")[f"weight_{group}"].sum()

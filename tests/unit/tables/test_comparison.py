@@ -23,7 +23,7 @@ def table(text=TABLE, **options):
 
 def changes(text):
     found = comparison.compare_tables(table(), table(text))
-    return [tuple(row) for row in found[["row", "column", "reference", "found"]].to_numpy()]
+    return [tuple(row) for row in found[["row", "column", "reference", "this_run"]].to_numpy()]
 
 
 def test_a_table_agrees_with_itself_in_any_order_and_form():
@@ -155,7 +155,7 @@ def test_other_settings_are_named_and_excuse_other_numbers(settings, key, values
     edited["measurement"] = SETTINGS["measurement"] | edited["measurement"]
     summary, differences = compare({"noise": noise(0.5, 0.1)}, edited)
     (told,) = (d for d in differences if (d["table"], d["row"]) == ("settings", key))
-    assert (told["reference"], told["found"], told["verdict"]) == (*values, verdict)
+    assert (told["reference"], told["this_run"], told["verdict"]) == (*values, verdict)
     assert summary["settings"]["verdict"] == DIFFERS
     assert summary["noise"]["verdict"] == REASONS["settings"]
     summary, _ = compare({"noise": noise(0.5, 0.9)}, edited)
@@ -164,7 +164,7 @@ def test_other_settings_are_named_and_excuse_other_numbers(settings, key, values
 
 def test_another_processor_is_named_and_may_be_the_reason():
     summary, differences = compare({"noise": noise(0.5, 0.1)}, processor="two")
-    assert (differences[0]["table"], differences[0]["found"]) == ("processor", '"two"')
+    assert (differences[0]["table"], differences[0]["this_run"]) == ("processor", '"two"')
     assert summary["processor"]["verdict"] == DIFFERS
     assert summary["noise"]["verdict"] == REASONS["processor"]
     summary, _ = compare({"noise": noise(0.5, 0.1)}, SETTINGS | {"degree": 3}, processor="two")

@@ -22,8 +22,8 @@ def fits(n=10, **columns):
     """Rows of a trial, all exact, as `trials.attempts` has them."""
     rows = {
         "case": "all", "replicate": np.arange(n), "method": "maximum_likelihood", "status": "ok",
-        "exact": True, "ok_and_wrong": False, "cause_named": np.nan, "terms": 2,
-        "holding_unconditional": 2, "coefficients": json.dumps(TRUE), "findings": np.nan,
+        "exact_support": True, "ok_and_wrong": False, "fault_diagnosed": np.nan, "terms": 2,
+        "covered_unconditional": 2, "coefficients": json.dumps(TRUE), "findings": np.nan,
         "path": "a", "work": 1.0, "seconds": 2.0,
     }  # fmt: skip
     return pd.DataFrame(rows | columns)
@@ -36,37 +36,41 @@ def of(stratum="lines", **columns):
 def test_recordings_have_names_of_their_own_within_a_stratum():
     parts = {
         "lines/all_0_to_9": fits(level=0.05),
-        "files/rest": fits(case="rest", terms=np.nan, intervals_held=0.5),
-        "files/release": fits(case="release", intervals_held=1.0),
+        "files/rest": fits(case="rest", terms=np.nan, coverage=0.5),
+        "files/release": fits(case="release", coverage=1.0),
     }
     found = collect_answers(parts)
     assert not found.duplicated(["stratum", "recording"]).any()
     assert list(found["stratum"].unique()) == ["lines", "files"]
     assert found["recording"][3] == "all, level 0.05, replicate 3"
-    assert found.groupby("stratum")["intervals_held"].mean().to_dict() == {
+    assert found.groupby("stratum")["coverage"].mean().to_dict() == {
         "lines": 1.0, "files": 0.75,
     }  # fmt: skip
 
 
 def test_a_recording_of_unknown_truth_is_not_judged():
-    rows = fits().drop(columns=["exact", "ok_and_wrong", "cause_named", "holding_unconditional"])
+    rows = fits().drop(
+        columns=["exact_support", "ok_and_wrong", "fault_diagnosed", "covered_unconditional"]
+    )
     row = sum_up_strata(collect_answers({"files/span": rows})).iloc[0]
-    assert row["ok"] == 10 and row[["exact", "ok_and_wrong", "coverage"]].isna().all()
+    assert row["ok"] == 10 and row[["exact_support", "ok_and_wrong", "coverage"]].isna().all()
 
 
 def test_intervals_count_for_models_that_state_which_terms_exist():
-    found = of(status=["ok", "approximate"] * 5, holding_unconditional=1)
-    assert found["intervals_held"].tolist()[:2] == [0.5, pytest.approx(np.nan, nan_ok=True)]
+    found = of(status=["ok", "approximate"] * 5, covered_unconditional=1)
+    assert found["coverage"].tolist()[:2] == [0.5, pytest.approx(np.nan, nan_ok=True)]
 
 
 def test_a_stratum_is_summed_up_and_so_are_all():
     status = ["ok"] * 6 + ["refused"] * 3 + ["approximate"]
-    found = sum_up_strata(of(status=status, exact=[True] * 5 + [False] * 5)).set_index("stratum")
+    found = sum_up_strata(of(status=status, exact_support=[True] * 5 + [False] * 5)).set_index(
+        "stratum"
+    )
     assert list(found.index) == ["lines", "all"]
     row = found.loc["lines"]
-    assert (row["fits"], row["exact"], row["ok"], row["refused"]) == (10, 5, 6, 3)
+    assert (row["fits"], row["exact_support"], row["ok"], row["refused"]) == (10, 5, 6, 3)
     assert (row["coverage"], row["work"], row["seconds"]) == (1.0, 10.0, 20.0)
-    assert np.isnan(row["cause_named"])
+    assert np.isnan(row["fault_diagnosed"])
 
 
 @pytest.mark.parametrize(
@@ -76,14 +80,14 @@ def test_differences_are_judged_in_pairs(lost, gained, is_significant):
     """As in McNemar's test: (gained - lost) / sqrt(gained + lost)."""
     before, now = np.ones(20, bool), np.ones(20, bool)
     now[:lost], before[20 - gained :] = False, False
-    found = compare_measures(of(n=20, exact=before), of(n=20, exact=now))
-    row = found.set_index(["stratum", "measure"]).loc[("lines", "exact")]
+    found = compare_measures(of(n=20, exact_support=before), of(n=20, exact_support=now))
+    row = found.set_index(["stratum", "measure"]).loc[("lines", "exact_support")]
     assert row["pairs"] == 20 and row["difference"] == gained - lost
     assert row["standard_error"] == pytest.approx(np.sqrt(gained + lost))
     assert row["is_significant"] == is_significant
     worse = found[found.apply(is_worse, axis=1)]
     assert set(worse["stratum"]) == ({"lines", "all"} if is_significant else set())
-    better = compare_measures(of(n=20, exact=now), of(n=20, exact=before))
+    better = compare_measures(of(n=20, exact_support=now), of(n=20, exact_support=before))
     assert not better.apply(is_worse, axis=1).any()
 
 
@@ -116,8 +120,8 @@ def model(**terms):
 def test_an_answer_that_is_another_one_is_told():
     assert changed() == "" and changed(work=3.0, seconds=9.0, path="b") == ""
     refused = changed(status="refused", coefficients="{}").split("; ")
-    assert refused == ["ok -> refused", "intervals held 1 -> nan", "-dq in d(dq), -q in d(dq)"]
-    assert changed(exact=False) == "exact 1 -> 0"
+    assert refused == ["ok -> refused", "coverage 1 -> nan", "-dq in d(dq), -q in d(dq)"]
+    assert changed(exact_support=False) == "exact support 1 -> 0"
     assert changed(coefficients=model(q2=[1.0, 0.1])) == "+q2 in d(dq)"
     assert "3 standard errors" in changed(coefficients=model(q=[-4.03, 0.01]))
     assert changed(coefficients=model(q=[-4.00009, 0.01])) == ""

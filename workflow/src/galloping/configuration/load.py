@@ -8,6 +8,7 @@ from pathlib import Path
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
+from galloping.configuration.keys import RENAMED
 from galloping.configuration.schema import allowed, child, item, leaves, names, schema
 from galloping.configuration.settings import Settings
 from galloping.configuration.yaml_file import ConfigurationError, read, refuse_endless
@@ -92,7 +93,7 @@ def merged(mapping: dict, files: Sequence[dict]) -> dict:
 def ordered(mapping: dict, files: Sequence[dict]) -> dict:
     """Sort the keys of a merged mapping in the order in which the files name them.
 
-    The order of cases and initial displacements matters, and Snakemake puts the keys of a file that
+    The order of cases and initial states matters, and Snakemake puts the keys of a file that
     overrides before those of the overridden file. Keys that no file names come last.
     """
     keys = dict.fromkeys([*(key for file in files for key in file if key in mapping), *mapping])
@@ -137,6 +138,8 @@ def _describe_fault(mapping: dict, fault: ErrorDetails) -> str:
 
 def _unknown_key(location: tuple) -> str:
     *parents, key = location
+    if new := RENAMED.get(".".join([*_anonymise(parents), str(key)])):
+        return f"{_join_keys(location)}: unknown key; is now {new}"
     siblings = names(_find_node(parents))
     elsewhere = {
         ".".join(parts[: parts.index(key) + 1])
@@ -149,6 +152,16 @@ def _unknown_key(location: tuple) -> str:
         else f"; allowed: {', '.join(siblings)}"
     )
     return f"{_join_keys(location)}: unknown key{hint}"
+
+
+def _anonymise(path: Iterable) -> list[str]:
+    """Return the keys of a path with `<name>` for each name that the user chose."""
+    node = schema()
+    keys: list[str] = []
+    for key in path:
+        keys.append(key if key in names(node) else "<name>")
+        node = child(node, key)
+    return keys
 
 
 def _bad_name(location: tuple) -> str:

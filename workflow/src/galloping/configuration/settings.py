@@ -97,7 +97,7 @@ CASE_KEYS: Any = keys(
     wind=keys("wind", "The steady wind across the line."),
     damping=keys("damping", "Structural damping, as ratios to critical."),
     initial_state=InitialStateSection,
-    releases=dict[Name, InitialStateSection],
+    initial_states=dict[Name, InitialStateSection],
     truth=TruthSection,
 )
 
@@ -128,7 +128,7 @@ class CaseSection(CASE_KEYS):
 def paper_cases() -> dict[str, CaseSection]:
     """Make the two lines of the paper: at internal resonance, and away from it."""
     wide = InitialStateSection(q_w=3)
-    non_resonant = CaseSection(line=LineSection(tension=35000), releases={"wide": wide})
+    non_resonant = CaseSection(line=LineSection(tension=35000), initial_states={"wide": wide})
     return {"internal_resonance": CaseSection(), "non_resonant": non_resonant}
 
 

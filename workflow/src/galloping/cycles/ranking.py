@@ -107,8 +107,10 @@ def with_measure(
 
     draws: (n, n_values) samples of the parts' values, for the intervals; may be empty. A number has
     the interval `_low` and `_high`, NaN if unknown: critical_wind_m_s, infinite if the line never
-    gallops; v_m and w_m, half ranges at the design wind; clearance_m. kind: of the motion there,
-    `cycle`, `rest`, or another.
+    gallops; vertical_amplitude_m and
+    horizontal_amplitude_m, at the design wind; clearance_m. kind: of the motion there,
+    `cycle`,
+    `rest`, or another.
     """
     line = changed(parts, case, measure)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -133,16 +135,21 @@ def with_measure(
         room = least, *interval_of_draws(others)
         v, w, *_ = zip(half, *intervals(orbits, len(STATES), 2)[:, :-1], strict=True)
     wind = critical, *interval_of_draws(critical_winds(line, scaled))
-    numbers = {"critical_wind_m_s": wind, "v_m": v, "w_m": w, "clearance_m": room}
+    numbers = {
+        "critical_wind_m_s": wind,
+        "vertical_amplitude_m": v,
+        "horizontal_amplitude_m": w,
+        "clearance_m": room,
+    }
     measured = {
         f"{name}{end}": float(value)
         for name, values in numbers.items()
         for end, value in zip(("", "_low", "_high"), values, strict=True)
     }
     return {
-        "measure": measure.label, **measured, "kind": kind, "limit_m": design.limit,
-        "kept": bool(room[0] >= design.limit), "design_wind_m_s": design.wind,
-        "source": measure.source, "note": measure.limit,
+        "measure": measure.label, **measured, "kind": kind, "required_clearance_m": design.limit,
+        "is_clearance_sufficient": bool(room[0] >= design.limit),
+        "design_wind_m_s": design.wind, "source": measure.source, "note": measure.limit,
     }  # fmt: skip
 
 
@@ -178,5 +185,6 @@ def ranked(
         with_measure(parts, case, measure, design, simulator, draws)
         for measure in (NOTHING, *measures)
     ]
-    rows.sort(key=lambda row: (np.nan_to_num(row["v_m"], nan=np.inf), -row["critical_wind_m_s"]))
+    amplitude, wind = "vertical_amplitude_m", "critical_wind_m_s"
+    rows.sort(key=lambda row: (np.nan_to_num(row[amplitude], nan=np.inf), -row[wind]))
     return [{"rank": rank, **row} for rank, row in enumerate(rows, start=1)]

@@ -64,7 +64,7 @@ def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:
         | {"branch": branch, "point": k, "stable": point.stability.stable}
         | _size_columns(point.solution)
         | {"largest_multiplier": point.stability.largest}
-        | {"trivial_defect": point.stability.trivial_defect}
+        | {"trivial_multiplier_error": point.stability.trivial_defect}
         for branch, cycles in along.cycles.items()
         for k, point in enumerate(cycles.points)
     ]
@@ -72,7 +72,8 @@ def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:
 
 def _size_columns(orbit: Orbit) -> dict:
     v, w = orbit.half_range()[:2]
-    return {"v_m": float(v), "w_m": float(w), "period_s": float(orbit.period)}
+    amplitudes = {"vertical_amplitude_m": float(v), "horizontal_amplitude_m": float(w)}
+    return {**amplitudes, "period_s": float(orbit.period)}
 
 
 def _place_columns(label: str, name: str, unit: str, value: float) -> dict:
@@ -88,20 +89,26 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
             "branch": branch,
             "name": what,
         }
-        nothing = {"located": True, "closed_form": np.nan, "v_m": 0.0, "w_m": 0.0}
+        nothing = {
+            "located": True,
+            "closed_form_wind_m_s": np.nan,
+            "vertical_amplitude_m": 0.0,
+            "horizontal_amplitude_m": 0.0,
+        }
         rows.append(place | nothing | {"period_s": np.nan, "note": ""} | further)
 
     def end(of: str, branch: Branch) -> None:
         verdict = "" if branch.complete else "incomplete: "
         last = branch.points[-1].solution.value
-        row(of, last, "end", v_m=np.nan, w_m=np.nan, note=f"{verdict}{branch.reason}")
+        none = {"vertical_amplitude_m": np.nan, "horizontal_amplitude_m": np.nan}
+        row(of, last, "end", **none, note=f"{verdict}{branch.reason}")
 
     for b in along.equilibria.bifurcations:
         further: dict[str, Any] = {"located": b.located}
         if b.name == HOPF:
             further["period_s"] = 2 * np.pi / b.point.stability.critical()[0]
             if name == "wind_speed":
-                further["closed_form"] = critical_wind(case)
+                further["closed_form_wind_m_s"] = critical_wind(case)
         row("equilibrium", b.point.solution.value, b.name, **further)
     end("equilibrium", along.equilibria)
     for branch, cycles in along.cycles.items():
@@ -130,11 +137,12 @@ def simulation_rows(
 def _motion_columns(motion: Settled) -> dict:
     v, w = motion.half_range[:2]
     ends = {
-        f"{axis}_{end}_m": float(of[k])
-        for k, axis in enumerate("vw")
-        for end, of in (("low", motion.lowest), ("high", motion.highest))
+        f"{direction}_amplitude_{end}_m": float(of[k])
+        for k, direction in enumerate(("vertical", "horizontal"))
+        for end, of in (("min", motion.lowest), ("max", motion.highest))
     }
-    return {"kind": motion.kind, "v_m": float(v), "w_m": float(w), **ends}
+    amplitudes = {"vertical_amplitude_m": float(v), "horizontal_amplitude_m": float(w)}
+    return {"kind": motion.kind, **amplitudes, **ends}
 
 
 def map_rows(
@@ -177,8 +185,9 @@ def prediction_rows(
         rows.append({
             **cell, "wind_m_s": float(wind), "direction": direction, "predicted_m": value,
             "low_m": low, "high_m": high, "true_m": reality,
-            "error_percent": 100 * abs(value / reality - 1), "inside": bool(low <= reality <= high),
-            "unresolved": float(predicted.unresolved[k]), "verdict": verdict,
+            "error_percent": 100 * abs(value / reality - 1),
+            "interval_contains_truth": bool(low <= reality <= high),
+            "share_without_limit_cycle": float(predicted.unresolved[k]), "verdict": verdict,
             "reason": predicted.reason,
         })  # fmt: skip
     return rows
@@ -204,10 +213,14 @@ def clearance_rows(
     ]
     rows = []
     for what, wind, places in outlines:
-        room = dict(zip(("height_m", "width_m", "below_m"), envelope(places), strict=True))
+        room = dict(zip(("height_m", "width_m", "below_rest_m"), envelope(places), strict=True))
         least = clearance(places, places, distance)
-        kept = {"least_clearance_m": least, "limit_m": limit, "kept": least >= limit}
-        rows.append({"case": label, "what": what, "wind_m_s": wind, **room, **kept})
+        kept = {
+            "least_clearance_m": least,
+            "required_clearance_m": limit,
+            "is_clearance_sufficient": least >= limit,
+        }
+        rows.append({"case": label, "orbit": what, "wind_m_s": wind, **room, **kept})
     return rows
 
 

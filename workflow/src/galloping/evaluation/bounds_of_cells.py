@@ -121,13 +121,13 @@ def ranked_releases(
         weakest = int(np.argmin(bound.t))
         equation, term = bound.free[weakest]
         rows.append({
-            "release": f"{state}(0) = {height:g} m",
+            "initial_displacement": f"{state}(0) = {height:g} m",
             "level": level,
-            "weakest_t": float(bound.t[weakest]),
+            "min_coefficient_over_bound": float(bound.t[weakest]),
             "weakest_term": f"{EQUATIONS[equation]} {term_name(line.terms[term], line.states)}",
             "identifiable": bool(bound.t[weakest] > IDENTIFIABLE),
         })  # fmt: skip
-    return sorted(rows, key=lambda row: -row["weakest_t"])
+    return sorted(rows, key=lambda row: -row["min_coefficient_over_bound"])
 
 
 def _noisy_states(time: np.ndarray, states: np.ndarray, level: float) -> Experiment:

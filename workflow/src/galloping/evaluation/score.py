@@ -243,8 +243,8 @@ def coverage(
     chosen = list(equations)
     errors = standard_errors[chosen]
     if np.all(np.isnan(errors)):
-        return {"intervals": np.nan, "intervals_holding": np.nan}
+        return {"intervals": np.nan, "intervals_covering": np.nan}
     terms = true.support[chosen]
     off = np.abs(coefficients - true.coefficients)[chosen][terms]
     held = off <= NORMAL_95 * np.nan_to_num(errors[terms])
-    return {"intervals": float(terms.sum()), "intervals_holding": float(held.sum())}
+    return {"intervals": float(terms.sum()), "intervals_covering": float(held.sum())}

@@ -51,7 +51,7 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
         left.plot(row.printed, k, "*", color=style.PAPER, ms=8, mew=0, zorder=5)
     parts.rows(left, [_shorten_claim(name) for name in numbers["claim"]], lines=False)
     parts.letter(right, 1, "share that keeps a bound")
-    columns = ["share_of_draws", "share_low", "share_high"]
+    columns = ["share_met", "share_met_low", "share_met_high"]
     shares, low, high = 100 * bounds[columns].to_numpy(float).T
     right.barh(np.arange(len(bounds)), shares, height=0.55, color=OURS, alpha=0.45)
     right.hlines(np.arange(len(bounds)), low, high, color=OURS, lw=1.0)
@@ -96,7 +96,7 @@ def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:
     numbers = region[region["unknown"].isin(labels) & region["low"].notna()]
     figure, ((left, right),) = parts.panels(0.9 + 0.2 * len(readings), 1, 2, width_ratios=(1, 1.3))
     parts.letter(left, 0, "unknown numbers, 5 to 95 %")
-    ends = np.log(numbers[["least", "low", "high", "most"]].to_numpy(float)).T
+    ends = np.log(numbers[["prior_low", "low", "high", "prior_high"]].to_numpy(float)).T
     low, high = (100 * (each - ends[0]) / (ends[3] - ends[0]) for each in ends[1:3])
     places = np.arange(len(numbers))
     left.barh(places, 100, label="range tried", **RANGE)
@@ -110,7 +110,7 @@ def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:
     parts.rows(left, [labels[name] for name in numbers["unknown"]], lines=False)
     left.set(xlim=(0, 165), xticks=[0, 50, 100], xlabel="% of the range, in equal ratios")
     parts.letter(right, 1, "readings of the paper")
-    powers = np.maximum(readings["power_of_ten"].to_numpy(float), LEAST)
+    powers = np.maximum(readings["log10_bayes_factor"].to_numpy(float), LEAST)
     right.axvline(0, color=style.QUIET, lw=0.6)
     right.errorbar(powers, np.arange(len(readings)), xerr=2 * readings["standard_error"], fmt="o",
                    ms=3.5, color=style.MODEL, elinewidth=1.0)  # fmt: skip

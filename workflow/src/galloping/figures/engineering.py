@@ -29,7 +29,7 @@ ELLIPSES = {
 SHOWN = 4000  # places at the end of an orbit, some twenty rounds: more would lie over each other
 LEVEL: dict[str, Any] = {"color": TRUE, "lw": 0.8, "ls": (0, (6, 3))}
 MEASURED = {
-    "v_m": "vertical amplitude, m",
+    "vertical_amplitude_m": "vertical amplitude, m",
     "critical_wind_m_s": "critical wind, m/s",
     "clearance_m": "least clearance, m",
 }
@@ -134,7 +134,7 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
                     color=MODEL if is_known else PAPER,
                 )  # fmt: skip
             axes.set(xlim=(-0.04 * reach, 1.4 * max(reach, 1e-3)))
-        limit = float(of_case["limit_m"].iloc[0])
+        limit = float(of_case["required_clearance_m"].iloc[0])
         axes.axvline(limit, color=PAPER, lw=0.9, ls=(0, (4, 2)), label="clearance to keep")
     parts.legend(figure)
     figure.set_label(_most_useful(table[table["case"] == next(iter(settings["cases"]))]))
@@ -143,7 +143,9 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
 
 def _most_useful(of_case: pd.DataFrame) -> str:
     """Describe the vertical amplitude without and with the best measure that keeps the ice."""
-    galloping = of_case[of_case["v_m"] > 0].set_index("measure")["v_m"]
+    galloping = of_case[of_case["vertical_amplitude_m"] > 0].set_index("measure")[
+        "vertical_amplitude_m"
+    ]
     if NOTHING.label not in galloping or galloping.idxmin() == NOTHING.label:
         return ""
     return (

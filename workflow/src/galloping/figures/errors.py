@@ -185,7 +185,7 @@ def replace_cells(
     more = parts.where(draws, kind=settings["kind"])
     cells = [pd.MultiIndex.from_frame(t[["kind", "level", "points"]]) for t in (chosen, more)]
     kept = chosen[~cells[0].isin(cells[1])]
-    return pd.concat([more.rename(columns={"draw": "replicate"}), kept], ignore_index=True)
+    return pd.concat([more, kept], ignore_index=True)
 
 
 def _tabulate_interval(table: pd.DataFrame, x: str, name: str) -> pd.DataFrame:

@@ -130,6 +130,7 @@ def _draw_history(axes: Axes, true: Motion, motion: Reconstruction) -> float:
 
 
 STATES = {"v": "q_v", "w": "q_w"}
+AMPLITUDES = {"v": "vertical_amplitude", "w": "horizontal_amplitude"}  # stems of columns, in m
 SMALL = 0.35  # velocity over wind speed, 20 degrees: the model's load is that of small angles
 HIGHEST = 6.0  # m: larger motions, a sag or more, are drawn alike in the map
 APART = 0.03  # decades between protocols
@@ -190,7 +191,7 @@ def _beyond_small_angles(panels: Sequence[Axes], case: Mapping) -> None:
 def _draw_branches(
     axes: Axes, cycles: pd.DataFrame, bifurcations: pd.DataFrame, direction: str
 ) -> None:
-    name, is_simulated = f"{direction}_m", cycles["branch"] == SIMULATION
+    name, is_simulated = f"{AMPLITUDES[direction]}_m", cycles["branch"] == SIMULATION
     for _, branch in cycles[~is_simulated].groupby("branch", sort=False):
         x, y = branch["value"].to_numpy(float), branch[name].to_numpy(float)
         stable = branch["stable"].astype(bool).to_numpy()
@@ -203,7 +204,7 @@ def _draw_branches(
     simulated = cycles[is_simulated]
     irregular = simulated[simulated["kind"] == "irregular"]
     if len(irregular):
-        ends = (irregular[f"{direction}_{end}_m"] for end in ("low", "high"))
+        ends = (irregular[f"{AMPLITUDES[direction]}_{end}_m"] for end in ("min", "max"))
         label = "its range, not repeating"
         axes.vlines(irregular["value"], *ends, color=style.PAPER, lw=1.2, label=label)
     look: dict[str, Any] = {"ls": "", "ms": 3, "mfc": "white", "mec": style.PAPER, "mew": 0.8}
@@ -234,7 +235,8 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
     dark = [withStroke(linewidth=3.0, foreground="black")]  # seen upon any colour, and upon none
     for k, (axes, direction) in enumerate(zip(panels, STATES, strict=True)):
         _set_title(axes, k, STATES[direction])
-        grid = table.pivot(index="y", columns="x", values=f"{direction}_m")
+        amplitude = f"{AMPLITUDES[direction]}_m"
+        grid = table.pivot(index="y", columns="x", values=amplitude)
         shown = axes.pcolormesh(
             grid.columns, grid.index, grid.to_numpy(), cmap="cividis", vmin=0, vmax=HIGHEST,
             shading="nearest", rasterized=True,
@@ -245,7 +247,7 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
         resonance.set_path_effects(dark)
         for marker, chosen, text in (
             ("x", table["kind"] == "irregular", "does not repeat, or settles very slowly"),
-            ("v", ~np.isfinite(table[f"{direction}_m"]), "no bounded motion"),
+            ("v", ~np.isfinite(table[amplitude]), "no bounded motion"),
         ):
             at = table[chosen]
             axes.plot(
@@ -256,9 +258,9 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
         axes.locator_params(axis="x", nbins=5)
     line = parts.key(r"$\omega_v = 2\,\omega_w$", color="white", ls="-", lw=1.4, path_effects=dark)
     parts.legend(figure, line, columns=3, loc="outside lower center")
-    bounded = table[np.isfinite(table["w_m"])]
+    bounded = table[np.isfinite(table["horizontal_amplitude_m"])]
     if len(bounded):
-        most = bounded.loc[bounded["w_m"].idxmax()]
+        most = bounded.loc[bounded["horizontal_amplitude_m"].idxmax()]
         figure.set_label(
             "The horizontal amplitude is largest where the vertical frequency is "
             f"{most['frequency_ratio']:.2f} times the horizontal one"

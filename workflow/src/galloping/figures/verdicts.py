@@ -79,8 +79,8 @@ def _is_right(fits: pd.DataFrame) -> pd.Series:
     A doubt is justified if the identified terms are not exactly the true ones, or if the recording
     has a fault; the status that no model of the library is right, and a refusal, only by a fault.
     """
-    status, faulty = fits["status"], fits["cause_named"].notna()
-    unsure = (status == "not identifiable") & ~fits["exact"]
+    status, faulty = fits["status"], fits["fault_diagnosed"].notna()
+    unsure = (status == "not identifiable") & ~fits["exact_support"]
     return ((status == "ok") & ~fits["ok_and_wrong"]) | unsure | ((status != "ok") & faulty)
 
 
@@ -90,7 +90,8 @@ def draw_published_terms(table: pd.DataFrame) -> Figure:
     table: published_terms.csv, of which the rows of our method are drawn.
     """
     table, style = table[table["method"] == OURS], method_style(OURS)
-    shares = ["level", "exact", "exact_low", "exact_high", *OTHERS]
+    exact = "share_exact_support"
+    shares = ["level", exact, f"{exact}_low", f"{exact}_high", *OTHERS]
     table = table.assign(**100.0 * table[shares])
     cells = list(table.groupby(["system", "duration"], sort=True))
     figure, grid = parts.wrapped_grid(len(cells), 4, 0.7 + 1.6 * -(-len(cells) // 4))
@@ -99,16 +100,16 @@ def draw_published_terms(table: pd.DataFrame) -> Figure:
         for name, look in OTHERS.items():
             if group[name].notna().any():
                 axes.plot(group["level"], group[name], **look, label=METHODS[name])
-        parts.band(axes, group["level"], group["exact_low"], group["exact_high"], None,
+        parts.band(axes, group["level"], group[f"{exact}_low"], group[f"{exact}_high"], None,
                    color=style.color, alpha=0.2)  # fmt: skip
-        axes.plot(group["level"], group["exact"], color=style.color, marker=style.marker, ms=4)
+        axes.plot(group["level"], group[exact], color=style.color, marker=style.marker, ms=4)
         axes.set(ylim=(-3, 103), ylabel="" if k % 4 else "exact terms, %")
     for axes in grid[-4:]:
         axes.set_xlabel("noise, %")
     ours = parts.key(style.label, color=style.color, marker=style.marker, ms=4, ls="-")
     parts.legend(figure, ours)
     others = table[list(OTHERS)].max(axis=1).dropna()
-    ahead = (table.loc[others.index, "exact"] >= others).sum()
+    ahead = (table.loc[others.index, exact] >= others).sum()
     figure.set_label(
         f"Exact terms at least as often as the best published method in {ahead} of {len(others)} "
         "cells"
@@ -122,7 +123,8 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
     table: published_intervals.csv, of which the rows of our method are drawn.
     """
     table = table[table["method"] == OURS]
-    shares = ["found", "found_low", "found_high", "found_published", "holds"]
+    found = "share_with_term"
+    shares = [found, f"{found}_low", f"{found}_high", f"{found}_published", "coverage"]
     table = table.assign(gamma=table["case"].map(GAMMAS), **100.0 * table[shares])
     figure, ((left, right),) = parts.panels(2.6, 1, 2, sharex=True)
     parts.letter(left, 0, "term found")
@@ -130,19 +132,21 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
     by_samples = table.sort_values("gamma").groupby("samples", sort=True)
     for k, (samples, group) in enumerate(by_samples):
         color, marker = SERIES[k % len(SERIES)]
-        gamma, found = group["gamma"] + 0.0012 * (k - 1.5), group["found"]  # side by side
-        spread = [found - group["found_low"], group["found_high"] - found]
+        gamma, power = group["gamma"] + 0.0012 * (k - 1.5), group[found]  # side by side
+        spread = [power - group[f"{found}_low"], group[f"{found}_high"] - power]
         look = {"color": color, "marker": marker, "lw": 0.8}
-        left.errorbar(gamma, found, np.maximum(spread, 0.0), **look)
-        left.plot(gamma, group["found_published"], ls="", marker="o", ms=9, mfc="none", mec=color)
-        right.plot(gamma, group["holds"], label=f"{samples:,} samples", **look)
+        left.errorbar(gamma, power, np.maximum(spread, 0.0), **look)
+        left.plot(
+            gamma, group[f"{found}_published"], ls="", marker="o", ms=9, mfc="none", mec=color
+        )
+        right.plot(gamma, group["coverage"], label=f"{samples:,} samples", **look)
     left.axhline(5.0, **NOMINAL)
     right.axhline(95.0, **NOMINAL, label="nominal")
     left.set(ylim=(-3, 103), xlabel="quadratic coefficient", ylabel="share of the fits, %")
-    right.set(ylim=(min(78.0, table["holds"].min() - 2.0), 101), xlabel="quadratic coefficient")
+    right.set(ylim=(min(78.0, table["coverage"].min() - 2.0), 101), xlabel="quadratic coefficient")
     right.plot([], [], "o", ms=9, mfc="none", mec="k", label="published power")
     parts.legend(figure, columns=6)
-    holds = table["holds"].min(), table["holds"].max()
+    holds = table["coverage"].min(), table["coverage"].max()
     figure.set_label(
         f"95 % intervals contain the coefficient in {holds[0]:.0f} to {holds[1]:.0f} %"
     )
@@ -180,8 +184,8 @@ def draw_model_error(table: pd.DataFrame) -> Figure:
     parts.letter(answers, len(panels), "answered; terms")
     answers.set(xlim=(0, len(methods)), xticks=[])
     for row in rows:
-        terms = f"; {row['terms']:.0f}" if row["answered"] else ""
-        text = f"{row['answered']} of {row['replicates']}{terms}"
+        terms = f"; {row['terms']:.0f}" if row["n_models"] else ""
+        text = f"{row['n_models']} of {row['replicates']}{terms}"
         color = method_style(row["method"]).color
         answers.text(0.1, row["place"], text, va="center", size="x-small", color=color)
     names = [truth.replace(", ", ",\n") for truth in truths]

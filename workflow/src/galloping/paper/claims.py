@@ -159,9 +159,9 @@ def judge(claim: Claim, scores: pd.DataFrame) -> dict:
     -------
     dict
         Of the draws: median, low and high (5 and 95 %), ratio (median over the printed number),
-        spread (high over low), share_of_draws (that satisfy the bound, or whose error is no larger
-        than the printed one) with its 95 % interval share_low and share_high, draws; verdict, and
-        reason in a sentence.
+        spread (high over low), share_met (that satisfy the bound, or whose error is no larger
+        than the printed one) with its 95 % interval share_met_low and share_met_high, replicates;
+        verdict, and reason in a sentence.
     """
     values = claim.values(scores)
     if not len(values):
@@ -172,12 +172,17 @@ def judge(claim: Claim, scores: pd.DataFrame) -> dict:
                 "high",
                 "ratio",
                 "spread",
-                "share_of_draws",
-                "share_low",
-                "share_high",
+                "share_met",
+                "share_met_low",
+                "share_met_high",
             )
         )
-        return {**nothing, "draws": 0, "verdict": "not run", "reason": "the study lacks the draws"}
+        return {
+            **nothing,
+            "replicates": 0,
+            "verdict": "not run",
+            "reason": "the study lacks the draws",
+        }
     median, low, high = median_and_interval(values.tolist())
     number = claim.is_number
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -194,7 +199,7 @@ def judge(claim: Claim, scores: pd.DataFrame) -> dict:
 
 
 def share_with_interval(kept: np.ndarray) -> dict[str, float]:
-    """Compute share_of_draws, its 95 % interval share_low and share_high, and draws.
+    """Compute share_met, its 95 % interval share_met_low and share_met_high, and replicates.
 
     kept: whether each draw satisfies a bound. The interval is that of E. B. Wilson (1927). A single
     draw represents all, as without noise: its share has no sampling error.
@@ -203,7 +208,7 @@ def share_with_interval(kept: np.ndarray) -> dict[str, float]:
     low, high = share, share
     if draws > 1:
         low, high = binomtest(int(np.sum(kept)), draws).proportion_ci(method="wilson")
-    return {"share_of_draws": share, "share_low": low, "share_high": high, "draws": draws}
+    return {"share_met": share, "share_met_low": low, "share_met_high": high, "replicates": draws}
 
 
 def verdict_of_share(share: Mapping[str, float]) -> str:
@@ -211,10 +216,10 @@ def verdict_of_share(share: Mapping[str, float]) -> str:
 
     share: of `share_with_interval`.
     """
-    if share["share_low"] > HALF:
+    if share["share_met_low"] > HALF:
         return "met"
-    if share["share_high"] < HALF:
-        return "seldom met" if share["share_of_draws"] else "not met"
+    if share["share_met_high"] < HALF:
+        return "seldom met" if share["share_met"] else "not met"
     return "undecided"
 
 
@@ -229,7 +234,7 @@ def _judge_number(
         return "better", f"95 % of the draws err by less than {found['high']:.3g} %, {paper}"
     if printed < found["low"]:
         return "worse", f"95 % of the draws err by more than {found['low']:.3g} %, {paper}"
-    text = f"{_format_percent(found['share_of_draws'])} of the draws err less than the paper"
+    text = f"{_format_percent(found['share_met'])} of the draws err less than the paper"
     if not found["spread"] < WIDE:
         text += (
             f", but the draws spread from {found['low']:.2g} to {found['high']:.3g} %: nearly any "
@@ -242,9 +247,9 @@ def _judge_bound(
     claim: Claim, scores: pd.DataFrame, values: np.ndarray, found: dict
 ) -> tuple[str, str]:
     verdict = "undecided" if np.mean(np.isnan(values)) > HALF else verdict_of_share(found)
-    if found["draws"] == 1:
+    if found["replicates"] == 1:
         return verdict, "there is no noise to draw"
-    shares = [found[name] for name in ("share_of_draws", "share_low", "share_high")]
+    shares = [found[name] for name in ("share_met", "share_met_low", "share_met_high")]
     text = "{} of the draws ({} to {})".format(*map(_format_percent, shares))
     missed = ~claim.is_met(values)
     if not np.any(missed):

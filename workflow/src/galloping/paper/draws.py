@@ -233,8 +233,8 @@ def paper_draws(
     """Score the paper's method over draws of the noise, and of the samples of subsets.
 
     case: as of `study.cells.Case.released`. threshold, kinematics: as of `stlsq.raw`. A draw
-    depends on `seed`, `name`, its cell and its number only. Columns kind, level, points, draw, then
-    those of `evaluation.score.score`. Without noise all draws are equal, and there is one.
+    depends on `seed`, `name`, its cell and its number only. Columns kind, level, points, replicate,
+    and those of `evaluation.score.score`. Without noise all draws are equal, and there is one.
     """
     motion, line = line_motion(case, amounts.duration, amounts.sampling_rate)
     terms = polynomial_library(len(line.states), degree)
@@ -255,8 +255,8 @@ def paper_draws(
                 models.append(identified(reduced, threshold=threshold, kinematics=kinematics))
             scored, _ = evaluate(truth, {"paper": models}, unbounded)
             cell = {"kind": kind, "level": level, "points": points}
-            rows += [{**cell, "draw": d, **row} for d, row in zip(part, scored, strict=True)]
-    return pd.DataFrame(rows).drop(columns=["method", "replicate"], errors="ignore")
+            rows += [{**cell, **row, "replicate": d} for d, row in zip(part, scored, strict=True)]
+    return pd.DataFrame(rows).drop(columns="method", errors="ignore")
 
 
 def identified(reduced: ReducedRegression, **options: Any) -> IdentifiedModel:

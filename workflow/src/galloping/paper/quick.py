@@ -71,7 +71,7 @@ class QuickStudy:
             name: np.repeat([cell[k] for cell in cells], count)
             for k, name in enumerate(("kind", "level", "points"))
         }
-        columns["draw"] = np.tile(range(count), len(cells))
+        columns["replicate"] = np.tile(range(count), len(cells))
         columns.update(self._coefficient_scores(found))
         is_whole = columns["points"] >= len(self.motion.time)
         moved = ~(is_whole & np.isin(columns["level"], unmoved_levels))

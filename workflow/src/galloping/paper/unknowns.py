@@ -39,8 +39,17 @@ UNKNOWNS = (
     Unknown("wind_speed", 1, 30, "m/s", "wind speed", ("wind", "speed")),
     Unknown("damping_vertical", 1e-4, 0.03, "1", "vertical damping", ("damping", "vertical")),
     Unknown("damping_horizontal", 1e-4, 0.03, "1", "horizontal damping", ("damping", "horizontal")),
-    Unknown("release_vertical", 0.02, 3, "m", "vertical release", ("initial_state", "q_v")),
-    Unknown("release_horizontal", 0.02, 3, "m", "horizontal release", ("initial_state", "q_w")),
+    Unknown(
+        "initial_vertical", 0.02, 3, "m", "initial vertical displacement", ("initial_state", "q_v")
+    ),
+    Unknown(
+        "initial_horizontal",
+        0.02,
+        3,
+        "m",
+        "initial horizontal displacement",
+        ("initial_state", "q_w"),
+    ),
     # one sub-conductor to more than the bundle's spacing
     Unknown("bundle_dimension", 0.0276, 0.6, "m", "bundle dimension", ("bundle", "dimension")),
     Unknown("threshold", 1e-4, 0.1, "1", "threshold", ()),

@@ -12,6 +12,7 @@ from galloping.paper.unknowns import UNKNOWNS
 STATES = {"vertical": "q_v", "horizontal": "q_w"}
 SIGNS = {AT_LEAST: "≥ ", AT_MOST: "≤ "}
 BY_NAME = {claim.name: claim for claim in CLAIMS}
+LABELS = {unknown.name: unknown.label for unknown in UNKNOWNS}
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
         first = joint[joint["case"] == joint["case"].iloc[0]].to_dict("records")
         for row in first:
             group = row["claim"].removesuffix(" in the same draw")
-            text += f" {_format_percent(row['share_of_draws'])} of the noise realisations satisfy "
+            text += f" {_format_percent(row['share_met'])} of the noise realisations satisfy "
             text += f"{group.replace('words', 'statements in words')} at once"
             text += ", those about noise-free recordings included." if "words" in group else "."
     return text
@@ -154,15 +155,15 @@ def by_settings(varied: pd.DataFrame) -> str:
     """
     if varied.empty:
         return ""
-    held = varied.groupby(["parameter", "value", "unit", "default"], sort=False)["held"]
+    held = varied.groupby(["parameter", "value", "unit", "is_default"], sort=False)["is_reproduced"]
     held = held.agg(["sum", "size"]).reset_index()
-    own = held[held["default"]]
-    others = held[~held["default"]]
+    own = held[held["is_default"]]
+    others = held[~held["is_default"]]
     if others.empty:
         return ""
     worst = others.loc[others.groupby("parameter", sort=False)["sum"].idxmin()]
     examples = ", ".join(
-        f"{row['sum']} at {row['parameter'].replace('_', ' ')} {row['value']:g}"
+        f"{row['sum']} at {LABELS[row['parameter']]} {row['value']:g}"
         + (f" {row['unit']}" if row["unit"] != "1" else "")
         for row in worst.sort_values("sum").to_dict("records")
     )
@@ -191,10 +192,10 @@ def _describe_printed(claim: Claim) -> str:
 
 def _describe_ours(row: dict, claim: Claim | None) -> str:
     """Describe the draws: a median with its range, a value, or a share of the draws."""
-    share = _format_percent(row["share_of_draws"])
+    share = _format_percent(row["share_met"])
     if claim is None or claim.is_yes_or_no:
-        if claim and row["share_low"] == row["share_high"]:  # no noise, one draw
-            return "yes" if row["share_of_draws"] == 1 else "no"
+        if claim and row["share_met_low"] == row["share_met_high"]:  # no noise, one draw
+            return "yes" if row["share_met"] == 1 else "no"
         return f"in {share} of the draws" if claim is None else f"yes in {share} of the draws"
     median, low, high = (_format_number(row[name]) for name in ("median", "low", "high"))
     if claim.is_r2:

@@ -5,6 +5,7 @@ from math import floor, isfinite
 
 import pandas as pd
 
+from galloping.paper.unknowns import UNKNOWNS
 from galloping.results import OURS, PAPER_METHOD
 
 LEVEL = 0.05  # of the noise that sentences are about, or the nearest of the study
@@ -59,8 +60,9 @@ def verdicts(trust: pd.DataFrame) -> list[str]:
 
 def inferred(region: pd.DataFrame) -> list[str]:
     """Write sentences on unprinted numbers inferred from the paper, of paper_region.csv."""
+    labels = {unknown.name: unknown.label for unknown in UNKNOWNS}
     named = {
-        verdict: ", ".join(name.replace("_", " ") for name in of["unknown"])
+        verdict: ", ".join(labels.get(name, name) for name in of["unknown"])
         for verdict, of in region.groupby("verdict")
     }
     told, unsure, left = (
@@ -122,7 +124,8 @@ def _describe_galloping(cycles: pd.DataFrame, bifurcations: pd.DataFrame, case: 
     return (
         f"{_case_in_words(case).capitalize()} gallops from a wind of {onset.min():.2f} m/s. Up to "
         f"{strongest['value']:.3g} m/s it settles to a limit cycle, there with amplitudes of "
-        f"{strongest['v_m']:.2f} m (vertical) and {strongest['w_m']:.2f} m (horizontal)."
+        f"{strongest['vertical_amplitude_m']:.2f} m (vertical) and "
+        f"{strongest['horizontal_amplitude_m']:.2f} m (horizontal)."
     )
 
 
@@ -156,7 +159,8 @@ def _rounded_down(r2: float) -> str:
 
 
 def _describe_identifiability(table: pd.DataFrame, protocol: str) -> str:
-    rows = _rows_at_level(table[(table["protocol"] == protocol) & table["t"].notna()])
+    is_bounded = table["coefficient_over_bound"].notna()
+    rows = _rows_at_level(table[(table["protocol"] == protocol) & is_bounded])
     rows = rows[rows["points"] == rows["points"].max()] if len(rows) else rows
     said = []
     for (case, recordings), of in rows.groupby(["case", "recordings"], sort=False):

@@ -230,8 +230,12 @@ class Study:
         return tuple(
             Case(
                 name,
-                {k: v for k, v in case.items() if k not in ("initial_state", "releases", "truth")},
-                (case["initial_state"], *case["releases"].values()),
+                {
+                    k: v
+                    for k, v in case.items()
+                    if k not in ("initial_state", "initial_states", "truth")
+                },
+                (case["initial_state"], *case["initial_states"].values()),
                 case["truth"],
             )
             for name, case in self.plain["cases"].items()

@@ -305,8 +305,8 @@ def judge(sample: SampleFile, summary: Summary) -> dict[str, object]:
     Returns
     -------
     dict
-        intervals_held: the share of the 95 % intervals of frequency and damping that contain the
-        truth, NaN if neither is stated. cause_named: whether the correct finding is among the
+        coverage: the share of the 95 % intervals of frequency and damping that contain the
+        truth, NaN if neither is stated. fault_diagnosed: whether the correct finding is among the
         findings, NaN if there is none. If an equation is true, the columns of
         `attempts.against_truth`; else ok_and_wrong: whether the status is `ok` with a frequency or
         a damping more than FAR standard errors off.
@@ -320,8 +320,8 @@ def judge(sample: SampleFile, summary: Summary) -> dict[str, object]:
             pairs.append((stated.damping.get(first), mode.damping))
         off = [_distance(value, truth) for value, truth in pairs if value is not None]
     row: dict[str, object] = {
-        "intervals_held": float(np.mean(np.array(off) <= 1.0)) if off else np.nan,
-        "cause_named": float(found.has_finding(sample.cause)) if sample.cause else np.nan,
+        "coverage": float(np.mean(np.array(off) <= 1.0)) if off else np.nan,
+        "fault_diagnosed": float(found.has_finding(sample.cause)) if sample.cause else np.nan,
     }
     if not sample.equation:
         is_far = any(distance > FAR / NORMAL_95 for distance in off)

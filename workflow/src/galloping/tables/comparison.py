@@ -23,13 +23,13 @@ ABSOLUTE_TOLERANCE = 1e-6  # in the column's own unit
 
 # Columns that say what a row is about; all others are results.
 KEYS = frozenset((
-    "case", "claim", "quantity", "key", "symbol", "equation", "term", "release", "line", "truth",
-    "sensors", "path", "table", "column", "reading", "recordings", "protocol", "cell", "level",
-    "points", "method", "setting", "group", "system", "samples", "replicate", "order", "state",
-    "x", "y", "wind_m_s", "direction", "what", "measure", "stratum", "recording",
+    "case", "claim", "quantity", "key", "symbol", "equation", "term", "initial_displacement",
+    "line", "truth", "sensors", "path", "table", "column", "reading", "recordings", "protocol",
+    "cell", "level", "points", "method", "setting", "group", "system", "samples", "replicate",
+    "order", "state", "x", "y", "wind_m_s", "direction", "orbit", "measure", "stratum", "recording",
 ))  # fmt: skip
 MEASURED = ("seconds", "seconds_median")  # of the processor, which no two runs share
-COLUMNS = ("row", "column", "reference", "found", "difference", "tolerance")
+COLUMNS = ("row", "column", "reference", "this_run", "difference", "tolerance")
 WHOLE = "(row)"  # stands for a column where a row is missing or new
 HEADING = "(column)"  # stands for a row where a column is missing or new
 SHOWN = 10  # differences of one table that are told one by one
@@ -40,12 +40,12 @@ def compare_tables(reference: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame
     """Compare two tables of the same kind; no row if they agree.
 
     A row is identified by those columns of `KEYS` that both tables have. Returns one row per
-    difference: `row` (its keys as text), `column`, `reference` and `found` (as text), `difference`
-    (found - reference; NaN if one is not a number) and `tolerance` (NaN for text, which must be
-    equal). Empty cells agree with each other, infinities with infinities of the same sign. A
-    missing or new row has the column "(row)"; a missing or new column has the row "(column)". Rows
-    with the same keys are distinguished by their order. Raises ValueError if the tables have no
-    key.
+    difference: `row` (its keys as text), `column`, `reference` and `this_run` (as text),
+    `difference` (this_run - reference; NaN if one is not a number) and `tolerance` (NaN for text,
+    which must be equal). Empty cells agree with each other, infinities with infinities of the same
+    sign. A missing or new row has the column "(row)"; a missing or new column has the row
+    "(column)". Rows with the same keys are distinguished by their order. Raises ValueError if the
+    tables have no key.
     """
     return _compare_values(reference, found)[0]
 
@@ -67,7 +67,7 @@ def _compare_values(
 def describe(difference: pd.Series) -> str:
     """Format one difference as one line of text."""
     where = f"{difference['row']}, {difference['column']}"
-    line = f"{where}: reference {difference['reference']}, found {difference['found']}"
+    line = f"{where}: reference {difference['reference']}, found {difference['this_run']}"
     allowed = difference["tolerance"]
     return line if np.isnan(allowed) else f"{line} (allowed {allowed:.3g})"
 
@@ -152,17 +152,17 @@ def _compare_presence(reference: pd.Index, found: pd.Index) -> Iterator[tuple]:
 
 def _merge_values(*sides: pd.DataFrame) -> pd.DataFrame:
     """Merge all values of rows and columns that both tables have, column by column."""
-    left, right = (  # value_name: that of no column, which `found` is of some tables
+    left, right = (
         side.rename_axis("row")
         .reset_index()
         .melt("row", var_name="column", value_name=name.upper())
         .rename(columns={name.upper(): name})
-        for side, name in zip(sides, ("reference", "found"), strict=True)
+        for side, name in zip(sides, ("reference", "this_run"), strict=True)
     )
     values = left.merge(right, on=["row", "column"])
     first, second = (
         pd.to_numeric(values[side], errors="coerce").to_numpy(float)
-        for side in ("reference", "found")
+        for side in ("reference", "this_run")
     )
     numbers = ~np.isnan(first) & ~np.isnan(second)
     with np.errstate(invalid="ignore"):  # infinity less infinity
@@ -173,7 +173,7 @@ def _merge_values(*sides: pd.DataFrame) -> pd.DataFrame:
         difference=np.where(numbers, difference, np.nan),
         tolerance=np.where(numbers, tolerance, np.nan),
         agrees=np.where(
-            numbers, np.abs(difference) <= tolerance, values["reference"] == values["found"]
+            numbers, np.abs(difference) <= tolerance, values["reference"] == values["this_run"]
         ),
     )
 
@@ -259,7 +259,7 @@ def compare_study(
     differences = pd.concat(found, ignore_index=True) if found else pd.DataFrame(columns=COLUMNS)
     kind = np.where(differences["tolerance"].isna(), "not the same", "beyond tolerance")
     kind = np.where(differences["reference"] == "absent", "only in this run", kind)
-    kind = np.where(differences["found"] == "absent", "only in the reference", kind)
+    kind = np.where(differences["this_run"] == "absent", "only in the reference", kind)
     return (
         summary.reindex(columns=SUMMARY_COLUMNS),
         differences.assign(verdict=kind).reindex(columns=DIFFERENCE_COLUMNS),
@@ -270,15 +270,15 @@ def _compare_origins(
     made: Mapping[str, str], present: Mapping[str, str]
 ) -> tuple[pd.DataFrame, dict[str, object]]:
     """Compare the provenance of two studies: differences and their summary."""
-    sides = pd.DataFrame({"reference": made, "found": present}, dtype=object).fillna("absent")
+    sides = pd.DataFrame({"reference": made, "this_run": present}, dtype=object).fillna("absent")
     keys = dict.fromkeys([*made, *present])
     sides = sides.loc[list(keys)].rename_axis("row").reset_index()
-    differences = sides[sides["reference"] != sides["found"]]
-    absent = {side: int((sides[side] == "absent").sum()) for side in ("reference", "found")}
+    differences = sides[sides["reference"] != sides["this_run"]]
+    absent = {side: int((sides[side] == "absent").sum()) for side in ("reference", "this_run")}
     shared = len(keys) - sum(absent.values())
     return differences.assign(column="value", difference=np.nan, tolerance=np.nan), {
         "rows_compared": shared,
-        "rows_only_in_reference": absent["found"],
+        "rows_only_in_reference": absent["this_run"],
         "rows_only_in_this_run": absent["reference"],
         "values_compared": shared,
         "values_beyond_tolerance": len(differences) - sum(absent.values()),
@@ -296,7 +296,7 @@ def _compare_table(
     largest = values.loc[parts.idxmax()] if parts.any() else None
     return found, {
         "rows_compared": values["row"].nunique(),
-        "rows_only_in_reference": int((rows["found"] == "absent").sum()),
+        "rows_only_in_reference": int((rows["this_run"] == "absent").sum()),
         "rows_only_in_this_run": int((rows["reference"] == "absent").sum()),
         "values_compared": len(values),
         "values_beyond_tolerance": len(found) - len(rows),

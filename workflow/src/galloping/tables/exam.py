@@ -17,9 +17,13 @@ from galloping.tables.trial_summaries import status_counts
 NAMED_BY = (  # columns that tell recordings of one stratum apart
     "case", "truth", "system", "protocol", "samples", "duration", "level", "replicate", "release",
 )  # fmt: skip
-JUDGED = ("exact", "ok_and_wrong", "cause_named")  # 1 or 0, empty where nothing is judged so
+JUDGED = (
+    "exact_support",
+    "ok_and_wrong",
+    "fault_diagnosed",
+)  # 1 or 0, empty where nothing is judged so
 COLUMNS = (
-    "stratum", "recording", "method", "status", *JUDGED, "intervals_held", "coefficients",
+    "stratum", "recording", "method", "status", *JUDGED, "coverage", "coefficients",
     "findings", "path", "work", "seconds",
 )  # fmt: skip
 KEYS = ["stratum", "recording", "method"]
@@ -27,8 +31,8 @@ TEXTS = ("findings", "path")  # empty, not missing
 ALL = "all"  # strata together
 # Measures of a stratum, and whether more of one is better (1) or worse (-1).
 MEASURES = {
-    "exact": 1, "ok": 1, "ok_and_wrong": -1, "refused": -1, "intervals_held": 1, "cause_named": 1,
-    "work": -1,
+    "exact_support": 1, "ok": 1, "ok_and_wrong": -1, "refused": -1, "coverage": 1,
+    "fault_diagnosed": 1, "work": -1,
 }  # fmt: skip
 SIGNIFICANT = 2.0  # standard errors
 # The same is a coefficient that moved by less than this share of its standard error, and a standard
@@ -41,7 +45,7 @@ UNSTATED = 0.01  # of a coefficient, in place of a standard error that is not st
 def collect_answers(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Collect a row for each recording and method, with COLUMNS.
 
-    parts: rows of trials, by trial and batch; a trial is a stratum. intervals_held: the share of
+    parts: rows of trials, by trial and batch; a trial is a stratum. coverage: the share of
     the assessed 95 % intervals that contain the truth.
     """
     found = []
@@ -50,7 +54,7 @@ def collect_answers(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
         rows = part.assign(
             stratum=name.split("/")[0],
             recording=part[columns].apply(_name_recording, axis=1),
-            intervals_held=_share_of_intervals(part),
+            coverage=_share_of_intervals(part),
         )
         found.append(with_types(rows.reindex(columns=COLUMNS)))
     return pd.concat(found, ignore_index=True)
@@ -58,7 +62,7 @@ def collect_answers(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 def with_types(answers: pd.DataFrame) -> pd.DataFrame:
     """Restore the types of answers after they were written to a file: empty texts, and numbers."""
-    numbers = answers[[*JUDGED, "intervals_held"]].astype(float)
+    numbers = answers[[*JUDGED, "coverage"]].astype(float)
     texts = answers[[*TEXTS]].astype(object).fillna("")
     return answers.assign(**numbers, **texts)
 
@@ -70,13 +74,13 @@ def _name_recording(row: pd.Series) -> str:
 
 def _share_of_intervals(rows: pd.DataFrame) -> pd.Series | float:
     """Return the coverage of intervals; of coefficients, if terms are stated to exist."""
-    if "intervals_held" in rows:
-        return rows["intervals_held"]
-    if "holds" in rows:
-        return rows["holds"].astype(float)
-    if "holding_unconditional" not in rows:
+    if "coverage" in rows:
+        return rows["coverage"]
+    if "covered" in rows:
+        return rows["covered"].astype(float)
+    if "covered_unconditional" not in rows:
         return np.nan
-    share = rows["holding_unconditional"] / rows["terms"]
+    share = rows["covered_unconditional"] / rows["terms"]
     return share.where(rows["status"].isin(["ok", "not identifiable"]))
 
 
@@ -96,8 +100,8 @@ def _sum_up(rows: pd.DataFrame) -> dict[str, float]:
     return {
         "fits": len(rows),
         **status_counts(rows),
-        "coverage": rows["intervals_held"].mean(),
-        "cause_named": rows["cause_named"].sum(min_count=1),
+        "coverage": rows["coverage"].mean(),
+        "fault_diagnosed": rows["fault_diagnosed"].sum(min_count=1),
         "work": rows["work"].sum(),
         "seconds": rows["seconds"].sum(),
     }
@@ -167,7 +171,7 @@ def _describe_changes(row: Mapping[str, Any]) -> Iterator[str]:
     """Yield descriptions of changes between an answer and the same column with `_now`."""
     if row["status"] != row["status_now"]:
         yield f"{row['status']} -> {row['status_now']}"
-    for name in (*JUDGED, "intervals_held"):
+    for name in (*JUDGED, "coverage"):
         first, second = row[name], row[f"{name}_now"]
         if not np.isclose(first, second, rtol=DIGITS, equal_nan=True):
             yield f"{name.replace('_', ' ')} {first:.3g} -> {second:.3g}"

@@ -33,9 +33,9 @@ def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row per reading, all with the same effort: power_of_ten, the logarithm of its evidence
-        over that of the first reading, with standard_error; effective_settings; the factor by
-        which it loses most against the first reading; its most probable setting.
+        One row per reading, all with the same effort: log10_bayes_factor, the logarithm of its
+        evidence over that of the first reading, with standard_error; effective_settings; the factor
+        by which it loses most against the first reading; its most probable setting.
     """
     rows = pd.concat([part for name, part in parts.items() if name.startswith(EQUAL_EFFORT)])
     tried, judged = (rows[rows["stage"] == stage] for stage in ("tried", "judged"))
@@ -58,10 +58,10 @@ def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
             "reading": name, "changes": BY_NAME[name].kind, "settings_tried": len(of),
             "settings_proposed": int(of["proposed"].sum()),
             "effective_settings": _effective_number(of["log_weight"]),
-            "power_of_ten": power, "standard_error": error,
+            "log10_bayes_factor": power, "standard_error": error,
             "verdict": "first" if name == FIRST_READING.name else _judge_reading(power, error),
-            "loses_most_by": losses.idxmin() if losses.min() < 0 else "",
-            "loss_power_of_ten": losses.min() / np.log(10),
+            "worst_claims": losses.idxmin() if losses.min() < 0 else "",
+            "log10_likelihood_change": losses.min() / np.log(10),
             **{unknown: best[unknown] for unknown in NAMES},
             "log_likelihood": best["log_likelihood"], "attack_angle": best["attack"],
             "change_percent": 100 * best["change"],
@@ -149,7 +149,7 @@ def region_table(samples: pd.DataFrame, readings: pd.DataFrame) -> pd.DataFrame:
         table.append({
             "unknown": unknown.name, "key": ".".join(unknown.path), "unit": unknown.unit,
             "best": best[unknown.name], "low": low, "high": high,
-            "least": unknown.low, "most": unknown.high,
+            "prior_low": unknown.low, "prior_high": unknown.high,
             "verdict": "left open" if factor >= NEAR
                        else "undecided" if effective < FEWEST else "determined",
             "why": f"the ends of the interval differ by a factor of {factor:.1f}, by "
@@ -157,13 +157,13 @@ def region_table(samples: pd.DataFrame, readings: pd.DataFrame) -> pd.DataFrame:
         })  # fmt: skip
     others = readings[~readings["changes"].isin(("", "steadiness", "attack angle"))]
     for kind, of_kind in others.groupby("changes", sort=False):
-        nearest = of_kind.sort_values("power_of_ten", ascending=False).iloc[0]
+        nearest = of_kind.sort_values("log10_bayes_factor", ascending=False).iloc[0]
+        power = nearest["log10_bayes_factor"]
         ruled_out = (of_kind["verdict"] == "ruled out as tried").all()
         table.append({
             "unknown": kind, "verdict": "determined" if ruled_out else "left open",
-            "reading": FIRST_READING.name if nearest["power_of_ten"] < 0 else nearest["reading"],
-            "why": f"next: {nearest['reading']}, "
-                   f"10^{nearest['power_of_ten']:.1f} times as probable",
+            "reading": FIRST_READING.name if power < 0 else nearest["reading"],
+            "why": f"next: {nearest['reading']}, 10^{power:.1f} times as probable",
         })  # fmt: skip
     numbers = f"{len(UNKNOWNS)} numbers and {others['changes'].nunique()} readings"
     printed = f"{len(NUMBERS)} numbers and {len(PRINTED) - len(NUMBERS)} bounds and words printed"

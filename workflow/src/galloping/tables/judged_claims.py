@@ -29,18 +29,17 @@ from galloping.results import NOISE, PAPER_METHOD, PAPER_PROTOCOL
 
 COLUMNS = (
     "claim", "source", "case", "direction", "quantity", "paper_value", "study_value", "low", "high",
-    "ratio", "spread", "met_by", "met_by_low", "met_by_high", "replicates", "protocol", "method",
-    "verdict", "reason",
+    "ratio", "spread", "share_met", "share_met_low", "share_met_high", "replicates", "protocol",
+    "method", "verdict", "reason",
 )  # fmt: skip
 PAPER_COLUMNS = (
     "claim", "statement", "role", "case", "noise_level", "points", "direction", "printed", "median",
-    "low", "high", "ratio", "spread", "share_of_draws", "share_low", "share_high", "verdict",
+    "low", "high", "ratio", "spread", "share_met", "share_met_low", "share_met_high", "verdict",
     "reason",
 )  # fmt: skip
 JOINT, BEYOND = "joint", "beyond"  # roles of rows that no single claim counts for
 # of `judged` and of paper.csv: as they are called in claims.csv
-NAMES = {"median": "study_value", "share_of_draws": "met_by", "share_low": "met_by_low",
-         "share_high": "met_by_high", "draws": "replicates", "printed": "paper_value"}  # fmt: skip
+NAMES = {"median": "study_value", "printed": "paper_value"}
 PAPER = (PAPER_PROTOCOL, PAPER_METHOD)
 STEADY, ATTACK = "steady_change", "attack_angle"  # columns of the line's own motion
 LINE = ("exact", "two-mode model")  # instead of protocol and method: claims about the line itself
@@ -136,8 +135,8 @@ def _joint_rows(claims: Sequence[Claim], case: str, draws: pd.DataFrame) -> list
             continue
         if len(kept) > 1:  # without noise there is one draw
             found = share_with_interval(kept)
-            share, low, high = (100 * found[key] for key in ("share_of_draws", "share_low",
-                                                             "share_high"))  # fmt: skip
+            share, low, high = (100 * found[key] for key in ("share_met", "share_met_low",
+                                                             "share_met_high"))  # fmt: skip
             rows.append({
                 "claim": f"all {len(group)} {name} in the same draw", "role": JOINT, "case": case,
                 "direction": "", **{NAMES.get(key, key): value for key, value in found.items()},
@@ -193,7 +192,8 @@ def variation_rows(
 
     case: settings of the line with its initial state; name: of the paper's case. plan, amounts:
     keywords of `paper_draws`. parameter: its name in UNKNOWNS. drawn: the study's own draws, for
-    its own settings. Columns parameter, unit, value, default (whether it is the case's own), held,
+    its own settings. Columns parameter, unit, value, is_default
+    (whether it is the case's own), is_reproduced,
     then those of the claims table.
     """
     tables = []
@@ -216,6 +216,6 @@ def variation_rows(
         table = claims_table(found, about, {name: found}, {name: [motion]})
         place = {"parameter": parameter, "unit": opened.unit, "value": value}
         held = table["verdict"].isin(HELD)
-        table = table.assign(**place, default=is_own, held=held)
-        tables.append(table[[*place, "default", "held", *COLUMNS]])
+        table = table.assign(**place, is_default=is_own, is_reproduced=held)
+        tables.append(table[[*place, "is_default", "is_reproduced", *COLUMNS]])
     return pd.concat(tables, ignore_index=True)

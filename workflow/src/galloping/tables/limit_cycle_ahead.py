@@ -15,7 +15,7 @@ from galloping.streams import make_generator
 
 COLUMNS = (
     "case", "protocol", "level", "method", "state", "recorded_m", "true_m", "predicted_m",
-    "low_m", "high_m", "coverage_95_percent", "answered", "replicates",
+    "low_m", "high_m", "coverage_95_percent", "n_limit_cycles", "replicates",
 )  # fmt: skip
 MOST_REPLICATES = 10  # of a cell: each is corrected as often as its interval has draws
 
@@ -50,7 +50,8 @@ def limit_cycles_ahead(
             with suppress(ValueError, np.linalg.LinAlgError):
                 cycles.append(limit_cycle_ahead(found, first.states[0], rng))
         known = {key: columns[key] for key in ("case", "protocol", "level")}
-        known |= {"method": settings["method"], "replicates": len(models), "answered": len(cycles)}
+        known |= {"method": settings["method"], "replicates": len(models)}
+        known |= {"n_limit_cycles": len(cycles)}
         for k, state in enumerate(first.names[: len(first.names) // 2]):
             place = {"state": state, "recorded_m": recorded[k], "true_m": true[k]}
             rows.append(known | place | _summarise_cell(cycles, k, true[k]))

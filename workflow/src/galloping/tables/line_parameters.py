@@ -72,7 +72,7 @@ def _of_case(name: str, values: dict) -> Iterator[tuple]:
     named = [
         (key.replace("<name>", release), node)
         for key, node in leaves(child(child(schema(), "cases"), name))
-        for release in (values["releases"] if "<name>" in key else [""])
+        for release in (values["initial_states"] if "<name>" in key else [""])
         if not key.startswith("truth.") or values["truth"]["model"] == "continuous"
     ]
     for key, node in named:

@@ -19,7 +19,7 @@ ORDERS = ("linear", "quadratic", "cubic")
 STATES = ("q_v", "q_w")
 CHOSEN, ORACLE = "as chosen", "oracle"
 PEERS = (
-    "case", "protocol", "level", "method", "setting", "mean_error_percent", "exact",
+    "case", "protocol", "level", "method", "setting", "mean_error_percent", "share_exact_support",
     "r2_q_v", "r2_q_w", "replicates",
 )  # fmt: skip
 
@@ -123,16 +123,20 @@ def peers(scores: pd.DataFrame, oracles: Mapping[str, pd.DataFrame]) -> pd.DataF
         return pd.DataFrame(columns=PEERS)
     one = [*CELL, "method", "replicate"]
     oracle, chosen = (
-        rows.assign(mean_error_percent=mean_error(rows), exact=exact(rows).astype(float))
+        rows.assign(
+            mean_error_percent=mean_error(rows), share_exact_support=exact(rows).astype(float)
+        )
         for rows in (pd.concat(oracles.values()), of_kind(scores, NOISE))
     )
     chosen = chosen.merge(oracle[CELL].drop_duplicates())
     both = pd.concat([oracle, chosen.merge(oracle[one].drop_duplicates())])
-    best = {"mean_error_percent": "min", "exact": "max", "r2_q_v": "max", "r2_q_w": "max"}
+    best = {"mean_error_percent": "min"}
+    best |= dict.fromkeys(("share_exact_support", "r2_q_v", "r2_q_w"), "max")
     best = both.groupby(one, as_index=False).agg(best)
     table = pd.concat([chosen.assign(setting=CHOSEN), best.assign(setting=ORACLE)])
     table = table.groupby([*CELL, "method", "setting"], as_index=False).agg(
-        mean_error_percent=("mean_error_percent", "median"), exact=("exact", "mean"),
+        mean_error_percent=("mean_error_percent", "median"),
+        share_exact_support=("share_exact_support", "mean"),
         r2_q_v=("r2_q_v", "median"), r2_q_w=("r2_q_w", "median"),
         replicates=("replicate", "nunique"),
     )  # fmt: skip
@@ -144,7 +148,8 @@ def peers(scores: pd.DataFrame, oracles: Mapping[str, pd.DataFrame]) -> pd.DataF
 
 BOUNDED = ["case", "recordings", "protocol", "level", "points"]  # what names a cell
 KEYS = [*BOUNDED, "method"]
-IDENTIFIABILITY = [*BOUNDED, "equation", "term", "true", "bound", "t", "verdict"]
+RATIO = "coefficient_over_bound"
+IDENTIFIABILITY = [*BOUNDED, "equation", "term", "true", "bound", RATIO, "verdict"]
 
 
 def identifiability(
@@ -177,7 +182,7 @@ def identifiability(
     t = (table["true"].abs() / table["bound"]).astype(float)
     # undefined: the library lacks the term, or the line itself diverges
     known = np.where(t > IDENTIFIABLE, "identifiable", "not identifiable")
-    return table.assign(t=t, verdict=np.where(t.isna(), "undefined", known))
+    return table.assign(**{RATIO: t}, verdict=np.where(t.isna(), "undefined", known))
 
 
 def _rms_of_finite(ratios: pd.Series) -> float:
@@ -188,8 +193,9 @@ def _rms_of_finite(ratios: pd.Series) -> float:
 def efficiency(scores: pd.DataFrame, identifiability: pd.DataFrame) -> pd.DataFrame:
     """Tabulate exact supports, rms error over bound, R2, coverage, failures by cell and method.
 
-    The rms is that of the fits with a model; no_model: number of failures. identifiability: that
-    table, for the weakest t of each cell. Cells without noise have no bound and are left out.
+    The rms is that of the fits with a model; n_without_model: number of failures.
+    identifiability: that table, for the weakest t of each cell. Cells without noise have no
+    bound and are left out.
     """
     amplitudes = scores[["amplitude_error_q_v_percent", "amplitude_error_q_w_percent"]]
     scores = scores.assign(
@@ -200,15 +206,15 @@ def efficiency(scores: pd.DataFrame, identifiability: pd.DataFrame) -> pd.DataFr
         replicates=("motion", "size"),
         exact_support=("exact", lambda found: found.sum(min_count=1)),
         efficiency=("efficiency", _rms_of_finite),
-        no_model=("efficiency", lambda ratio: int(np.isposinf(ratio).sum())),
+        n_without_model=("efficiency", lambda ratio: int(np.isposinf(ratio).sum())),
         r2_q_v=("r2_q_v", "median"),
         r2_q_w=("r2_q_w", "median"),
         amplitude_error_percent=("amplitude", "median"),
         failures=("motion", failures),
     )
-    stated, holding = groups["intervals"].sum(), groups["intervals_holding"].sum()
+    stated, holding = groups["intervals"].sum(), groups["intervals_covering"].sum()
     coverage = 100 * holding / stated.where(stated > 0)
-    weakest = identifiability.groupby(BOUNDED)["t"].min().rename("weakest_t")
+    weakest = identifiability.groupby(BOUNDED)[RATIO].min().rename(f"min_{RATIO}")
     failed = table.pop("failures")
     table = table.assign(coverage_95_percent=coverage).join(weakest).assign(failures=failed)
     return table.reset_index()

@@ -57,7 +57,8 @@ def trust(fits: pd.DataFrame) -> pd.DataFrame:
     fits: of `galloping.trials.attempts`. Random lines of which every true term has a t above
     EVERY_TERM at the bound have a further row.
     """
-    sure = fits[(fits["group"] == "random lines") & (fits["weakest_t"] > EVERY_TERM)]
+    is_sure = fits["min_coefficient_over_bound"] > EVERY_TERM
+    sure = fits[(fits["group"] == "random lines") & is_sure]
     rows = pd.concat([fits, sure.assign(case=f"every t > {EVERY_TERM:g}")])
     return _summarise_groups(rows, ["group", "case", "protocol", "level"], _summarise_trust)
 
@@ -82,12 +83,12 @@ def model_error(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
     """Count the paths to models by group of trials and method, the most frequent first.
 
-    parts: fits, by trial and batch. path: '' for methods with a single one. exact, ok_and_wrong:
-    NaN if a trial does not have them. settings: `kinds`, by trial.
+    parts: fits, by trial and batch. path: '' for methods with a single one. exact_support,
+    ok_and_wrong: NaN if a trial does not have them. settings: `kinds`, by trial.
     """
     kinds = {name: settings["kinds"][name.split("/")[0]].replace("_", " ") for name in parts}
     fits = together({name: part.assign(group=kinds[name]) for name, part in parts.items()})
-    asked = fits.reindex(columns=["exact", "ok_and_wrong"]).astype(float)
+    asked = fits.reindex(columns=["exact_support", "ok_and_wrong"]).astype(float)
     fits = fits.assign(**asked).fillna({"path": ""})
     table = _summarise_groups(fits, ["group", "method", "path"], lambda own: {
         "fits": len(own), **status_counts(own), "seconds_median": own["seconds"].median(),
@@ -126,7 +127,7 @@ def status_counts(fits: pd.DataFrame) -> dict[str, float]:
     """Count exact fits, those of each status, and wrong `ok` ones."""
     status = fits["status"].value_counts()
     return {
-        "exact": fits["exact"].sum(min_count=1),
+        "exact_support": fits["exact_support"].sum(min_count=1),
         "ok": int(status.get("ok", 0)),
         "ok_and_wrong": fits["ok_and_wrong"].sum(min_count=1),
         "not_identifiable": int(status.get("not identifiable", 0)),
@@ -140,10 +141,10 @@ def _summarise_trust(fits: pd.DataFrame) -> dict[str, object]:
     return {
         "fits": len(fits),
         **status_counts(fits),
-        "coverage_given_terms": _percentage(fits["holding_given_terms"], fits["terms_found"]),
-        "coverage_unconditional": _percentage(stating["holding_unconditional"], stating["terms"]),
+        "coverage_given_terms": _percentage(fits["covered_given_terms"], fits["terms_found"]),
+        "coverage_unconditional": _percentage(stating["covered_unconditional"], stating["terms"]),
         "width_ratio": fits["width_ratio"].median(),
-        "cause_named": fits["cause_named"].sum(min_count=1),
+        "fault_diagnosed": fits["fault_diagnosed"].sum(min_count=1),
         "seconds_median": fits["seconds"].median(),
     }
 
@@ -156,7 +157,7 @@ def _summarise_systems(fits: pd.DataFrame) -> dict[str, object]:
     counts = status_counts(fits)
     return {
         "replicates": len(fits),
-        **{name: counts[name] for name in ("exact", "ok", "ok_and_wrong", "refused")},
+        **{name: counts[name] for name in ("exact_support", "ok", "ok_and_wrong", "refused")},
         "error_over_bound": fits["error_over_bound"].median(),
         "seconds_median": fits["seconds"].median(),
     }
@@ -172,12 +173,12 @@ def _summarise_model_error(fits: pd.DataFrame) -> dict[str, object]:
     ]
     return {
         "replicates": len(fits),
-        "answered": len(answered),
+        "n_models": len(answered),
         "terms": answered["terms"].median(),
         **errors.median(skipna=False).to_dict(),
         **errors.max(skipna=False).rename(lambda name: name.replace("error", "worst")).to_dict(),
         "damping_over_bound": np.sqrt((pd.concat(over_bound) ** 2).mean()),
-        "coverage_95_percent": 100.0 * answered["intervals_held"].mean(),
+        "coverage_95_percent": 100.0 * answered["coverage"].mean(),
         "forecast_r2": answered["forecast_r2"].median(),
         "seconds_median": fits["seconds"].median(),
     }
@@ -189,12 +190,12 @@ def _summarise_exact_terms(fits: pd.DataFrame) -> dict[str, object]:
     ok = fits["status"] == "ok"
     return {
         "fits": len(fits),
-        **_with_interval(fits["exact"]),
+        **_with_interval("share_exact_support", fits["exact_support"]),
         **{name: shares.get(name, {}).get(cell, np.nan) for name in METHODS},
         "ok": int(ok.sum()),
-        "ok_and_inexact": int(np.sum(ok & ~fits["exact"])),
+        "ok_and_inexact": int(np.sum(ok & ~fits["exact_support"])),
         "ok_and_wrong": int(fits["ok_and_wrong"].sum()),
-        "weakest_t": fits["weakest_t"].median(),
+        "min_coefficient_over_bound": fits["min_coefficient_over_bound"].median(),
         "seconds_median": fits["seconds"].median(),
     }
 
@@ -204,22 +205,21 @@ def _summarise_intervals(fits: pd.DataFrame) -> dict[str, object]:
     published = INTERVALS.reindex([(case, samples)]).iloc[0]
     return {
         "fits": len(fits),
-        **_with_interval(fits["found"]),
-        "found_published": published["found"],
-        "found_naive_low": published["naive_low"],
-        "found_naive_high": published["naive_high"],
-        "holds": fits["holds"].mean(),
-        "holds_published_low": published["holds_low"],
-        "holds_published_high": published["holds_high"],
-        "width": fits["width"].median(),
-        "width_published": published["width"],
+        **_with_interval("share_with_term", fits["has_term"]),
+        "share_with_term_published": published["share_with_term"],
+        "share_with_term_naive_low": published["naive_low"],
+        "share_with_term_naive_high": published["naive_high"],
+        "coverage": fits["covered"].mean(),
+        "coverage_published_low": published["coverage_low"],
+        "coverage_published_high": published["coverage_high"],
+        "interval_width": fits["interval_width"].median(),
+        "interval_width_published": published["interval_width"],
         "ok": int(np.sum(fits["status"] == "ok")),
-        "exact": int(fits["exact"].sum()),
+        "exact_support": int(fits["exact_support"].sum()),
     }
 
 
-def _with_interval(successes: pd.Series) -> dict[str, float]:
+def _with_interval(name: str, successes: pd.Series) -> dict[str, float]:
     """Compute a share, and its 95 % interval (E. B. Wilson 1927)."""
     found = binomtest(int(successes.sum()), len(successes)).proportion_ci(method="wilson")
-    name = successes.name
     return {name: successes.mean(), f"{name}_low": found.low, f"{name}_high": found.high}

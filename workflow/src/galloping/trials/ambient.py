@@ -109,7 +109,7 @@ def trial(
 ) -> Iterator[dict[str, object]]:
     """Yield a row for each replicate and method, as of `real_lines.trial`.
 
-    The slower mode is the vertical one. intervals_held: of the decays of both modes; nothing is
+    The slower mode is the vertical one. coverage: of the decays of both modes; nothing is
     assessed if the model has no random forces. Seconds are those of the processor.
     """
     for replicate in replicates:
@@ -139,7 +139,7 @@ def trial(
                     for quantity, part in (("damping", np.real), ("frequency", np.imag)):
                         off = 100.0 * (part(said[k]) / part(true[k]) - 1.0)
                         row[f"{quantity}_{direction}_error_percent"] = float(off)
-                row["intervals_held"] = float(np.mean(held))
+                row["coverage"] = float(np.mean(held))
             yield row
 
 

@@ -81,9 +81,12 @@ def fits(
     """Yield a row for each attempt and method.
 
     Its columns are those of the attempt, of `identified_by` and of `against_truth`. methods:
-    `Method.settings` by name. weakest_t: the least |coefficient| / deviation of the true terms.
-    error_over_bound: root mean square over the true terms of error / deviation, NaN unless the
-    terms are exactly right. cause_named: 1 if a finding names the cause and 0 if none does, NaN
+    `Method.settings` by name. min_coefficient_over_bound: the least |coefficient| /
+    deviation of the true terms.
+    error_over_bound: root mean square over the true terms of error /
+    deviation, NaN unless the the
+    terms are exactly right. fault_diagnosed: 1 if a finding names the
+    cause and 0 if none does, NaN
     without a cause.
     """
     for attempt in attempts:
@@ -98,16 +101,16 @@ def fits(
                 places = np.isfinite(attempt.deviations)
                 deviations = attempt.deviations[places]
                 weakest = np.min(np.abs(true.coefficients[places]) / deviations)
-                if row["exact"]:
+                if row["exact_support"]:
                     off = (result.model.coefficients - true.coefficients)[places]
                     error = np.sqrt(np.mean((off / deviations) ** 2))
             yield {
                 **attempt.columns,
                 **answer,
                 **row,
-                "weakest_t": float(weakest),
+                "min_coefficient_over_bound": float(weakest),
                 "error_over_bound": float(error),
-                "cause_named": (
+                "fault_diagnosed": (
                     float(result.has_finding(*attempt.causes)) if attempt.causes else np.nan
                 ),
             }
@@ -190,7 +193,8 @@ def against_truth(true: PolynomialModel, result: IdentifiedModel) -> dict[str, o
 
     true: on the library of `result`. Nothing is counted without a model. `ok_and_wrong` is an `ok`
     model with a false term, without one above its stated limit, or with a coefficient more than
-    four unconditional errors off; `off_given_terms` counts those of its coefficients that are more
+    four unconditional errors off; `beyond_4_standard_errors_given_terms` counts those of
+    its coefficients that are more
     than four off by the errors that assume the terms.
     """
     terms = true.support.copy()
@@ -200,20 +204,25 @@ def against_truth(true: PolynomialModel, result: IdentifiedModel) -> dict[str, o
     distance = np.abs(result.model.coefficients - true.coefficients)
     both = terms & present
     counted = {
-        "false_terms": present & ~terms,
-        "above_limit": terms & ~present & (np.abs(true.coefficients) > result.detection_limits),
-        "off": present & (distance > FAR * errors),
-        "off_given_terms": present & (distance > FAR * trusting),
+        "spurious_terms": present & ~terms,
+        "missing_above_limit": (
+            terms & ~present & (np.abs(true.coefficients) > result.detection_limits)
+        ),
+        "beyond_4_standard_errors": present & (distance > FAR * errors),
+        "beyond_4_standard_errors_given_terms": present & (distance > FAR * trusting),
         "terms": terms,
         "terms_found": both,
-        "holding_given_terms": both & (distance <= NORMAL_95 * trusting),
-        "holding_unconditional": terms & (distance <= NORMAL_95 * errors),
+        "covered_given_terms": both & (distance <= NORMAL_95 * trusting),
+        "covered_unconditional": terms & (distance <= NORMAL_95 * errors),
     }
     counts = {name: int(np.sum(which & is_model)) for name, which in counted.items()}
-    wrong = counts["false_terms"] or counts["above_limit"] or counts["off"]
+    wrong = any(
+        counts[name]
+        for name in ("spurious_terms", "missing_above_limit", "beyond_4_standard_errors")
+    )
     ratios = (errors / trusting)[present & is_model]
     return {
-        "exact": bool(np.array_equal(present, terms)),
+        "exact_support": bool(np.array_equal(present, terms)),
         "ok_and_wrong": bool(result.status == "ok" and wrong),
         **counts,
         "width_ratio": float(np.median(ratios)) if ratios.size else np.nan,

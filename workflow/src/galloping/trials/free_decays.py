@@ -103,7 +103,7 @@ def trial(
 ) -> Iterator[dict[str, object]]:
     """Yield a row for each replicate and method, as of `real_lines.trial`.
 
-    The first mode is the vertical one. intervals_held: of frequency and damping of the first mode,
+    The first mode is the vertical one. coverage: of frequency and damping of the first mode,
     nothing if they are unknown. Seconds are those of the processor.
     """
     for replicate in replicates:
@@ -132,7 +132,7 @@ def _judge_decay(decay: FreeDecay, found: IdentifiedModel) -> dict[str, float]:
     }
     if np.all(errors > 0.0):
         off = np.abs([pole.real - first.real, pole.imag - first.imag])
-        row["intervals_held"] = float(np.mean(off <= NORMAL_95 * errors))
+        row["coverage"] = float(np.mean(off <= NORMAL_95 * errors))
     further = {complex(mode.growth, mode.frequency) for mode in found.further_modes}
     if further:
         row |= _pole_errors("w", min(further, key=lambda each: abs(each - second)), second)

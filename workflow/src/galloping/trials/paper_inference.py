@@ -65,8 +65,8 @@ EFFECTIVE = 15.0  # settings: with fewer the weights are tempered before a propo
 FIRST_ROUND = {  # ratios: see above
     "damping_vertical": (0.2, 1.0),
     "threshold": (1e-2, 1.0),
-    "release_vertical": (0.5, 2.0),
-    "release_horizontal": (0.5, 2.0),
+    "initial_vertical": (0.5, 2.0),
+    "initial_horizontal": (0.5, 2.0),
 }
 SHIFTED = [name in FIRST_ROUND for name in NAMES]
 
@@ -286,7 +286,7 @@ def setting_at(reading: Reading, point: np.ndarray) -> dict[str, float] | None:
     be lost without noise.
     """
     ratios = dict(zip(NAMES, np.exp(point), strict=True))
-    values = ratios | {"damping_vertical": 0.0, "release_vertical": 1.0, "release_horizontal": 1.0}
+    values = ratios | {"damping_vertical": 0.0, "initial_vertical": 1.0, "initial_horizontal": 1.0}
     if not _is_in_range(values, [name for name in NAMES if name not in FIRST_ROUND]):
         return None
     undamped = coefficients(_case_at(reading, values, agreement.CASE))
@@ -302,7 +302,7 @@ def setting_at(reading: Reading, point: np.ndarray) -> dict[str, float] | None:
         return None
     if not _is_in_range(values, ["threshold"]):
         return None
-    started = {**values, "release_vertical": 0.5, "release_horizontal": 0.5}
+    started = {**values, "initial_vertical": 0.5, "initial_horizontal": 0.5}
     settled, _ = line_motion(
         _case_at(reading, started, agreement.CASE), AMOUNTS.duration, SETTLED_RATE
     )
@@ -312,7 +312,7 @@ def setting_at(reading: Reading, point: np.ndarray) -> dict[str, float] | None:
         return None
     if np.abs(last[:, 2]).max() > reading.attack_limit * values["wind_speed"]:
         return None
-    for name, each in zip(("release_vertical", "release_horizontal"), amplitude, strict=True):
+    for name, each in zip(("initial_vertical", "initial_horizontal"), amplitude, strict=True):
         values[name] = ratios[name] * each
     return values if _is_in_range(values, NAMES) else None
 

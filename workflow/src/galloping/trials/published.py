@@ -164,9 +164,10 @@ def relaxation_intervals(
 ) -> Iterator[dict[str, object]]:
     """Yield a row for each fit to a relaxation with the quadratic coefficient of `case`.
 
-    Besides the columns of `attempts.identified_by`: exact, as in `attempts.against_truth`; found,
-    whether the model has x^2; holds, whether the unconditional 95 % interval contains its true
-    coefficient; width, of that interval.
+    Besides the columns of `attempts.identified_by`: exact_support, as in `attempts.against_truth`;
+    has_term, whether the model has x^2; covered, whether the unconditional 95 % that does not trust
+    the terms has its true
+    coefficient; interval_width, of that interval.
     """
     true = model_of(RELAXATION.format(GAMMAS[case]), 3)
     quadratic = true.terms.index((2,))
@@ -188,10 +189,10 @@ def relaxation_intervals(
                 yield {
                     **columns,
                     **answer,
-                    "exact": bool(np.array_equal(result.support, true.support)),
-                    "found": bool(result.support[0, quadratic]),
-                    "holds": bool(distance <= NORMAL_95 * error),
-                    "width": float(2.0 * NORMAL_95 * error),
+                    "exact_support": bool(np.array_equal(result.support, true.support)),
+                    "has_term": bool(result.support[0, quadratic]),
+                    "covered": bool(distance <= NORMAL_95 * error),
+                    "interval_width": float(2.0 * NORMAL_95 * error),
                 }
 
 

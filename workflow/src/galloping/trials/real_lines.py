@@ -39,7 +39,7 @@ JUDGEMENTS = (  # columns, empty where a model says nothing of them
     *(f"{name}_error_percent" for name in QUANTITIES),
     *(f"{name}_interval_percent" for name in QUANTITIES),
     "damping_v_bound_percent", "damping_w_bound_percent",
-    "intervals_held", "forecast_r2", "other_winds_error_percent",
+    "coverage", "forecast_r2", "other_winds_error_percent",
 )  # fmt: skip
 
 
@@ -267,7 +267,7 @@ def _amplitude_error(
 def _judge_values(values: np.ndarray, widths: np.ndarray, true: np.ndarray) -> dict[str, float]:
     """Compute errors and intervals in percent, and the coverage of the assessed intervals."""
     held = (np.abs(values - true) <= widths)[:JUDGED]
-    row = {"intervals_held": np.mean(held) if np.all(np.isfinite(widths)) else np.nan}
+    row = {"coverage": np.mean(held) if np.all(np.isfinite(widths)) else np.nan}
     for name, value, width, of in zip(QUANTITIES, values, widths, true, strict=True):
         row[f"{name}_error_percent"] = 100.0 * (value / of - 1.0)
         row[f"{name}_interval_percent"] = 100.0 * width / abs(of)

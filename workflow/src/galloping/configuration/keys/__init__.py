@@ -7,6 +7,8 @@ the type is meant. symbol: with `{}` for the number of the item where the value 
 provenance: `seed` is printed in the paper, `derived` follows from it, `inferred` comes from its
 printed numbers (only in tables of results), `assumed` is ours. note: on the source. rule: what is
 checked beyond type and range. why: the reason for the range, which is that of lines that are built.
+
+`renamed.csv` has keys that have another name now: the old key with its path, and the new name.
 """
 
 import csv
@@ -32,6 +34,8 @@ LISTS = {
 }
 with Path(__file__).with_name("keys.csv").open(encoding="utf-8", newline="") as file:
     ROWS = list(csv.DictReader(file))
+with Path(__file__).with_name("renamed.csv").open(encoding="utf-8", newline="") as file:
+    RENAMED = {row["old"]: row["new"] for row in csv.DictReader(file)}
 
 
 def keys(section: str, doc: str | None = None, **types: Any) -> Any:
