@@ -1,5 +1,6 @@
 """Identification: exact without noise, equal to pysindy's own, and failures kept as rows."""
 
+import sys
 from dataclasses import replace
 from pkgutil import resolve_name
 from unittest.mock import Mock
@@ -10,7 +11,6 @@ import pytest
 from lines import moved, recorded, simulate
 
 from galloping.configuration.load import load, plain
-from galloping.identification import cell
 from galloping.identification.cell import identify
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import IdentificationError
@@ -279,11 +279,11 @@ def test_a_model_prints_and_moves(resonant):
 
 def test_only_recordings_that_give_no_model_are_refused(monkeypatch):
     """What is a mistake in the code ends the job."""
-    settings = {"mine": {"evidence": None, "function": "mine", "options": {}, "seed": None}}
+    settings = {"mine": {"evidence": None, "function": "mine:fit", "options": {}, "seed": None}}
     still = [Recording(np.arange(3.0), ("x",), np.zeros((3, 1)))]
 
     def raising(error):
-        monkeypatch.setattr(cell, "resolve_name", lambda name: Mock(side_effect=error))
+        monkeypatch.setitem(sys.modules, "mine", Mock(fit=Mock(side_effect=error)))
         return identify(settings, [still], polynomial_library(1, 1), NAME)["mine"][0]
 
     assert raising(IdentificationError(Code.NO_MOTION)).codes == "no_motion"
