@@ -37,8 +37,10 @@ def test_printed_motion_on_any_grid(name):
     assert thinned.states == pytest.approx(trajectory.states[::100], rel=0, abs=1e-12)
 
 
-def variational(line, free):
-    """Rates of the states and their derivatives by the terms `free` and by the start."""
+@pytest.mark.parametrize("name", PRINTED)
+def test_states_and_derivatives_of_another_integrator(name):
+    line = model(coefficients(VARIANTS[name]))
+    free, time = np.argwhere(line.support)[:6], time_grid(20, 10)
 
     def rates(_, both):
         x, moved = both[:4], both[4:].reshape(4, -1)
@@ -47,42 +49,9 @@ def variational(line, free):
         change[free[:, 0], np.arange(len(free))] += theta[free[:, 1]]
         return np.append(line(x[np.newaxis])[0], change)
 
-    return rates
-
-
-def beside(line, free, time):
-    """(states, derivatives) of the resonant line by the compiled integrator."""
     states, moved = sensitivities(line, free, START, time)
-    return states, moved, np.append(START, np.eye(4, len(free) + 4, len(free)))
-
-
-@pytest.mark.parametrize("name", PRINTED)
-def test_states_and_derivatives_of_another_integrator(name):
-    line = model(coefficients(VARIANTS[name]))
-    free, time = np.argwhere(line.support)[:6], time_grid(20, 10)
-    states, moved, start = beside(line, free, time)
-    other = solve_ivp(
-        variational(line, free), (0, 20), start, "DOP853", time, rtol=3e-14, atol=1e-16
-    ).y.T
-    sizes = np.abs(other).max(axis=0)
-    assert states == pytest.approx(other[:, :4], rel=0, abs=1e-11)
-    assert np.abs((moved.reshape(len(time), -1) - other[:, 4:]) / sizes[4:]).max() < 1e-11
-
-
-def test_states_and_derivatives_of_heyoka():
-    heyoka = pytest.importorskip("heyoka", reason="heyoka is not installed, an optional peer")
-    line = model(coefficients(RESONANT))
-    free, time = np.argwhere(line.support), time_grid(100, 10)
-    states, moved, start = beside(line, free, time)
-    x = heyoka.make_vars(*line.states)
-    values = [heyoka.par[k] for k in range(len(free))]
-    rates = [heyoka.expression(0.0)] * 4
-    for (equation, term), value in zip(free, values, strict=True):
-        factors = np.repeat(x, line.terms[term])  # a power would divide by a state at zero
-        rates[equation] += np.prod(factors, initial=value)
-    system = heyoka.var_ode_sys(list(zip(x, rates, strict=True)), [*values, *x])
-    peer = heyoka.taylor_adaptive(system, start, pars=line.coefficients[tuple(free.T)])
-    other = peer.propagate_grid(time)[-1]
+    start = np.append(START, np.eye(4, len(free) + 4, len(free)))
+    other = solve_ivp(rates, (0, 20), start, "DOP853", time, rtol=3e-14, atol=1e-16).y.T
     sizes = np.abs(other).max(axis=0)
     assert states == pytest.approx(other[:, :4], rel=0, abs=1e-11)
     assert np.abs((moved.reshape(len(time), -1) - other[:, 4:]) / sizes[4:]).max() < 1e-11
