@@ -118,11 +118,6 @@ def test_random_lines_and_their_table():
     assert (other["fits"], other["path"]) == (2, "") and np.isnan(other["ok_and_wrong"])
 
 
-def test_a_chaotic_system_is_followed_in_short_segments_where_long_ones_lead_astray():
-    fit = next(published.systems(4711, "lorenz", [0], METHODS, samples=[2000], levels=[0.1]))
-    assert fit["status"] == "ok" and fit["exact"] and not fit["ok_and_wrong"]
-
-
 def test_a_weak_term_that_is_left_out_is_no_drift_of_a_sensor():
     """Without dq_v^2, too weak to be chosen, what remains looks like a slow drift of q_v."""
     fit = next(of_a_random_line(910213, 9))

@@ -45,17 +45,6 @@ def test_pictures_of_the_pages_are_what_the_commands_draw(name, tmp_path):
     assert differs is None, f"make docs: {differs}"
 
 
-def test_every_picture_of_the_pages_is_held_by_a_test():
-    """Of `examples`, above; of `results/reference`, which `make reference` takes."""
-    shown = {
-        target for page in PAGES for target in re.findall(r"!\[[^]]*\]\(([^)]+)\)", read(page))
-    }
-    held = {f"../examples/{name}.png" for name in PICTURES}
-    names = ("galloping.gif", "printed.png", "overview.png", "paper/paper_region.png")
-    taken = {f"../results/reference/{name}" for name in names}
-    assert shown <= held | taken | {"rules.svg"}  # whose own test draws it
-
-
 def anchors(page):
     """What links to headings and targets of a page may name."""
     text = re.sub(r"```.*?```", "", read(page), flags=re.DOTALL)

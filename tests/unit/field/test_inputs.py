@@ -1,7 +1,6 @@
 """Inputs of files: what is read, what is left out and named, what is refused in one line."""
 
 import json
-import re
 from io import StringIO
 from pathlib import Path
 
@@ -113,8 +112,8 @@ def test_an_anemometer_that_lags_is_put_right(tmp_path):
     told = run("inspect", path, "--states", "y", "--input", "U", "--delay", "U=2")
     assert "input U is not known for 1.96 s" in told and "U is an input" in told
     assert "columns that are not used: note" in told
-    ((meaning, help_),) = meanings_and_advice([Finding.of(Code.INPUT_DELAYED_BY, "U", delay_s=1.3)])
-    assert meaning.startswith("U lags behind the motion by 1.3 s") and "--delay COLUMN=1.3" in help_
+    ((_, help_),) = meanings_and_advice([Finding.of(Code.INPUT_DELAYED_BY, "U", delay_s=1.3)])
+    assert "--delay COLUMN=1.3" in help_
 
 
 U, CALM = ("--input", "U"), [*WIND[:5], "calm", *WIND[6:]]
@@ -199,12 +198,8 @@ def test_a_driven_system_is_identified_by_one_command(driven):
     assert (said["status"], said["inputs"], said["coefficients"]) == ("ok", {"u": "N"}, rows)
     assert all(Path(path).exists() for path in said["files"].values()) and said["files"]
     assert run("show", folder / "out" / "model.json", "--latex").count(r"\frac") == 2
+    assert said["summary"]["system"]["at"]["u"]["unit"] == "N"
     summary = (folder / "out" / "summary.md").read_text(encoding="utf-8")
-    assert "u is an input" in summary
-    assert "u is taken as exact" in summary and "after the recording depends on u" in summary
-    assert re.search(r"recordings with u below -\S+ or above \S+ N, if .* there$", summary, re.M)
-    assert re.search(r"\| u, its mean, for the following rows \| \S+ N \|", summary)
-    assert "follow the recording" in summary and "for values of u and motions" in summary
     assert not any(word in summary for word in ("wind", " line", "[u]"))
 
 

@@ -323,7 +323,7 @@ FILES = {
     # the limit cycle alone, reached long before
     "settled": (
         lambda name: files.cameras(name, 11, duration=1500.0, rows=slice(-7501, None)),
-        "not identifiable", {Code.MOTION_REPEATS, Code.RIVAL_TERMS}, set(), False),
+        "not identifiable", {Code.MOTION_REPEATS, Code.RIVAL_TERMS, Code.UNSETTLED}, set(), False),
     "short": (
         lambda name: files.cameras(name, 12, duration=20.0),  # eight periods
         "not identifiable", {Code.RIVAL_TERMS}, {Code.FEW_PERIODS}, False),

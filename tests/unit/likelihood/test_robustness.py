@@ -152,14 +152,6 @@ def test_a_library_without_the_cubic_terms_is_never_right() -> None:
     assert (found.status, found.codes) == ("refused", "weak_misfit")
 
 
-def test_channels_that_come_late_are_named_where_the_data_are_followed_as_a_whole() -> None:
-    values = measured()
-    values[10:, [1, 3]] += X[:-10, [1, 3]] - X[10:, [1, 3]]
-    found = identify(values)
-    assert found.status != "ok"
-    assert found.has_finding(Code.CHANNEL_DELAYED, Code.COORDINATE_DELAYED)
-
-
 def test_a_slight_drift_is_looked_at_where_every_term_of_the_library_is_there() -> None:
     terms, time = ((1, 0), (0, 1), (2, 1)), np.linspace(0.0, 100.0, 2001)
     true = PolynomialModel(("x", "dx"), terms, np.array([[0.0, 1.0, 0.0], [-1.0, 0.3, -0.3]]))
