@@ -106,13 +106,13 @@ def test_what_runs_a_script_and_computes_nothing_does_not_count(package, monkeyp
 
 
 def test_a_misspelt_module_is_named(package):
-    with pytest.raises(ValueError, match=r"package\.methods: no such module"):
+    with pytest.raises(ValueError, match=r"package\.methods: "):
         package(modules=["package.methods"])
 
 
 @pytest.mark.parametrize("name", ["table", "tables.score", "tables.scores.noise"])
 def test_a_misspelt_function_is_named(name):
-    with pytest.raises(AttributeError, match=f"galloping.{name}: no such module or function"):
+    with pytest.raises(AttributeError, match=f"galloping.{name}: "):
         attrgetter(name)(deferred)
 
 

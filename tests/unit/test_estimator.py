@@ -153,8 +153,8 @@ def test_what_is_known_and_the_library_are_text():
 
 @pytest.mark.parametrize(("count", "degree"), [(3, 3), (4, 3), (5, 2)])
 def test_the_default_library_follows_the_number_of_states(count, degree):
-    terms, _ = MaximumLikelihood()._terms(tuple("abcdefg"[:count]), ())
-    assert terms == galloping.polynomial_library(count, degree)
+    still = MaximumLikelihood().fit(np.ones((200, count)), 0.1)
+    assert still.model_.model.terms == galloping.polynomial_library(count, degree)
 
 
 def test_no_model_is_an_answer():

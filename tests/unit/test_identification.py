@@ -207,6 +207,12 @@ def test_a_replicate_depends_neither_on_others_nor_on_the_global_random_state(re
     assert np.array_equal(before[1], after[1]) and before[2:] == after[2:]
 
 
+def test_a_method_finds_the_same_beside_others(replicates):
+    both = {name: BY_NAME[name].settings(SETTINGS, 3) for name in ("lasso", "stlsq")}
+    found = identify(both, [[each] for each in replicates[:1]], TERMS, NAME)
+    assert found == {name: run(name, replicates[:1]) for name in both}
+
+
 def test_bootstraps_are_drawn_by_position(replicates):
     # every replicate has its own draws: the same recording twice gives two models
     item = replicates[0]

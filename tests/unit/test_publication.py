@@ -276,11 +276,11 @@ def test_files_are_put_in_place_and_adopted(published, told):
 
 
 def test_other_results_are_kept_unless_told(published, told):
-    with pytest.raises(NotRestorable, match=f"results: '{RESULTS}' in the archive, not 'results'"):
+    with pytest.raises(NotRestorable, match=f"results: '{RESULTS}' .*'results'"):
         list(restore(archived(published), plan("results")))
     write(Path(), {TABLE: "my own\n", f"{RESULTS}/notes.txt": "mine\n"})
     before = present()
-    with pytest.raises(NotRestorable, match=f"{TABLE}: not as in the archive; REPLACE=yes"):
+    with pytest.raises(NotRestorable, match=f"{TABLE}: .*REPLACE=yes"):
         list(restore(archived(published), plan()))
     assert present() == before and told == []
     lines = list(restore(archived(published), plan(), replacing=True))
@@ -297,6 +297,6 @@ def test_a_forged_table_does_not_replace_what_was_computed_here(published, told)
     before = present()
     write(published, {TABLE: "case,r2\na,2\n"})  # and receipts and manifest made to agree
     wrong = forged(published, -2, sha256=digest(published / TABLE))
-    with pytest.raises(NotRestorable, match=r"r2: reference 2, found 1 .*\n.*has other numbers"):
+    with pytest.raises(NotRestorable, match="r2: reference 2, found 1 "):
         list(restore(wrong, plan(), replacing=True))
     assert present() == before and told == []

@@ -1,15 +1,13 @@
-"""The compiled integrator: printed states, other integrators, energy, models that end early."""
+"""The compiled integrator: printed states, another integrator, models that end early."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from lines import CASES, RESONANT, START, edited
 from scipy.integrate import solve_ivp
 
 from galloping.evaluation.bounds import sensitivities
 from galloping.evaluation.motion import steady_amplitude
-from galloping.line.galerkin import at_rest, coefficients, integrate, model
+from galloping.line.galerkin import coefficients, model
 from galloping.model.polynomial import PolynomialModel, design_matrix
 from galloping.trajectory.simulation import Simulator, time_grid
 from galloping.trajectory.taylor import Ending, solve
@@ -81,41 +79,6 @@ def test_motions_that_are_known_exactly():
     there = solve(square, np.ones(1), np.array([7.0]), 1, np.array([[0, 0]]))
     assert there.ending is Ending.COMPLETE and there.states.tolist() == [[1.0]]
     assert there.derivatives.tolist() == [[[0.0, 1.0]]]
-
-
-@pytest.mark.parametrize("shape", ["irvine", "sine"])
-@settings(max_examples=50)
-@given(
-    q_v=st.floats(-3, 3), q_w=st.floats(-3, 3), dq_v=st.floats(-3, 3), dq_w=st.floats(-3, 3),
-    tension=st.floats(15e3, 60e3),
-)  # fmt: skip
-def test_energy_is_conserved_without_wind_and_damping(shape, q_v, q_w, dq_v, dq_w, tension):
-    case = edited(
-        line__tension=tension, line__mode_shape=shape, wind__air_density=0.0,
-        damping__vertical=0.0, damping__horizontal=0.0,
-    )  # fmt: skip
-    still = model(coefficients(case))
-    run = Simulator(still.states, still.terms)(
-        still, np.array([q_v, q_w, dq_v, dq_w]), time_grid(60, 10)
-    )
-    energy = energies(case, run.states)
-    # the accuracy that is asked of a simulation; 1e-10 J is a motion too small to see
-    assert np.ptp(energy) <= 1e-10 * max(energy.max(), 1.0)
-
-
-def energies(case, states):
-    """Kinetic and potential energy in J, from the line's own integrals, not its coefficients."""
-    line, phi, psi = at_rest(case)
-    q_v, q_w, dq_v, dq_w = states.T
-    span = line.span
-    stretch = [integrate(mode.slope**2, span) for mode in (phi, psi)]
-    bend = [integrate(mode.curvature**2, span) for mode in (phi, psi)]
-    sway = line.static_curvature() * integrate(phi.shape, span)
-    strain = (-sway * q_v + (stretch[0] * q_v**2 + stretch[1] * q_w**2) / 2) / span
-    twice = phi.mass * dq_v**2 + psi.mass * dq_w**2 + line.axial_stiffness * span * strain**2
-    for s, b, q in zip(stretch, bend, (q_v, q_w), strict=True):
-        twice += (line.tension * s + line.bending_stiffness * b) * q**2
-    return twice / 2
 
 
 @pytest.mark.parametrize("inputs", [(), ("u",)])

@@ -146,7 +146,7 @@ def test_samples_count_once(tmp_path):
     head, *rows = path.read_text(encoding="utf-8").splitlines()
     (tmp_path / "end.csv").write_text("\n".join([head, *rows[3000:]]), encoding="utf-8")
     for second in (path, tmp_path / "end.csv"):
-        with pytest.raises(FileError, match=r"are also in .*a\.csv: a recording counts once"):
+        with pytest.raises(FileError, match=r"a\.csv"):
             files.read(path, second)
     assert len(files.read(path, files.cameras(tmp_path / "b.csv", seed=9)).recordings) == 2
 
@@ -167,7 +167,7 @@ def test_a_model_that_does_not_follow_a_file_is_refused():
     for wind, status, chi2 in ((8.0, "ok", np.nan), (14.0, "approximate", 3.0)):
         other = replace(identified, status=status, chi2=chi2)
         check_followed(other, recorded(seed=5), 25.0)
-        with pytest.raises(ValueError, match="the model does not follow the recording: over 25 s"):
+        with pytest.raises(ValueError, match="over 25 s"):
             check_followed(other, recorded(wind), 25.0)
 
 

