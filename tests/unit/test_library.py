@@ -47,17 +47,6 @@ def test_the_examples_of_the_library_run(tmp_path, monkeypatch):
     assert tried > 15 and failed == 0
 
 
-def test_the_examples_of_the_page_run(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    text = (ROOT / "docs" / "python.md").read_text()
-    names = {}
-    for block in text.split("```python\n")[1:]:
-        exec(block.partition("```")[0], names)
-    assert "d(q_v)/dt = 1 dq_v" in capsys.readouterr().out
-    assert len(names["recordings"]) == 2
-    assert names["again"].status == "ok"
-
-
 def test_the_library_has_one_version_and_needs_no_package_of_the_study():
     """What `pip install .` brings is enough for every public name."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -66,7 +55,8 @@ def test_the_library_has_one_version_and_needs_no_package_of_the_study():
     assert not any(name in text for text in project["dependencies"] for name in study)
     code = (
         f"import sys; sys.modules.update(dict.fromkeys({study!r}))\n"
-        "import galloping; [getattr(galloping, name) for name in galloping.__all__]"
+        "import galloping; [getattr(galloping, name) for name in galloping.__all__]; "
+        "galloping.MaximumLikelihood().get_params()"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
 

@@ -85,14 +85,24 @@ def test_pages_name_modules_that_exist():
 NUMBER = re.compile(r"\d+\.\d+")
 
 
-def test_the_tutorial_of_time_series_shows_what_its_code_prints(capsys):
-    names, examples = {}, r"```python\n(.*?)```\n(?:\n```text\n(.*?)```)?"
-    for code, shown in re.findall(examples, read(DOCS / "tutorial_lorenz.md"), re.DOTALL):
-        exec(code, names)
-        printed = capsys.readouterr().out
-        assert NUMBER.sub("#", printed) == NUMBER.sub("#", shown)
-        found, said = ([*map(float, NUMBER.findall(of))] for of in (printed, shown))
-        assert found == pytest.approx(said, rel=0.02)  # the last digits are those of a machine
+@pytest.mark.filterwarnings("ignore")  # of pysindy
+@pytest.mark.parametrize(
+    "page",
+    [
+        "README.md", "docs/beside_pysindy.md", "docs/tutorial_lorenz.md",
+        pytest.param("docs/python.md", marks=pytest.mark.slow),
+    ],
+)  # fmt: skip
+def test_code_of_a_page_runs_and_prints_what_is_shown(page, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    text, names = read(ROOT / page), {}
+    for code in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
+        exec(compile(code, page, "exec"), names)
+    printed = capsys.readouterr().out
+    shown = "".join(re.findall(r"```text\n(.*?)```", text, re.DOTALL)) or printed
+    assert printed and NUMBER.sub("#", printed) == NUMBER.sub("#", shown)
+    found, said = ([*map(float, NUMBER.findall(of))] for of in (printed, shown))
+    assert found == pytest.approx(said, rel=0.02)  # the last digits are those of a machine
 
 
 @pytest.mark.slow
