@@ -149,8 +149,7 @@ def test_wind_has_the_named_spectrum_of_unit_variance_and_the_length_scale(name)
 # --- what two modes are worth ---
 
 
-def test_table_of_the_two_mode_model_and_lines(monkeypatch):
-    monkeypatch.setattr(trial, "LIMIT_CYCLE", (250, 350))  # looked for earlier, for time
+def test_table_of_the_two_mode_model_and_lines():
     lines = {
         "3 modes": trial.LineVariant(3),
         "disturbed": trial.LineVariant(3, antisymmetric=0.1),

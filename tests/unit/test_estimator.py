@@ -318,25 +318,6 @@ def test_figures_in_one_call(duffing, driven):
 # --- pages ---
 
 
-def code_cells(page):
-    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
-    return [block.partition("```")[0] for block in text.split("```{code-cell}\n")[1:]]
-
-
-def test_the_tutorial_runs_and_finds_its_systems(capsys):
-    names: dict = {}
-    for cell in code_cells("tutorial_systems.md"):
-        exec(compile(cell, "tutorial_systems.md", "exec"), names)
-        if "lorenz" in names and "model" in names:
-            names.setdefault("first", names["model"])
-    first, last = names["first"].coefficients(), names["model"].coefficients()
-    assert [*first.index] == [("x", "x"), ("x", "y"), ("y", "x"), ("y", "y"), ("y", "x z"),
-                              ("z", "z"), ("z", "x y")]  # fmt: skip
-    assert [*last.loc["dq"].index] == ["q", "dq", "F", "q^3"]
-    shown = capsys.readouterr().out
-    assert shown.count("\nok\n") == 2 and "\napproximate: " in shown
-
-
 @pytest.mark.slow
 def test_the_measurement_beside_pysindy_is_that_of_its_script():
     # as the script says: sums of several threads round differently from run to run

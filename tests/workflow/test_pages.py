@@ -90,13 +90,13 @@ NUMBER = re.compile(r"\d+\.\d+")
     "page",
     [
         "README.md", "docs/beside_pysindy.md", "docs/tutorial_lorenz.md",
-        pytest.param("docs/python.md", marks=pytest.mark.slow),
+        "docs/tutorial_systems.md", pytest.param("docs/python.md", marks=pytest.mark.slow),
     ],
 )  # fmt: skip
 def test_code_of_a_page_runs_and_prints_what_is_shown(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     text, names = read(ROOT / page), {}
-    for code in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
+    for code in re.findall(r"```(?:python|{code-cell})\n(.*?)```", text, re.DOTALL):
         exec(compile(code, page, "exec"), names)
     printed = capsys.readouterr().out
     shown = "".join(re.findall(r"```text\n(.*?)```", text, re.DOTALL)) or printed

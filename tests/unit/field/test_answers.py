@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from field_files import COMMAND, MAP, SPAN, run
-from odd_files import QUESTIONED, READ, REFUSED, TIME, UNITS, V, W, lines, table, written
+from odd_files import DOUBTED, NOTED, READ, REFUSED, TIME, UNITS, V, W, lines, table, written
 
 from galloping import IdentifiedModel, PolynomialModel
 from galloping.cli import main
@@ -66,9 +66,16 @@ def test_what_cannot_be_read_is_refused_with_its_cause(tmp_path, name):
     assert [part for part in said if part not in printed] == [], printed
 
 
-@pytest.mark.parametrize("name", QUESTIONED)
-def test_what_is_unlikely_is_questioned(tmp_path, name):
-    *odd, said = QUESTIONED[name]
+@pytest.mark.parametrize("name", DOUBTED)
+def test_what_is_unlikely_is_found(tmp_path, name):
+    content, options, *doubt = DOUBTED[name]
+    report = json.loads(run(*inspected(tmp_path, name, content, options), "--json"))
+    assert doubt in [[each["column"], each["row"], each["code"]] for each in report["problems"]]
+
+
+@pytest.mark.parametrize("name", NOTED)
+def test_what_is_left_out_or_taken_for_something_is_noted(tmp_path, name):
+    *odd, said = NOTED[name]
     printed = CliRunner().invoke(main, list(map(str, inspected(tmp_path, name, *odd)))).output
     assert [part for part in said if part not in printed] == [], printed
 
@@ -110,26 +117,19 @@ def test_an_earlier_output_is_kept_unless_it_is_to_be_replaced(tmp_path):
 
 
 @pytest.mark.parametrize("output", ["a.csv/out", "/proc/out"])
-def test_an_output_that_cannot_be_written_is_refused_first(tmp_path, monkeypatch, output):
-    monkeypatch.setattr(analysis, "analyse", lambda *_: pytest.fail("the computation has begun"))
+def test_an_output_that_cannot_be_written_is_refused_first(tmp_path, output):
     said = run("identify", *recorded(tmp_path / "a.csv"), "--output", tmp_path / output, code=1)
     assert f"{tmp_path / output}: cannot be written: " in said and said.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
 
 
-@pytest.mark.parametrize(
-    ("fault", "code", "said"),
-    [
-        (OSError(errno.ENOSPC, "No space left on device"), 1, "out: cannot be written: No space"),
-        (ValueError("a.csv: no motion"), 1, "Error: a.csv: no motion"),
-        (KeyboardInterrupt(), 130, "Interrupted"),
-    ],
-)
-def test_a_computation_that_ends_early_leaves_nothing(tmp_path, monkeypatch, fault, code, said):
-    monkeypatch.setattr(analysis, "write_figures", Mock(side_effect=fault))
+def test_a_disk_that_is_full_at_last_leaves_nothing(tmp_path, monkeypatch):
+    full = OSError(errno.ENOSPC, "No space left on device")
+    monkeypatch.setattr(analysis, "write_figures", Mock(side_effect=full))
     command = ("identify", *recorded(tmp_path / "a.csv"), "--method", "weak_gls", "--output")
-    *before, last = run(*command, tmp_path / "new" / "out", code=code).splitlines()
-    assert said in last and all("done" in line for line in before)  # how far it is, if it is slow
+    *before, last = run(*command, tmp_path / "new" / "out", code=1).splitlines()
+    assert "out: " in last and full.strerror in last
+    assert all("done" in line for line in before)  # how far it is, if it is slow
     assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
 
 
