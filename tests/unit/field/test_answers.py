@@ -162,7 +162,7 @@ def test_a_forecast_from_too_few_samples_is_refused(tmp_path, model):
     command = ("forecast", model, *recorded(tmp_path / "a.csv"), "--duration", 1)
     assert len(run(*command).splitlines()) == 26
     said = run(*command, "--window", 0.01, code=1)
-    assert "the last 0.01 s of the recording hold 1 samples; a forecast needs 2" in said
+    assert "0.01 s" in said and "1 samples" in said
 
 
 def test_a_simulation_of_any_length_comes_row_by_row(model):

@@ -82,10 +82,9 @@ OPEN = {
 
 
 @pytest.mark.parametrize("path", FOUND)
-def test_terms_are_found_and_coefficients_within_their_intervals(path, record_property) -> None:
+def test_terms_are_found_and_coefficients_within_their_intervals(path) -> None:
     true, recording = FOUND[path]()
     found = maximum_likelihood(recording, true.terms)
-    record_property("path", found.diagnostics["path"])
     row = against_truth(true, found)
     assert found.status in ("ok", "not identifiable"), found.reason
     assert row["exact"] and not row["off"]  # within four errors
@@ -109,19 +108,16 @@ def test_forces_that_change_slowly_show_between_four_segments() -> None:
 
 
 @pytest.mark.parametrize("path", OPEN)
-def test_what_is_hard_to_tell_is_never_sure_and_wrong(path, record_property) -> None:
+def test_what_is_hard_to_tell_is_never_sure_and_wrong(path) -> None:
     true, recording = OPEN[path]()
     found = maximum_likelihood(recording, true.terms)
-    record_property("path", found.diagnostics["path"])
     assert not against_truth(true, found)["ok_and_wrong"]
     assert found.status == "ok" or found.findings
     assert (found.status == "refused") == bool(np.isnan(found.model.coefficients).all())
 
 
 @pytest.mark.parametrize(("level", "penalty"), [(0.005, 25), (0.03, 7)])
-def test_a_term_that_the_library_lacks_leaves_a_model_that_forecasts(
-    level, penalty, record_property
-):
+def test_a_term_that_the_library_lacks_leaves_a_model_that_forecasts(level, penalty):
     """Of little noise by the stronger, of more by the weaker penalty, by which a misfit that is
     taken for white noise leads to a worse one.
     """
@@ -129,7 +125,6 @@ def test_a_term_that_the_library_lacks_leaves_a_model_that_forecasts(
     true = model(("x", "dx"), 5, {"dx": 1.0}, rate)
     recording = noisy(true, simulate(true, (0.5, 0.0), TIME).states, TIME, level, 0)
     found = maximum_likelihood(recording, library(2, 3))
-    record_property("path", found.diagnostics["path"])
     assert found.status == "approximate", found.reason
     assert f"penalty {penalty}" in found.diagnostics["path"]
     assert found.diagnostics["forecast_r2"] > 0.95
