@@ -88,10 +88,8 @@ NUMBER = re.compile(r"\d+\.\d+")
 @pytest.mark.filterwarnings("ignore")  # of pysindy
 @pytest.mark.parametrize(
     "page",
-    [
-        "README.md", "docs/beside_pysindy.md", "docs/tutorial_lorenz.md",
-        "docs/tutorial_systems.md", pytest.param("docs/python.md", marks=pytest.mark.slow),
-    ],
+    ["README.md", *(f"docs/{name}.md" for name in
+                    ("beside_pysindy", "python", "tutorial_lorenz", "tutorial_systems"))],
 )  # fmt: skip
 def test_code_of_a_page_runs_and_prints_what_is_shown(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
