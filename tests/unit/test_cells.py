@@ -145,22 +145,3 @@ def test_a_line_is_assessed_without_snakemake(script, tmp_path):
     )  # fmt: skip
     assert list(files.read(orbits)) == [12.0]  # at 2 m/s the line comes to rest
     assert set(files.read(clearance)["case"]) == set(files.read(measures)["case"]) == {"a"}
-
-
-def test_a_report_is_written_without_snakemake(script, tmp_path):
-    drawn = [tmp_path / "trust.svg", tmp_path / "span" / "quality.svg"]
-    drawn += [tmp_path / "span" / f"{name}.svg" for name in ("fit", "forecast")]
-    summary, table = tmp_path / "span" / "summary.md", tmp_path / "peers.csv"
-    summary.parent.mkdir()
-    for path in drawn:
-        path.write_text('<svg xmlns="http://www.w3.org/2000/svg"/>')
-    summary.write_text("It gallops.")
-    table.write_text("setting,exact\noracle,1\n")
-    script("write_report")(
-        drawn[:1], [], [table], [summary, *drawn[1:]], [], tmp_path / "report.html", {},
-        {"trust": "methods"}, "Words.", {"trust": "How far."},
-        dict.fromkeys(("quality", "fit", "forecast"), ""), {"case": "", "protocol": ""},
-        DEFAULT.plain | {"recordings": {"span": {}}},
-    )  # fmt: skip
-    page = (tmp_path / "report.html").read_text()
-    assert all(text in page for text in ("Words.", "How far.", "It gallops.", "oracle"))

@@ -118,7 +118,7 @@ def test_sensors_read_the_line_and_tell_the_first_modes_apart():
 
 
 def test_unknown_aerodynamics_are_refused():
-    with pytest.raises(ValueError, match="aerodynamics: steady is none of small_angle, relative"):
+    with pytest.raises(ValueError, match=r"aerodynamics: steady .*small_angle, relative"):
         continuous_line(RESONANT, 1, aerodynamic="steady")
 
 
@@ -149,8 +149,7 @@ def test_wind_has_the_named_spectrum_of_unit_variance_and_the_length_scale(name)
 # --- what two modes are worth ---
 
 
-def test_table_of_the_two_mode_model_and_lines(monkeypatch):
-    monkeypatch.setattr(trial, "LIMIT_CYCLE", (250, 350))  # looked for earlier, for time
+def test_table_of_the_two_mode_model_and_lines():
     lines = {
         "3 modes": trial.LineVariant(3),
         "disturbed": trial.LineVariant(3, antisymmetric=0.1),

@@ -211,9 +211,7 @@ def test_a_line_that_diverges_is_a_row_with_its_reason():
     truth = Truth(line, time, states, (10, 20), "diverged: |x| exceeded 1000 at t = 3 s")
     with np.errstate(invalid="raise"):
         motion = Motion(line.states, time, states, line(states), truth.status)
-    with pytest.raises(
-        IdentificationError, match="every state at every sample"
-    ):  # which makes a row of it
+    with pytest.raises(IdentificationError):  # which makes a row of it
         reduce(recorded(motion), polynomial_library(4, 3))
     failed = IdentifiedModel.refused(line.states, line.terms, [Finding.of(Code.STATE_ZERO)])
     (motion,) = reconstruct(truth, [failed])

@@ -1,7 +1,7 @@
 """Findings: their table, the status that follows from them, and that nobody reads sentences."""
 
-import ast
 import json
+import re
 from pathlib import Path
 from string import Formatter
 
@@ -22,7 +22,6 @@ from galloping.identification.status import status_of
 from galloping.summary.helps import HELPS
 
 SOURCE = Path(galloping.__file__).parent
-RENDERED = {"reason", "verdict"}  # what is rendered from findings
 IN_SHARE = {"share_percent", "share_in_words"}
 
 
@@ -69,7 +68,6 @@ def test_infinite_numbers_and_severities_come_back_from_json():
     one = Finding(Code.TERM_MAY_HIDE, Severity.INEXACT, "x", {"term": "y", "share": np.inf}, 2)
     plain = json.loads(json.dumps(one.as_dict(), allow_nan=False))
     assert Finding(**plain) == one
-    assert sentence_of(one) == "y would not be detected if it were many times its equation."
 
 
 def test_what_weighs_more_is_said_first_and_once():
@@ -80,49 +78,24 @@ def test_what_weighs_more_is_said_first_and_once():
     assert explain([least, more], True, words=HELPS) == explain([more], True)
 
 
-def reads_prose(tree: ast.AST) -> list[int]:
-    """Lines that compare, search, split, edit or branch on a rendered sentence."""
-
-    def is_prose(node: ast.AST) -> bool:
-        if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant):
-            return node.slice.value in ("reason", "what")
-        return isinstance(node, ast.Attribute) and node.attr in RENDERED
-
-    found = []
-    for node in ast.walk(tree):
-        parts = []
-        if isinstance(node, ast.Compare):
-            parts = [node.left, *node.comparators]
-        elif isinstance(node, ast.Call):
-            is_text = isinstance(node.func, ast.Attribute) and hasattr(str, node.func.attr)
-            is_search = isinstance(node.func, ast.Attribute) and (
-                isinstance(node.func.value, ast.Name) and node.func.value.id == "re"
-            )
-            parts = [node.func.value] if is_text else node.args if is_search else []
-        elif isinstance(node, ast.Subscript):
-            parts = [node.value]
-        elif isinstance(node, ast.BoolOp | ast.If | ast.IfExp):
-            parts = node.values if isinstance(node, ast.BoolOp) else [node.test]
-        found += [node.lineno for part in parts if is_prose(part)]
-    return found
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["if REPEATS in found.reason: pass", "found.reason.split('; ')", "x = found.reason or other",
-     "re.search('a', found.verdict)", "found.reason == ''", "found.reason.startswith('a')",
-     "'a' in problem['what']"],
+# Lines that compare, search, split, edit or branch on a rendered sentence.
+READS_PROSE = re.compile(
+    r"\b(if|or|and|in|not|==|!=) [\w.]+(\.(reason|verdict)\b|\[.(reason|what).\])"
+    r"|(\.(reason|verdict)|\[.(reason|what).\])(\.\w+\(|\[| ==| !=| (in|or|and)\b)"
+    r"|re\.\w+\(.*\.(reason|verdict)\b"
+)
+READING = (
+    "if REPEATS in found.reason: pass", "found.reason.split('; ')", "x = found.reason or other",
+    "re.search('a', found.verdict)", "found.reason == ''", "'a' in problem['what']",
 )  # fmt: skip
-def test_reading_prose_is_seen(text):
-    assert reads_prose(ast.parse(text))
 
 
 def test_nothing_in_the_library_reads_what_is_rendered_from_findings():
+    assert all(map(READS_PROSE.search, READING))
     rooms = (
         "identification", "inspection", "behaviour", "summary", "trials", "evaluation", "study",
         "readers",
     )  # fmt: skip
     paths = [path for room in rooms for path in sorted(SOURCE.glob(f"{room}/**/*.py"))]
-    assert len(paths) > 100
-    read = {path: reads_prose(ast.parse(path.read_text(encoding="utf-8"))) for path in paths}
-    assert {path.name: lines for path, lines in read.items() if lines} == {}
+    lines = [line for path in paths for line in path.read_text(encoding="utf-8").splitlines()]
+    assert len(paths) > 100 and [line for line in lines if READS_PROSE.search(line)] == []

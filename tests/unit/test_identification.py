@@ -1,5 +1,6 @@
 """Identification: exact without noise, equal to pysindy's own, and failures kept as rows."""
 
+import sys
 from dataclasses import replace
 from pkgutil import resolve_name
 from unittest.mock import Mock
@@ -10,7 +11,6 @@ import pytest
 from lines import moved, recorded, simulate
 
 from galloping.configuration.load import load, plain
-from galloping.identification import cell
 from galloping.identification.cell import identify
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import IdentificationError
@@ -146,21 +146,23 @@ def test_smoothing_takes_out_noise_alone(sampling, sigma):
 
 
 def test_too_few_samples_to_differentiate():
-    with pytest.raises(ValueError, match="12 samples are too few"):
+    with pytest.raises(IdentificationError) as error:
         differentiate(np.arange(12.0), np.ones((12, 1)))
+    assert error.value.finding == Finding.of(Code.RECORDING_SHORT, samples=12)
 
 
 @pytest.mark.parametrize(
-    ("protocol", "name", "said"),
+    ("protocol", "name", "lacking"),
     [("derivative", "values", "state"), ("state", "values", "state"),
      ("derivative", "rates", "derivative")],
 )  # fmt: skip
-def test_missing_values_are_refused(resonant, protocol, name, said):
+def test_missing_values_are_refused(resonant, protocol, name, lacking):
     (recording,) = recordings(resonant, protocol)
     samples = getattr(recording, name).copy()
     samples[7, 1] = np.nan
-    with pytest.raises(ValueError, match=f"needs every {said} at every sample"):
+    with pytest.raises(IdentificationError) as error:
         reduce([replace(recording, **{name: samples})], TERMS)
+    assert error.value.finding == Finding.of(Code.INCOMPLETE_SAMPLES, lacking)
 
 
 def test_weak_form_refuses_what_it_cannot_use(resonant):
@@ -203,6 +205,12 @@ def test_a_replicate_depends_neither_on_others_nor_on_the_global_random_state(re
     assert run(method, replicates[:1]) == run(method, replicates[:2])[:1]
     after = np.random.get_state()
     assert np.array_equal(before[1], after[1]) and before[2:] == after[2:]
+
+
+def test_a_method_finds_the_same_beside_others(replicates):
+    both = {name: BY_NAME[name].settings(SETTINGS, 3) for name in ("lasso", "stlsq")}
+    found = identify(both, [[each] for each in replicates[:1]], TERMS, NAME)
+    assert found == {name: run(name, replicates[:1]) for name in both}
 
 
 def test_bootstraps_are_drawn_by_position(replicates):
@@ -279,11 +287,11 @@ def test_a_model_prints_and_moves(resonant):
 
 def test_only_recordings_that_give_no_model_are_refused(monkeypatch):
     """What is a mistake in the code ends the job."""
-    settings = {"mine": {"evidence": None, "function": "mine", "options": {}, "seed": None}}
+    settings = {"mine": {"evidence": None, "function": "mine:fit", "options": {}, "seed": None}}
     still = [Recording(np.arange(3.0), ("x",), np.zeros((3, 1)))]
 
     def raising(error):
-        monkeypatch.setattr(cell, "resolve_name", lambda name: Mock(side_effect=error))
+        monkeypatch.setitem(sys.modules, "mine", Mock(fit=Mock(side_effect=error)))
         return identify(settings, [still], polynomial_library(1, 1), NAME)["mine"][0]
 
     assert raising(IdentificationError(Code.NO_MOTION)).codes == "no_motion"

@@ -6,15 +6,6 @@ from scipy.integrate import solve_ivp
 
 from galloping import Input, PolynomialModel, parse_model, simulate
 from galloping.evaluation.bounds import sensitivities
-from galloping.identification.likelihood.condense import condense_recordings
-from galloping.identification.likelihood.shooting import (
-    Record,
-    ShootingFit,
-    cut_segments,
-    linearise,
-    segment_residuals,
-)
-from galloping.identification.problem import make_problem
 from galloping.model.polynomial import design_matrix
 
 FRICTION = "q = dq; dq = -4 q - 0.9 sign(dq)"
@@ -134,33 +125,3 @@ def test_a_quotient_ends_where_its_divisor_vanishes():
     motion = simulate(parse_model("x = -1/x"), [1.0], np.linspace(0.0, 1.0, 101))
     assert motion.status != "ok" and "0.5" in motion.status
     assert motion.states[:50, 0] == pytest.approx(np.sqrt(1.0 - 2.0 * np.linspace(0, 0.49, 50)))
-
-
-def test_windows_with_a_kink_are_read_sample_by_sample():
-    """Displacements, velocities and accelerations, whose jumps no polynomial of a window has."""
-    model = parse_model("q = dq; dq = -4 q - 0.9 sign(dq) - 0.1 |dq| dq")
-    start, time = np.array([2.5, 0.3]), np.linspace(0.0, 6.0, 301)
-    free = np.array([(1, j) for j in np.flatnonzero(model.support[1])])
-    states, moved = sensitivities(model, free, start, time)
-    rates = model(states)[:, 1:]
-    sampled = np.hstack([states, rates])
-    is_rate, observed = np.array([False, False, True]), np.array([0, 1, 1])
-    problem = make_problem(model.states, model.terms)
-    condensed = condense_recordings(
-        [time], [sampled], observed, 0.1, is_rate, np.full((1, 3), np.nan), keep_samples=True
-    )
-    windows = len(condensed.targets)
-    segments = cut_segments(condensed, windows, np.ones(windows, bool))
-    record = Record(problem, condensed, segments, np.tile(start, (windows, 1)), np.zeros((1, 3)))
-    coefficients = problem.candidate_values(model.coefficients)
-    left, truncation = segment_residuals(record, coefficients, start[np.newaxis])
-    assert np.abs(left).max() < 1e-9 and truncation < 1e-9
-    ones = np.ones((1, 3))
-    fit = ShootingFit(record, coefficients, coefficients != 0, start[np.newaxis], ones, ones)
-    information = linearise(fit, free).information
-    by_rate = np.einsum("ti,tic->tc", model.jacobian(states)[:, 1], moved)
-    by_rate[:, :3] += design_matrix(states, model.terms)[:, free[:, 1]]
-    rows = np.concatenate([moved[:, 0], moved[:, 1], by_rate])
-    design = rows[:, :3] - rows[:, 3:] @ np.linalg.lstsq(rows[:, 3:], rows[:, :3])[0]
-    # three projections of a window hold nearly all that its samples tell
-    assert information == pytest.approx(design.T @ design, rel=0.05)

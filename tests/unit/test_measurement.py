@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from lines import CASES, moved, simulate
 
-from galloping.recording.measurement import BY_NAME, Noise, Protocol, recordings_of
+from galloping.recording.measurement import recordings_of
 from galloping.streams import make_generator
 from galloping.study.files import read_recordings, write_recordings
 
@@ -115,21 +115,3 @@ def test_several_releases_in_one_replicate(resonant, tmp_path):
         twice = motions[1].states
         check_noise(pair[1].values - twice, 0.05 * twice.std(axis=0))
         assert tuple(pair) == tuple(again)
-
-
-def test_a_protocol_is_its_noise(resonant, monkeypatch):
-    """What it measures, and whether it scales, follow from the noise alone."""
-    measured = {"derivative": "derivatives", "state": "states", "displacement": "displacements",
-                "acceleration": "rates"}  # fmt: skip
-    for name, what in measured.items():
-        assert (BY_NAME[name].measures, BY_NAME[name].is_scaled) == (what, name != "derivative")
-
-    def vertical_only(level, scale):
-        unseen = np.full(scale.shape[1], np.inf)
-        return Noise(np.where(np.arange(len(unseen)) == 0, level, np.inf), unseen)
-
-    new = Protocol("vertical", vertical_only, "")
-    monkeypatch.setitem(BY_NAME, "vertical", new)
-    (recording,) = record(resonant, protocol="vertical", replicates=1)
-    assert np.isnan(recording.values[:, 1:]).all() and recording.rates is None
-    check_noise((recording.values - resonant[1].states)[:, :1], np.array([0.05]))

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import struct
 import subprocess
@@ -60,21 +61,26 @@ def zipped(path, *entries, method=zipfile.ZIP_DEFLATED):
     return path.read_bytes()
 
 
-def bomb(path):
-    """Declares 100 bytes of its sixteen million."""
-    content = bytearray(zipped(path, ("bomb", bytes(2**24))))
-    for signature, offset in ((b"PK\3\4", 22), (b"PK\1\2", 24)):
-        struct.pack_into("<L", content, content.index(signature) + offset, 100)
-    return content
+def lying(size, *entries):
+    """Files that declare other sizes than they have."""
+
+    def made(path):
+        content = bytearray(zipped(path, *entries))
+        for signature, offset in ((b"PK\3\4", 22), (b"PK\1\2", 24)):
+            for found in re.finditer(signature, bytes(content)):
+                struct.pack_into("<L", content, found.start() + offset, size)
+        return content
+
+    return made
 
 
 NAMES = "/etc/passwd", "../a", "a/../../b", "a//b", "a/", "C:/a", "a\\b", "a/.git", "naïve", "a\0b"
 UNSOUND = "not a sound zip file"
 REFUSED = [
     *((lambda p, n=n: zipped(p, (n, "1"), ("fine", "1")), "not a plain path", 0) for n in NAMES),
-    (lambda p: zipped(p, ("a", "123"), ("b", "456")), "2 files of 6 bytes; at most .* of 5", 0),
+    (lying(2**32 - 2, ("a", "1"), ("b", "1")), f"2 files of {2**33 - 4} bytes", 0),
     (lambda p: zipped(p, ("a", "1"), ("a/b", "1")), UNSOUND, 1),
-    (bomb, UNSOUND, 100),
+    (lying(100, ("bomb", bytes(2**24))), UNSOUND, 100),
     (lambda p: zipped(p, ("a", "1"))[:-30], UNSOUND, 0),
     (lambda p: b"no zip" * 100, UNSOUND, 0),
     (lambda p: zipped(p, ("a", "1" * 99), method=zipfile.ZIP_LZMA), "method 14; must be", 0),
@@ -86,9 +92,8 @@ REFUSED = [
 
 @pytest.mark.parametrize(("content", "reason", "most"), REFUSED)
 def test_an_archive_that_reaches_outside_lies_or_is_none_is_refused(
-    tmp_path, monkeypatch, content, reason, most
+    tmp_path, content, reason, most
 ):
-    monkeypatch.setattr(archive, "MAX_SIZE", 5 if "of 5" in reason else archive.MAX_SIZE)
     path, target = tmp_path / "a.zip", tmp_path / "outside/target"
     path.write_bytes(content(path))
     target.mkdir(parents=True)
@@ -276,11 +281,11 @@ def test_files_are_put_in_place_and_adopted(published, told):
 
 
 def test_other_results_are_kept_unless_told(published, told):
-    with pytest.raises(NotRestorable, match=f"results: '{RESULTS}' in the archive, not 'results'"):
+    with pytest.raises(NotRestorable, match=f"results: '{RESULTS}' .*'results'"):
         list(restore(archived(published), plan("results")))
     write(Path(), {TABLE: "my own\n", f"{RESULTS}/notes.txt": "mine\n"})
     before = present()
-    with pytest.raises(NotRestorable, match=f"{TABLE}: not as in the archive; REPLACE=yes"):
+    with pytest.raises(NotRestorable, match=f"{TABLE}: .*REPLACE=yes"):
         list(restore(archived(published), plan()))
     assert present() == before and told == []
     lines = list(restore(archived(published), plan(), replacing=True))
@@ -297,6 +302,6 @@ def test_a_forged_table_does_not_replace_what_was_computed_here(published, told)
     before = present()
     write(published, {TABLE: "case,r2\na,2\n"})  # and receipts and manifest made to agree
     wrong = forged(published, -2, sha256=digest(published / TABLE))
-    with pytest.raises(NotRestorable, match=r"r2: reference 2, found 1 .*\n.*has other numbers"):
+    with pytest.raises(NotRestorable, match="r2: reference 2, found 1 "):
         list(restore(wrong, plan(), replacing=True))
     assert present() == before and told == []

@@ -1,15 +1,13 @@
-"""The compiled integrator: printed states, other integrators, energy, models that end early."""
+"""The compiled integrator: printed states, another integrator, models that end early."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from lines import CASES, RESONANT, START, edited
 from scipy.integrate import solve_ivp
 
 from galloping.evaluation.bounds import sensitivities
 from galloping.evaluation.motion import steady_amplitude
-from galloping.line.galerkin import at_rest, coefficients, integrate, model
+from galloping.line.galerkin import coefficients, model
 from galloping.model.polynomial import PolynomialModel, design_matrix
 from galloping.trajectory.simulation import Simulator, time_grid
 from galloping.trajectory.taylor import Ending, solve
@@ -37,8 +35,10 @@ def test_printed_motion_on_any_grid(name):
     assert thinned.states == pytest.approx(trajectory.states[::100], rel=0, abs=1e-12)
 
 
-def variational(line, free):
-    """Rates of the states and their derivatives by the terms `free` and by the start."""
+@pytest.mark.parametrize("name", PRINTED)
+def test_states_and_derivatives_of_another_integrator(name):
+    line = model(coefficients(VARIANTS[name]))
+    free, time = np.argwhere(line.support)[:6], time_grid(20, 10)
 
     def rates(_, both):
         x, moved = both[:4], both[4:].reshape(4, -1)
@@ -47,42 +47,9 @@ def variational(line, free):
         change[free[:, 0], np.arange(len(free))] += theta[free[:, 1]]
         return np.append(line(x[np.newaxis])[0], change)
 
-    return rates
-
-
-def beside(line, free, time):
-    """(states, derivatives) of the resonant line by the compiled integrator."""
     states, moved = sensitivities(line, free, START, time)
-    return states, moved, np.append(START, np.eye(4, len(free) + 4, len(free)))
-
-
-@pytest.mark.parametrize("name", PRINTED)
-def test_states_and_derivatives_of_another_integrator(name):
-    line = model(coefficients(VARIANTS[name]))
-    free, time = np.argwhere(line.support)[:6], time_grid(20, 10)
-    states, moved, start = beside(line, free, time)
-    other = solve_ivp(
-        variational(line, free), (0, 20), start, "DOP853", time, rtol=3e-14, atol=1e-16
-    ).y.T
-    sizes = np.abs(other).max(axis=0)
-    assert states == pytest.approx(other[:, :4], rel=0, abs=1e-11)
-    assert np.abs((moved.reshape(len(time), -1) - other[:, 4:]) / sizes[4:]).max() < 1e-11
-
-
-def test_states_and_derivatives_of_heyoka():
-    heyoka = pytest.importorskip("heyoka", reason="heyoka is not installed, an optional peer")
-    line = model(coefficients(RESONANT))
-    free, time = np.argwhere(line.support), time_grid(100, 10)
-    states, moved, start = beside(line, free, time)
-    x = heyoka.make_vars(*line.states)
-    values = [heyoka.par[k] for k in range(len(free))]
-    rates = [heyoka.expression(0.0)] * 4
-    for (equation, term), value in zip(free, values, strict=True):
-        factors = np.repeat(x, line.terms[term])  # a power would divide by a state at zero
-        rates[equation] += np.prod(factors, initial=value)
-    system = heyoka.var_ode_sys(list(zip(x, rates, strict=True)), [*values, *x])
-    peer = heyoka.taylor_adaptive(system, start, pars=line.coefficients[tuple(free.T)])
-    other = peer.propagate_grid(time)[-1]
+    start = np.append(START, np.eye(4, len(free) + 4, len(free)))
+    other = solve_ivp(rates, (0, 20), start, "DOP853", time, rtol=3e-14, atol=1e-16).y.T
     sizes = np.abs(other).max(axis=0)
     assert states == pytest.approx(other[:, :4], rel=0, abs=1e-11)
     assert np.abs((moved.reshape(len(time), -1) - other[:, 4:]) / sizes[4:]).max() < 1e-11
@@ -112,41 +79,6 @@ def test_motions_that_are_known_exactly():
     there = solve(square, np.ones(1), np.array([7.0]), 1, np.array([[0, 0]]))
     assert there.ending is Ending.COMPLETE and there.states.tolist() == [[1.0]]
     assert there.derivatives.tolist() == [[[0.0, 1.0]]]
-
-
-@pytest.mark.parametrize("shape", ["irvine", "sine"])
-@settings(max_examples=50)
-@given(
-    q_v=st.floats(-3, 3), q_w=st.floats(-3, 3), dq_v=st.floats(-3, 3), dq_w=st.floats(-3, 3),
-    tension=st.floats(15e3, 60e3),
-)  # fmt: skip
-def test_energy_is_conserved_without_wind_and_damping(shape, q_v, q_w, dq_v, dq_w, tension):
-    case = edited(
-        line__tension=tension, line__mode_shape=shape, wind__air_density=0.0,
-        damping__vertical=0.0, damping__horizontal=0.0,
-    )  # fmt: skip
-    still = model(coefficients(case))
-    run = Simulator(still.states, still.terms)(
-        still, np.array([q_v, q_w, dq_v, dq_w]), time_grid(60, 10)
-    )
-    energy = energies(case, run.states)
-    # the accuracy that is asked of a simulation; 1e-10 J is a motion too small to see
-    assert np.ptp(energy) <= 1e-10 * max(energy.max(), 1.0)
-
-
-def energies(case, states):
-    """Kinetic and potential energy in J, from the line's own integrals, not its coefficients."""
-    line, phi, psi = at_rest(case)
-    q_v, q_w, dq_v, dq_w = states.T
-    span = line.span
-    stretch = [integrate(mode.slope**2, span) for mode in (phi, psi)]
-    bend = [integrate(mode.curvature**2, span) for mode in (phi, psi)]
-    sway = line.static_curvature() * integrate(phi.shape, span)
-    strain = (-sway * q_v + (stretch[0] * q_v**2 + stretch[1] * q_w**2) / 2) / span
-    twice = phi.mass * dq_v**2 + psi.mass * dq_w**2 + line.axial_stiffness * span * strain**2
-    for s, b, q in zip(stretch, bend, (q_v, q_w), strict=True):
-        twice += (line.tension * s + line.bending_stiffness * b) * q**2
-    return twice / 2
 
 
 @pytest.mark.parametrize("inputs", [(), ("u",)])

@@ -110,7 +110,7 @@ def test_random_lines_and_their_table():
     assert sum(line[name] for name in answers) == 2
     assert set(table["case"]) <= {"all", "every t > 9"}
     (sentence,) = verdicts(table)
-    assert sentence.startswith(f"{line['ok']} of 2 fits to random lines were ok, ")
+    assert f"{line['ok']} of 2 " in sentence
     parts = {"lines/all_0_to_0": fits, "reality/x": fits[["method", "status", "seconds"]]}
     counted = paths(parts, {"kinds": {"lines": "random_lines", "reality": "model_error"}})
     own = counted[counted["group"] == "random lines"]
@@ -118,11 +118,6 @@ def test_random_lines_and_their_table():
     assert set(own["path"]) == set(fits["path"])
     (other,) = counted[counted["group"] == "model error"].to_dict("records")
     assert (other["fits"], other["path"]) == (2, "") and np.isnan(other["ok_and_wrong"])
-
-
-def test_a_chaotic_system_is_followed_in_short_segments_where_long_ones_lead_astray():
-    fit = next(published.systems(4711, "lorenz", [0], METHODS, samples=[2000], levels=[0.1]))
-    assert fit["status"] == "ok" and fit["exact_support"] and not fit["ok_and_wrong"]
 
 
 def test_a_weak_term_that_is_left_out_is_no_drift_of_a_sensor():

@@ -45,17 +45,6 @@ def test_pictures_of_the_pages_are_what_the_commands_draw(name, tmp_path):
     assert differs is None, f"make docs: {differs}"
 
 
-def test_every_picture_of_the_pages_is_held_by_a_test():
-    """Of `examples`, above; of `results/reference`, which `make reference` takes."""
-    shown = {
-        target for page in PAGES for target in re.findall(r"!\[[^]]*\]\(([^)]+)\)", read(page))
-    }
-    held = {f"../examples/{name}.png" for name in PICTURES}
-    names = ("galloping.gif", "printed.png", "overview.png", "paper/paper_region.png")
-    taken = {f"../results/reference/{name}" for name in names}
-    assert shown <= held | taken | {"rules.svg"}  # whose own test draws it
-
-
 def anchors(page):
     """What links to headings and targets of a page may name."""
     text = re.sub(r"```.*?```", "", read(page), flags=re.DOTALL)
@@ -96,14 +85,22 @@ def test_pages_name_modules_that_exist():
 NUMBER = re.compile(r"\d+\.\d+")
 
 
-def test_the_tutorial_of_time_series_shows_what_its_code_prints(capsys):
-    names, examples = {}, r"```python\n(.*?)```\n(?:\n```text\n(.*?)```)?"
-    for code, shown in re.findall(examples, read(DOCS / "tutorial_lorenz.md"), re.DOTALL):
-        exec(code, names)
-        printed = capsys.readouterr().out
-        assert NUMBER.sub("#", printed) == NUMBER.sub("#", shown)
-        found, said = ([*map(float, NUMBER.findall(of))] for of in (printed, shown))
-        assert found == pytest.approx(said, rel=0.02)  # the last digits are those of a machine
+@pytest.mark.filterwarnings("ignore")  # of pysindy
+@pytest.mark.parametrize(
+    "page",
+    ["README.md", *(f"docs/{name}.md" for name in
+                    ("beside_pysindy", "python", "tutorial_lorenz", "tutorial_systems"))],
+)  # fmt: skip
+def test_code_of_a_page_runs_and_prints_what_is_shown(page, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    text, names = read(ROOT / page), {}
+    for code in re.findall(r"```(?:python|{code-cell})\n(.*?)```", text, re.DOTALL):
+        exec(compile(code, page, "exec"), names)
+    printed = capsys.readouterr().out
+    shown = "".join(re.findall(r"```text\n(.*?)```", text, re.DOTALL)) or printed
+    assert printed and NUMBER.sub("#", printed) == NUMBER.sub("#", shown)
+    found, said = ([*map(float, NUMBER.findall(of))] for of in (printed, shown))
+    assert found == pytest.approx(said, rel=0.02)  # the last digits are those of a machine
 
 
 @pytest.mark.slow

@@ -146,25 +146,3 @@ def test_the_pages_have_the_claims_and_times_of_the_reference():
                  printed_numbers.describe_setting(paper, region),
                  printed_numbers.count(paper)):  # fmt: skip
         assert said in text
-
-
-NUMBER = re.compile(r"\d+\.\d+")
-
-
-def test_the_readme_shows_what_its_equations_print():
-    text = (ROOT / "README.md").read_text()
-    code, shown = re.search(r"```python\n(.*?)```\n\n```text\n(.*?)```", text, re.DOTALL).groups()
-    done = run(ROOT, "-c", code)
-    assert NUMBER.sub("#", done.stdout) == NUMBER.sub("#", shown), done.stderr
-    printed, found = ([*map(float, NUMBER.findall(of))] for of in (shown, done.stdout))
-    assert found == pytest.approx(printed, rel=0.02)  # the last digits are those of a machine
-
-
-@pytest.mark.slow
-def test_the_readme_shows_the_summary_of_its_recording(tmp_path):
-    out = tmp_path / "span"
-    options = ("--map", "examples/span.yaml", "--output", out)
-    done = run(ROOT, "-m", "galloping", "identify", "examples/span.csv", *map(str, options))
-    assert done.returncode == 0, done.stderr
-    shown = re.findall(r"^> (.*)$", (ROOT / "README.md").read_text(), re.MULTILINE)
-    assert " ".join(shown) in " ".join((out / "summary.md").read_text().split())

@@ -354,6 +354,26 @@ def test_an_edit_runs_exactly_what_the_table_says(edited, row):
     assert bool(row.cells) == any("case" in output.names for output in run)
 
 
+@pytest.mark.xdist_group("reruns")
+def test_what_changes_no_number_plans_nothing(edited):
+    edits = [edit for row in rows() if row.rules == "nothing" for edit in EDITS[row.edit]
+             if row.edit not in OF_FILES]  # fmt: skip
+    assert len(edits) > 5 and not any(output.pending for output in edited(*edits))
+
+
+@pytest.mark.xdist_group("reruns")
+@pytest.mark.parametrize(
+    ("name", "rule"),
+    [
+        ("figures/figure.mplstyle", "draw_figure"),
+        ("identification/findings.csv", "identify_models"),
+    ],
+)
+def test_data_beside_a_module_count_as_its_code(edited, name, rule):
+    run = {output.rule for output in edited(appended(module(name), "\n")) if output.pending}
+    assert rule in run
+
+
 @pytest.mark.slow
 @pytest.mark.xdist_group("reruns")
 def test_edits_of_the_default_study_run_as_many_jobs_as_the_table_says(copied):

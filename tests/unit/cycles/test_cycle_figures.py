@@ -67,7 +67,7 @@ def test_parameters_without_a_hopf_bifurcation_in_their_range():
     calm = rows.line_diagram(RESONANT, "wind_speed", 2, 4, simulator())
     *_, last = rows.bifurcation_rows("line", "wind_speed", calm, RESONANT)
     assert last["note"].startswith("no limit cycle: no Hopf bifurcation in 2..4 m/s, and at 3")
-    with pytest.raises(ValueError, match="it can vary wind_speed"):
+    with pytest.raises(ValueError, match="wind_speed"):
         rows.line_diagram(RESONANT, "phase_of_the_moon", 0, 1, simulator())
 
 
@@ -197,7 +197,7 @@ def test_outline_and_envelope():
     assert measures.envelope(ellipse.outline()) == pytest.approx((4.0, 1.0, 1.5))
     short = edited(line__span=150, spacers__positions=[75])  # its sag is too small for the last
     assert measures.design_ellipses(short).keys() == {"Davison", "Toye"}
-    with pytest.raises(ValueError, match=r"sag: 1 m is too small for the formula of CIGRE 322"):
+    with pytest.raises(ValueError, match="sag: 1 m"):
         cigre(1.0, 0.0276, bundle=True)
 
 

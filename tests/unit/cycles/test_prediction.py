@@ -55,11 +55,11 @@ def test_split_gives_the_model_at_any_wind(winds):
 
 
 def test_what_cannot_be_split_or_placed():
-    with pytest.raises(ValueError, match=r"at one wind speed .12 m/s. the structural damping of"):
+    with pytest.raises(ValueError, match="12 m/s"):
         split([exact(12.0)], [12.0], None)
-    with pytest.raises(ValueError, match="q_x is not the velocity of a coordinate"):
+    with pytest.raises(ValueError, match="q_x"):
         split([exact(12.0)], [12.0], {"q_x": 0.1})
-    with pytest.raises(ValueError, match="position 400 m must be inside the span"):
+    with pytest.raises(ValueError, match="position 400 m"):
         changed(derived(RESONANT), RESONANT, damper(400.0, 100.0))
 
 
@@ -103,7 +103,7 @@ def test_a_model_without_uncertainty_or_without_a_cycle():
     assert prediction.amplitude[1, :2] == pytest.approx(CHECKS[16], abs=1e-3)
     assert np.isnan(prediction.low).all()
     calm = predict(parts, 4.0, [4.0], START, draws, simulator())
-    assert calm.reason.startswith("at 4 m/s the identified model does not settle")
+    assert "4 m/s" in calm.reason
     assert np.isnan(calm.amplitude).all()
 
 
@@ -175,7 +175,7 @@ def test_limit_cycle_of_the_line_with_its_interval(resonant):
     unsure = replace(stated(line, 1e-3), covariance=np.zeros((0, 0)))
     _, low, _ = limit_cycle_ahead(unsure, START, np.random.default_rng(1))
     assert np.all(np.isnan(low))
-    with pytest.raises(ValueError, match="there is no model to simulate: No model was found"):
+    with pytest.raises(ValueError, match="no model"):
         limit_cycle_ahead(REFUSED, START, np.random.default_rng(1))
 
 

@@ -112,7 +112,7 @@ def test_a_force_may_be_below_zero_and_a_little_outside_of_what_was_recorded():
         found = replace(oscillator(), diagnostics={"U_low": low, "U_high": high})
         assert len(list_extrapolations(found, {"U": value})) == count
     below = replace(oscillator(), diagnostics={"U_low": -3.0, "U_high": -1.0})
-    with pytest.raises(ValueError, match=r"U = 4: .* between -3 and -1; must be 0 or less"):
+    with pytest.raises(ValueError, match=r"U = 4: .*-3 and -1; must be 0"):
         assess(below, {"U": 4.0})
 
 
@@ -126,27 +126,22 @@ def test_the_command_says_the_same_in_words_and_rows(tmp_path):
     found = replace(oscillator(), diagnostics={"U_low": 5.0, "U_high": 9.0})
     found.save(path, units={"U": "m/s"})
     run = partial(command, "assess", path)
-    text = run("--at", "U=4:10:3")
-    onset, extrapolated, _, *conditions = text.splitlines()
-    assert onset.startswith("Onset: small motions grow above U = 5.0")
-    assert "U = 4 to 10" in extrapolated and "between 5 and 9" in extrapolated
-    assert "  U = 4 m/s: small motions die out; no stable limit cycle" in conditions
-    assert "U = 10 m/s: small motions grow; q ±1.6" in text and "At U" not in text
-    detailed = run("--at", "U=4:10:3", "--verbose")
-    assert "At U = 10 m/s:" in detailed and "limit cycle 1, stable: q ± 1.6" in detailed
-    assert "Extrapolation" not in run("--at", "U=6")
+    onset, extrapolated, _, *conditions = run("--at", "U=4:10:3").splitlines()
+    assert "U = 5.0" in onset and "U = 4 to 10" in extrapolated and "5 and 9" in extrapolated
+    (of_ten,) = (line for line in conditions if "U = 10 m/s" in line)
+    assert "q ±1.6" in of_ten and "q ± 1.6" in run("--at", "U=4:10:3", "--verbose")
     rows = json.loads(run("--at", "U=10", "--json"))
     half = next(row for row in rows if row["quantity"] == "half range of q")
     assert half["U"] == 10.0 and half["value"] == pytest.approx(amplitude(10.0), rel=1e-2)
     assert run("--at", "U=10", "--csv").splitlines()[0].startswith("U,what,number,stable,quantity")
     for options, said in (
-        ((), "has the input U; say at which, --at U=VALUE"),
-        (("--at", "V=3"), "the model has the inputs U"),
-        (("--at", "U=-5"), "values lie between 5 and 9; must be 0 or more"),
-        (("--at", "U=9:8"), "must be one value, U=12, or a range"),
-        (("--at", "U=x"), "must be one value, U=12, or a range"),
-        (("--at", "U=1:2:1e-9"), "must be 2 to 200 values"),
-        (("--at", "U=8:16:20"), "must be 2 to 200 values"),
+        ((), "--at U=VALUE"),
+        (("--at", "V=3"), "inputs U"),
+        (("--at", "U=-5"), "between 5 and 9; must be 0"),
+        (("--at", "U=9:8"), "U=12"),
+        (("--at", "U=x"), "U=12"),
+        (("--at", "U=1:2:1e-9"), "2 to 200"),
+        (("--at", "U=8:16:20"), "2 to 200"),
     ):
         printed = run(*options, code=1)
         assert said in printed and printed.count("\n") == 1

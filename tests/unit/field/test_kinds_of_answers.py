@@ -14,7 +14,7 @@ from galloping.behaviour.forecast import check_followed
 from galloping.behaviour.objections import outlives_recording, with_objections
 from galloping.identification.observations import Code
 from galloping.model.polynomial import PolynomialModel
-from galloping.summary.numbers import Estimate
+from galloping.summary.numbers import Estimate, findings
 from galloping.summary.summarise import dynamics, summarise
 from galloping.summary.wording import in_words
 
@@ -25,21 +25,18 @@ def identified(recording):
     return maximum_likelihood(recording, TERMS)
 
 
-# metres, tenths of a millimetre, micrometres; 0.16 Hz, 63 minutes a period, 16 Hz, 160 Hz
-@pytest.mark.parametrize(
-    ("length", "time"), [(1, 1), (1e-4, 1), (1e-6, 1), (1, 600), (1, 0.01), (1, 1e-3)]
-)
-def test_a_limit_cycle_is_found_at_any_size_and_frequency(length, time):
-    recording = motions.in_other_units(motions.growing(), length, time)
+def test_a_limit_cycle_is_found():
+    """At any size and frequency, as test_units_of_motion says of all numbers."""
+    recording = motions.growing()
     found = identified(recording)
     known = dynamics(found, recording)
     assert known.kind == "cycle"
-    assert known.half_range["q"].value == pytest.approx(2.0 * length, rel=2e-3)
-    assert known.period.value == pytest.approx(6.3 * time, rel=1e-2)
+    assert known.half_range["q"].value == pytest.approx(2.0, rel=2e-3)
+    assert known.period.value == pytest.approx(6.3, rel=1e-2)
     assert known.damping["q"].value == pytest.approx(-0.1, abs=0.005)
     (condition,) = assess(found).conditions
     (cycle,) = condition.cycles
-    assert cycle.stable and cycle.half_range["q"].value == pytest.approx(2.0 * length, rel=2e-3)
+    assert cycle.stable and cycle.half_range["q"].value == pytest.approx(2.0, rel=2e-3)
 
 
 def test_of_a_motion_that_has_died_out_nothing_but_noise_is_left_to_forecast():
@@ -47,11 +44,8 @@ def test_of_a_motion_that_has_died_out_nothing_but_noise_is_left_to_forecast():
     time = np.arange(2000) / 50
     states = motions.moved(lambda t, x: [x[1], -39.5 * x[0] - 0.38 * x[1]], (0.05, 0.0), time)
     recording = motions.of_displacement(time, states, 0.0014)
-    summary = summarise(identified(recording), recording)
-    trial, text = summary.held_out, str(summary)
+    trial = summarise(identified(recording), recording).held_out
     assert trial.is_noise[0] and trial.missed[0] < 0.2
-    assert "nothing but noise was left" in text
-    assert not re.search(r"missed \d+ % of q", text)
     live = motions.growing()
     assert not summarise(identified(live), live).held_out.is_noise[0]
 
@@ -59,10 +53,8 @@ def test_of_a_motion_that_has_died_out_nothing_but_noise_is_left_to_forecast():
 def test_random_forces_are_not_missed_but_held_in_a_band():
     recording = motions.in_random_forces()
     found = maximum_likelihood(recording, polynomial_library(4, 1), forced=())
-    summary = summarise(found, recording, forced=())
-    text = str(summary)
-    assert found.is_forced and "its frequencies and damping can" in text
-    assert "root-mean-square error" not in text
+    told = findings(summarise(found, recording, forced=())).forecast.channels
+    assert found.is_forced and told and all(np.isnan(one.missed_percent) for one in told)
 
 
 def pendulum(start, duration, noise, seed=1):
@@ -190,11 +182,6 @@ def test_a_column_is_told_with_its_own_extremes(folder):
     assert float(told[2]) == pytest.approx(np.sqrt(2.0) * high, rel=0.02)
 
 
-def test_no_live_span_is_to_be_released(folder):
-    text = (folder[0] / "summary.md").read_text(encoding="utf-8")
-    assert "release" not in text
-
-
 def test_all_numbers_of_a_summary_are_there_for_programs(folder):
     out, printed, _ = folder
     numbers = json.loads((out / "summary.json").read_text(encoding="utf-8"))
@@ -210,10 +197,9 @@ def test_all_numbers_of_a_summary_are_there_for_programs(folder):
         own, _, interval = in_words(Estimate(**each)).partition(" (")
         assert own in text and interval.rstrip(")") in text
     for one in trial["channels"]:
-        assert f"{one['missed_percent']:.3g} % of the" in text
-        assert f"R2 {one['r2']:.3f}, {one['inside_percent']:.0f} %" in text
+        assert f"{one['missed_percent']:.3g} %" in text and f"R2 {one['r2']:.3f}" in text
     for one in numbers["absent_terms"]:
-        assert f"{one['term']} in {one['equation']}: absent, or at most {one['limit']:.3g}" in text
+        assert one["term"] in text and f"{one['limit']:.3g}" in text
 
 
 def test_of_a_refused_recording_the_samples_are_told(tmp_path):

@@ -63,7 +63,6 @@ def test_a_summary_tells_further_modes_and_releases():
     assert value.low < 0.005 < value.high
     assert codes(found) == [Code.RELEASED]
     assert found.findings[0].data["time_s"] == pytest.approx(5.0, abs=0.1)
-    assert "The motion begins at 5" in str(summary)
 
 
 @pytest.mark.parametrize("derivative", [0, 2])
@@ -116,7 +115,6 @@ def test_damping_that_no_model_follows_is_told_by_its_envelope():
     summary = summarise(found, sensed(time, noisy(size * np.cos(2.0 * np.pi * time), 6, 0.003)))
     damping = summary.dynamics.damping["q"]
     assert 0.0 < damping.low < damping.high
-    assert "| at | amplitude |" in str(summary)
 
 
 def test_the_term_that_a_library_lacks_is_named_beside_the_envelope():

@@ -15,13 +15,7 @@ from galloping import (
     polynomial_library,
     simulate,
 )
-from galloping.identification.likelihood import trajectory_fit
-from galloping.identification.likelihood.missing_terms import find_missing_kind
 from galloping.identification.observations import Code
-from galloping.identification.preparation.weak_form import make_start
-from galloping.identification.prior_knowledge import PRIOR
-from galloping.identification.problem import make_problem
-from galloping.identification.selection import n_unidentifiable_directions
 
 DESIGN, REPORTING = 20261128, 20261129  # only the former was looked at while the method was made
 STATES = ("q", "dq")
@@ -71,25 +65,9 @@ def test_oscillators_are_found_with_errors_near_the_bound(kind):
 @pytest.mark.parametrize(("kind", "named"), [("pendulum", "sin(q)"), ("drag", "|dq| dq"),
                                              ("dry friction", "sign(dq)")])  # fmt: skip
 def test_the_kind_of_term_that_a_polynomial_library_lacks_is_named(kind, named):
-    _, recording, *_ = recorded(kind, REPORTING, 0)
-    (missing,) = kind_lacking(recording)
-    assert missing.code == Code.TERM_MISSING and named in missing.data["term"]
-
-
-def test_no_kind_of_term_is_named_beside_a_right_library():
-    true = parse_model("q = dq; dq = -q + 0.3 dq - 0.3 q^2 dq")
-    time = np.linspace(0.0, 60.0, 1201)
-    states = simulate(true, (0.1, 0.0), time).states
-    assert kind_lacking(noisy(true, states, time, 0.05, 4)) == []
-
-
-def kind_lacking(recording):
-    """What a cubic library lacks to follow a recording."""
-    begun = make_start(make_problem(STATES, polynomial_library(2, 3), prior=PRIOR), [recording])
-    free = trajectory_fit.fit_free_segments(begun, begun.fit)
-    unseen = n_unidentifiable_directions(free.information, begun.largest) > 0
-    joined = trajectory_fit.join_segments(free, begun.price, 1.0, unseen)
-    return find_missing_kind(joined.step.fit, begun.penalty)
+    found = maximum_likelihood(recorded(kind, REPORTING, 0)[1], CUBIC)
+    (missing,) = (each for each in found.findings if each.code == Code.TERM_MISSING)
+    assert named in missing.data["term"]
 
 
 def test_a_quotient_of_what_crosses_zero_is_refused_with_the_divisor():

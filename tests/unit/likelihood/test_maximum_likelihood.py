@@ -21,6 +21,9 @@ from galloping import Prior, Recording, maximum_likelihood, weak_gls
 from galloping import polynomial_library as library
 from galloping.evaluation.bounds import Experiment, state_bound
 from galloping.identification.observations import Code
+from galloping.identification.preparation.weak_form import make_start, whitened_weak_form
+from galloping.identification.problem import make_problem
+from galloping.identification.selection import solve_support
 
 
 def line_bound(level: float) -> np.ndarray:
@@ -152,3 +155,15 @@ def test_segments_may_all_end_where_a_state_is_zero():
     found = maximum_likelihood(exact, library(2, 1))
     assert found.status == "not identifiable" and found.has_finding(Code.MOTION_REPEATS)
     assert found.support.tolist() == [[False] * 3, [False, True, False]]
+
+
+def test_the_weak_form_is_weighed_until_its_coefficients_move_by_less_than_their_errors():
+    true = model(("x", "dx"), 3, {"dx": 1.0}, {"x": -1.0, "dx": 0.3, "x^2 dx": -0.3})
+    time = np.linspace(0.0, 60.0, 1201)
+    recording = noisy(true, solution(true, (0.5, 0.0), time), time, 0.1, 202611275)
+    begun = make_start(make_problem(true.states, true.terms), [recording])
+    weighed = begun.problem.coefficients(begun.fit.free)
+    rows, rates = whitened_weak_form(begun.problem, begun.smoothed[0], weighed)
+    again, covariance = solve_support(rows.T @ rows, rows.T @ rates, begun.fit.support)
+    moved = (again - begun.fit.free)[begun.fit.support] / np.sqrt(np.diag(covariance))
+    assert np.max(np.abs(moved)) < 0.1

@@ -2,23 +2,17 @@
 
 What is tested is the answer, by the truth of the recording, or, where a part decides between
 answers, the path to it. A recording is named after the part of the method without which it is not
-answered as well (docs/identification_parts.csv, which names a test of each part that stays).
-Recordings of other parts are tested where their subject is: derivatives in test_maximum_likelihood;
-accelerations alone in test_rate_channels; fluctuating coefficients in test_model_error; coloured
-noise in test_robustness; steps of the search, whose misfits are given, in test_iteration.
+answered as well (docs/identification_parts.csv). Recordings of other parts are tested where their
+subject is: derivatives in test_maximum_likelihood; accelerations alone in test_rate_channels;
+fluctuating coefficients in test_model_error; coloured noise in test_robustness.
 """
 
-import re
-from unittest.mock import Mock
-
 import numpy as np
-import pandas as pd
 import pytest
 from identification_cases import model, noisy
 
 from galloping import Input, PolynomialModel, Recording, Simulator, maximum_likelihood, simulate
 from galloping import polynomial_library as library
-from galloping.identification.likelihood import exact_fit, trajectory_fit
 from galloping.identification.likelihood.instrument import FORCES
 from galloping.identification.observations import Code
 from galloping.line.galerkin import STATES
@@ -88,44 +82,15 @@ OPEN = {
 
 
 @pytest.mark.parametrize("path", FOUND)
-def test_terms_are_found_and_coefficients_within_their_intervals(path, record_property) -> None:
+def test_terms_are_found_and_coefficients_within_their_intervals(path) -> None:
     true, recording = FOUND[path]()
     found = maximum_likelihood(recording, true.terms)
-    record_property("path", found.diagnostics["path"])
     row = against_truth(true, found)
     assert found.status in ("ok", "not identifiable"), found.reason
     assert row["exact_support"] and not row["beyond_4_standard_errors"]  # within four errors
     error = (found.model.coefficients - true.coefficients)[found.support]
     size = true.coefficients[found.support]
     assert np.linalg.norm(error) < 0.1 * np.linalg.norm(size)
-
-
-def test_each_part_that_stays_has_a_test(root) -> None:
-    parts = pd.read_csv(root / "docs" / "identification_parts.csv", keep_default_na=False)
-    stays = parts["kept"].str.contains(r"\byes\b")
-    assert np.array_equal(parts["test"] != "", stays)
-    for test in "; ".join(parts["test"][stays].unique()).split("; "):
-        file, name, parameters = re.fullmatch(r"(.+)::(\w+)(?:\[(.+)\])?", test).groups()
-        text = (root / "tests" / "unit" / file).read_text(encoding="utf-8")
-        assert f"def {name}(" in text, test
-        assert all(each in text for each in (parameters or "").split("-")), test
-
-
-def test_the_first_start_that_settles_is_the_last(monkeypatch):
-    free_fit = Mock(side_effect=trajectory_fit.fit_free_segments)
-    monkeypatch.setattr(trajectory_fit, "fit_free_segments", free_fit)
-    recording = noisy(OSCILLATOR, simulate(OSCILLATOR, (0.5, 0.0), TIME).states, TIME, 0.05, 0)
-    assert "settled" in maximum_likelihood(recording, OSCILLATOR.terms).diagnostics["path"]
-    free_fit.assert_called_once()
-
-
-def test_few_terms_are_not_believed_where_as_many_mixtures_go_unseen(monkeypatch) -> None:
-    """As of a limit cycle, which looks like one of fewer terms."""
-    true, recording = FOUND["few terms"]()
-    assert maximum_likelihood(recording, true.terms).diagnostics["path"].startswith("few terms")
-    monkeypatch.setattr(exact_fit, "n_unidentifiable_directions", lambda *_: 99)
-    path = maximum_likelihood(recording, true.terms).diagnostics["path"]
-    assert "few terms" not in path or "unsettled" in path
 
 
 def test_forces_that_change_slowly_show_between_four_segments() -> None:
@@ -143,19 +108,16 @@ def test_forces_that_change_slowly_show_between_four_segments() -> None:
 
 
 @pytest.mark.parametrize("path", OPEN)
-def test_what_is_hard_to_tell_is_never_sure_and_wrong(path, record_property) -> None:
+def test_what_is_hard_to_tell_is_never_sure_and_wrong(path) -> None:
     true, recording = OPEN[path]()
     found = maximum_likelihood(recording, true.terms)
-    record_property("path", found.diagnostics["path"])
     assert not against_truth(true, found)["ok_and_wrong"]
     assert found.status == "ok" or found.findings
     assert (found.status == "refused") == bool(np.isnan(found.model.coefficients).all())
 
 
 @pytest.mark.parametrize(("level", "penalty"), [(0.005, 25), (0.03, 7)])
-def test_a_term_that_the_library_lacks_leaves_a_model_that_forecasts(
-    level, penalty, record_property
-):
+def test_a_term_that_the_library_lacks_leaves_a_model_that_forecasts(level, penalty):
     """Of little noise by the stronger, of more by the weaker penalty, by which a misfit that is
     taken for white noise leads to a worse one.
     """
@@ -163,7 +125,6 @@ def test_a_term_that_the_library_lacks_leaves_a_model_that_forecasts(
     true = model(("x", "dx"), 5, {"dx": 1.0}, rate)
     recording = noisy(true, simulate(true, (0.5, 0.0), TIME).states, TIME, level, 0)
     found = maximum_likelihood(recording, library(2, 3))
-    record_property("path", found.diagnostics["path"])
     assert found.status == "approximate", found.reason
     assert f"penalty {penalty}" in found.diagnostics["path"]
     assert found.diagnostics["forecast_r2"] > 0.95

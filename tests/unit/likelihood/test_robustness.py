@@ -1,7 +1,5 @@
 """Where it hurts: a good answer, or a refusal with its reason; of faults see test_trials too."""
 
-from unittest.mock import Mock
-
 import numpy as np
 import pytest
 from identification_cases import LINE, SUPPORT, TIME, X, assert_found, noisy, solution
@@ -11,6 +9,7 @@ from galloping import IdentifiedModel, PolynomialModel, Recording, maximum_likel
 from galloping import polynomial_library as library
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.screening import smooth_without_outliers
+from galloping.passes import progress
 
 LEVEL = 0.05
 
@@ -69,7 +68,7 @@ def test_noise_that_bursts_is_no_outlier() -> None:
     assert cleaned.samples > 0.999 * recording.samples
 
 
-@pytest.mark.parametrize("share", [0.98, 0.9, 0.7])
+@pytest.mark.parametrize("share", [0.98, 0.7])
 def test_a_saturated_sensor(share: float) -> None:
     values = measured()
     limit = np.quantile(np.abs(X[:, 1]), share)
@@ -93,10 +92,11 @@ def test_constant_channels_are_refused(method) -> None:
     assert (found.status, found.codes) == ("refused", "no_motion")
 
 
-def test_a_mistake_in_the_code_is_not_taken_for_a_recording_without_a_model(monkeypatch) -> None:
-    begin = Mock(side_effect=ValueError("shapes differ"))
-    monkeypatch.setattr(f"{maximum_likelihood.__module__}.make_start", begin)
-    with pytest.raises(ValueError, match="shapes differ"):
+def test_a_mistake_in_the_code_is_not_taken_for_a_recording_without_a_model() -> None:
+    def listen(*_: object) -> None:
+        raise ValueError("shapes differ")
+
+    with progress(listen), pytest.raises(ValueError, match="shapes differ"):
         maximum_likelihood(Recording(TIME, LINE.states, X), LINE.terms)
 
 
@@ -133,7 +133,7 @@ def test_a_coarse_resolution_is_no_saturation(bits: int) -> None:
     assert found.diagnostics["removed_share"] < 0.01
 
 
-@pytest.mark.parametrize("seconds", [4, 10, 20])  # of some two periods and more
+@pytest.mark.parametrize("seconds", [4, 20])  # of some two periods and more
 def test_a_few_periods_are_answered_in_words(seconds: int) -> None:
     few = round(seconds / TIME[1])
     found = identify(measured()[:few], TIME[:few])
@@ -150,14 +150,6 @@ def test_a_library_without_the_cubic_terms_is_never_right() -> None:
     )
     found = weak_gls([Recording(TIME, LINE.states, measured())], library(4, 2))
     assert (found.status, found.codes) == ("refused", "weak_misfit")
-
-
-def test_channels_that_come_late_are_named_where_the_data_are_followed_as_a_whole() -> None:
-    values = measured()
-    values[10:, [1, 3]] += X[:-10, [1, 3]] - X[10:, [1, 3]]
-    found = identify(values)
-    assert found.status != "ok"
-    assert found.has_finding(Code.CHANNEL_DELAYED, Code.COORDINATE_DELAYED)
 
 
 def test_a_slight_drift_is_looked_at_where_every_term_of_the_library_is_there() -> None:

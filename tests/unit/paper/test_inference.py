@@ -124,36 +124,19 @@ def test_every_claim_with_noise_belongs_to_a_cell_and_to_a_group():
     assert len(NUMBERS) == 10
 
 
-def test_importance_sampling_integrates_a_likelihood_that_is_known(monkeypatch):
-    """Of a bell in the middle of the ranges, whose estimate scatters as that of few draws does."""
-    centre, width = (unknowns.LOW + unknowns.HIGH) / 2, 0.1 * (unknowns.HIGH - unknowns.LOW)
-
-    def estimate(reading, values, number, rng):
-        offsets = (np.log([values[name] for name in unknowns.NAMES]) - centre) / width
-        scatter = 0.7 * rng.standard_normal() - 0.7**2 / 2  # its exponential has the mean 1
-        row = dict.fromkeys(("change", "attack"), 0.0)
-        return {**row, "log_likelihood": -0.5 * np.sum(offsets**2) + scatter, "draws": []}
-
-    monkeypatch.setattr(paper_inference, "estimate", estimate)
-    monkeypatch.setattr(paper_inference, "FIRST_ROUND", {})
-    monkeypatch.setattr(paper_inference, "SHIFTED", np.zeros(len(unknowns.NAMES), bool))
-    monkeypatch.setattr(
-        paper_inference, "setting_at",
-        lambda reading, point: dict(zip(unknowns.NAMES, np.exp(point), strict=True))
-        if np.all((point > unknowns.LOW) & (point < unknowns.HIGH)) else None,
-    )  # fmt: skip
-    rounds = {"pilot_rounds": (200, 200, 200), "settings": 300}
-    rows = pd.DataFrame(paper_inference.trial(1, "sine", [0, 1, 2], {}, **rounds))
-    tried = rows[rows["stage"] == "tried"]
-    expected = len(unknowns.NAMES) * np.log(0.1 * np.sqrt(2 * np.pi))
-    for _, run in tried.groupby("replicate"):
-        assert logsumexp(run["log_weight"]) == pytest.approx(expected, abs=0.4)
-    evidence, error = tables._log_evidence(tried)
-    assert error < 0.1 and abs(evidence - expected) < 3 * error
-    weights = tables._normalise_weights(tried["log_weight"])
-    x = np.log(tried[list(unknowns.NAMES)].to_numpy(float))
-    np.testing.assert_allclose(weights @ x, centre, atol=0.4 * width.max())
-    np.testing.assert_allclose(np.sqrt(weights @ (x - centre) ** 2), width, rtol=0.3)
+def test_importance_sampling_integrates_a_likelihood_that_is_known():
+    """Of a bell in the middle of the ranges, by proposals that learn where it is."""
+    rng, proposal = np.random.default_rng(1), paper_inference.Proposal()
+    first = np.array([proposal.draw(rng) for _ in range(2000)])
+    centre, width = first.mean(axis=0), 0.35 * first.std(axis=0)
+    for _ in range(6):
+        points = np.array([proposal.draw(rng) for _ in range(300)])
+        log_bell = -0.5 * np.sum(((points - centre) / width) ** 2, axis=1)
+        log_weights = log_bell - proposal.log_density(points)
+        proposal = paper_inference.Proposal.fit(points, log_weights, 0.1)
+    evidence = logsumexp(log_weights) - np.log(len(points))
+    assert evidence == pytest.approx(np.sum(np.log(width * np.sqrt(2 * np.pi))), abs=0.4)
+    np.testing.assert_allclose(proposal.centre, centre, atol=0.4 * width.max())
 
 
 @pytest.fixture(scope="module")

@@ -61,8 +61,10 @@ def test_there_is_nothing_about_gaps_but_short_ones():
     about = silent + 2 * REACH * np.median(steps)
     assert about < steps.max() < about + 2 * np.median(steps)
     assert np.sum(steps > 1.1 * np.median(steps)) == 1
-    with pytest.raises(IdentificationError, match=r"Below 0\.05 Hz nothing is left of 29\.9 s"):
+    with pytest.raises(IdentificationError) as error:
         low_pass_recording(Recording(TIME, ("q",), values)[:600], 0.05)
+    assert error.value.finding.code == Code.NOTHING_LEFT
+    assert error.value.finding.data["duration_s"] == pytest.approx(29.95)
 
 
 def test_the_slowest_modes_are_told_where_faster_ones_move_the_sensors_too(ambient):
@@ -76,9 +78,8 @@ def test_the_slowest_modes_are_told_where_faster_ones_move_the_sensors_too(ambie
         assert told.value == pytest.approx(frequency, rel=0.02)
         told = summary.dynamics.damping[f"q{k}"]
         assert told.low < damping < told.high
-    said = str(summary)
-    assert "Faster modes, at 1.2, 2 Hz, were filtered out first" in said
-    assert not any(word in said for word in (" line", "span", "gallop", "modal mass", "m/s"))
+    words = (" line", "span", "gallop", "modal mass", "m/s")
+    assert not any(word in str(summary) for word in words)
     ahead = forecast(found, ambient, TIME[-1] + np.arange(1, 40) / 20)
     assert np.all(ahead.low < ahead.high)
 

@@ -8,13 +8,12 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from lines import CASES, RESONANT, edited
+from lines import CASES, RESONANT
 
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import Derived, coefficients, model
 from galloping.model.intervals import median_and_interval
 from galloping.model.polynomial import polynomial_library
-from galloping.tables.line_parameters import spacers
 from galloping.tables.scores import all_scores, data_amount, noise_coefficients, noise_r2
 from galloping.tables.table3 import equations, table3
 
@@ -147,14 +146,3 @@ def test_equations_are_those_of_single_recordings_with_their_errors():
     assert tuple(paper.loc["kappa_8", ["true", "identified"]]) == (0.0, 0.5)
     unknown = equations(line, identified, settings | {"is_continuous": True})
     assert unknown["true"].isna().all()
-
-
-def test_spacers_have_units_and_provenance():
-    moved = edited(CASES["non_resonant"], spacers__positions=[75, 160, 225])
-    cases = {**CASES, "non_resonant": moved}
-    rows = spacers({"cases": cases}).set_index(["case", "symbol"])
-    assert set(rows["unit"]) == {"kg", "m"}
-    assert rows.loc[("internal_resonance", "s_2"), "value"] == 150
-    moved = rows.loc["non_resonant"]
-    assert moved["value"].to_list() == [4.8, 75, 160, 225]
-    assert moved["provenance"].to_list() == ["seed", "seed", "assumed", "seed"]
