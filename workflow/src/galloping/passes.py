@@ -26,9 +26,10 @@ _told: ContextVar[_Told | None] = ContextVar("told", default=None)
 
 @contextmanager
 def progress(listen: Callable[[str, float], object]) -> Iterator[None]:
-    """While the block runs, tell `listen` what is being done, and which share of all is done.
+    """Report the progress of computations inside a `with` block to a function.
 
-    The share, from 0 to 1, never falls. It is an estimate: iterations end when they have converged.
+    `listen` is called with what is being done and with the share of all work that is done, from 0
+    to 1. The share never falls. It is an estimate, because iterations end when they have converged.
 
     >>> with progress(lambda what, share: print(f"{what}, {share:.0%}")):
     ...     with part("identify", until=0.5):

@@ -25,10 +25,22 @@ from galloping.trajectory.simulation import (
 
 
 def derive(**sections: Mapping[str, object] | float) -> PolynomialModel:
-    """The galloping equations of one line in its wind.
+    """Derive the galloping equations of one line in its wind.
 
-    sections: those of a case in config/README.md, such as `wind={"speed": 14}`; what is left out
-    takes its default. Raises ConfigurationError, a ValueError, with one line per problem.
+    Parameters
+    ----------
+    **sections
+        The sections of a case in config/README.md, such as `wind={"speed": 14}`. Missing keys have
+        their defaults.
+
+    Returns
+    -------
+    PolynomialModel
+
+    Raises
+    ------
+    ConfigurationError
+        A ValueError with one line for each problem.
     """
     try:
         settings = load({"cases": {"line": sections}})
@@ -43,10 +55,26 @@ def simulate(
     time: ArrayLike,
     inputs: Mapping[str, Input | float] | None = None,
 ) -> Trajectory:
-    """Motion of a model.
+    """Simulate the motion of a model.
 
-    initial_state: (n_states,) at time[0]. time: (n,) s, increasing. inputs: each of the model's,
-    measured or constant. Raises ValueError for other input.
+    Parameters
+    ----------
+    model : PolynomialModel
+    initial_state : (n_states,) array
+        State at time[0].
+    time : (n,) array
+        Increasing times, s.
+    inputs : mapping of str to Input or float, optional
+        Every input of the model by name, measured or constant.
+
+    Returns
+    -------
+    Trajectory
+
+    Raises
+    ------
+    ValueError
+        If an argument has another form.
     """
     _check_model(model)
     start = checked_state(initial_state, model.states)
@@ -64,14 +92,35 @@ def measure(
     seed: int = 0,
     inputs: Mapping[str, Input] | None = None,
 ) -> Recording:
-    """What an instrument records of a motion of `model`.
+    """Simulate a recording of a motion of `model`.
 
-    protocol: `state` (all states noisy), `displacement` (velocities not measured), `acceleration`
-    (of the velocities, nothing else) or `derivative` (exact states with noisy derivatives). level:
-    of the white noise; except for `derivative` times the standard deviation of what is measured if
-    `relative`, else absolute: 0.05 is 5 %. The same seed draws the same noise. inputs: those of a
-    model that has any, which the recording then carries. Raises ValueError for other input, such as
-    a relative level above one, and for a motion that ended early.
+    Parameters
+    ----------
+    model : PolynomialModel
+    motion : Trajectory
+        As `simulate` returns it.
+    protocol : str
+        The measurement setup: `state` (all states with noise), `displacement` (displacements with
+        noise), `acceleration` (accelerations with noise) or `derivative` (exact states, and
+        derivatives with noise).
+    level : float
+        Level of the white noise. It is a multiple of the standard deviation of the measured
+        quantity if `relative` (0.05 is 5 %), and in SI units otherwise and for `derivative`.
+    relative : bool
+    seed : int
+        The same seed gives the same noise.
+    inputs : mapping of str to Input, optional
+        Inputs of the model, which become inputs of the recording.
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    ValueError
+        If the motion ended early, or an argument has another form, such as a relative level above
+        one.
     """
     _check_model(model)
     if not isinstance(motion, Trajectory):
@@ -115,15 +164,34 @@ def cramer_rao_bound(
     rate_sigma: ArrayLike | None = None,
     inputs: Mapping[str, Input] | None = None,
 ) -> NDArray[np.float64]:
-    """Least standard deviation that an unbiased method can reach, of each term of a model.
+    """Compute the Cramér-Rao bound of the coefficients of a model.
 
-    initial_state: (n_states,) at time[0], itself unknown to the method. time: (n,) s, increasing.
-    sigma: (n_states,) noise of a sample of each state, infinite for one that is not measured.
-    rate_sigma: the same of each state's derivative, such as an acceleration; None for none. inputs:
-    those of a model that has any.
-    Returns (n_states, n_terms): NaN for absent terms and in the equations dX/dt = dX that the names
-    of the states tell, infinite where the recording says nothing. Raises ValueError for other
-    input, and where the model's solution diverges.
+    It is the smallest standard deviation that any unbiased method can reach if it knows the terms.
+
+    Parameters
+    ----------
+    model : PolynomialModel
+    initial_state : (n_states,) array
+        State at time[0]; it counts as unknown to the method.
+    time : (n,) array
+        Increasing times, s.
+    sigma : (n_states,) array
+        Standard deviation of the noise of each state; infinite for a state that is not measured.
+    rate_sigma : (n_states,) array, optional
+        The same for the derivative of each state, such as an acceleration.
+    inputs : mapping of str to Input, optional
+        Inputs of the model.
+
+    Returns
+    -------
+    (n_states, n_terms) array
+        NaN for absent terms and for known equations dX/dt = dX; infinite if the recording does not
+        determine the coefficient.
+
+    Raises
+    ------
+    ValueError
+        If the solution of the model diverges, or an argument has another form.
     """
     _check_model(model)
     start = checked_state(initial_state, model.states)

@@ -48,11 +48,26 @@ def assess(
     *,
     seed: int = 0,
 ) -> Assessment:
-    """Equilibria, limit cycles and onset of a model.
+    """Compute equilibria, limit cycles and onset of a model.
 
-    at: a value of each of its inputs; of one of them several, along which limit cycles are followed
-    and the onset is looked for. seed: of the draws behind the intervals. Raises ValueError where
-    there is no model, where an input has no value, and as of `list_extrapolations`.
+    Parameters
+    ----------
+    found : IdentifiedModel
+    at : mapping of str to float or sequence of float, optional
+        A value of each input. One input may have several values; limit cycles are followed and the
+        onset is located along them.
+    seed : int
+        Seed of the random numbers for the intervals.
+
+    Returns
+    -------
+    Assessment
+
+    Raises
+    ------
+    ValueError
+        If there is no model, an input has no value, or a value has the opposite sign of nearly all
+        recorded values (`list_extrapolations`).
     """
     if found.status == "refused":
         raise ValueError(f"there is no model to assess: {found.reason}")

@@ -80,10 +80,20 @@ class Onset(Immutable):
 
 @dataclass(frozen=True, eq=False)
 class Assessment(Immutable):
-    """What a model says at each value of its inputs.
+    """Equilibria, limit cycles and onsets of a model at values of its inputs.
 
-    conditions: one for each value. along: name of the input that has a range, or ''. span: the ends
-    of that range. onsets: in its order. notes: what could not be computed.
+    Parameters
+    ----------
+    conditions : tuple of Condition
+        Equilibria and limit cycles at each value.
+    along : str
+        Name of the input that has a range, or ''.
+    span : (float, float)
+        Ends of that range.
+    onsets : tuple of Onset
+        In the order of the range.
+    notes : tuple of str
+        What could not be computed.
     """
 
     conditions: tuple[Condition, ...]
@@ -93,7 +103,7 @@ class Assessment(Immutable):
     notes: tuple[str, ...] = ()
 
     def to_frame(self) -> "DataFrame":
-        """Return what the model says as a pandas DataFrame.
+        """Return the equilibria, limit cycles and onsets as a pandas DataFrame.
 
         Returns
         -------

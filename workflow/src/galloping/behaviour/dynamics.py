@@ -111,14 +111,24 @@ def zero_of(model: PolynomialModel, start: np.ndarray, sizes: np.ndarray) -> Opt
 
 @dataclass(frozen=True, eq=False)
 class Dynamics(Immutable):
-    """What a model says of its motion: position of rest, frequencies, damping, limit cycle.
+    """Equilibrium, frequencies, damping and limit cycle of a model.
 
-    rest: m, of each coordinate, the equilibrium that the recorded motion surrounds; empty where
-    there is none. frequencies: Hz, damping: ratio to critical, of small motions about it, wind
-    included; below zero they grow. Each by the coordinate that mostly moves. kind: of the motion in
-    the end, as in `settle`. half_range: by coordinate, of the limit cycle if it is one,
-    period: s, of it, None where the motion settles on a cycle that is not found exactly. at: the
-    inputs that all of this is at, held at their means.
+    Parameters
+    ----------
+    rest : mapping of str to Value
+        The equilibrium inside the recorded motion, m, by coordinate; empty if there is none.
+    frequencies : mapping of str to Value
+        Of small motions about it, Hz, by the coordinate that moves most.
+    damping : mapping of str to Value
+        Net damping of these, ratio to critical; negative if they grow.
+    kind : str
+        Kind of the settled motion, as in `settle`.
+    period : Value or None
+        Of the limit cycle, s; None if the cycle was not found exactly.
+    half_range : mapping of str to Value
+        Amplitude of the limit cycle, by coordinate.
+    at : mapping of str to float
+        The constant values of the inputs, their means.
     """
 
     rest: Mapping[str, Value]

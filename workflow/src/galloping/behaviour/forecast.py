@@ -35,11 +35,18 @@ NOISE_ALONE = 3.0  # standard errors of its mean square, which samples of noise 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Forecast(Immutable):
-    """What the sensors will show.
+    """A forecast of the samples of sensors.
 
-    names: of the n_sensed channels, the states first. time: (n,) s. median, low, high:
-    (n, n_sensed), the 90 % band of what sensors will show. chance: (n_sensed,) share of the samples
-    below which a band that is right holds once in a hundred times.
+    Parameters
+    ----------
+    names : tuple of str
+        Names of the channels, the states first.
+    time : (n,) array
+        In s.
+    median, low, high : (n, n_channels) arrays
+        Median and ends of the 90 % band of the samples.
+    chance : (n_channels,) array
+        Share of samples inside the band that a correct band undercuts once in a hundred times.
     """
 
     names: tuple[str, ...]
@@ -54,7 +61,7 @@ class Forecast(Immutable):
         return f"Forecast of {', '.join(self.names)} from {first:.6g} to {last:.6g} s"
 
     def channel_columns(self) -> dict[str, NDArray[np.float64]]:
-        """Of each channel the median and the ends of its 90 % band, (n,) each, by name."""
+        """Return the median and the ends of the 90 % band of each channel, (n,) each, by name."""
         parts = {"": self.median, "_low": self.low, "_high": self.high}
         return {
             f"{name}{end}": values[:, k]
@@ -76,7 +83,7 @@ class Forecast(Immutable):
         return pd.DataFrame(self.channel_columns(), pd.Index(self.time, name="t"))
 
     def widened(self, factors: NDArray[np.float64]) -> "Forecast":
-        """The forecast with its band made wider about the median, by (n_sensed,) factors."""
+        """Return the forecast with its band widened about the median by factors (n_channels,)."""
         low, high = (self.median + factors * (end - self.median) for end in (self.low, self.high))
         return replace(self, low=low, high=high)
 

@@ -46,46 +46,62 @@ BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IdentifiedModel(Immutable):
-    """A model identified from recordings, with its uncertainty and a verdict.
+    """A model identified from recordings, with its uncertainty and its status.
 
-    model: on the candidate library, zero where a term is absent, NaN where there is no model;
-    known equations included.
-    status: `ok`; `not identifiable` where the data leave open which terms there are, the model
-    being one of those possible; `approximate` where no model of the library is right, and this
-    one is near; `refused` where there is no model; `unjudged` where the method states no verdict.
-    findings: what was noticed, from which the status follows (`status_of`).
-    standard_errors: (n_states, n_terms) of the present terms were they known to be the terms.
-    unconditional_errors: the same without that trust, of present and absent terms.
-    detection_limits: (n_states, n_terms), the size from which an absent term would have shown.
-    All three are NaN where a term has none or the method states none.
-    covariance: (n_support, n_support) behind `standard_errors`, in the order of
-    np.argwhere(support); (0, 0) where the method states none.
-    rivals: (n_rivals, n_states, n_terms), coefficients drawn of the models of other terms that data
-    and prior do not rule out, each as often as it is probable, known equations included.
-    rival_share: how probable these models are together, zero where the method weighs none.
-    extrapolation_shift, extrapolation_covariance: (n_support,) and (n_support, n_support), in the
-    order of `covariance`, mean and covariance of what terms of the next degrees, which the library
-    lacks, would change: of coefficients where motions smaller than all recorded ones are told by
-    them. Of no length where not stated.
-    initial_states: (n_recordings, n_states), at the first sample of each recording.
-    sigma: (n_recordings, n_states) noise of a sample of each channel, NaN where not measured; for
-    recordings with derivatives, noise of the derivatives.
-    thresholds: (n_states,) of each equation, in the method's unit, NaN where it has none.
-    chi2: misfit per degree of freedom against the noise measured, NaN where unknown.
-    known: indices of the equations that were known and not identified.
-    diagnostics: figures behind the verdict, by name; in words, as `path`, the stages by which
-    `maximum_likelihood` found the model, in order.
-    further_modes: what recordings hold besides the model.
-    envelope: of an `approximate` model of free motion that is no exponential, frequency and damping
-    for each amplitude.
-    forces: (n_states, n_states) covariance in a second of white forces in the equations, which then
-    are dx = f(x) dt + dW; zero where nothing but the start moves the model. slow_forces: the same
-    of what drives forces that decay at rates, 1/s, `slow_rate_dX` of the diagnostics. resonances:
-    of what is moved so in more modes than it has coordinates.
-    bounds: of coefficients, that were known: equation, term, least and greatest.
-    An array that is not given is NaN of its shape. All of them are read-only; models that are equal
-    in everything are equal, and have the same hash.
-    Raises ValueError for a status that is none of these.
+    Arrays are read-only, and NaN if the method does not state them. Equal models have equal hashes.
+
+    Parameters
+    ----------
+    model : PolynomialModel
+        On the candidate library, known equations included; NaN if there is no model.
+    status : str
+        `ok`, `not identifiable` (other terms would fit as well), `approximate` (no model of the
+        library is right, and this one is near), `refused` (no model) or `unjudged` (not assessed).
+    findings : tuple of Finding
+        What was noticed. The status follows from it (`status_of`).
+    standard_errors : (n_states, n_terms) array
+        Of present terms, if the terms are right.
+    unconditional_errors : (n_states, n_terms) array
+        Of present and absent terms, rival models included.
+    detection_limits : (n_states, n_terms) array
+        Sizes from which absent terms would have been selected.
+    covariance : (n_support, n_support) array
+        Of the present terms, in the order of np.argwhere(support).
+    rivals : (n_rivals, n_states, n_terms) array
+        Coefficients drawn from plausible models with other terms, by their probability.
+    rival_share : float
+        Probability of these models together.
+    extrapolation_shift, extrapolation_covariance : arrays
+        Mean and covariance of the change of the coefficients by terms of the next degrees, for
+        motions smaller than all recorded ones. In the order of `covariance`; empty if not stated.
+    initial_states : (n_recordings, n_states) array
+        At the first sample of each recording.
+    sigma : (n_recordings, n_states) array
+        Noise of each channel; for exact states, noise of the derivatives.
+    thresholds : (n_states,) array
+        Threshold of each equation, in the method's unit.
+    chi2 : float
+        Misfit per degree of freedom, relative to the measured noise.
+    known : tuple of int
+        Indices of the known equations.
+    diagnostics : mapping of str to float or str
+        Numbers behind the status, and `path`, the stages that led to the model.
+    further_modes : tuple of FurtherMode
+        Modes of the recordings for which the model has no coordinate.
+    envelope : tuple of EnvelopePart
+        Frequency and damping for each amplitude, of a decay that is not exponential.
+    forces, slow_forces : (n_states, n_states) arrays
+        Covariance in a second of white forces, dx = f(x) dt + dW, and of the white forces behind
+        slow ones, whose rates of decay, 1/s, are `slow_rate_dX` of the diagnostics.
+    resonances : tuple of Resonance
+        Further modes that random forces move.
+    bounds : tuple of Bound
+        Known bounds of coefficients: equation, term, least and greatest.
+
+    Raises
+    ------
+    ValueError
+        For an unknown status.
     """
 
     model: PolynomialModel
@@ -129,7 +145,7 @@ class IdentifiedModel(Immutable):
         findings: Iterable[Finding],
         inputs: tuple[str, ...] = (),
     ) -> IdentifiedModel:
-        """Return the answer if there is no model, with what was noticed."""
+        """Make the answer for recordings that give no model, with its findings."""
         findings = tuple(findings)
         if status_of(findings) != "refused":
             findings += (Finding.of(Code.NO_MODEL),)
@@ -139,7 +155,7 @@ class IdentifiedModel(Immutable):
 
     @property
     def support(self) -> NDArray[np.bool_]:
-        """(n_states, n_terms) boolean: the terms found in the equations that were identified."""
+        """Whether each term is present in each identified equation, (n_states, n_terms)."""
         present = np.nan_to_num(self.model.coefficients) != 0
         present[list(self.known)] = False
         return present
@@ -151,18 +167,18 @@ class IdentifiedModel(Immutable):
 
     @property
     def tells_little(self) -> bool:
-        """Whether there is no model, or it hardly tells the motion from what came before."""
+        """Whether there is no model, or its forecasts explain little of the motion."""
         inexact = self.status in ("approximate", "refused")
         return inexact and float(self.diagnostics.get("forecast_r2", 0.0)) < LITTLE_TOLD
 
     def with_findings(self, *findings: Finding) -> IdentifiedModel:
-        """Add what else was noticed, from which the status follows anew."""
+        """Return the model with further findings, and with the status that follows from all."""
         findings = (*self.findings, *findings)
         status = self.status if self.status == "unjudged" else status_of(findings)
         return replace(self, status=status, findings=findings)
 
     def has_finding(self, *codes: Code) -> bool:
-        """Whether a finding of one of some codes is among those of the model."""
+        """Return whether a finding has one of the given codes."""
         return any(each.code in codes for each in self.findings)
 
     @property
@@ -172,7 +188,7 @@ class IdentifiedModel(Immutable):
 
     @property
     def reason(self) -> str:
-        """Why the model has its status, in one line for people; programs read `findings`."""
+        """Reason of the status, in one line for people; programs should read `findings`."""
         return reason_of(self.findings)
 
     @property
@@ -183,16 +199,16 @@ class IdentifiedModel(Immutable):
     def recorded(self, name: str) -> tuple[float, ...]:
         """Return the ends of the recorded range of an input or a state.
 
-        Nine tenths of the samples of an input are in its range. That of a state, in the model of a
-        `Summary`, is from its least to its greatest. Empty if unknown.
+        The range of an input contains nine tenths of its samples. The range of a state, in the
+        model of a `Summary`, contains all of its samples. Empty if unknown.
         """
         ends = tuple(f"{name}{end}" for end in RANGE)
         return tuple(float(self.diagnostics[end]) for end in ends if end in self.diagnostics)
 
     def at(self, values: Mapping[str, float]) -> IdentifiedModel:
-        """Return the model at constant values of inputs, its terms merged; the other inputs stay.
+        """Return the model at constant values of some inputs; terms that are then equal are merged.
 
-        Covariance and errors follow the merged coefficients. Raises ValueError as
+        Covariance and errors are those of the merged coefficients. Raises ValueError as
         `PolynomialModel.at` does.
         """
         model = self.model.at(values)
@@ -227,7 +243,7 @@ class IdentifiedModel(Immutable):
         return replace(self, **kept)
 
     def equations(self) -> tuple[str, ...]:
-        """Return the equation of each state, coefficients with their standard errors if stated."""
+        """Return the equation of each state as text, with standard errors if they are stated."""
         return self.model.equations(self.standard_errors)
 
     def __repr__(self) -> str:
@@ -244,10 +260,10 @@ class IdentifiedModel(Immutable):
         time: ArrayLike,
         inputs: Mapping[str, Input | float] | None = None,
     ) -> Trajectory:
-        """Motion of the model from `initial_state` (n_states,) at time[0], on `time` (n,), s.
+        """Simulate the model from `initial_state` (n_states,) at time[0], at `time` (n,), s.
 
-        inputs: each of the model's, measured or constant. Raises ValueError where there is no
-        model, and for other input.
+        inputs: every input of the model, measured or constant. Raises ValueError if there is no
+        model, or an argument has another form.
         """
         from galloping.trajectory.simulation import (  # compiles; few callers need it
             Simulator,
@@ -263,7 +279,7 @@ class IdentifiedModel(Immutable):
         )
 
     def further_motion(self, time: NDArray[np.float64], recording: int = 0) -> NDArray[np.float64]:
-        """(n, n_states) of a recording's further modes at `time` (n,), s from its first sample."""
+        """Compute the further modes (n, n_states) at `time` (n,), s from the first sample."""
         motion = np.zeros((len(time), len(self.model.states)))
         for mode in self.further_modes:
             if mode.recording == recording:
@@ -287,8 +303,8 @@ class IdentifiedModel(Immutable):
         Returns
         -------
         low, high : (n_states, n_terms) arrays
-            Ends of the intervals, inside the bounds of the coefficients. The interval of a term
-            that is absent is its detection limit. NaN where neither is stated.
+            Ends of the intervals, inside the bounds of the coefficients. The interval of an absent
+            term is its detection limit. NaN if neither is stated.
         """
         present = np.nan_to_num(self.model.coefficients) != 0
         half = np.where(present, NORMAL_95 * self.standard_errors, self.detection_limits)
@@ -304,15 +320,16 @@ class IdentifiedModel(Immutable):
 
         Parameters
         ----------
-        absent : whether terms that are not in the model have rows too
+        absent : whether absent terms have rows too
 
         Returns
         -------
         DataFrame
-            A row for each term of each equation, by the index `equation`, `term`, and the columns
-            `coefficient`, `standard_error` (were the terms known), `unconditional_error` (without
-            that), `low` and `high`, the ends of the 95 % interval. Those of an absent term are its
-            detection limit. Errors of known coefficients are zero, and NaN of known equations.
+            A row for each term of each equation, by the index `equation`, `term`. The columns are
+            `coefficient`, `standard_error` (if the terms are right), `unconditional_error` (rival
+            models included), `low` and `high`, the ends of the 95 % interval. The interval of an
+            absent term is its detection limit. Errors of known coefficients are zero; those of
+            known equations are NaN.
         """
         import pandas as pd  # an extra, and slow to import
 
@@ -345,7 +362,7 @@ class IdentifiedModel(Immutable):
 
     @classmethod
     def from_plain(cls, content: Mapping[str, Any]) -> IdentifiedModel:
-        """Return what `to_plain` was called of, which other keys do not change.
+        """Return the model that `to_plain` wrote; further keys are ignored.
 
         Raises KeyError, or ValueError and its kin, for anything else.
         """
@@ -389,7 +406,7 @@ class IdentifiedModel(Immutable):
     def save(self, path: str | os.PathLike, **about: object) -> None:
         """Write everything as JSON, as of `to_plain`.
 
-        about: further plain values, such as units, which `load` leaves aside.
+        about: further plain values, such as units, which `load` ignores.
         """
         write_json(path, self.to_plain() | about)
 

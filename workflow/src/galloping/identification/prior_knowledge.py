@@ -13,37 +13,45 @@ from galloping.model.terms import Bounds, Known
 
 @dataclass(frozen=True)
 class Prior:
-    """How probable a set of terms (support) is before any data: written, not left to a penalty.
+    """Prior odds of the terms of a model.
 
-    Terms are there or not independently of each other. A linear term has the odds `term` for it, a
-    constant, the simplest of all, the odds `constant`; a nonlinear term `nonlinear` times those of
-    a linear one, and a constant in the equation of the rate of a displacement, which counts from
-    rest, `nonlinear` twice: among models that data cannot tell apart, the simpler one. Each power
-    of an input, by which a term is multiplied or divided, has the odds `power` of the term without
-    it: enough to decide between terms that fit alike, such as those of a motion at one value of the
-    input. Degrees and odds have no unit, so neither the choice nor the verdict depends on those of
-    the recording.
+    Terms are present or absent independently of each other. Degrees and odds have no unit, so that
+    neither the selection nor the status depends on the units of the recording. The odds were
+    calibrated on recordings with seeds that report no result (docs/identification_parts.csv).
 
-    With the likelihood the prior makes the evidence of a support. The integral over the
-    coefficients of a term costs ln N in units of chi^2 for N samples of all channels (in
-    `derivative_fit` of its equation's derivative), where the data tell the coefficient, for a
-    prior of them that is worth one sample (R. E. Kass and L. Wasserman, J. Am. Stat. Assoc. 90,
-    1995, after G. Schwarz, Ann. Stat. 6, 1978). So the support is chosen by the least
+    Parameters
+    ----------
+    term : float
+        Odds of a linear term.
+    constant : float
+        Odds of a constant, the simplest term.
+    nonlinear : float
+        Factor on the odds of a linear term for a nonlinear term. A constant in the equation of a
+        velocity has this factor twice, because displacements count from rest.
+    power : float
+        Factor for each power of an input in a term. It decides between terms that fit equally well,
+        for example at a single value of the input.
+
+    Raises
+    ------
+    ValueError
+        If one of the odds is not in (0, 1].
+
+    Notes
+    -----
+    The likelihood and the prior give the evidence of a support. The integral over a coefficient
+    that the data determine costs ln N in units of chi^2 for N samples of all channels, if the prior
+    of the coefficient has the information of one sample (R. E. Kass and L. Wasserman, J. Am. Stat.
+    Assoc. 90, 1995, after G. Schwarz, Ann. Stat. 6, 1978). The support therefore minimises
 
         chi^2 + sum over its terms of [ln N - 2 ln odds].
 
-    Constants and linear terms are cheap only where noise hides what is there. Of little noise a
-    prior worth one sample is narrower than the coefficients that the motion leaves open: up to w,
-    at which a term alone would make up its equation (that of the weak form). Where the data tell
-    the coefficient of such a term with a standard error s, and w / s is larger than the root of N,
-    the integral over a prior as wide as w costs 2 ln(w / s) in place of ln N; a term leaves that is
-    worth neither that nor the price of a nonlinear term. Without this rule as many terms came in
-    that noise makes up where noise is small as where it is large. In the equation of the rate of a
-    displacement linear terms stay cheap: the net damping of a line is a small one.
-
-    The odds were calibrated on recordings of seeds that report nothing, and what each rule is worth
-    was counted on others (docs/identification_parts.csv).
-    Raises ValueError where one of the odds is not in (0, 1].
+    For accurate data, this prior is narrower than the range that the motion leaves to a constant or
+    a linear term. Let w be the coefficient with which such a term alone would make up its equation,
+    and s its standard error. If w / s is larger than the root of N, a prior of width w is used: it
+    costs 2 ln(w / s) instead of ln N, but no more than a nonlinear term does. Without this rule,
+    false constants and linear terms would be as frequent in accurate data as in noisy data. Linear
+    terms in the equation of a velocity are excepted, because the net damping of a line is small.
     """
 
     term: float = 1.0 / 3.0
@@ -58,7 +66,7 @@ class Prior:
                 raise ValueError(f"prior: {name}: {value!r:.60}; must be a number in (0, 1]")
 
     def prices(self, complexity: NDArray[np.int_], powers: NDArray[np.int_]) -> NDArray[np.float64]:
-        """Compute the price of terms, (n,), less that of a linear term.
+        """Compute the penalties of terms, (n,), relative to that of a linear term.
 
         complexity: (n,) of `Problem.term_complexity`. powers: (n,) number of powers of inputs.
         """
@@ -74,22 +82,22 @@ SMALLEST = 1e-9  # deviation of what is known, in its mean: less is rounding
 
 @dataclass(frozen=True)
 class Coefficient:
-    """What is known of one coefficient before any recording, in the coefficient's unit.
+    """Prior knowledge of one coefficient, in the unit of the coefficient.
 
     Parameters
     ----------
-    state : in whose equation the coefficient is
+    state : the state in whose equation the coefficient is
     term : exponents of its term, and functions
     mean, deviation : of its Gaussian prior; a deviation of zero fixes the coefficient. Without a
-        mean there is no such prior.
-    lower, upper : bounds; a coefficient whose bounds are on one side of zero is always there
+        mean there is no Gaussian prior.
+    lower, upper : bounds; a term whose bounds exclude zero is always present
 
     Raises
     ------
     ValueError
-        If mean or deviation are not finite or beyond what can be squared, the deviation is below
-        zero or so small that it fixes the coefficient, no number is between the bounds, or nothing
-        is known.
+        If mean or deviation are not finite or too large to be squared, the deviation is negative or
+        so small that it fixes the coefficient, no number is between the bounds, or nothing is
+        known.
     """
 
     state: str

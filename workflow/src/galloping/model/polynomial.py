@@ -31,9 +31,10 @@ Bound: TypeAlias = tuple[int, Exponents, float, float]
 
 
 def polynomial_library(n_states: int, degree: int) -> tuple[Exponents, ...]:
-    """Exponents of all monomials up to `degree`, in the order of pysindy's PolynomialLibrary.
+    """Return the exponents of all monomials up to `degree`.
 
-    Raises ValueError where `n_states` is no whole number >= 1 or `degree` none >= 0.
+    They are in the order of pysindy's PolynomialLibrary. Raises ValueError if `n_states` is not a
+    whole number >= 1, or `degree` is not a whole number >= 0.
     """
     for name, value, least in (("n_states", n_states, 1), ("degree", degree, 0)):
         if not isinstance(value, Integral) or value < least:
@@ -171,11 +172,23 @@ def differentiate_terms(terms: tuple[Exponents, ...], n_states: int) -> tuple[tu
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PolynomialModel(Immutable):
-    """dx/dt = coefficients @ theta(x, u).
+    """A model dx/dt = coefficients @ theta(x, u) with states x, inputs u and terms theta.
 
-    states: names of the n_states states. terms: exponents of the n_terms terms, in the states and
-    then in the inputs, and their functions. coefficients: (n_states, n_terms), SI units. inputs:
-    names of the n_inputs inputs. Raises ValueError where they have another shape.
+    Parameters
+    ----------
+    states : tuple of str
+        Names of the states.
+    terms : tuple of terms
+        Exponents of each term, in the states and then in the inputs, and its functions.
+    coefficients : (n_states, n_terms) array
+        In SI units.
+    inputs : tuple of str
+        Names of the inputs.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not match.
     """
 
     states: tuple[str, ...]
@@ -219,7 +232,7 @@ class PolynomialModel(Immutable):
         return "\n".join([about, *self.equations()])
 
     def equations(self, standard_errors: ArrayLike | None = None) -> tuple[str, ...]:
-        """The equation of each state as text.
+        """Return the equation of each state as text.
 
         standard_errors: (n_states, n_terms), printed beside the coefficients where finite.
         """
@@ -235,7 +248,7 @@ class PolynomialModel(Immutable):
         return tuple(lines)
 
     def latex(self, standard_errors: ArrayLike | None = None) -> str:
-        """The equations as LaTeX, for amsmath; a velocity dX is written as X with a dot.
+        """Return the equations as LaTeX, for amsmath; a velocity dX is written as X with a dot.
 
         standard_errors: as of `equations`.
         """
@@ -260,12 +273,12 @@ class PolynomialModel(Immutable):
 
     @property
     def support(self) -> NDArray[np.bool_]:
-        """(n_states, n_terms) boolean: which terms are present."""
+        """Whether each term is present in each equation, (n_states, n_terms)."""
         return np.not_equal(self.coefficients, 0.0)
 
     @property
     def has_term(self) -> NDArray[np.bool_]:
-        """(n_terms,) boolean: which terms are present in any equation."""
+        """Whether each term is present in any equation, (n_terms,)."""
         return np.logical_or.reduce(self.support, axis=0)
 
     @property
@@ -275,7 +288,7 @@ class PolynomialModel(Immutable):
 
     @property
     def term_names(self) -> tuple[str, ...]:
-        """(n_terms,) as `term_name` writes them."""
+        """Names of the terms, such as `q_v q_w^2`."""
         return tuple(term_name(term, self.names) for term in self.terms)
 
     def __call__(
@@ -290,7 +303,7 @@ class PolynomialModel(Immutable):
     def jacobian(
         self, x: NDArray[np.float64], u: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
-        """Derivatives of the rates by the states: (n, n_states) -> (n, n_states, n_states)."""
+        """Compute the Jacobian at states (n, n_states), as (n, n_states, n_states)."""
         both = join_inputs(x, u)
         by_state = [
             design_matrix(both, lower) @ (self.coefficients[:, places] * factors).T
@@ -299,31 +312,34 @@ class PolynomialModel(Immutable):
         return np.stack(by_state, axis=2)
 
     def small_motions(self, x: NDArray[np.float64]) -> Modes:
-        """The modes of the motions near `x` (n_states,), such as at rest, of a model without
-        inputs.
+        """Compute the modes of small motions about a state (n_states,), such as an equilibrium.
+
+        The model must have no inputs.
         """
         return Modes.of(self.jacobian(x[np.newaxis])[0])
 
     def at(self, values: Mapping[str, float]) -> PolynomialModel:
-        """The model at constant values of inputs, its terms merged; the other inputs stay.
+        """Return the model at constant values of some inputs.
 
-        Raises ValueError for an input that it does not have, and for a value at which a term is
-        not finite.
+        Terms that are then equal are merged. Raises ValueError for an unknown input, and for a
+        value at which a term is not finite.
         """
         terms, merge = merge_inputs(self, values)
         inputs = tuple(name for name in self.inputs if name not in values)
         return PolynomialModel(self.states, terms, self.coefficients @ merge, inputs)
 
     def without_absent_terms(self) -> PolynomialModel:
-        """This model on a library of the terms that any equation has, which costs less to move; on
-        the first term alone where none has any.
+        """Return the model on the library of its present terms, which is faster to simulate.
+
+        If no term is present, the library is the first term.
         """
         present = compress(self.terms, self.has_term)
         return self.on_library(tuple(present) or self.terms[:1])
 
     def without_dry_friction(self) -> PolynomialModel:
-        """This model without terms that have a sign of velocities, which hold any position near its
-        position of rest.
+        """Return the model without terms that contain the sign of a velocity.
+
+        Such terms make any position near the equilibrium one of rest.
         """
         velocities = set(velocity_pairs(self.states).values())
 
@@ -341,9 +357,9 @@ class PolynomialModel(Immutable):
         return replace(self, coefficients=np.where(friction, 0.0, self.coefficients))
 
     def on_library(self, terms: tuple[Exponents, ...]) -> PolynomialModel:
-        """This model, written in another library.
+        """Return the model on another library.
 
-        Raises ValueError where a term with a non-zero coefficient is missing from `terms`.
+        Raises ValueError if `terms` lacks a term with a non-zero coefficient.
         """
         if terms == self.terms:
             return self

@@ -94,10 +94,10 @@ Node: TypeAlias = Any  # a Tree or Token of lark, which of them the grammar says
 def parse_library(
     texts: str | Sequence[str], states: Sequence[str], inputs: Sequence[str] = ()
 ) -> tuple[tuple[Exponents, ...], NDArray[np.bool_] | None]:
-    """Terms of a library that is written as text, and the equations in which each may be.
+    """Return the terms of a library that is written as text, and the equations that may have them.
 
     Terms are exponents of the states and then of the inputs. The equations are (n_states, n_terms)
-    boolean, None where every term may be in every equation.
+    boolean, or None if every equation may have every term.
     Raises ValueError, in one line that names the character, for text that is no library.
     """
     texts = [texts] if isinstance(texts, str) else list(texts)
@@ -168,12 +168,12 @@ def known_model(
 
 
 def parse_model(text: str, inputs: Sequence[str] = ()) -> PolynomialModel:
-    """A model from its equations, one of each state with `;` between them.
+    """Return a model from its equations, one for each state, separated by `;`.
 
     Parameters
     ----------
-    text : such as `q = dq; dq = -9.81 sin(q) - 0.1 dq`; states are what is left of the =
-    inputs : names of what drives the model
+    text : such as `q = dq; dq = -9.81 sin(q) - 0.1 dq`; states are left of the =
+    inputs : names of the inputs
 
     Raises
     ------

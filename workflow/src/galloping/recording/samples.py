@@ -44,13 +44,13 @@ POINTS = 24  # of a window, at which what a polynomial leaves out of an input is
 class Input(Immutable):
     """One measured input, a function of time.
 
-    time: (m,) s, strictly increasing, on the clock of the recording. values: (m,), NaN where
-    missing. between: what it is between samples: `zero`, as at the last one, `linear`, or `cubic`,
-    a cubic spline, the default, for what was measured is mostly smooth on the scale of its
-    sampling. error: relative standard deviation of an unknown constant factor on the values, such
-    as that of a calibration. alternatives: what else it may be between samples, where nobody said
-    it and the motion is to tell (`identification.interpolation`); methods take the input as it is.
-    Raises ValueError for anything else, in one line.
+    time: (m,) s, strictly increasing, on the clock of the recording. values: (m,) array; NaN marks
+    missing samples. between: the input between samples: `zero` holds the last sample, `linear`, or
+    `cubic`, a spline and the default, because most measured quantities are smooth on the scale of
+    their sampling. error: relative standard deviation of an unknown constant factor on the values,
+    such as that of a calibration. alternatives: other kinds between samples, from which the command
+    selects by the motion (`identification.interpolation`); methods use the input as it is.
+    Raises ValueError, in one line, for anything else.
     """
 
     time: NDArray[np.float64]
@@ -96,8 +96,8 @@ class Input(Immutable):
     def stretches(self) -> tuple[tuple[float, float], ...]:
         """First and last time, s, of each stretch of samples without a gap.
 
-        A gap is a missing sample where the last one holds, else a time between samples longer than
-        INTERPOLATED of their median steps.
+        In a held input, a gap is a missing sample. In other inputs, it is a time between samples
+        longer than INTERPOLATED median steps.
         """
         return tuple((float(time[0]), float(time[-1])) for time, _ in self._pieces)
 
@@ -283,20 +283,19 @@ def powers_of_legendre(degree: int) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Recording(Immutable):
-    """One measured time series.
+    """One measured time series of states, with its inputs. Arrays become read-only.
 
-    Lists become arrays, and all arrays read-only. time: (n,) in s, strictly increasing; dates and
-    times, as of a DatetimeIndex, become s since the first. states: names of the n_states states.
-    values: (n, n_states), measured states, NaN where a sample or a whole channel is missing.
-    rates: (n, n_states) measured rates of the states, noisy, as of accelerometers; NaN where
-    missing, None where nothing measures one. unknown_offsets: (n_states,) whether a rate has an
-    unknown constant offset that drifts slowly. unknown_scales: (n_states,) whether a value is known
-    up to a factor only. Both None where there is none. known_noise: (2, n_states) standard
-    deviation of a sample of each value and of each rate where it is known, else NaN; None where
-    none is. inputs: by name, what was measured beside the motion and drives it, on the same clock,
-    each at its own times. exact: whether the values are without noise, which then is that of the
-    rates (protocol `derivative`).
-    Raises ValueError for anything else, in one line.
+    time: (n,) s, strictly increasing; dates, as of a DatetimeIndex, become s since the first one.
+    states: names of the states.
+    values: (n, n_states) measured states; NaN marks missing samples and missing channels.
+    rates: (n, n_states) measured rates of the states, as of accelerometers, in the same form; None
+    if no rate is measured.
+    unknown_offsets: (n_states,) whether a rate has an unknown, slowly drifting offset.
+    unknown_scales: (n_states,) whether a value is known only up to a factor.
+    known_noise: (2, n_states) known standard deviations of values and of rates; NaN if unknown.
+    inputs: measured quantities that drive the motion, by name, on the same clock.
+    exact: whether the values have no noise, but the rates do (protocol `derivative`).
+    Raises ValueError, in one line, for anything else.
     """
 
     time: NDArray[np.float64]
@@ -399,13 +398,12 @@ class Recording(Immutable):
         inputs: Sequence[str] = (),
         between: str = "cubic",
     ) -> "Recording":
-        """A recording from a pandas DataFrame, or a mapping of columns.
+        """Make a recording from a pandas DataFrame, or a mapping of columns.
 
-        time: name of the column of times, s or dates; every column beside it and the `inputs` is a
-        state. By default it is `t`, or the index of the frame where there is no such column and the
-        index holds dates. inputs: names of the columns that are inputs. between: as of `Input`, of
-        all of them.
-        Raises ValueError where such a column is missing or a column does not hold numbers.
+        time: name of the column of times, s or dates; by default `t`. Without such a column, the
+        index of the frame is used if it has dates. inputs: names of the columns that are inputs;
+        all other columns are states. between: what the inputs are between samples, as of `Input`.
+        Raises ValueError if a column is missing, or contains something else than numbers.
         """
         names = list(frame)
         column = "t" if time is None else time
@@ -438,16 +436,16 @@ class Recording(Immutable):
         return cls(times, states, values, inputs=own)
 
     def __getitem__(self, rows: slice) -> "Recording":
-        """The samples of a slice, such as `recording[:100]`, two or more."""
+        """Return the samples of a slice, such as `recording[:100]`, two or more."""
         own = ("values", "rates")
         cut = {name: array[rows] for name in own if (array := getattr(self, name)) is not None}
         return replace(self, time=self.time[rows], **cut)
 
     def driven(self, names: Sequence[str], least: int = 2) -> "list[Recording]":
-        """The recording with the named inputs alone, in that order, where all of them are there.
+        """Return the stretches of the recording in which all named inputs are present.
 
-        One recording a stretch of samples without a gap in an input, of `least` samples or more;
-        itself where those are its inputs and no sample is left out.
+        Each stretch is a recording with these inputs, in that order, and has `least` samples or
+        more. The recording itself is returned if it has these inputs and no gap.
         """
         inputs = {name: self.inputs[name] for name in names}
         there = np.ones(len(self.time), bool)

@@ -68,17 +68,33 @@ class StillError(ValueError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Summary(Immutable):
-    """What an identified model says of its system, and how far it is to be believed.
+    """Results of an identified model, and how far they can be trusted.
 
-    Printed, it is the text of `summary.md`. recordings: what was asked about. found: the model that
-    was asked about, refused or doubted where the recordings object to it, and as sure of its
-    forecasts as that of the held-out end was right. dynamics: position of rest, natural
-    frequencies, damping and limit cycle. held_out: the end of the last recording, or of the longest
-    where that of the last is too short, forecast by a model that has not seen it; untried: why
-    there is none, and is_still: whether because nothing moves there. forecast: where the last
-    recording goes on. motions: of the model through the begin, the middle and the end of the last
-    recording, each as times (n,), s, and channels (n, n_sensed). advice: which further recording
-    would help most. None, or no motions, is what the model and the recordings do not tell.
+    Printed, it is the text of `summary.md`. An attribute is None or empty if the model and the
+    recordings do not determine it.
+
+    Attributes
+    ----------
+    found : IdentifiedModel
+        The model. Its status is lowered if the recordings contradict it, and its forecasts have
+        the accuracy that the held-out end showed.
+    recordings : tuple of Recording
+    dynamics : Dynamics or None
+        Equilibrium, natural frequencies, damping and limit cycle.
+    held_out : HeldOut or None
+        Forecast of the end of the last recording by a model that has not seen it. If that end is
+        too short, it is the end of the longest recording.
+    untried : str
+        Why nothing was held out.
+    is_still : bool
+        Whether nothing was held out because the end does not move.
+    forecast : Forecast or None
+        Forecast of what follows the last recording.
+    motions : tuple
+        Motion of the model in the first, middle and last part of the last recording: times (n,), s,
+        and channels (n, n_sensed).
+    advice : Advice or None
+        The further recording that would help most.
     """
 
     found: IdentifiedModel
@@ -93,7 +109,7 @@ class Summary(Immutable):
 
     @property
     def forecasts(self) -> list[Forecast]:
-        """Forecasts of the end that was held out, its band widened, and of what follows."""
+        """Forecasts of the held-out end, with a widened band, and of what follows."""
         trial = self.held_out
         held_out = [trial.forecast.widened(trial.factors)] if trial and trial.useful else []
         return [*held_out, *([self.forecast] if self.forecast else [])]
@@ -109,9 +125,9 @@ class Summary(Immutable):
         return f"Summary of {self.found!r}"
 
     def draw_fit(self) -> "Figure":
-        """The model's motion beside the samples; the spectra where the model has random forces.
+        """Draw the motion of the model and the samples; with random forces, their spectra.
 
-        Needs matplotlib, as `draw_forecast` does.
+        Needs matplotlib.
         """
         from galloping.summary.drawing import draw_fit, draw_spectra
 
@@ -140,12 +156,30 @@ def summarise(
     seed: int = 0,
     **options: object,
 ) -> Summary:
-    """What an identified model and its recordings say: numbers, forecasts, text and figures.
+    """Summarise an identified model and its recordings: numbers, forecasts, text and figures.
 
-    method: `maximum_likelihood` or `weak_gls`, by which the model was found: the end of the last
-    recording is held out, and forecast by what it finds in the rest. options: further keywords of
-    the method that the model was found with, such as `prior`. seed: of the draws behind the
-    intervals. Raises ValueError for other input.
+    To test forecasts, the end of the last recording is held out and forecast by a model of the
+    rest.
+
+    Parameters
+    ----------
+    found : IdentifiedModel
+    recordings : Recording or sequence of Recording
+    method : str
+        `maximum_likelihood` or `weak_gls`, the method that found the model.
+    seed : int
+        Seed of the random numbers for the intervals.
+    **options
+        Further keywords that the method was called with, such as `prior`.
+
+    Returns
+    -------
+    Summary
+
+    Raises
+    ------
+    ValueError
+        If an argument has another form.
     """
     if method not in METHODS:
         raise ValueError(f"method: {method!r}; must be one of {', '.join(METHODS)}")
@@ -218,11 +252,27 @@ def summarised(
 def dynamics(
     found: IdentifiedModel, recordings: Recording | Sequence[Recording], *, seed: int = 0
 ) -> Dynamics | None:
-    """Position of rest, natural frequencies, damping and limit cycle, with 95 % intervals.
+    """Compute equilibrium, natural frequencies, damping and limit cycle, with 95 % intervals.
 
-    Inputs of the model are held at their means. recordings: from which the model was identified.
-    seed: of the draws behind the intervals. None where no state is the velocity of another one, or
-    where there is no model. Raises ValueError for other input.
+    Inputs of the model are constant, at their means.
+
+    Parameters
+    ----------
+    found : IdentifiedModel
+    recordings : Recording or sequence of Recording
+        The recordings that the model was identified from.
+    seed : int
+        Seed of the random numbers for the intervals.
+
+    Returns
+    -------
+    Dynamics or None
+        None if there is no model, or no state is the velocity of another state.
+
+    Raises
+    ------
+    ValueError
+        If an argument has another form.
     """
     given = _check_recordings(found, recordings)
     if not len(found.extrapolation_shift):
@@ -243,15 +293,33 @@ def forecast(
     inputs: Mapping[str, Input | float] = NONE,
     seed: int = 0,
 ) -> Forecast:
-    """What the sensors of a recording will show after its end: median and 90 % band.
+    """Forecast the samples after the end of a recording: median and 90 % band.
 
-    recording: may be newer than those of the model; its end is used. time: (n,) s, later than its
-    last sample, on its clock; by default as long as `window`. window: s of its end, to start from;
-    by default six periods of the motion. inputs: those of the model after the recording, by name,
-    measured or constant, where it does not hold them itself. seed: of the draws behind the band. A
-    band is as wide as that of the held-out end had to be, where the model is `found` of a
-    `Summary`. Raises ValueError where there is no model, where it does not follow the recording,
-    where an input is not known, where most draws of it diverge, and for other input.
+    If the model is `found` of a `Summary`, the band has the width that the held-out end needed.
+
+    Parameters
+    ----------
+    found : IdentifiedModel
+    recording : Recording
+        It may be newer than the recordings of the model; only its end is used.
+    time : (n,) array, optional
+        Times after its last sample, s, on its clock; by default as long as `window`.
+    window : float, optional
+        Length of the end from which the forecast starts, s; by default six periods of the motion.
+    inputs : mapping of str to Input or float
+        Inputs after the recording, measured or constant, unless the recording contains them.
+    seed : int
+        Seed of the random numbers for the band.
+
+    Returns
+    -------
+    Forecast
+
+    Raises
+    ------
+    ValueError
+        If there is no model, it does not follow the recording, an input is unknown, most models
+        drawn from its covariance diverge, or an argument has another form.
     """
     (recording,) = _check_recordings(found, recording)
     if window is None:

@@ -41,9 +41,16 @@ EQUAL_STEPS = 4
 class Trajectory(Immutable):
     """Motion of a model.
 
-    time: (n,) s. states: (n, n_states), NaN from where the integration ended early.
-
-    status: `ok`, or why it ended early. names: of the states, where they are known.
+    Parameters
+    ----------
+    time : (n,) array
+        In s.
+    states : (n, n_states) array
+        NaN after the integration ended early.
+    status : str
+        `ok`, or why the integration ended early.
+    names : tuple of str
+        Names of the states, if they are known.
     """
 
     time: NDArray[np.float64]
@@ -73,14 +80,14 @@ class Trajectory(Immutable):
 class Simulator:
     """Simulate every model that is written in one candidate library.
 
-    Without inputs the motion is accurate to double precision. With inputs the integrator is that of
-    the likelihood, whose steps are as short as the samples of the inputs are close.
+    Without inputs, the motion is accurate to double precision. With inputs, the integrator is that
+    of the likelihood, whose steps are as short as the sampling intervals of the inputs.
 
     Parameters
     ----------
     states : names of the states.
-    terms : exponents of the monomials that models may use.
-    inputs : names of the models' inputs.
+    terms : exponents of the terms that models may have.
+    inputs : names of the inputs of the models.
     """
 
     def __init__(

@@ -86,25 +86,47 @@ def maximum_likelihood(
     coefficients: Sequence[Coefficient] = (),
     allowed: ArrayLike | None = None,
 ) -> IdentifiedModel:
-    """Identify one polynomial model from one or several recordings of a system.
+    """Identify one model from one or several recordings of a system.
 
-    recordings: sharing their states; any sampling, NaN where samples or channels are missing. The
-    noise of each channel of each recording is taken for white and Gaussian. Its size is estimated;
-    where a recording says it, no less is assumed, and the misfit is held against what it says.
-    Where the values of all recordings are exact, the equations are fitted to their rates directly.
-    terms: the library, in the states or in the states and the inputs of the first recording, which
-    all must have; a recording counts in the stretches in which they are there, and `initial_states`
-    and `sigma` of the result are those of the stretches. known: model whose equations of
-    `known_states` hold; the equation of a state X is known to be dX/dt = dX where a state has that
-    name. start: of `weak_form.make_start`, where it is made already.
-    coefficients: what is known of single ones, which are then always there. allowed: (n_states,
-    n_terms) boolean, in which equations each term is sought; in all by default.
-    prior: of the terms (see `Prior`); None: the data alone choose them and speak in the verdict.
-    forced: names of coordinates or states that unmeasured random forces move, () for all: then
-    `fit_random_forces` answers. By default such forces are tried where the motion may be theirs.
-    The status is `ok`, `not identifiable` (other terms could be there as well), `approximate` (no
-    model of the library follows the data to the noise; see `model_error`), or `refused`.
-    Raises ValueError where the recordings differ in their states, and for other input.
+    The noise of each channel is assumed to be white and Gaussian; its size is estimated. If the
+    values of all recordings are exact, the equations are fitted to the measured rates.
+
+    Parameters
+    ----------
+    recordings : Recording or sequence of Recording
+        Recordings with the same states, at any times; NaN marks missing samples. If a recording
+        states the size of its noise, no smaller noise is assumed, and the residuals are compared
+        with this size.
+    terms : sequence of terms
+        The candidate terms, in the states, or in the states and the inputs of the first recording.
+        All recordings must have these inputs. Stretches without an input are omitted, and
+        `initial_states` and `sigma` of the result are those of the remaining stretches.
+    known : PolynomialModel, optional
+        Model whose equations of `known_states` are known. The equation dX/dt = dX is always known
+        if X and dX are states.
+    known_states : sequence of str
+    prior : Prior, optional
+        Prior odds of terms. None replaces them by a penalty of 2 ln N for N samples.
+    start : Start, optional
+        The result of `weak_form.make_start`, if it exists already.
+    forced : sequence of str, optional
+        Coordinates or states that unmeasured random forces move; () for all. By default random
+        forces are tried if they could have caused the motion.
+    coefficients : sequence of Coefficient
+        Prior knowledge of single coefficients.
+    allowed : (n_states, n_terms) boolean array, optional
+        The equations in which each term is sought; by default all.
+
+    Returns
+    -------
+    IdentifiedModel
+        Its status is `ok`, `not identifiable` (other terms would fit as well), `approximate` (no
+        model of the library follows the recordings to their noise) or `refused` (no model).
+
+    Raises
+    ------
+    ValueError
+        If the recordings differ in their states, or an argument has another form.
     """
     recordings = checked_recordings(recordings)
     problem = validated_problem(

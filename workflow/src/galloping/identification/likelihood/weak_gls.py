@@ -35,11 +35,30 @@ def weak_gls(
 ) -> IdentifiedModel:
     """Identify one model from noisy states by the weak form, in generalised least squares.
 
-    recordings: of one system, any sampling, NaN where missing. terms: the library. known: model
-    whose equations of `known_states` hold; the equation of a state X is known to be dX/dt = dX
-    where a state has that name. start: of `make_start`, where it is made already.
-    The intervals are those of the linearised weak form, inflated by the misfit where it is above
-    one. The status is as in `IdentifiedModel`. Raises ValueError for other input.
+    It is faster and less accurate than `maximum_likelihood`.
+
+    Parameters
+    ----------
+    recordings : Recording or sequence of Recording
+        Recordings of one system, at any times; NaN marks missing samples.
+    terms : sequence of terms
+        The candidate terms.
+    known : PolynomialModel, optional
+        Model whose equations of `known_states` are known. The equation dX/dt = dX is always known
+        if X and dX are states.
+    known_states : sequence of str
+    start : Start, optional
+        The result of `make_start`, if it exists already.
+
+    Returns
+    -------
+    IdentifiedModel
+        Its intervals are those of the linearised weak form, widened if the misfit is above one.
+
+    Raises
+    ------
+    ValueError
+        If an argument has another form.
     """
     recordings = checked_recordings(recordings)
     problem = validated_problem(recordings, terms, known, known_states)
