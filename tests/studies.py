@@ -181,7 +181,8 @@ def jobs_of(root, planned, tmp_path_factory):
     """The jobs of the default study with other settings, by the first file that they write."""
     folder = tmp_path_factory.mktemp("plans")
     shutil.copytree(root / "config", folder / "config")
-    (folder / "workflow").symlink_to(root / "workflow")
+    for name in ("workflow", "examples"):
+        (folder / name).symlink_to(root / name)
 
     @cache
     def jobs(text):

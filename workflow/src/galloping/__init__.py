@@ -1,6 +1,6 @@
 """Galloping of iced overhead lines: derive, simulate, measure, identify, evaluate.
 
-The equations of a line; missing keys have the defaults of config/README.md:
+`derive` returns the equations of a line; missing keys have the defaults of config/README.md:
 
 >>> import numpy as np
 >>> import galloping
@@ -8,7 +8,7 @@ The equations of a line; missing keys have the defaults of config/README.md:
 >>> line.states
 ('q_v', 'q_w', 'dq_v', 'dq_w')
 
-Its motion, and a recording of it by sensors with 5 % noise:
+`simulate` computes the motion, and `measure` a recording of it with 5 % noise:
 
 >>> time = np.arange(6001) / 50
 >>> motion = galloping.simulate(line, [0.1, 0.1, 0, 0], time)
@@ -16,14 +16,14 @@ Its motion, and a recording of it by sensors with 5 % noise:
 'ok'
 >>> recording = galloping.measure(line, motion, protocol="state", level=0.05, seed=7)
 
-A model from a recording, or from several of one line, without use of the equations:
+`maximum_likelihood` identifies a model from one or several recordings, without the equations:
 
 >>> terms = galloping.polynomial_library(4, degree=3)
 >>> found = galloping.maximum_likelihood(recording, terms)
 >>> print(found.equations()[0])
 d(q_v)/dt = 1 dq_v
 
-A model can be printed, saved, loaded and simulated:
+A model is saved, loaded and simulated in one line each:
 
 >>> found.save("found.json")
 >>> print(galloping.IdentifiedModel.load("found.json").status == found.status)
@@ -31,8 +31,8 @@ True
 >>> found.simulate([0.1, 0.1, 0, 0], time).states.shape
 (6001, 4)
 
-Properties of the line with their intervals; the printed summary is `summary.md` of the command,
-and `draw_fit` and `draw_forecast` draw its figures:
+`summarise` computes properties of the line with their intervals. Printed, a summary is what the
+command writes to `summary.md`; `draw_fit` and `draw_forecast` draw its figures:
 
 >>> summary = galloping.summarise(found, recording)
 >>> assert summary.dynamics  # None without a model, or if no state is a velocity
@@ -45,7 +45,7 @@ True
 >>> bool(np.all(ahead.low[:, 0] < ahead.high[:, 0]))  # q_v, the 90 % band of its samples
 True
 
-Long computations report their progress to a function, if there is one:
+`progress` reports the progress of long computations to a function:
 
 >>> told: list[tuple[str, float]] = []
 >>> with galloping.progress(lambda what, share: told.append((what, share))):
@@ -53,14 +53,14 @@ Long computations report their progress to a function, if there is one:
 >>> told[0][0]
 'smooth the recording'
 
-The smallest errors that any unbiased method can have with such a recording:
+The Cramér-Rao bound is the smallest error of each term that any unbiased method can have:
 
 >>> sigma = 0.05 * motion.states.std(axis=0)
 >>> bound = galloping.cramer_rao_bound(line, motion.states[0], time, sigma)
 >>> bool(np.nanmin(bound) > 0)
 True
 
-A measured wind or force is an input; terms have exponents of inputs as well as of states:
+A measured wind or force is an input. Terms have exponents for inputs as for states:
 
 >>> gusts = galloping.Input(time, 12 + np.sin(time / 3))
 >>> driven = galloping.PolynomialModel(["x"], [(1, 0), (0, 2)], [[-1, 0.01]], inputs=["U"])
@@ -69,7 +69,7 @@ A measured wind or force is an input; terms have exponents of inputs as well as 
 >>> print(driven.at({"U": 10}).equations()[0])
 d(x)/dt = -1 x + 1
 
-Your own data are arrays, lists or a pandas DataFrame; missing samples are NaN:
+Your own data are arrays, lists or a pandas DataFrame; NaN marks missing samples:
 
 >>> own = galloping.Recording(time=[0, 0.1, 0.2], states=["q", "dq"], values=[[0, 1]] * 3)
 >>> own = galloping.Recording.from_frame({"t": [0, 0.1, 0.2], "q": [0, 0.1, 0.2]}, time="t")

@@ -36,32 +36,36 @@ def main() -> None:
 def _mapping_options(command):
     for option in reversed(
         (
-            click.option("--time", "time_column", help="Column of the times; else by its name."),
             click.option(
-                "--rate", type=click.FloatRange(0, 1e9, min_open=True),
-                help="Samples per second, Hz, of a file without times: each row is a sample, or "
-                "--time names the column that counts them.",
+                "--time", "time_column", help="Column of the times; by default found by its name."
             ),
             click.option(
-                "--states", help="Of another system than a span, such as x,y,z; columns have these "
-                "names, or say --measure.",
+                "--rate", type=click.FloatRange(0, 1e9, min_open=True),
+                help="Samples per second, Hz, of a file without times. Each row is a sample, or "
+                "--time names a column with the numbers of the samples.",
+            ),
+            click.option(
+                "--states", help="States of a system other than a span, such as x,y,z. Columns "
+                "have these names, or use --measure.",
             ),
             click.option(
                 "--measure", "measures", multiple=True, metavar="STATE=COLUMN[UNIT]@POSITION",
-                help="What a column measures: q_v=mid [mm] a vertical displacement, ddq_w=acc[g] a "
-                "horizontal acceleration; at 150 m along the span with @150.",
+                help="What a column measures: 'q_v=mid [mm]' is a vertical displacement, "
+                "ddq_w=acc[g] a horizontal acceleration. @150 is a position of 150 m along the "
+                "span.",
             ),
             click.option(
                 "--unit", "units", multiple=True, metavar="COLUMN=UNIT",
-                help="Unit of a column; UNIT alone for all but time and inputs.",
+                help="Unit of a column; UNIT alone is that of all columns but time and inputs.",
             ),
             click.option(
                 "--noise", "noises", multiple=True, metavar="COLUMN=VALUE[UNIT]",
-                help="Known standard deviation, for maximum_likelihood; else estimated.",
+                help="Known standard deviation of the noise, for maximum_likelihood; by default "
+                "estimated.",
             ),
             click.option(
                 "--delay", "delays", multiple=True, metavar="COLUMN=SECONDS",
-                help="By how much a column lags behind the time.",
+                help="Time by which a column is late.",
             ),
             click.option(
                 "--input", "inputs", multiple=True, metavar="NAME=COLUMN[UNIT] +- ERROR %",
@@ -69,13 +73,14 @@ def _mapping_options(command):
             ),
             click.option(
                 "--between", type=click.Choice(["zero", "linear", "cubic"]),
-                help="What inputs are between samples: held, linear, or smooth; else cubic.",
+                help="Inputs between their samples: held, linear, or smooth. By default the "
+                "recording determines this.",
             ),
-            click.option("--span", type=float, help="m, where columns have positions."),
-            click.option("--decimal", help="Decimal mark of text files; else told from them."),
+            click.option("--span", type=float, help="Length of the span, m, for positions."),
+            click.option("--decimal", help="Decimal mark of text files; by default recognised."),
             click.option(
                 "--map", "map_file", type=click.Path(dir_okay=False),
-                help="A YAML file with all of this.",
+                help="A YAML file with all of these options.",
             ),
         )
     ):  # fmt: skip
@@ -94,15 +99,15 @@ def _mapping(file, options):
 
 
 at_option = click.option(
-    "--at", multiple=True, metavar="INPUT=VALUE", help="What an input is held at, such as U=12."
+    "--at", multiple=True, metavar="INPUT=VALUE", help="Constant value of an input, such as U=12."
 )
 inputs_option = click.option(
     "--inputs", "inputs_file", type=click.Path(), metavar="FILE", help="A file with the inputs."
 )
 seed_option = click.option(
-    "--seed", type=click.IntRange(0), default=0, help="Seed of the draws behind intervals."
+    "--seed", type=click.IntRange(0), default=0, help="Seed of the random numbers for intervals."
 )
-json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, for machines.")
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")
 
 
 def _answered(path):
@@ -125,11 +130,11 @@ def _between(path) -> dict:
 @main.command()
 @click.argument("files", nargs=-1, required=True, type=click.Path())
 @_mapping_options
-@click.option("--degree", type=click.IntRange(1, 5), help="Highest degree of the terms; else 3.")
+@click.option("--degree", type=click.IntRange(1, 5), help="Highest degree of terms; by default 3.")
 @click.option(
     "--library", multiple=True, metavar="TERMS",
     help="Candidate terms, such as 'poly(q_v, dq_v; 3) + U*dq_v + |dq_v| dq_v', with functions "
-    "sin, cos, exp, sign, abs or bars, and quotients; or wind: the quasi-static law.",
+    "sin, cos, exp, sign, abs or bars, and quotients; or 'wind(U)', the quasi-static law.",
 )  # fmt: skip
 @click.option(
     "--method", type=click.Choice(["maximum_likelihood", "weak_gls"]),
@@ -137,15 +142,15 @@ def _between(path) -> dict:
 )  # fmt: skip
 @click.option(
     "--known", multiple=True, metavar="EQUATION",
-    help="What is known, in SI units: an equation, such as 'dq_w = -9.2 q_w - 0.03 dq_w', or a "
-    "coefficient, 'dq_v: U*dq_v = 0.02', with its deviation where it is not sure: '+- 0.005'; or "
-    "bounds of one, 'dq_v: dq_v < 0'.",
+    help="Prior knowledge, in SI units: an equation, such as 'dq_w = -9.2 q_w - 0.03 dq_w'; a "
+    "coefficient, such as 'dq_v: U*dq_v = 0.02', and '+- 0.005' for its standard deviation; or "
+    "bounds of a coefficient, such as 'dq_v: dq_v < 0'.",
 )  # fmt: skip
 @click.option("--random-force", "random_force", metavar="COORDINATES",
-              help="Such as q_v,q_w, or all: what unmeasured random forces move; else the motion "
-              "tells.")  # fmt: skip
+              help="Coordinates that unmeasured random forces move, such as q_v,q_w, or all. By "
+              "default the recording determines this.")  # fmt: skip
 @click.option("--output", type=click.Path(file_okay=False), required=True, help="Folder to write.")
-@click.option("--replace", is_flag=True, help="Write over an earlier model in that folder.")
+@click.option("--replace", is_flag=True, help="Overwrite an earlier model in that folder.")
 @seed_option
 @json_option
 def identify(
@@ -154,20 +159,20 @@ def identify(
     """Identify one model from FILES, recordings of one system.
 
     Columns named in plain words, such as "time [s]", "vertical [mm]" and "horizontal [mm]", need no
-    further option. "galloping inspect FILE" shows how they are read; with --write-map it writes a
-    mapping to edit and give as --map. The unit of a column follows its name or is given by --unit;
-    times may be dates.
+    further option. "galloping inspect FILE" shows how columns are read. With --write-map it also
+    writes a mapping, which you can edit and use as --map. The unit of a column follows its name, or
+    is in --unit. Times may be dates.
 
-    A state is a quantity whose rate an equation of the model gives. Those of a span are q_v and
+    A state is a quantity for which the model has an equation. The states of a span are q_v and
     q_w, the vertical and the horizontal displacement of its first mode in m, and their rates dq_v
-    and dq_w, the velocities in m/s. A channel is a column of FILES that measures a state or, named
-    by d and the state, its rate: an accelerometer measures ddq_v, the rate of dq_v. Not every state
-    needs a channel.
+    and dq_w, the velocities in m/s. A channel is a column of FILES that measures a state or the
+    rate of a state. A rate is named by d and its state: an accelerometer measures ddq_v, the rate
+    of dq_v. Not every state needs a channel.
 
-    Everything is written to the folder of --output, or nothing; begin with its summary.md. --json
-    prints status, reason, findings with their codes, the paths of all files, the units of inputs,
-    all numbers of the summary as in summary.json, each with its interval and unit, and the
-    coefficients, each with its unit and error, as "galloping show --json" does.
+    Either all files or none are written to the folder of --output; begin with its summary.md.
+    --json prints status, reason, findings with their codes, the paths of all files and the units of
+    inputs. It also prints all numbers of summary.json with intervals and units, and the
+    coefficients with units and errors, as "galloping show --json" does.
     """
     from galloping.storage import read_json, replacing_folder
     from galloping.summary import OUTPUTS
@@ -212,13 +217,13 @@ def identify(
 @click.argument("file", type=click.Path())
 @_mapping_options
 @click.option("--write-map", type=click.Path(dir_okay=False),
-              help="Write how the columns are read to a new YAML file, for --map.")  # fmt: skip
+              help="Write the mapping of the columns to a new YAML file, for --map.")  # fmt: skip
 @json_option
 def inspect(file, write_map, as_json, **mapping):
     """Show the quality of a recording.
 
-    Prints how each column is read, sampling, gaps, noise, the frequencies of the motion, and
-    anomalies of the samples. No model is identified.
+    Prints how each column is read, the sampling, gaps, noise and frequencies of the motion, and
+    unusual samples. It identifies no model.
     """
     from galloping.summary.analysis import read_field
     from galloping.summary.wording import report_text
@@ -258,9 +263,10 @@ def _doubts_of_written(file, path, options) -> dict:
 @click.argument("file", type=click.Path())
 @_mapping_options
 @click.option("--duration", type=click.FloatRange(0, min_open=True),
-              help="Length of the forecast, s; else that of the window.")  # fmt: skip
+              help="Length of the forecast, s; by default that of the window.")  # fmt: skip
 @click.option("--window", type=click.FloatRange(0, min_open=True),
-              help="Length of the end of FILE to start from, s; else six periods.")  # fmt: skip
+              help="Length of the last part of FILE that the forecast starts from, s; by default "
+              "six periods.")  # fmt: skip
 @at_option
 @inputs_option
 @seed_option
@@ -268,12 +274,12 @@ def _doubts_of_written(file, path, options) -> dict:
 def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **mapping):
     """Forecast the motion after the end of FILE.
 
-    By a MODEL; prints CSV with a 90 % band for each channel.
+    Uses a MODEL of "galloping identify", and prints CSV with a 90 % band for each channel.
 
-    FILE may be newer than the recordings of the model; only its end is used. Its columns are read
-    as those of "galloping identify". The inputs of a model after that are constant, --at U=12, or
-    come from a file with the same columns on the same clock, or from FILE if it continues with
-    them.
+    FILE may be newer than the recordings of the model. Only its end is used. Its columns are read
+    as by "galloping identify". A model with inputs needs them after the end, too: they are constant
+    (--at U=12), or are in another file with the same columns and clock (--inputs), or in FILE, if
+    its inputs continue after the motion.
     """
     import numpy as np
 
@@ -315,7 +321,7 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
 @click.option("--latex", is_flag=True, help="Equations as LaTeX.")
 @json_option
 def show(model, latex, as_json):
-    """Print the equations of a MODEL, with errors and verdict."""
+    """Print the equations of a MODEL, with errors and status."""
     from galloping.identification.identified_model import IdentifiedModel
     from galloping.storage import read_json
     from galloping.summary.csv_rows import model_rows
@@ -334,20 +340,23 @@ def show(model, latex, as_json):
 @click.option(
     "--duration",
     type=click.FloatRange(0, min_open=True),
-    help="s; else 60 periods of the slowest small motion, or as long as the inputs.",
+    help="Duration, s; by default 60 periods of the slowest small motion, or that of the inputs.",
 )
 @click.option("--rate", type=click.FloatRange(0, min_open=True),
-              help="Hz; else 60 samples in a period of the fastest small motion.")  # fmt: skip
-@click.option("--initial", help="Initial state, numbers with commas; else that of the recording.")
+              help="Samples per second, Hz; by default 60 in a period of the fastest small "
+              "motion.")  # fmt: skip
+@click.option(
+    "--initial", help="Initial state, numbers with commas; by default that of the recording."
+)
 @at_option
 @inputs_option
-@click.option("--time", "time_column", help="Column of the times in that file; t.")
+@click.option("--time", "time_column", help="Column of the times in that file; by default t.")
 @json_option
 def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_json):
     """Simulate a MODEL and print its states as CSV.
 
-    The inputs of a model are constant, --at U=12, or come from a file with columns of their names,
-    whose first time is that of the initial state.
+    The inputs of a model are constant (--at U=12), or are in a file with columns of their names
+    (--inputs). The first time of that file is the time of the initial state.
     """
     import numpy as np
 
@@ -410,15 +419,16 @@ def _simulated(path, model, state, rate: float, last: int, inputs) -> Iterator[d
 @click.option("--csv", "as_csv", is_flag=True, help="Print a table.")
 @json_option
 @click.option("--verbose", is_flag=True,
-              help="Print equilibria, damping and unstable limit cycles too.")  # fmt: skip
+              help="Also print equilibria, damping and unstable limit cycles.")  # fmt: skip
 def assess(model, at, seed, figure, as_csv, as_json, verbose):
-    """Compute the wind speed of the onset of galloping, and its amplitude.
+    """Compute the onset of galloping, equilibria and limit cycles of a MODEL.
 
-    From a MODEL: equilibria and their stability, limit cycles, and the onset.
+    The onset is the value of an input, such as a wind speed, at which small motions about the
+    equilibrium begin to grow.
 
-    Inputs are constant at the values of --at. Along a range of one, such as U=8:16 or U=8:16:0.5,
-    limit cycles are followed, including unstable ones, and the onset is searched for, at which
-    small motions about the equilibrium begin to grow. Intervals are of 95 %.
+    --at sets the inputs to constant values. If it gives a range of one input, such as U=8:16 or
+    U=8:16:0.5, stable and unstable limit cycles are followed along the range, and the onset is
+    located. Intervals have 95 %.
     """
     from galloping.behaviour.assess import assess as assessed
     from galloping.behaviour.assessment import assessment_rows
@@ -451,7 +461,7 @@ def assess(model, at, seed, figure, as_csv, as_json, verbose):
 def derive(case, as_json):
     """Derive the equations of a line.
 
-    CASE.yaml is a case of the configuration: config/README.md has its keys.
+    CASE is a YAML file with one case of the configuration; config/README.md has the keys.
     """
     from galloping.configuration.yaml_file import ConfigurationError, read
     from galloping.stages import derive as derived

@@ -44,9 +44,8 @@ class NotFittedError(ValueError, AttributeError):
 class MaximumLikelihood:
     """Identify the equations of a system from recordings of its states.
 
-    The model is dx/dt = C theta(x, u): states x, inputs u, candidate terms theta. Terms,
-    coefficients and initial states are those of `maximum_likelihood`, which fits trajectories to
-    the samples and differentiates nothing.
+    The model is dx/dt = C theta(x, u) with states x, inputs u and candidate terms theta. The method
+    is `maximum_likelihood`, which fits trajectories to the samples and computes no derivatives.
 
     Parameters
     ----------
@@ -57,29 +56,29 @@ class MaximumLikelihood:
     degree : int, optional
         Of the default library: 3 for up to four states and inputs together, 2 for more.
     feature_names : sequence of str, optional
-        Names of the states: by default those of the columns, else x0, x1, ... The rate of a state
-        `X` is known to be the state `dX` where there is one.
+        Names of the states: by default those of the columns, else x0, x1, ... The equation
+        dX/dt = dX is known if X and dX are states.
     input_names : sequence of str, optional
         Names of the inputs: by default those of the columns, else u0, u1, ...
     known : str, or sequence of str or Coefficient
-        What is known beforehand, in the grammar of `galloping.library`: an equation, `"q = dq"`, a
+        Prior knowledge, in the grammar of `galloping.library`: an equation, `"q = dq"`, a
         coefficient, `"dq: q = -4 +- 0.1"`, or its bounds, `"dq: dq < 0"`.
     prior : Prior, optional
-        Prior odds of terms; None for none.
+        Prior odds of terms; None replaces them by a penalty of 2 ln N for N samples.
     between : {"cubic", "linear", "zero"}
-        What inputs are between their samples: smooth, linear, or held.
+        Inputs between their samples: smooth, linear, or held.
     forced : sequence of str, optional
-        Coordinates that unmeasured random forces move, () for all. By default such forces are
-        sought only where the motion may be theirs.
+        Coordinates that unmeasured random forces move; () for all. By default random forces are
+        tried if they could have caused the motion.
 
     Attributes
     ----------
     model_ : IdentifiedModel
-        The model with its covariance and verdict; `summarise`, `forecast` and `assess` take it.
+        The model with its covariance and status, an argument for `summarise`, `forecast`, `assess`.
     recordings_ : list of Recording
-        What it was fitted to.
+        The recordings that the model was fitted to.
     coef_ : (n_states, n_terms) array
-        Coefficients, zero where a term is absent, NaN where there is no model.
+        Coefficients; zero for absent terms, NaN if there is no model.
     feature_names_in_, input_names_in_ : (n_states,) and (n_inputs,) arrays of str
         Names of the states and inputs.
     n_features_in_ : int
@@ -136,32 +135,31 @@ class MaximumLikelihood:
         *,
         x_dot: Data | None = None,
     ) -> "MaximumLikelihood":
-        """Fit the model to one recording or several of one system.
+        """Fit the model to one or several recordings of one system.
 
         Parameters
         ----------
         x : (n, n_states) array, frame, `Recording`, or a list of these
-            States; NaN is what is missing. Frames are those of pandas, polars and xarray, and
-            mappings of columns. Of a list each is one recording.
+            States; NaN marks missing samples. Frames of pandas, polars and xarray, and mappings of
+            columns are accepted. Each item of a list is one recording.
         t : float, (n,) array, str, or a list of these, optional
-            Step or times of the samples, s, or the column of a frame that has them. By default
-            they are the column `t` of a frame, or its index. Dates are times.
+            Step or times of the samples, s, or the name of the column with the times. By default
+            the times are the column `t` of a frame, or its index. Dates are accepted.
         u : (n,) or (n, n_inputs) array, frame, mapping, names of columns of `x`, or a list
-            Inputs at the times of the samples. A mapping of names may have an `Input` with times
-            of its own.
+            Inputs at the times of the samples. A mapping may contain an `Input` with its own times.
         x_dot : (n, n_states) array, frame, or a list of these, optional
             Measured rates of the states, as of accelerometers.
 
         Returns
         -------
         MaximumLikelihood
-            The estimator. Recordings that give no model are no error: `model_` says why, and its
-            status is `refused`.
+            The estimator. If the recordings give no model, the status of `model_` is `refused`, and
+            its reason says why. This is not an error.
 
         Raises
         ------
         ValueError
-            If data or options do not fit, in one line.
+            If data or options do not match, in one line.
         """
         recordings = self._recordings(x, t, u, x_dot, self.feature_names, self.input_names)
         states, inputs = recordings[0].states, tuple(recordings[0].inputs)
@@ -189,7 +187,7 @@ class MaximumLikelihood:
         ----------
         x : (n, n_states) array or frame, or a list of these
         u : (n,) or (n, n_inputs) array or frame, or a list of these
-            Inputs, of a model that has any.
+            Inputs of the model.
 
         Returns
         -------
@@ -227,8 +225,8 @@ class MaximumLikelihood:
         Returns
         -------
         (n, n_states) array
-            NaN from where the motion diverges, of which a RuntimeWarning tells. `model_.simulate`
-            returns a `Trajectory`.
+            NaN after the motion diverges, with a RuntimeWarning. `model_.simulate` returns a
+            `Trajectory`.
         """
         found, time = self._fitted(), as_increasing("t", t)
         self._check_inputs(u)
@@ -248,9 +246,8 @@ class MaximumLikelihood:
     ) -> float:
         """Compute R2 of the model's motion, or of its rates if `x_dot` is given.
 
-        The recording is divided into stretches of six periods of its motion. In each the model
-        starts from the state that follows the samples best. Noisy samples need not be
-        differentiated.
+        The recording is cut into stretches of six periods. In each stretch, the model starts from
+        the state that fits the samples best. The samples are not differentiated.
 
         Parameters
         ----------
@@ -259,9 +256,8 @@ class MaximumLikelihood:
         Returns
         -------
         float
-            Mean R2 of the states, or of their rates: 1 for a perfect match, 0 if the motion is no
-            better than the mean of the samples. A stretch in which the model diverges counts as its
-            mean.
+            Mean R2 of the states or of their rates: 1 for a perfect fit, 0 if it is no better than
+            the mean of the samples. A stretch in which the model diverges counts as its mean.
         """
         found = self._fitted()
         recordings = self._recordings(x, t, u, x_dot, found.model.states, found.model.inputs)
@@ -275,7 +271,7 @@ class MaximumLikelihood:
         return float(np.nanmean(1.0 - left / whole))
 
     def equations(self) -> list[str]:
-        """Format the equation of each state as text, coefficients with their standard errors."""
+        """Return the equation of each state as text, with standard errors."""
         return list(self._fitted().equations())
 
     def coefficients(self, absent: bool = False) -> "DataFrame":
@@ -283,7 +279,7 @@ class MaximumLikelihood:
         return self._fitted(refused=True).to_frame(absent)
 
     def print(self, **options: Any) -> None:
-        """Print the equations and the verdict. options: of the function `print`."""
+        """Print the equations and the status. options: of the function `print`."""
         print(self._fitted(refused=True), **options)
 
     def get_feature_names(self) -> list[str]:
@@ -293,7 +289,7 @@ class MaximumLikelihood:
     # --- what scikit-learn expects of an estimator ---
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Return the options by name. deep: has no effect, since no option is an estimator."""
+        """Return the options by name. deep: has no effect, because no option is an estimator."""
         return {name: getattr(self, name) for name in signature(type(self)).parameters}
 
     def set_params(self, **options: Any) -> "MaximumLikelihood":

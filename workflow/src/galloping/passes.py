@@ -28,13 +28,14 @@ _told: ContextVar[_Told | None] = ContextVar("told", default=None)
 
 @contextmanager
 def progress(listen: Callable[[str, float], object]) -> Iterator[None]:
-    """Report the progress of all calls in the block to a function.
+    """Report the progress of computations inside a `with` block to a function.
 
     Parameters
     ----------
     listen : callable
-        Called with the name of the present step, and the share of the whole that is done, from 0 to
-        1. The share never decreases. It is an estimate: iterations end when they have converged.
+        Called with the name of the present step and with the share of all work that is done, from 0
+        to 1. The share never falls. It is an estimate, because iterations end when they have
+        converged.
 
     Examples
     --------

@@ -25,7 +25,7 @@ Recordings: TypeAlias = Recording | Sequence[Recording] | None
 
 @one_thread
 def plot_fit(found: Found, recordings: Recordings = None) -> "Figure":
-    """Draw the model's motion and the samples of a recording.
+    """Draw the samples of a recording and the motion of the model.
 
     Parameters
     ----------
@@ -37,9 +37,8 @@ def plot_fit(found: Found, recordings: Recordings = None) -> "Figure":
     Returns
     -------
     Figure
-        A row for each state, and columns for the beginning, the middle and the end of the
-        recording, in each of which the model starts anew. For a model in random forces, spectra
-        instead.
+        A row for each state, and columns for the first, middle and last part of the recording, in
+        each of which the model starts again. For a model with random forces, the spectra.
     """
     from galloping.figures.style import styled
     from galloping.summary.drawing import FONT_SIZE, draw_fit, draw_spectra
@@ -61,7 +60,7 @@ def plot_forecast(
     inputs: Mapping[str, Input | float] = NONE,
     seed: int = 0,
 ) -> "Figure":
-    """Draw the end of a recording, and its forecast with the 90 % band.
+    """Draw the end of a recording, and the forecast of what follows with its 90 % band.
 
     Parameters
     ----------
@@ -71,7 +70,7 @@ def plot_forecast(
     inputs : mapping
         Inputs after the recording, by name, measured or constant.
     seed : int
-        Of the draws behind the band.
+        Seed of the random numbers for the band.
 
     Returns
     -------
@@ -96,24 +95,24 @@ def plot_forecast(
 def plot_phase(
     found: Found, recordings: Recordings = None, states: Sequence[str] | None = None
 ) -> "Figure":
-    """Draw a phase portrait: the samples, and the model's motion from their first state.
+    """Draw a phase portrait: the samples and the motion of the model.
 
     Parameters
     ----------
     found, recordings : as of `plot_fit`
     states : sequence of str, optional
-        Two or three to be the axes: by default a displacement and its velocity, else the first two.
+        Two or three states as axes: by default a displacement and its velocity, or the first two.
 
     Returns
     -------
     Figure
-        The motion starts from the state that follows the first six periods of the last recording
-        best, and is drawn over all of it; it is left out if it diverges.
+        The motion starts from the state that fits the first six periods of the last recording best,
+        and continues to its end. It is not drawn after it diverges.
 
     Raises
     ------
     ValueError
-        If `states` are not two or three states of the model, or if random forces move it.
+        If `states` are not two or three states of the model, or the model has random forces.
     """
     from galloping.figures import parts
     from galloping.figures.style import MODEL, TRUE, styled

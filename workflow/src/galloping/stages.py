@@ -33,7 +33,7 @@ def derive(**sections: Mapping[str, object] | float) -> PolynomialModel:
     Parameters
     ----------
     **sections : mapping
-        Sections of a case in config/README.md, such as `wind={"speed": 14}`; missing keys have
+        Sections of a case in config/README.md, such as `wind={"speed": 14}`. Missing keys have
         their defaults.
 
     Returns
@@ -44,7 +44,7 @@ def derive(**sections: Mapping[str, object] | float) -> PolynomialModel:
     Raises
     ------
     ConfigurationError
-        A ValueError, with one line per problem.
+        A ValueError with one line for each problem.
     """
     try:
         settings = load({"cases": {"line": sections}})
@@ -65,11 +65,11 @@ def simulate(
     ----------
     model : PolynomialModel
     initial_state : (n_states,) array
-        At time[0].
+        State at time[0].
     time : (n,) array
-        s, increasing.
+        Increasing times, s.
     inputs : mapping of str to Input or float, optional
-        Each of the model's, measured or constant.
+        Every input of the model by name, measured or constant.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def simulate(
     Raises
     ------
     ValueError
-        For other input.
+        If an argument has another form.
     """
     _check_model(model)
     start = checked_state(initial_state, model.states)
@@ -102,18 +102,18 @@ def measure(
     ----------
     model : PolynomialModel
     motion : Trajectory
-        Of the model.
+        As `simulate` returns it.
     protocol : {"state", "displacement", "acceleration", "derivative"}
-        All states with noise; velocities not measured; rates of the velocities alone; or exact
-        states with noisy derivatives.
+        The measurement setup: all states with noise, displacements with noise, accelerations with
+        noise, or exact states and derivatives with noise.
     level : float
-        Standard deviation of the white noise; relative to that of each channel (0.05 is 5 %) if
-        `relative`, except for `derivative`, else absolute.
+        Level of the white noise. It is a multiple of the standard deviation of the measured
+        quantity if `relative` (0.05 is 5 %), and in SI units otherwise and for `derivative`.
     relative : bool
     seed : int
-        Of the noise.
+        The same seed gives the same noise.
     inputs : mapping of str to Input, optional
-        Each of the model's, which the recording then contains.
+        Every input of the model by name; they become inputs of the recording.
 
     Returns
     -------
@@ -122,7 +122,8 @@ def measure(
     Raises
     ------
     ValueError
-        For other input, such as a relative level above one, and for a motion that ended early.
+        If the motion ended early, or an argument has another form, such as a relative level above
+        one.
     """
     _check_model(model)
     if not isinstance(motion, Trajectory):
@@ -166,32 +167,34 @@ def cramer_rao_bound(
     rate_sigma: ArrayLike | None = None,
     inputs: Mapping[str, Input] | None = None,
 ) -> NDArray[np.float64]:
-    """Compute the smallest standard deviations that an unbiased method can reach.
+    """Compute the Cramér-Rao bound of the coefficients of a model.
+
+    It is the smallest standard deviation that any unbiased method can reach if it knows the terms.
 
     Parameters
     ----------
     model : PolynomialModel
     initial_state : (n_states,) array
-        At time[0], unknown to the method.
+        State at time[0]; it counts as unknown to the method.
     time : (n,) array
-        s, increasing.
+        Increasing times, s.
     sigma : (n_states,) array
-        Noise of a sample of each state, infinite if not measured.
+        Standard deviation of the noise of each state; infinite for a state that is not measured.
     rate_sigma : (n_states,) array, optional
-        Noise of each state's derivative, such as an acceleration.
+        The same for the derivative of each state, such as an acceleration.
     inputs : mapping of str to Input, optional
-        Each of the model's.
+        Every input of the model by name.
 
     Returns
     -------
     (n_states, n_terms) array
-        For the coefficient of each term. NaN for absent terms and in the equations dX/dt = dX that
-        follow from the names of the states, infinite if the recording does not determine it.
+        NaN for absent terms and for known equations dX/dt = dX; infinite if the recording does not
+        determine the coefficient.
 
     Raises
     ------
     ValueError
-        For other input, and if the model's solution diverges.
+        If the solution of the model diverges, or an argument has another form.
     """
     _check_model(model)
     start = checked_state(initial_state, model.states)

@@ -55,9 +55,9 @@ def assess(
     found : IdentifiedModel
     at : mapping of str to float or sequence of float, optional
         Value of each input of the model. One input may have several values: limit cycles are then
-        followed along their range, and the onset is searched for.
+        followed along their range, and the onset is located.
     seed : int, optional
-        Seed of the draws behind the intervals.
+        Seed of the random numbers for the intervals.
 
     Returns
     -------
@@ -66,8 +66,8 @@ def assess(
     Raises
     ------
     ValueError
-        If there is no model, if an input has no value, or if a value has the other sign than nearly
-        all recorded ones and is far from these.
+        If there is no model, an input has no value, or a value has the opposite sign of nearly all
+        recorded values and is far from them (`list_extrapolations`).
     """
     if found.status == "refused":
         raise ValueError(f"there is no model to assess: {found.reason}")

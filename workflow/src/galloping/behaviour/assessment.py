@@ -87,16 +87,16 @@ class Onset(Immutable):
 
 @dataclass(frozen=True, eq=False)
 class Assessment(Immutable):
-    """Equilibria, limit cycles and onsets of a model at each value of its inputs.
+    """Equilibria, limit cycles and onsets of a model at values of its inputs.
 
     Attributes
     ----------
     conditions : tuple of Condition
-        One for each value.
+        Equilibria and limit cycles at each value.
     along : str
         Name of the input that has a range, or ''.
     span : tuple of float
-        The ends of that range.
+        Ends of that range.
     onsets : tuple of Onset
         In the order of the range.
     notes : tuple of str
@@ -110,7 +110,7 @@ class Assessment(Immutable):
     notes: tuple[str, ...] = ()
 
     def to_frame(self) -> "DataFrame":
-        """Convert the assessment to a pandas DataFrame.
+        """Return the equilibria, limit cycles and onsets as a pandas DataFrame.
 
         Returns
         -------

@@ -122,19 +122,19 @@ class Dynamics(Immutable):
     Attributes
     ----------
     rest : mapping of str to Value
-        By coordinate, m, the equilibrium that the recorded motion surrounds; empty if there is
-        none.
-    frequencies, damping : mapping of str to Value
-        Hz and ratio to critical, of small motions about the equilibrium, wind included; negative
-        damping lets them grow. By the coordinate that mostly moves.
+        The equilibrium inside the recorded motion, m, by coordinate; empty if there is none.
+    frequencies : mapping of str to Value
+        Natural frequencies of small motions about it, Hz, by the coordinate that moves most.
+    damping : mapping of str to Value
+        Net damping of these motions, ratio to critical; negative if they grow.
     kind : str
-        Kind of the final motion, as in `settle`.
+        Kind of the settled motion, as in `settle`.
     period : Value or None
-        s, of the limit cycle; None if there is none, or none is found exactly.
+        Of the limit cycle, s; None if there is none, or it was not found exactly.
     half_range : mapping of str to Value
-        By coordinate, of the limit cycle.
+        Amplitude of the limit cycle, by coordinate.
     at : mapping of str to float
-        Values of the inputs, their means.
+        The constant values of the inputs, their means.
     """
 
     rest: Mapping[str, Value]

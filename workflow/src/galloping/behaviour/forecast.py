@@ -40,13 +40,13 @@ class Forecast(Immutable):
     Attributes
     ----------
     names : tuple of str
-        Of the n_sensed channels, the states first.
+        Names of the n_sensed channels, the states first.
     time : (n,) array
-        s.
+        Times, s.
     median, low, high : (n, n_sensed) arrays
-        Median and 90 % band of the samples.
+        Median and ends of the 90 % band of the samples.
     chance : (n_sensed,) array
-        Share of the samples that a correct band contains with a probability of 99 %.
+        Share of samples inside the band that a correct band falls below once in a hundred times.
     """
 
     names: tuple[str, ...]
@@ -61,7 +61,7 @@ class Forecast(Immutable):
         return f"Forecast of {', '.join(self.names)} from {first:.6g} to {last:.6g} s"
 
     def channel_columns(self) -> dict[str, NDArray[np.float64]]:
-        """Return median and ends of the 90 % band of each channel, (n,) each, by column name."""
+        """Return the median and the ends of the 90 % band of each channel, (n,) each, by name."""
         parts = {"": self.median, "_low": self.low, "_high": self.high}
         return {
             f"{name}{end}": values[:, k]
@@ -83,7 +83,7 @@ class Forecast(Immutable):
         return pd.DataFrame(self.channel_columns(), pd.Index(self.time, name="t"))
 
     def widened(self, factors: NDArray[np.float64]) -> "Forecast":
-        """Widen the band about the median by factors, (n_sensed,)."""
+        """Return the forecast with its band widened about the median by factors (n_sensed,)."""
         low, high = (self.median + factors * (end - self.median) for end in (self.low, self.high))
         return replace(self, low=low, high=high)
 

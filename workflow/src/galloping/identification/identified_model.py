@@ -46,72 +46,69 @@ BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IdentifiedModel(Immutable):
-    """A model identified from recordings, with its uncertainty and a status.
+    """A model identified from recordings, with its uncertainty and status.
 
-    Arrays that are not given are NaN. All arrays are read-only; models with equal contents are
+    Arrays are read-only, and NaN if the method does not state them. Models with equal contents are
     equal, and have the same hash.
 
     Parameters
     ----------
     model : PolynomialModel
-        On the candidate library, zero where a term is absent, NaN without a model; including known
-        equations.
+        On the candidate library, known equations included: zero where a term is absent, NaN if
+        there is no model.
     status : {"ok", "not identifiable", "approximate", "refused", "unjudged"}
-        `not identifiable`: the data do not determine the terms, and the model is a possible one.
-        `approximate`: no model of the library is right, and this one is near. `refused`: there is
-        no model. `unjudged`: the method has no status.
+        `not identifiable`: other terms would fit as well. `approximate`: no model of the library is
+        right, and this one is near. `refused`: there is no model. `unjudged`: the method has no
+        status.
     findings : tuple of Finding
-        From which the status follows (`status_of`).
+        What was noticed. The status follows from it (`status_of`).
     standard_errors : (n_states, n_terms) array
-        Of the present terms, if these are the right ones. This array and the next two are NaN for
-        other terms, and if the method states none.
+        Of present terms, if the terms are right.
     unconditional_errors : (n_states, n_terms) array
-        Of present and absent terms, including that other terms may be right.
+        Of present and absent terms, rival models included.
     detection_limits : (n_states, n_terms) array
-        Size from which an absent term would have been selected.
+        Sizes from which absent terms would have been selected.
     covariance : (n_support, n_support) array
-        Behind `standard_errors`, in the order of np.argwhere(support); (0, 0) if not stated.
+        Of the present terms, in the order of np.argwhere(support); (0, 0) if not stated.
     rivals : (n_rivals, n_states, n_terms) array
-        Coefficients drawn from models with other terms that data and prior do not rule out, as
-        often as these are probable, including known equations.
+        Coefficients drawn from plausible models with other terms, by their probability, known
+        equations included.
     rival_share : float
-        Total probability of these models, zero if the method does not compute it.
+        Probability of these models together, zero if the method does not compute it.
     extrapolation_shift, extrapolation_covariance : (n_support,) and (n_support, n_support) arrays
-        Mean and covariance of the change, by terms of the next degrees that the library lacks, of
-        coefficients for motions smaller than all recorded ones. Empty if not stated.
+        Mean and covariance of the change of the coefficients by terms of the next degrees, for
+        motions smaller than all recorded ones. In the order of `covariance`; empty if not stated.
     initial_states : (n_recordings, n_states) array
         At the first sample of each recording.
     sigma : (n_recordings, n_states) array
-        Noise of a sample of each channel, NaN if not measured; for recordings with derivatives,
-        noise of the derivatives.
+        Noise of a sample of each channel, NaN if not measured; for exact states, noise of the
+        derivatives.
     thresholds : (n_states,) array
-        Of each equation, in the method's unit, NaN without one.
+        Threshold of each equation, in the method's unit, NaN without one.
     chi2 : float
-        Misfit per degree of freedom against the measured noise, NaN if unknown.
+        Misfit per degree of freedom, relative to the measured noise, NaN if unknown.
     known : tuple of int
-        Equations that were known and not identified.
+        Indices of the known equations.
     diagnostics : mapping of str to float or str
-        Numbers behind the status, by name; `path` lists the stages by which `maximum_likelihood`
-        found the model, in order.
+        Numbers behind the status, and `path`, the stages that led to the model, in order.
     further_modes : tuple of FurtherMode
-        Modes of the recordings besides the model.
+        Modes of the recordings for which the model has no coordinate.
     envelope : tuple of EnvelopePart
-        Frequency and damping for each amplitude, of an `approximate` model of free motion that is
-        not exponential.
+        Frequency and damping for each amplitude, of a free motion whose decay is not exponential.
     forces : (n_states, n_states) array
-        Covariance per second of white forces in the equations, which then are dx = f(x) dt + dW;
-        zero without random forces.
+        Covariance per second of white forces, dx = f(x) dt + dW; zero without random forces.
     slow_forces : (n_states, n_states) array
-        The same of the drive of forces that decay at rates, 1/s, `slow_rate_dX` of the diagnostics.
+        The same of the white forces behind slow ones, whose rates of decay, 1/s, are
+        `slow_rate_dX` of the diagnostics.
     resonances : tuple of Resonance
-        Modes beyond one per coordinate that random forces excite.
+        Further modes that random forces move.
     bounds : tuple of Bound
         Known bounds of coefficients: equation, term, least and greatest.
 
     Raises
     ------
     ValueError
-        For another status.
+        For an unknown status.
     """
 
     model: PolynomialModel
@@ -155,7 +152,7 @@ class IdentifiedModel(Immutable):
         findings: Iterable[Finding],
         inputs: tuple[str, ...] = (),
     ) -> IdentifiedModel:
-        """Make the result without a model, with all findings."""
+        """Make the result for recordings that give no model, with its findings."""
         findings = tuple(findings)
         if status_of(findings) != "refused":
             findings += (Finding.of(Code.NO_MODEL),)
@@ -165,7 +162,7 @@ class IdentifiedModel(Immutable):
 
     @property
     def support(self) -> NDArray[np.bool_]:
-        """Identified terms of the identified equations, (n_states, n_terms) boolean."""
+        """Whether each term is present in each identified equation, (n_states, n_terms)."""
         present = np.nan_to_num(self.model.coefficients) != 0
         present[list(self.known)] = False
         return present
@@ -182,13 +179,13 @@ class IdentifiedModel(Immutable):
         return inexact and float(self.diagnostics.get("forecast_r2", 0.0)) < LITTLE_TOLD
 
     def with_findings(self, *findings: Finding) -> IdentifiedModel:
-        """Add findings, from which the status follows anew."""
+        """Return the model with further findings, and with the status that follows from all."""
         findings = (*self.findings, *findings)
         status = self.status if self.status == "unjudged" else status_of(findings)
         return replace(self, status=status, findings=findings)
 
     def has_finding(self, *codes: Code) -> bool:
-        """Decide whether the model has a finding with one of these codes."""
+        """Return whether a finding has one of the given codes."""
         return any(each.code in codes for each in self.findings)
 
     @property
@@ -198,7 +195,7 @@ class IdentifiedModel(Immutable):
 
     @property
     def reason(self) -> str:
-        """Reason of the status, in one line for people; programs read `findings`."""
+        """Reason of the status, in one line for people; programs should read `findings`."""
         return reason_of(self.findings)
 
     @property
@@ -216,14 +213,14 @@ class IdentifiedModel(Immutable):
         Returns
         -------
         tuple of float
-            For an input the range of nine tenths of its samples, for a state, in the model of a
-            `Summary`, that from the least to the greatest. Empty if unknown.
+            For an input, the range of nine tenths of its samples. For a state, in the model of a
+            `Summary`, the range of all its samples. Empty if unknown.
         """
         ends = tuple(f"{name}{end}" for end in RANGE)
         return tuple(float(self.diagnostics[end]) for end in ends if end in self.diagnostics)
 
     def at(self, values: Mapping[str, float]) -> IdentifiedModel:
-        """Reduce the model to constant values of inputs, merging its terms.
+        """Return the model at constant values of some inputs; terms that are then equal are merged.
 
         Parameters
         ----------
@@ -272,7 +269,7 @@ class IdentifiedModel(Immutable):
         return replace(self, **kept)
 
     def equations(self) -> tuple[str, ...]:
-        """Format the equation of each state, coefficients with their standard errors if stated."""
+        """Return the equation of each state as text, with standard errors if they are stated."""
         return self.model.equations(self.standard_errors)
 
     def __repr__(self) -> str:
@@ -294,11 +291,11 @@ class IdentifiedModel(Immutable):
         Parameters
         ----------
         initial_state : (n_states,) array
-            At time[0].
+            State at time[0].
         time : (n,) array
-            s, increasing.
+            Increasing times, s.
         inputs : mapping of str to Input or float, optional
-            Each of the model's, measured or constant.
+            Every input of the model by name, measured or constant.
 
         Returns
         -------
@@ -307,7 +304,7 @@ class IdentifiedModel(Immutable):
         Raises
         ------
         ValueError
-            If there is no model, and for other input.
+            If there is no model, or an argument has another form.
         """
         from galloping.trajectory.simulation import (  # compiles; few callers need it
             Simulator,
@@ -323,10 +320,7 @@ class IdentifiedModel(Immutable):
         )
 
     def further_motion(self, time: NDArray[np.float64], recording: int = 0) -> NDArray[np.float64]:
-        """Compute the motion of a recording's further modes, (n, n_states), at `time` (n,).
-
-        time: s from the first sample.
-        """
+        """Compute the further modes (n, n_states) at `time` (n,), s from the first sample."""
         motion = np.zeros((len(time), len(self.model.states)))
         for mode in self.further_modes:
             if mode.recording == recording:
@@ -368,16 +362,16 @@ class IdentifiedModel(Immutable):
         Parameters
         ----------
         absent : bool
-            Whether terms that are not in the model have rows too.
+            Whether absent terms have rows too.
 
         Returns
         -------
         DataFrame
-            A row for each term of each equation, by the index `equation`, `term`, and the columns
-            `coefficient`, `standard_error` (if the terms are right), `unconditional_error`
-            (including that they may not be), `low` and `high`, the ends of the 95 % interval. Those
-            of an absent term are its detection limit. Errors of known coefficients are zero, and
-            NaN of known equations.
+            A row for each term of each equation, by the index `equation`, `term`. The columns are
+            `coefficient`, `standard_error` (if the terms are right), `unconditional_error` (rival
+            models included), `low` and `high`, the ends of the 95 % interval. The interval of an
+            absent term is its detection limit. Errors of known coefficients are zero; those of
+            known equations are NaN.
         """
         import pandas as pd  # an extra, and slow to import
 
@@ -410,7 +404,7 @@ class IdentifiedModel(Immutable):
 
     @classmethod
     def from_plain(cls, content: Mapping[str, Any]) -> IdentifiedModel:
-        """Restore a model from the values of `to_plain`, ignoring other keys.
+        """Return the model that `to_plain` wrote; further keys are ignored.
 
         Raises KeyError, or ValueError and its subclasses, for anything else.
         """

@@ -15,47 +15,43 @@ from galloping.model.terms import Bounds, Known
 class Prior:
     """Prior odds of the terms of a model.
 
-    Terms are present independently of each other. Among models that data cannot distinguish, these
-    odds prefer the simpler one. They have no unit, so neither the choice nor the status depends on
-    the units of the recording.
-
-    With the likelihood the prior gives the evidence of a support. The integral over the coefficient
-    of a term adds ln N in units of chi^2 for N samples of all channels (in `derivative_fit` of its
-    equation's derivative), if the data determine the coefficient, for a prior of it with the
-    information of one sample (unit information; Kass and Wasserman, after Schwarz). The selected
-    support has the least
-
-        chi^2 + sum over its terms of [ln N - 2 ln odds].
-
-    If noise is small, a prior with the information of one sample is narrower than the range of
-    possible coefficients: up to w, at which a term alone would balance its equation (that of the
-    weak form). If the data determine the coefficient of a constant or linear term with a standard
-    error s, and w / s is larger than the root of N, the integral over a prior as wide as w adds 2
-    ln(w / s) in place of ln N; a term is removed that reaches neither this penalty nor that of a
-    nonlinear term. Without this rule as many false terms were selected with small noise as with
-    large noise. In the equation of the rate of a displacement the penalty of linear terms stays
-    low, since the net damping of a line is small.
-
-    The odds were calibrated on recordings of seeds that report nothing, and the effect of each rule
-    was counted on others (docs/identification_parts.csv).
+    Terms are present or absent independently of each other. Degrees and odds have no unit, so that
+    neither the selection nor the status depends on the units of the recording. The odds were
+    calibrated on recordings with seeds that report no result (docs/identification_parts.csv).
 
     Parameters
     ----------
     term : float
         Odds of a linear term.
     constant : float
-        Odds of a constant, the simplest of all.
+        Odds of a constant, the simplest term.
     nonlinear : float
-        Factor on the odds of a linear term, for a nonlinear one. It applies twice to a constant in
-        the equation of the rate of a displacement, which is measured from the equilibrium.
+        Factor on the odds of a linear term for a nonlinear term. A constant in the equation of a
+        velocity has this factor twice, because displacements count from rest.
     power : float
-        Factor for each power of an input by which a term is multiplied or divided: it decides
-        between terms that fit alike, such as those of a motion at one value of the input.
+        Factor for each power of an input in a term. It decides between terms that fit equally well,
+        for example at a single value of the input.
 
     Raises
     ------
     ValueError
         If one of the odds is not in (0, 1].
+
+    Notes
+    -----
+    The likelihood and the prior give the evidence of a support. The integral over a coefficient
+    that the data determine costs ln N in units of chi^2 for N samples of all channels, if the prior
+    of the coefficient has the information of one sample (Kass and Wasserman, after Schwarz). The
+    support therefore minimises
+
+        chi^2 + sum over its terms of [ln N - 2 ln odds].
+
+    For accurate data, this prior is narrower than the range that the motion leaves to a constant or
+    a linear term. Let w be the coefficient with which such a term alone would make up its equation,
+    and s its standard error. If w / s is larger than the root of N, a prior of width w is used: it
+    costs 2 ln(w / s) instead of ln N, but no more than a nonlinear term does. Without this rule,
+    false constants and linear terms would be as frequent in accurate data as in noisy data. Linear
+    terms in the equation of a velocity are excepted, because the net damping of a line is small.
 
     References
     ----------
@@ -75,7 +71,7 @@ class Prior:
                 raise ValueError(f"prior: {name}: {value!r:.60}; must be a number in (0, 1]")
 
     def prices(self, complexity: NDArray[np.int_], powers: NDArray[np.int_]) -> NDArray[np.float64]:
-        """Compute the penalty of terms, (n,), less that of a linear term.
+        """Compute the penalties of terms, (n,), relative to that of a linear term.
 
         complexity: (n,) of `Problem.term_complexity`. powers: (n,) number of powers of inputs.
         """
@@ -96,21 +92,21 @@ class Coefficient:
     Parameters
     ----------
     state : str
-        In whose equation the coefficient is.
+        State in whose equation the coefficient is.
     term : Exponents
         Exponents of its term, and functions.
     mean, deviation : float
         Of its Gaussian prior; a deviation of zero fixes the coefficient. Without a mean there is no
-        such prior.
+        Gaussian prior.
     lower, upper : float
-        Bounds; a coefficient whose bounds are on one side of zero is always present.
+        Bounds; a term whose bounds exclude zero is always present.
 
     Raises
     ------
     ValueError
-        If mean or deviation are not finite or beyond what can be squared, the deviation is below
-        zero or so small that it fixes the coefficient, no number is between the bounds, or nothing
-        is known.
+        If mean or deviation are not finite or too large to be squared, the deviation is negative or
+        so small that it fixes the coefficient, no number is between the bounds, or nothing is
+        known.
     """
 
     state: str

@@ -43,9 +43,9 @@ class Problem:
     the known equations and the single ones that are fixed, zero elsewhere. unknown: indices of the
     equations to identify, increasing. open: (n_states, n_terms) boolean, which coefficients of the
     unknown equations are candidates. expected, precision: (n_states, n_terms) means of Gaussian
-    priors of candidates and 1/variance, zero of those without. prior: of the supports; None: all
-    are equally probable. inputs: names of the n_inputs inputs. bounds: of coefficients. aliases:
-    terms that are no candidates, since they equal simpler ones at the recorded inputs.
+    priors of candidates and 1/variance, zero of those without. prior: of the supports; None: a
+    penalty of 2 ln N for each term. inputs: names of the n_inputs inputs. bounds: of coefficients.
+    aliases: terms that are no candidates, since they equal simpler ones at the recorded inputs.
     """
 
     states: tuple[str, ...]

@@ -35,14 +35,14 @@ class Thresholded(Section):
     """Settings of a method with a threshold on terms."""
 
     threshold: Positive | None = setting(
-        None, "in the method's unit; null: each equation chooses its own from the data", "1"
+        None, "in the method's unit; null: chosen from the data for each equation", "1"
     )
 
 
 class Scanned(Thresholded):
     """Settings of a method with a threshold, chosen from several."""
 
-    path_length: Length = setting(30, "candidate thresholds scanned where the data choose", "1")
+    path_length: Length = setting(30, "number of candidate thresholds, if the data choose", "1")
 
 
 class Paper(Scanned):
@@ -50,14 +50,14 @@ class Paper(Scanned):
 
     kinematics: Kinematics = setting(
         IDENTIFIED,
-        "that the rate of a displacement is its velocity: identified as any equation, or known",
+        "whether the equation dX/dt = dX of a displacement X is known, or identified as others are",
     )
 
 
 class Ensemble(Scanned):
     """Settings of an ensemble."""
 
-    models: Count = setting(20, "bagged models of an ensemble", "1")
+    models: Count = setting(20, "number of bagged models in the ensemble", "1")
 
 
 sparse = identification.sparse

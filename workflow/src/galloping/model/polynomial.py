@@ -31,7 +31,7 @@ Bound: TypeAlias = tuple[int, Exponents, float, float]
 
 
 def polynomial_library(n_states: int, degree: int) -> tuple[Exponents, ...]:
-    """List the exponents of all monomials up to a degree, in the order of pysindy.
+    """Return the exponents of all monomials up to a degree, in the order of pysindy.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def polynomial_library(n_states: int, degree: int) -> tuple[Exponents, ...]:
     Raises
     ------
     ValueError
-        If `n_states` is no whole number >= 1 or `degree` none >= 0.
+        If `n_states` is not a whole number >= 1, or `degree` is not a whole number >= 0.
     """
     for name, value, least in (("n_states", n_states, 1), ("degree", degree, 0)):
         if not isinstance(value, Integral) or value < least:
@@ -187,7 +187,7 @@ def differentiate_terms(terms: tuple[Exponents, ...], n_states: int) -> tuple[tu
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PolynomialModel(Immutable):
-    """Equations of motion dx/dt = coefficients @ theta(x, u).
+    """A model dx/dt = coefficients @ theta(x, u) with states x, inputs u and terms theta.
 
     Models are immutable; those with equal contents are equal, and have the same hash.
 
@@ -196,10 +196,10 @@ class PolynomialModel(Immutable):
     states : tuple of str
         Names of the n_states states.
     terms : tuple of Exponents
-        Of each of the n_terms terms the exponents of the states and then of the inputs, and its
+        Exponents of each of the n_terms terms, in the states and then in the inputs, and its
         functions.
     coefficients : (n_states, n_terms) array
-        SI units.
+        In SI units.
     inputs : tuple of str
         Names of the n_inputs inputs.
 
@@ -250,7 +250,7 @@ class PolynomialModel(Immutable):
         return "\n".join([about, *self.equations()])
 
     def equations(self, standard_errors: ArrayLike | None = None) -> tuple[str, ...]:
-        """Format the equation of each state as text.
+        """Return the equation of each state as text.
 
         standard_errors: (n_states, n_terms), printed after the coefficients where finite.
         """
@@ -266,7 +266,7 @@ class PolynomialModel(Immutable):
         return tuple(lines)
 
     def latex(self, standard_errors: ArrayLike | None = None) -> str:
-        """Format the equations as LaTeX, for amsmath; a velocity dX is written as X with a dot.
+        """Return the equations as LaTeX, for amsmath; a velocity dX is written as X with a dot.
 
         standard_errors: as of `equations`.
         """
@@ -291,12 +291,12 @@ class PolynomialModel(Immutable):
 
     @property
     def support(self) -> NDArray[np.bool_]:
-        """Present terms, (n_states, n_terms) boolean."""
+        """Whether each term is present in each equation, (n_states, n_terms)."""
         return np.not_equal(self.coefficients, 0.0)
 
     @property
     def has_term(self) -> NDArray[np.bool_]:
-        """Terms that are present in any equation, (n_terms,) boolean."""
+        """Whether each term is present in any equation, (n_terms,)."""
         return np.logical_or.reduce(self.support, axis=0)
 
     @property
@@ -306,7 +306,7 @@ class PolynomialModel(Immutable):
 
     @property
     def term_names(self) -> tuple[str, ...]:
-        """Names of the terms, (n_terms,), formatted by `term_name`."""
+        """Names of the terms, (n_terms,), such as `q_v q_w^2`."""
         return tuple(term_name(term, self.names) for term in self.terms)
 
     def __call__(
@@ -321,7 +321,7 @@ class PolynomialModel(Immutable):
     def jacobian(
         self, x: NDArray[np.float64], u: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
-        """Evaluate rate derivatives by the states: (n, n_states) -> (n, n_states, n_states)."""
+        """Compute the Jacobian at states (n, n_states), as (n, n_states, n_states)."""
         both = join_inputs(x, u)
         by_state = [
             design_matrix(both, lower) @ (self.coefficients[:, places] * factors).T
@@ -330,14 +330,14 @@ class PolynomialModel(Immutable):
         return np.stack(by_state, axis=2)
 
     def small_motions(self, x: NDArray[np.float64]) -> Modes:
-        """Compute the modes of small motions near a state of a model without inputs.
+        """Compute the modes of small motions about a state (n_states,), such as an equilibrium.
 
-        x: (n_states,), such as an equilibrium.
+        The model must have no inputs.
         """
         return Modes.of(self.jacobian(x[np.newaxis])[0])
 
     def at(self, values: Mapping[str, float]) -> PolynomialModel:
-        """Reduce the model to constant values of inputs, merging its terms.
+        """Return the model at constant values of some inputs; terms that are then equal are merged.
 
         Parameters
         ----------
@@ -351,24 +351,24 @@ class PolynomialModel(Immutable):
         Raises
         ------
         ValueError
-            For an input that the model does not have, or a value at which a term is not finite.
+            For an unknown input, or a value at which a term is not finite.
         """
         terms, merge = merge_inputs(self, values)
         inputs = tuple(name for name in self.inputs if name not in values)
         return PolynomialModel(self.states, terms, self.coefficients @ merge, inputs)
 
     def without_absent_terms(self) -> PolynomialModel:
-        """Restrict the model to terms that any equation has, for faster simulation.
+        """Return the model on the library of its present terms, which is faster to simulate.
 
-        It keeps the first term if there is none.
+        If no term is present, the library is the first term.
         """
         present = compress(self.terms, self.has_term)
         return self.on_library(tuple(present) or self.terms[:1])
 
     def without_dry_friction(self) -> PolynomialModel:
-        """Remove terms that contain a sign of velocities.
+        """Return the model without terms that contain the sign of a velocity.
 
-        With them any position near an equilibrium is one.
+        Such terms make any position near the equilibrium one of rest.
         """
         velocities = set(velocity_pairs(self.states).values())
 
@@ -386,9 +386,9 @@ class PolynomialModel(Immutable):
         return replace(self, coefficients=np.where(friction, 0.0, self.coefficients))
 
     def on_library(self, terms: tuple[Exponents, ...]) -> PolynomialModel:
-        """Rewrite the model in another library.
+        """Return the model on another library.
 
-        Raises ValueError if a term with a non-zero coefficient is missing from `terms`.
+        Raises ValueError if `terms` lacks a term with a non-zero coefficient.
         """
         if terms == self.terms:
             return self

@@ -190,12 +190,12 @@ def known_model(
 
 
 def parse_model(text: str, inputs: Sequence[str] = ()) -> PolynomialModel:
-    """Make a model from the text of its equations.
+    """Return a model from the text of its equations.
 
     Parameters
     ----------
     text : str
-        One equation of each state with `;` between them, such as
+        One equation for each state, separated by `;`, such as
         `q = dq; dq = -9.81 sin(q) - 0.1 dq`; the states are on the left-hand sides.
     inputs : sequence of str
         Names of the inputs.

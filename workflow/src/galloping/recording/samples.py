@@ -47,17 +47,18 @@ class Input(Immutable):
     Parameters
     ----------
     time : (m,) array
-        s, strictly increasing, on the clock of the recording.
+        Times, s, strictly increasing, on the clock of the recording.
     values : (m,) array
-        NaN where missing.
+        NaN marks missing samples.
     between : {"cubic", "linear", "zero"}
-        Interpolation between samples: a cubic spline, linear, or held at the last sample.
+        The input between samples. `cubic`, a spline, is the default, because most measured
+        quantities are smooth on the scale of their sampling; `zero` holds the last sample.
     error : float
         Relative standard deviation of an unknown constant factor on the values, such as that of a
         calibration.
     alternatives : tuple of Input
-        Other interpolations, if it is unspecified and to be determined from the motion
-        (`identification.interpolation`); methods use the input itself.
+        Other kinds between samples, from which the command selects by the motion
+        (`identification.interpolation`); methods use the input as it is.
 
     Raises
     ------
@@ -108,8 +109,8 @@ class Input(Immutable):
     def stretches(self) -> tuple[tuple[float, float], ...]:
         """First and last time, s, of each stretch of samples without a gap.
 
-        A gap is a missing sample of a held input, else a time between samples longer than
-        INTERPOLATED of their median steps.
+        In a held input, a gap is a missing sample. In other inputs, it is a time between samples
+        longer than INTERPOLATED median steps.
         """
         return tuple((float(time[0]), float(time[-1])) for time, _ in self._pieces)
 
@@ -304,23 +305,24 @@ class Recording(Immutable):
     Parameters
     ----------
     time : (n,) array
-        s, strictly increasing; dates and times, as of a DatetimeIndex, become s since the first.
+        Times, s, strictly increasing; dates, as of a DatetimeIndex, become s since the first one.
     states : tuple of str
         Names of the n_states states; a state named dX is the rate of X.
     values : (n, n_states) array
-        Measured states, NaN where a sample or a whole channel is missing.
+        Measured states; NaN marks missing samples and missing channels.
     rates : (n, n_states) array, optional
-        Measured noisy rates of the states, as of accelerometers; NaN where missing.
+        Measured rates of the states, as of accelerometers, in the same form.
     unknown_offsets : (n_states,) boolean array, optional
-        Whether a rate has an unknown offset that drifts slowly.
+        Whether a rate has an unknown, slowly drifting offset.
     unknown_scales : (n_states,) boolean array, optional
-        Whether a value is known up to a factor only.
+        Whether a value is known only up to a factor.
     known_noise : (2, n_states) array, optional
-        Standard deviation of a sample of each value and of each rate, NaN if unknown.
+        Known standard deviations of the noise of values and of rates; NaN if unknown.
     inputs : mapping of str to Input
-        Measured quantities that drive the motion, on the same clock, each at its own times.
+        Measured quantities that drive the motion, by name, on the same clock, each at its own
+        times.
     exact : bool
-        Whether only the rates have noise (protocol `derivative`).
+        Whether the values have no noise, but the rates do (protocol `derivative`).
 
     Raises
     ------
@@ -435,12 +437,12 @@ class Recording(Immutable):
         frame : DataFrame or mapping
             Every column except the times and the `inputs` is a state.
         time : str, optional
-            Column of times, s or dates. By default it is `t`, or the index of the frame if there is
-            no such column and the index contains dates.
+            Name of the column of times, s or dates; by default `t`. Without such a column, the
+            index of the frame is used if it has dates.
         inputs : sequence of str
-            Columns that are inputs.
+            Names of the columns that are inputs.
         between : str
-            Interpolation of all inputs, as in `Input`.
+            The inputs between their samples, as in `Input`.
 
         Returns
         -------
@@ -449,7 +451,7 @@ class Recording(Immutable):
         Raises
         ------
         ValueError
-            If such a column is missing or a column contains other values than numbers.
+            If a column is missing, or contains something else than numbers.
         """
         names = list(frame)
         column = "t" if time is None else time
@@ -482,17 +484,16 @@ class Recording(Immutable):
         return cls(times, states, values, inputs=own)
 
     def __getitem__(self, rows: slice) -> "Recording":
-        """Select the samples of a slice, such as `recording[:100]`, two or more."""
+        """Return the samples of a slice, such as `recording[:100]`, two or more."""
         own = ("values", "rates")
         cut = {name: array[rows] for name in own if (array := getattr(self, name)) is not None}
         return replace(self, time=self.time[rows], **cut)
 
     def driven(self, names: Sequence[str], least: int = 2) -> "list[Recording]":
-        """Divide the recording into stretches in which all named inputs are known.
+        """Return the stretches of the recording in which all named inputs are present.
 
-        The inputs of each are the named ones, in that order. A stretch has `least` samples or more,
-        without a gap in an input; the recording itself is returned if it has just these inputs and
-        no sample is left out.
+        Each stretch is a recording with these inputs, in that order, and has `least` samples or
+        more. The recording itself is returned if it has just these inputs and no sample is omitted.
         """
         inputs = {name: self.inputs[name] for name in names}
         there = np.ones(len(self.time), bool)

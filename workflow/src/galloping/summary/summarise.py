@@ -68,33 +68,33 @@ class StillError(ValueError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Summary(Immutable):
-    """Properties of a system by its identified model, forecasts and their reliability.
+    """Results of an identified model, and how far they can be trusted.
 
-    Its text is that of `summary.md`. None, and no motions, are what model and recordings do not
-    determine.
+    Printed, it is the text of `summary.md`. An attribute is None or empty if the model and the
+    recordings do not determine it.
 
     Attributes
     ----------
     found : IdentifiedModel
-        The model, refused or downgraded if the recordings contradict it, with forecast bands
-        widened as for the held-out samples.
+        The model. Its status is lowered if the recordings contradict it, and its forecasts have
+        the accuracy that the held-out end showed.
     recordings : tuple of Recording
     dynamics : Dynamics or None
         Equilibrium, natural frequencies, damping and limit cycle.
     held_out : HeldOut or None
-        Forecast of the end of the last recording, or of the longest if that end is too short, by a
-        model identified without it.
+        Forecast of the end of the last recording by a model identified without it. If that end is
+        too short, it is the end of the longest recording.
     untried : str
-        Reason if there is no such forecast.
+        Why nothing was held out.
     is_still : bool
-        Whether the reason is that nothing moves there.
+        Whether nothing was held out because the end does not move.
     forecast : Forecast or None
-        After the last recording.
+        Forecast of what follows the last recording.
     motions : tuple of (time, channels)
-        Motion of the model in the beginning, the middle and the end of the last recording: times
-        (n,), s, and channels (n, n_sensed).
+        Motion of the model in the first, middle and last part of the last recording: times (n,), s,
+        and channels (n, n_sensed).
     advice : Advice or None
-        The most useful further recording.
+        The further recording that would help most.
     """
 
     found: IdentifiedModel
@@ -125,9 +125,9 @@ class Summary(Immutable):
         return f"Summary of {self.found!r}"
 
     def draw_fit(self) -> "Figure":
-        """Draw the model's motion and the samples; spectra if the model has random forces.
+        """Draw the motion of the model and the samples; with random forces, their spectra.
 
-        Needs matplotlib, as `draw_forecast` does.
+        Needs matplotlib.
         """
         from galloping.summary.drawing import draw_fit, draw_spectra
 
@@ -158,18 +158,20 @@ def summarise(
 ) -> Summary:
     """Summarise an identified model and its recordings: numbers, forecasts, text and figures.
 
+    To test forecasts, the end of the last recording is held out and forecast by a model of the
+    rest.
+
     Parameters
     ----------
     found : IdentifiedModel
     recordings : Recording or sequence of Recording
-        From which the model was identified.
+        Recordings from which the model was identified.
     method : {"maximum_likelihood", "weak_gls"}
-        Method of the model. The end of the last recording is held out, and forecast by the model
-        that it identifies from the rest.
+        The method that found the model.
     seed : int
-        Of the draws behind the intervals.
+        Seed of the random numbers for the intervals.
     **options : object
-        Further keywords of the method with which the model was found, such as `prior`.
+        Further keywords that the method was called with, such as `prior`.
 
     Returns
     -------
@@ -178,7 +180,7 @@ def summarise(
     Raises
     ------
     ValueError
-        For other input.
+        If an argument has another form.
     """
     if method not in METHODS:
         raise ValueError(f"method: {method!r}; must be one of {', '.join(METHODS)}")
@@ -253,24 +255,25 @@ def dynamics(
 ) -> Dynamics | None:
     """Compute equilibrium, natural frequencies, damping and limit cycle, with 95 % intervals.
 
+    Inputs of the model are constant, at their means.
+
     Parameters
     ----------
     found : IdentifiedModel
-        Its inputs are at their means.
     recordings : Recording or sequence of Recording
-        From which the model was identified.
+        Recordings from which the model was identified.
     seed : int
-        Of the draws behind the intervals.
+        Seed of the random numbers for the intervals.
 
     Returns
     -------
     Dynamics or None
-        None if no state is the velocity of another one, or if there is no model.
+        None if there is no model, or no state is the velocity of another state.
 
     Raises
     ------
     ValueError
-        For other input.
+        If an argument has another form.
     """
     given = _check_recordings(found, recordings)
     if not len(found.extrapolation_shift):
@@ -291,23 +294,23 @@ def forecast(
     inputs: Mapping[str, Input | float] = NONE,
     seed: int = 0,
 ) -> Forecast:
-    """Forecast the samples of all sensors after a recording: median and 90 % band.
+    """Forecast the samples after the end of a recording: median and 90 % band.
+
+    If the model is `found` of a `Summary`, the band has the width that the held-out end needed.
 
     Parameters
     ----------
     found : IdentifiedModel
-        If it is `found` of a `Summary`, bands are widened as for the held-out samples.
     recording : Recording
-        May be newer than those of the model; only its end is used.
+        It may be newer than the recordings of the model; only its end is used.
     time : (n,) array, optional
-        s, later than the last sample, on the recording's clock; by default as long as `window`.
+        Times after its last sample, s, on its clock; by default as long as `window`.
     window : float, optional
-        Length of the end of the recording that determines the initial state, s; by default six
-        periods of the motion.
+        Length of the end from which the forecast starts, s; by default six periods of the motion.
     inputs : mapping of str to Input or float
-        Inputs after the recording, measured or constant, if the recording does not contain them.
+        Inputs after the recording, measured or constant, unless the recording contains them.
     seed : int
-        Of the draws behind the band.
+        Seed of the random numbers for the band.
 
     Returns
     -------
@@ -316,8 +319,8 @@ def forecast(
     Raises
     ------
     ValueError
-        If there is no model, if it does not follow the recording, if an input is not known, if most
-        draws diverge, and for other input.
+        If there is no model, it does not follow the recording, an input is unknown, most models
+        drawn from its covariance diverge, or an argument has another form.
     """
     (recording,) = _check_recordings(found, recording)
     if window is None:

@@ -44,13 +44,13 @@ class Trajectory(Immutable):
     Attributes
     ----------
     time : (n,) array
-        s.
+        Times, s.
     states : (n, n_states) array
-        NaN from where the integration ended early.
+        NaN after the integration ended early.
     status : str
-        `ok`, or why it ended early.
+        `ok`, or why the integration ended early.
     names : tuple of str
-        Of the states, if known.
+        Names of the states, if they are known.
     """
 
     time: NDArray[np.float64]
@@ -80,17 +80,17 @@ class Trajectory(Immutable):
 class Simulator:
     """Simulator of all models with one candidate library.
 
-    Without inputs the motion is accurate to double precision. With inputs the integrator is that of
-    the likelihood, whose steps are as short as those between samples of the inputs.
+    Without inputs, the motion is accurate to double precision. With inputs, the integrator is that
+    of the likelihood, whose steps are as short as the sampling intervals of the inputs.
 
     Parameters
     ----------
     states : tuple of str
         Names of the states.
     terms : tuple of Exponents
-        Exponents of the monomials that models may use.
+        Exponents of the terms that models may have.
     inputs : tuple of str
-        Names of the models' inputs.
+        Names of the inputs of the models.
     """
 
     def __init__(

@@ -86,48 +86,49 @@ def maximum_likelihood(
     coefficients: Sequence[Coefficient] = (),
     allowed: ArrayLike | None = None,
 ) -> IdentifiedModel:
-    """Identify one polynomial model from one or several recordings of a system.
+    """Identify one model from one or several recordings of a system.
 
-    The noise of each channel of each recording is modelled as white and Gaussian. Its size is
-    estimated, and is at least the one that a recording states. If the values of all recordings are
-    exact, the equations are fitted to their rates directly.
+    The noise of each channel is assumed to be white and Gaussian; its size is estimated. If the
+    values of all recordings are exact, the equations are fitted to the measured rates.
 
     Parameters
     ----------
     recordings : Recording or sequence of Recording
-        With the same states; any sampling, NaN where samples or channels are missing.
+        Recordings with the same states, at any times; NaN marks missing samples. If a recording
+        states the size of its noise, no smaller noise is assumed, and the residuals are compared
+        with this size.
     terms : tuple of Exponents
-        The library, in the states or in the states and the inputs of the first recording, which all
-        must have. Of a recording the stretches with inputs are used, to which `initial_states` and
-        `sigma` of the result refer.
+        The candidate terms, in the states, or in the states and the inputs of the first recording.
+        All recordings must have these inputs. Stretches without an input are omitted, and
+        `initial_states` and `sigma` of the result are those of the remaining stretches.
     known : PolynomialModel, optional
-        Contains the equations of `known_states`. The equation of a state X is always known to be
-        dX/dt = dX if a state has that name.
+        Model whose equations of `known_states` are known. The equation dX/dt = dX is always known
+        if X and dX are states.
     known_states : tuple of str
         States whose equations are known.
     prior : Prior or None
-        Prior odds of the terms; None: the data alone select them.
+        Prior odds of terms. None replaces them by a penalty of 2 ln N for N samples.
     start : Start, optional
-        Of `weak_form.make_start`, if it is made already.
+        The result of `weak_form.make_start`, if it exists already.
     forced : sequence of str, optional
-        Coordinates or states that unmeasured random forces excite, () for all; the model is then
-        that of `fit_random_forces`. By default such forces are tried if the motion may be due to
-        them.
+        Coordinates or states that unmeasured random forces move, () for all; the model is then that
+        of `fit_random_forces`. By default random forces are tried if they could have caused the
+        motion.
     coefficients : sequence of Coefficient
-        Priors and bounds of single coefficients, whose terms are then always present.
+        Prior knowledge of single coefficients. Terms with a Gaussian prior are always present.
     allowed : (n_states, n_terms) boolean array, optional
-        Equations in which each term is sought; all by default.
+        Equations in which each term is sought; by default all.
 
     Returns
     -------
     IdentifiedModel
-        With status `ok`, `not identifiable` (other terms are possible as well), `approximate` (no
-        model of the library follows the data to the noise; see `model_error`), or `refused`.
+        Its status is `ok`, `not identifiable` (other terms would fit as well), `approximate` (no
+        model of the library follows the recordings to their noise) or `refused` (no model).
 
     Raises
     ------
     ValueError
-        If the recordings differ in their states, and for other input.
+        If the recordings differ in their states, or an argument has another form.
     """
     recordings = checked_recordings(recordings)
     problem = validated_problem(

@@ -35,30 +35,31 @@ def weak_gls(
 ) -> IdentifiedModel:
     """Identify one model from noisy states by the weak form, in generalised least squares.
 
-    The intervals are those of the linearised weak form, inflated by the misfit if it exceeds one.
+    It is faster and less accurate than `maximum_likelihood`.
 
     Parameters
     ----------
     recordings : Recording or sequence of Recording
-        Of one system, any sampling, NaN where missing.
+        Recordings of one system, at any times; NaN marks missing samples.
     terms : tuple of Exponents
-        The library.
+        The candidate terms.
     known : PolynomialModel, optional
-        Contains the equations of `known_states`. The equation of a state X is always known to be
-        dX/dt = dX if a state has that name.
+        Model whose equations of `known_states` are known. The equation dX/dt = dX is always known
+        if X and dX are states.
     known_states : tuple of str
         States whose equations are known.
     start : Start, optional
-        Of `make_start`, if it is made already.
+        The result of `make_start`, if it exists already.
 
     Returns
     -------
     IdentifiedModel
+        Its intervals are those of the linearised weak form, widened if the misfit is above one.
 
     Raises
     ------
     ValueError
-        For input that does not fit.
+        If an argument has another form.
     """
     recordings = checked_recordings(recordings)
     problem = validated_problem(recordings, terms, known, known_states)
