@@ -132,6 +132,7 @@ def test_a_killed_run_is_told_and_repaired(harmed):
     harmed.check()
 
 
+@pytest.mark.faults
 def test_interruptions_second_runs_and_killed_jobs_are_told(harmed):
     harmed.take(*FIGURES)
     run = harmed.start("--cores", "1")
@@ -151,6 +152,7 @@ def test_interruptions_second_runs_and_killed_jobs_are_told(harmed):
     harmed.check()
 
 
+@pytest.mark.faults
 def test_damage_is_told_and_mended_and_edits_are_kept(harmed):
     assert "Nothing to do" in harmed.finish()
     harmed.take("tables/.noise_r2.csv.receipt")
@@ -173,6 +175,7 @@ def test_damage_is_told_and_mended_and_edits_are_kept(harmed):
     harmed.check()
 
 
+@pytest.mark.faults
 def test_without_the_records_of_snakemake_receipts_tell_what_an_edit_made_stale(harmed):
     shutil.rmtree(harmed.folder / ".snakemake")
     smoke = harmed.folder / "config/smoke.yaml"
