@@ -167,7 +167,7 @@ OTHERS = {
     "a function body in a method that is not asked for": [
         statement_added("identification/sparse/lasso.py")],
     "a comment, a docstring or the layout of a module": [
-        replaced(PHYSICS, '"""The galloping equations: ', '"""Words: '),
+        replaced(PHYSICS, '"""Galloping equations: ', '"""Words: '),
         replaced(PHYSICS, "= slope / ", "= (\n slope  # words\n) / "),
     ],
     "an error message where no number is computed: `reproducibility/job.py`": [replaced(
