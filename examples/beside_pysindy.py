@@ -1,7 +1,7 @@
 """The same noisy recordings by pysindy and by `MaximumLikelihood`: the table of a page of docs/.
 
     OPENBLAS_NUM_THREADS=1 python beside_pysindy.py    # prints it; some minutes
-    OPENBLAS_NUM_THREADS=1 python beside_pysindy.py 2  # of two recordings each
+    OPENBLAS_NUM_THREADS=1 python beside_pysindy.py Duffing  # of one system
 
 What a user of pysindy has to choose is chosen with the truth, as no user can: of each recording the
 threshold and the window that give the most right terms, and of those the smallest error. Smoothing
@@ -100,17 +100,19 @@ def by_likelihood(names, x, t, u):
     return model.coef_, time.process_time() - begun
 
 
+RECORDINGS = 5  # of each system and level, each with other noise
 METHODS = ("as it comes", "smoothed", "weak form")  # of pysindy
 OURS = "maximum likelihood"
 
 
-def main(recordings: int = 5) -> None:
-    """Print the table. recordings: of each system and level, each with other noise."""
+def main(*systems: str) -> None:
+    """Print the table, of all systems or those named."""
     columns = [*(f"pysindy, {method}" for method in METHODS), OURS]
     print_row("System", "Noise", *columns)
     print_row(*["---"] * (len(columns) + 2))
     times: dict[str, list[float]] = {method: [] for method in columns}
-    for name, (text, start, duration, rate, force) in SYSTEMS.items():
+    for name in systems or SYSTEMS:
+        text, start, duration, rate, force = SYSTEMS[name]
         t = np.arange(duration * rate) / rate
         model = galloping.parse_model(text, ["F"] if force else ())
         driving = {"F": galloping.Input(t, force(t))} if force else None
@@ -124,7 +126,7 @@ def main(recordings: int = 5) -> None:
         for level in LEVELS:
             judged: dict[str, list[tuple[int, float]]] = {method: [] for method in columns}
             taken: dict[str, list[float]] = {method: [] for method in columns}
-            for seed in range(recordings):
+            for seed in range(RECORDINGS):
                 rng = np.random.default_rng([seed, len(name)])
                 x = motion + level * motion.std(axis=0) * rng.standard_normal(motion.shape)
                 answers = {
@@ -156,4 +158,4 @@ def print_row(*cells: str) -> None:
 
 if __name__ == "__main__":
     warnings.simplefilter("ignore")  # of pysindy, where a threshold leaves no term
-    main(*map(int, sys.argv[1:]))
+    main(*sys.argv[1:])
