@@ -8,22 +8,21 @@ from pathlib import Path
 import numpy as np
 
 from galloping.configuration.load import load, plain
-from galloping.line.continuous import release, sensor_readings, simulate, span, wind_speed
-from galloping.line.galerkin import Line, modes
+from galloping.line.continuous import continuous_line, release, sensor_readings, simulate, wind
 
 RATE, END = 12.5, 300.0  # Hz, s
 GUSTS = {"intensity": 0.12, "length_scale": 100.0, "spectrum": "von_karman"}  # m
 NOISE, OF_WIND = 20.0, 0.05  # mm, m/s
 
 case = plain(load({"cases": {"span": {}}}))["cases"]["span"]
-line = span(case, *([shape] for shape in modes(case, Line.from_case(case))))
+line = continuous_line(case, sines=0)
 time = np.arange(0.0, END, 1 / RATE)
 rng = np.random.default_rng(30)
-wind = wind_speed(time, mean=line.speed, rng=rng, **GUSTS)
-states = simulate(line, release(line, [0.2, 0.1]), time, wind)
-displacement = 1e3 * sensor_readings(line, states, [line.line.span / 2], "displacement")[:, 0]
+speed = wind(line, GUSTS, time, rng)
+states = simulate(line, release(line, [0.2, 0.1]), time, speed)
+displacement = 1e3 * sensor_readings(line, states, [0.5])[:, 0, :2]
 displacement += NOISE * rng.standard_normal(displacement.shape)
-measured = wind + OF_WIND * rng.standard_normal(len(time))
+measured = speed + OF_WIND * rng.standard_normal(len(time))
 
 lines = ["t [s],v [mm],w [mm],wind [m/s],air [degC]"]
 for k, now in enumerate(time):

@@ -13,7 +13,7 @@ from galloping.line.continuous import QUARTERS, continuous_line, release, sensor
 RATE, BEGIN, END = 25.0, 20.0, 220.0  # Hz, s
 NOISE, SHAKE, BIAS, DRIFT = 20.0, 0.06, (0.31, -0.12), 0.05  # mm, m/s^2 and m/s^2, in all
 
-line = continuous_line(plain(load({"cases": {"span": {}}}))["cases"]["span"], modes=7)
+line = continuous_line(plain(load({"cases": {"span": {}}}))["cases"]["span"], sines=7)
 places = [share * line.line.span for share in QUARTERS]
 time = np.arange(0.0, END, 1 / RATE)
 states = simulate(line, release(line, [0.2, 0.1]), time)
@@ -21,9 +21,11 @@ seen = time >= BEGIN
 time, states = time[seen] - BEGIN, states[seen]
 
 rng = np.random.default_rng(20)
-displacements = 1e3 * sensor_readings(line, states, places, "displacement").reshape(len(time), -1)
+readings = sensor_readings(line, states, QUARTERS)  # of displacements and velocities
+rates = np.array([line.rates(state, line.speed) for state in states])
+displacements = 1e3 * readings[:, :, :2].reshape(len(time), -1)
 displacements += NOISE * rng.standard_normal(displacements.shape)
-acceleration = sensor_readings(line, states, places[1:2], "acceleration")[:, 0]
+acceleration = sensor_readings(line, rates, QUARTERS[1:2])[:, 0, 2:]
 acceleration += BIAS + DRIFT * (time / time[-1])[:, None]
 acceleration += SHAKE * rng.standard_normal(acceleration.shape)
 

@@ -1,9 +1,12 @@
 """Files of known truth: the motions obey their equations, and what is said of them is judged."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
+from studies import run
 
 from galloping.identification.observations import Code
 from galloping.streams import make_generator
@@ -62,3 +65,18 @@ def test_a_file_is_identified_as_by_the_command():
     row = next(trial(11, "limit cycle in micrometres", [0], {"maximum_likelihood": {}}))
     assert (row["case"], row["replicate"], row["status"]) == ("limit cycle in micrometres", 0, "ok")
     assert row["exact_support"] and not row["ok_and_wrong"] and row["work"] > 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("script", "written"),
+    [("record_line", "span"), ("record_gusts", "gusts"), ("record_ambient", "ambient")],
+)
+def test_example_recordings_are_those_of_their_scripts(root, tmp_path, script, written):
+    shutil.copy(root / "examples" / f"{script}.py", tmp_path)
+    done = run(tmp_path, f"{script}.py", OPENBLAS_NUM_THREADS="1")
+    assert done.returncode == 0, done.stdout
+    made, kept = (
+        pd.read_csv(folder / f"{written}.csv") for folder in (tmp_path, root / "examples")
+    )
+    pd.testing.assert_frame_equal(made, kept, atol=1.01, rtol=0)  # mm; rounding of processors

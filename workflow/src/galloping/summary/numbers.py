@@ -272,7 +272,7 @@ def _estimate_system(
 
 def _small_motion(known: Dynamics, name: str) -> SmallMotionEstimates:
     frequency, damping = known.frequencies[name], known.damping[name]
-    grows = damping.value < -ROUNDING and not damping.high > ROUNDING
+    grows = damping.value < -ROUNDING and damping.high <= ROUNDING  # not if unknown
     return SmallMotionEstimates(
         name,
         Estimate.of(frequency, "Hz"),

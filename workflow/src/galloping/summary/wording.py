@@ -309,8 +309,11 @@ def _of_small(
         "unsure": [
             state
             for state, value in damped.items()
-            if abs(value.value) < ROUNDING or value.low < -ROUNDING < ROUNDING < value.high
+            if abs(value.value) < ROUNDING
+            or isnan(value.low + value.high)
+            or value.low < -ROUNDING < ROUNDING < value.high
         ],
+        "untold": any(isnan(value.low + value.high) for value in damped.values()),
         "growing": [
             f"{_name(one.name)} ones double in {_doubling(one.doubling_time)}"
             for one in system.small_motions
