@@ -40,7 +40,7 @@ def predict_winds(case, protocol, identified, prediction, line, winds, methods, 
         for k, model in enumerate(models[method]):
             rng = make_generator(seed, "prediction", case, protocol, method, k)
             cell = {"case": case, "protocol": protocol, "method": method, "replicate": k}
-            rows += prediction_rows(cell, _predicted(model, line, winds, rng), true, model.verdict)
+            rows += prediction_rows(cell, _predicted(model, line, winds, rng), true, model.status)
     write_rows(prediction, rows)
 
 

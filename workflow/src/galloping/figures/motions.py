@@ -320,4 +320,4 @@ def _draw_predictions(axes: Axes, lines: Mapping[str, pd.DataFrame]) -> None:
 def _describe_doubt(line: pd.DataFrame) -> str:
     """Return the status of a method in brackets, if it assesses its models and it is not ok."""
     doubtful = sorted(set(line["verdict"]) - {"ok", "unjudged"})
-    return f" ({doubtful[0].partition(':')[0]})" if doubtful else ""
+    return f" ({doubtful[0]})" if doubtful else ""
