@@ -65,10 +65,10 @@ def claims() -> Table:
         ("default line, 5 to 15 % noise: exact", "all",
          percent(known["exact_support"].sum(), known["fits"].sum()),
          known["exact_support"].sum() == known["fits"].sum()),
-        ("faults of sensors: `ok` and wrong", "at most 1 of 20 for each fault",
+        ("faults and disturbances: `ok` and wrong", "at most 1 of 20 for each fault",
          f"at most {faults['ok_and_wrong'].max()} of {faults['fits'].max()}",
          faults["ok_and_wrong"].max() <= 1),
-        ("faults of sensors: named in the reason", "at least 15 of 20 for each fault",
+        ("faults and disturbances: named in the reason", "at least 15 of 20 for each fault",
          f"at least {named.min():.0f} of {faults['fits'].min()} ({named.idxmin()})",
          named.min() >= 15),
         (f"{table_of('trust/systems')['system'].nunique()} published systems, 1 to 20 % noise: "
@@ -100,9 +100,10 @@ def statuses_of_groups() -> Table:
     rows["case"] = rows["case"].where(~(of_fault & (rows["case"] == "none")), "no fault")
     for row in rows.to_dict("records"):
         case = row["protocol"] if row["group"] == "default line" else row["case"]
+        group = row["group"].replace("sensor faults", "faults, disturbances")
         share = row["coverage_unconditional"]
         held = "" if pd.isna(share) else f"{100 * share:.0f} %"
-        yield (f"{row['group']}: {case}", f"{100 * row['level']:.0f} %",
+        yield (f"{group}: {case}", f"{100 * row['level']:.0f} %",
                *(f"{row[each]:,}" for each in counts), held)  # fmt: skip
 
 
@@ -112,7 +113,7 @@ def statuses_of_groups() -> Table:
 def models_of_real_lines() -> Table:
     """Errors of models of lines that no library contains, median and worst."""
     found = table_of("reality/model_error")
-    yield "Line, sensors", "Amplitudes", "Net damping", "Frequencies", "95 % intervals"
+    yield "Line", "Sensors", "Amplitudes", "Net damping", "Frequencies", "95 % intervals"
     for row in found[found["method"] == OURS].to_dict("records"):
         cells = []
         for what in ("amplitude", "damping", "frequency"):
@@ -124,7 +125,8 @@ def models_of_real_lines() -> Table:
             largest = "" if none else f"{float(format(max(worst), '.2g')):g}"
             cells.append("no cycle" if none else f"{max(errors):.2g} % ({largest})")
         covered = f"{row['coverage_95_percent']:.0f} %"
-        yield f"{row['truth']}, {row['sensors']}", *cells, covered
+        line = row["truth"].removesuffix(f", {row['sensors']}")
+        yield line, row["sensors"], *cells, covered
 
 
 # --- settings of published methods: make published ---
@@ -213,7 +215,7 @@ def two_modes() -> Table:
             for direction in ("vertical", "horizontal")
             for column, digits in (("limit_cycle_m", 3), ("limit_cycle_error_percent", 1))
         ]
-        yield line, *cells
+        yield re.sub(r"^(\d+) (modes?)$", r"\1 sine \2", line), *cells
 
 
 BLOCKS: dict[str, Callable[[], Table]] = {

@@ -8,6 +8,7 @@ import pandas as pd
 from galloping.paper.agreement import NUMBERS, PRINTED
 from galloping.paper.claims import AT_LEAST, AT_MOST, CLAIMS, HELD, Claim
 from galloping.paper.unknowns import UNKNOWNS
+from galloping.tables.inference import NEAR
 
 STATES = {"vertical": "q_v", "horizontal": "q_w"}
 SIGNS = {AT_LEAST: "≥ ", AT_MOST: "≤ "}
@@ -67,16 +68,17 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
     """
     bounds = sum(not claim.is_number for claim in PRINTED)
     text = (
-        f"The paper does not state {len(UNKNOWNS)} numbers that the study needs, from the wind "
-        "speed to the threshold of the method. These numbers were fitted to what the paper states "
-        f"about noisy recordings: {len(NUMBERS)} errors, and {bounds} bounds and statements in "
-        "words. Agreement with the fitted statements shows consistency; it does not confirm the "
-        "paper."
+        f"The paper does not state {len(UNKNOWNS)} numbers that the study needs, such as the wind "
+        "speed and the threshold of its method. These numbers were fitted to what the paper states "
+        f"about noisy recordings: {len(NUMBERS)} errors, {bounds} bounds and statements in words, "
+        "and a steady motion. Agreement with the fitted statements shows consistency; it does not "
+        "confirm the paper."
     )
     if region is not None:
         first = region.drop_duplicates("unknown").set_index("unknown")["verdict"]
         determined = int((first.reindex([u.name for u in UNKNOWNS]) == "determined").sum())
-        text += f" The fit determines {determined or 'none'} of the {len(UNKNOWNS)} numbers."
+        text += f" The fit determines {determined or 'none'} of the {len(UNKNOWNS)} numbers"
+        text += f" within a factor of {NEAR}."
     joint = paper[paper["role"] == "joint"]
     if len(joint):
         first = joint[joint["case"] == joint["case"].iloc[0]].to_dict("records")
@@ -84,7 +86,11 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
             group = row["claim"].removesuffix(" in the same draw")
             text += f" {_format_percent(row['share_met'])} of the noise realisations satisfy "
             text += f"{group.replace('words', 'statements in words')} at once"
-            text += ", those about noise-free recordings included." if "words" in group else "."
+            text += (
+                ": the fitted ones, and those about noise-free recordings."
+                if "words" in group
+                else "."
+            )
     return text
 
 
