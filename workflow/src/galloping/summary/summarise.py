@@ -90,7 +90,7 @@ class Summary(Immutable):
         Whether nothing was held out because the end does not move.
     forecast : Forecast or None
         Forecast of what follows the last recording.
-    motions : tuple of (time, channels)
+    motions : tuple of (ndarray, ndarray)
         Motion of the model in the first, middle and last part of the last recording: times (n,), s,
         and channels (n, n_sensed).
     advice : Advice or None
