@@ -130,7 +130,7 @@ def test_prediction():
     near = np.column_stack([true, true])
     wide = Prediction(np.array([8.0, 12.0]), near, 0.9 * near, 1.1 * near, np.zeros(2))
     cell = {"case": "line", "protocol": "state", "method": "maximum_likelihood", "replicate": 0}
-    told = rows.prediction_rows(cell, wide, true, "not identifiable: q_v^3")
+    told = rows.prediction_rows(cell, wide, true, "not identifiable")
     assert len(told) == 4 and all(row["interval_contains_truth"] for row in told)
     nothing = np.full((2, 4), np.nan)
     lost = Prediction(wide.winds, nothing, nothing, nothing, np.ones(2), "it does not settle")
