@@ -219,7 +219,7 @@ class MaximumLikelihood:
             State at t[0].
         t : (n,) array
             Increasing times, s.
-        u : (n,) or (n, n_inputs) array, frame, mapping, or function of time
+        u : (n,) or (n, n_inputs) array, frame, mapping, or callable
             Inputs at the times `t`. A mapping of names may have an `Input` or a constant.
 
         Returns

@@ -228,7 +228,7 @@ def make_inputs(
 
     Parameters
     ----------
-    u : (n,) or (n, n_inputs) array, frame, mapping of names, function of time, or None
+    u : (n,) or (n, n_inputs) array, frame, mapping of names, callable, or None
         Inputs at `time`. An `Input` or a number of a mapping is unchanged.
     time : (n,) array
         Times in s.
