@@ -295,7 +295,7 @@ def _by_column(texts: Iterable[str]) -> dict[str, str]:
 
 
 def propose_mapping(file: str, options: Mapping[str, Any], taken: Sequence[str] = ()) -> Proposal:
-    """Propose a mapping for a file, as `propose` does. options: as of `mapping_of`."""
+    """Propose what each column of a file measures. options: as of `mapping_of`."""
     time = options["time_column"]
     table = read_table(file, options["decimal"], time, ROWS)
     return propose(table, *_split_units(options["units"]), time, taken, options["rate"])

@@ -59,7 +59,7 @@ def verdicts(trust: pd.DataFrame) -> list[str]:
 
 
 def inferred(region: pd.DataFrame) -> list[str]:
-    """Write sentences on unprinted numbers inferred from the paper, of paper_region.csv."""
+    """Describe the numbers that the paper does not print, as inferred in paper_region.csv."""
     labels = {unknown.name: unknown.label for unknown in UNKNOWNS}
     named = {
         verdict: ", ".join(labels.get(name, name) for name in of["unknown"])

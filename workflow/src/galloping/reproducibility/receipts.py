@@ -119,7 +119,10 @@ def grows(path: str | Path, settings: Mapping, key: str) -> bool:
 
 
 def receipts(results: str | Path) -> dict[str, Receipt]:
-    """Read the receipts of a results folder by path, without those of results inside it."""
+    """Read how each file of a results folder was made: its receipts, by path.
+
+    Receipts of other results inside the folder are left out.
+    """
     found = (
         read_receipt(path.with_name(path.name[1 : -len(SUFFIX)]))
         for path in sorted(Path(results).rglob(f".*{SUFFIX}"))

@@ -92,7 +92,7 @@ def sensor_protocol(study: Study) -> Protocol:
 
 
 def equations_beside(study: Study) -> list[tuple[Cell, Method]]:
-    """Choose whole records of the first case, with methods, whose equations are compared.
+    """Choose the study cells and methods whose identified equations are tabulated.
 
     They are the paper's pair at the lowest noise level and at that of the subsets, and our method
     from sensors at the latter.
@@ -108,7 +108,7 @@ def equations_beside(study: Study) -> list[tuple[Cell, Method]]:
 
 
 def least_noise(study: Study, case: Case) -> Cell:
-    """Return the whole record of the paper's pair at the lowest level."""
+    """Return the study cell of the paper's setup and method that has the lowest noise."""
     return _cells_of_pair(study, case, paper_pair(study), NOISE)[0]
 
 

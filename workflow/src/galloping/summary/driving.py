@@ -31,7 +31,7 @@ def driving(
     time: str | None = None,
     kinds: Mapping[str, str] = NONE,
 ) -> dict[str, Input | float]:
-    """Collect inputs by name, constant by `at`, the others from a file, s from its first time.
+    """Collect the inputs of a model: constant values from `at`, the others from a file.
 
     model: for the message. time: the column of times. kinds: interpolation of inputs. Columns have
     the names of the inputs, with their units. Raises ValueError if an input is missing, and for

@@ -48,7 +48,7 @@ def is_of_one_coordinate(recordings: Sequence[Recording]) -> bool:
 
 
 def find_free_motion(recordings: Sequence[Recording]) -> FreeMotion | None:
-    """Find free motion before any search.
+    """Detect motion that decays or grows freely, before the usual search.
 
     It is searched for in a single coordinate, and in linear motion if displacements are not
     measured.

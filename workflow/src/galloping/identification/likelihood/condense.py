@@ -135,7 +135,7 @@ class Condensed:
 
 
 def rate_functionals(functionals: np.ndarray, step: float) -> np.ndarray:
-    """Convert functionals of a state's Taylor coefficients to those of its rate."""
+    """Convert weights on a state's Taylor coefficients to those that give its rate."""
     shifted = np.zeros_like(functionals)
     powers = np.arange(1, functionals.shape[-1]) / step
     np.multiply(functionals[..., :-1], powers, out=shifted[..., 1:])

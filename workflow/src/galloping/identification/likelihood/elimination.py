@@ -32,7 +32,7 @@ STATE_RIDGE = 1e-12  # of the information about a state, added: a stretch may te
 
 @dataclass(frozen=True)
 class Eliminated:
-    """Regression on the coefficients, and the response of the segments' states to them.
+    """Linear regression for the coefficients after the segments' states are eliminated.
 
     information: (n, n), right: (n,) of the coefficients' change. response: (n_segments, n_states, n
     + 1), of each state to the coefficients' change, and constant.

@@ -144,7 +144,7 @@ def _iterate_free_segments(fit: ShootingFit) -> Step:
 
 
 def prepare_fit(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
-    """Condense the samples of a start, in segments of `periods` periods with first states.
+    """Set up multiple shooting from an initial guess, in segments of `periods` periods.
 
     Windows are halved until the Taylor series is accurate over one, segments until the start does
     not diverge within one. Raises FloatingPointError if neither suffices.
