@@ -161,6 +161,8 @@ def test_an_identification_that_is_ended_leaves_nothing(tmp_path, sent, code, la
 def test_a_forecast_from_too_few_samples_is_refused(tmp_path, model):
     command = ("forecast", model, *recorded(tmp_path / "a.csv"), "--duration", 1)
     assert len(run(*command).splitlines()) == 26
+    told = CliRunner().invoke(main, [str(each) for each in command])
+    assert "unjudged" in told.stderr  # no forecast is printed without the status of its model
     said = run(*command, "--window", 0.01, code=1)
     assert "0.01 s" in said and "1 samples" in said
 

@@ -107,6 +107,23 @@ def test_systems_that_are_no_oscillators():
     assert not condition.cycles
 
 
+@pytest.mark.filterwarnings("error")
+def test_each_mode_has_a_state_of_its_own_and_rounding_is_no_growth():
+    terms = tuple(map(tuple, np.eye(4, dtype=int)))
+    stiffness = np.array([[4.0, -0.5], [-0.5, 1.0]])
+    rates = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, np.zeros((2, 2))]])
+    model = PolynomialModel(("x", "y", "dx", "dy"), terms, rates)
+    free = np.argwhere(model.support)
+    found = IdentifiedModel(
+        model, "ok", covariance=np.diag(np.where(free[:, 0] < 2, 0.0, 1.0)),
+        initial_states=np.array([[0.01, 10.0, 0.0, 0.0]]),
+    )  # fmt: skip
+    (rest,) = assess(found).conditions[0].equilibria
+    assert [mode.state for mode in rest.modes] == ["y", "x"]
+    assert all(mode.damping.value == 0.0 for mode in rest.modes)
+    assert all(mode.damping.low <= 0.0 <= mode.damping.high for mode in rest.modes)
+
+
 def test_a_force_may_be_below_zero_and_a_little_outside_of_what_was_recorded():
     for low, high, value, count in ((-3.0, 3.0, -9.0, 1), (0.5, 3.0, -1.0, 1), (-3.0, 3.0, 1.0, 0)):
         found = replace(oscillator(), diagnostics={"U_low": low, "U_high": high})

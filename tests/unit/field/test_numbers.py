@@ -137,8 +137,11 @@ def test_a_clock_that_starts_again_parts_a_recording_and_rows_out_of_order_do_no
     head, *rows = (tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()[:3752]
     swapped = [head, *rows[2000:], *rows[:2000]]
     (tmp_path / "b.csv").write_text("\n".join(swapped), encoding="utf-8")
-    (whole,) = files.read(tmp_path / "b.csv").recordings
-    np.testing.assert_array_equal(whole.values, field.recordings[0].values)
+    packets = [head, *rows[:1000], rows[1001], rows[1000], *rows[1002:]]
+    (tmp_path / "c.csv").write_text("\n".join(packets), encoding="utf-8")
+    for name in ("b.csv", "c.csv"):
+        (whole,) = files.read(tmp_path / name).recordings
+        np.testing.assert_array_equal(whole.values, field.recordings[0].values)
 
 
 def test_samples_count_once(tmp_path):

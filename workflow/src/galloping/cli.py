@@ -314,6 +314,8 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     with shown():
         ahead = forecast_from(loaded, recording, time, window=window, inputs=inputs, seed=seed)
     print_rows(forecast_rows(ahead), as_json)
+    if loaded.status != "ok":
+        click.echo(f"Caution: status of the model: {loaded.verdict}", err=True)
 
 
 @main.command()

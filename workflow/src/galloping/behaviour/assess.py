@@ -20,7 +20,7 @@ from galloping.behaviour.assessment import (
     RestPosition,
     SmallMotion,
 )
-from galloping.behaviour.dynamics import LARGER, Value, zero_of
+from galloping.behaviour.dynamics import LARGER, ROUNDING, Value, zero_of
 from galloping.behaviour.following import simulator_of
 from galloping.cycles.continuation import Point, Range
 from galloping.cycles.diagram import Diagram, diagram, equilibrium_branch, hopf_points
@@ -139,12 +139,13 @@ class _Drawn:
     def of(cls, found: IdentifiedModel, seed: int) -> "_Drawn":
         """Draw models from an identified model."""
         known = found.initial_states[np.isfinite(found.initial_states).all(axis=1)]
-        # where nothing tells how far it moves, as far as a span
-        start = known[-1] if len(known) else np.full(len(found.model.states), 0.1)  # not the origin
+        recorded = {name: ends for name in found.model.states if (ends := found.recorded(name))}
+        # without known states the largest recorded ones, or 1 in their units: not an equilibrium
+        largest = np.array([max(recorded.get(n, (0.0,)), key=abs) for n in found.model.states])
+        start = known[-1] if len(known) else largest if largest.any() else np.ones(len(largest))
         rng = np.random.default_rng(seed)
         draws = draw_models_and_rivals(found, rng)
         small = extrapolate(draws, found, rng)
-        recorded = {name: ends for name in found.model.states if (ends := found.recorded(name))}
         return cls(found.model, tuple(draws), tuple(small), start, recorded)
 
     def at(self, values: Mapping[str, float]) -> "_Drawn":
@@ -340,16 +341,17 @@ def _describe_equilibrium(of: _Drawn, rest: np.ndarray, size: np.ndarray) -> Res
             places.append(at.x)
             matched.append(own[order])
     shown = list(velocity_pairs(best.states)) or list(range(len(best.states)))
-    shares = np.abs(vectors[shown]) / size[shown, np.newaxis]
+    order = [k for k in np.argsort(np.abs(values)) if values[k].imag >= 0]
+    shares = np.abs(vectors[np.ix_(shown, order)]) / size[shown, np.newaxis]
     modes = []
-    for k in (k for k in np.argsort(np.abs(values)) if values[k].imag >= 0):
-        state = best.states[shown[int(np.argmax(shares[:, k]))]]
+    for k, place in zip(order, _assign_states(shares), strict=True):
+        state = best.states[shown[place]]
         rate, own = values[k], np.array([each[k] for each in matched])
         if rate.imag > 0:
             frequency = Value.of(
                 abs(rate) / (2 * np.pi), interval_of_draws(np.abs(own) / (2 * np.pi))
             )
-            damping = Value.of(-rate.real / abs(rate), interval_of_draws(-own.real / np.abs(own)))
+            damping = Value.of(_damping_ratios(rate), interval_of_draws(_damping_ratios(own)))
         else:
             frequency, damping = (
                 Value(0.0, 0.0, 0.0),
@@ -365,6 +367,24 @@ def _describe_equilibrium(of: _Drawn, rest: np.ndarray, size: np.ndarray) -> Res
         if name in place
     )
     return RestPosition(place, tuple(modes), beyond)
+
+
+def _damping_ratios(rates: np.ndarray) -> np.ndarray:
+    """Compute damping ratios of eigenvalues (n,); zero for those that are zero up to rounding."""
+    size = np.abs(rates)
+    ratios = np.divide(-np.real(rates), size, out=np.zeros(np.shape(rates)), where=size > 0.0)
+    return np.where(np.abs(ratios) < ROUNDING, 0.0, ratios)
+
+
+def _assign_states(shares: np.ndarray) -> np.ndarray:
+    """Choose the state that names each mode: each another one if there are as many.
+
+    shares: (n_states, n_modes), how much each state moves in a mode, relative to the motion.
+    """
+    if shares.shape[0] != shares.shape[1]:
+        return np.argmax(shares, axis=0)
+    shares = shares / np.maximum(shares.sum(axis=0), np.finfo(float).tiny)
+    return linear_sum_assignment(shares.T, maximize=True)[1]
 
 
 def _describe_cycle(of: _Drawn, point: Point) -> Cycle:

@@ -10,7 +10,7 @@ PLACES = {code: place for place, code in enumerate(Code)}  # what weighs more co
 
 def sentence_of(finding: Finding) -> str:
     """Format a finding as one technical sentence; '' if it does not affect the status."""
-    return finding_kinds()[finding.code].sentence.format_map(_template_values(finding))
+    return _fill_template(finding_kinds()[finding.code].sentence, 0, _template_values(finding))
 
 
 def reason_of(findings: Iterable[Finding]) -> str:
@@ -67,6 +67,13 @@ def _fill_template(template: str, side: int, values: Mapping[str, object]) -> st
     return text.format_map(values).replace(" .", ".").replace(" ,", ",")
 
 
+class _Unknown:
+    """Number that was not determined, formatted as a word."""
+
+    def __format__(self, specification: str) -> str:
+        return "unknown"
+
+
 def _sort_by_weight(findings: Iterable[Finding]) -> list[Finding]:
     return sorted(findings, key=lambda finding: PLACES[finding.code])
 
@@ -74,6 +81,7 @@ def _sort_by_weight(findings: Iterable[Finding]) -> list[Finding]:
 def _template_values(finding: Finding) -> dict[str, object]:
     """Collect the values of templates: subject, data, and shares in percent and in words."""
     values: dict[str, object] = {"subject": finding.subject, **finding.data}
+    values |= {name: _Unknown() for name, value in finding.data.items() if value != value}
     if "share" in finding.data:
         share = float(finding.data["share"])
         values["share_percent"] = 100.0 * share

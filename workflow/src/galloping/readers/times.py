@@ -114,7 +114,8 @@ def put_in_order(
         time = moved
     late = np.flatnonzero(np.diff(time) < 0) + 1
     if len(late):
-        notes.append(f"{len(late)} times go back, first in row {rows[late[0]]}: sorted")
+        more = f" and {len(late) - 1} more" if len(late) > 1 else ""
+        notes.append(f"times go back in row {rows[late[0]]}{more}: rows were sorted by time")
         order = np.argsort(time, kind="stable")
         time, values, rows = time[order], values[order], rows[order]
     again = np.flatnonzero(np.diff(time) == 0) + 1
@@ -138,13 +139,13 @@ def _join_restarts(time: np.ndarray) -> np.ndarray | None:
     """Concatenate the parts of a file, times (n,), in which the clock restarts.
 
     Between two parts there is a gap as long as all before. None if the clock does not restart: if
-    rows are out of order, or parts do not overlap.
+    fewer than FEWEST rows are out of order, or parts do not overlap.
     """
     edges = [0, *(np.flatnonzero(np.diff(time) < 0) + 1), len(time)]
     parts = [time[a:b] for a, b in pairwise(edges)]
     ordered = sorted(parts, key=lambda part: part[0])
-    overlap = any(after[0] <= before[-1] for before, after in pairwise(ordered))
-    if not overlap or min(map(len, parts)) < FEWEST:
+    overlap = max((np.sum(one >= other[0]) for one, other in pairwise(ordered)), default=0)
+    if overlap < FEWEST or min(map(len, parts)) < FEWEST:
         return None
     moved = [parts[0]]
     for part in parts[1:]:

@@ -37,11 +37,6 @@ class Advice:
     duration: float
     options: tuple[tuple[str, float], ...]
 
-    def percent(self, error: float) -> str:
-        """Format a standard error as a share of the coefficient."""
-        return f"{100.0 / abs(self.coefficient) * error:.2g} %"
-
-
 def advice(identified: IdentifiedModel, recording: Recording, period: float) -> Advice | None:
     """Predict the effect of one more recording, by the last sensors, on the least certain term.
 

@@ -43,7 +43,8 @@ def what_helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
         helps.append(
             f"one more recording{' at the same wind speed' * span}, preferably {name}: the "
             "standard error of the least certain coefficient falls from "
-            f"{advice.percent(advice.error)} to {advice.percent(error)}"
+            f"{relative_error_text(advice.error, advice.coefficient)} to "
+            f"{relative_error_text(error, advice.coefficient)}"
         )
     if of.found.status == "approximate" and PLACES not in helps:
         helps.append(f"{PLACES}; a longer recording with the same sensors does not help, since "
@@ -72,6 +73,12 @@ def what_helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
             )
             helps.append(f"recordings with {name} {beyond}, if the model is used there{known}")
     return list(dict.fromkeys(helps))
+
+
+def relative_error_text(error: float, coefficient: float) -> str:
+    """Format a standard error relative to its coefficient, in percent if it is smaller."""
+    share = error / abs(coefficient)
+    return f"{100.0 * share:.2g} %" if share < 1.0 else f"{share:.2g} times the coefficient"
 
 
 def _both_directions(reports: Sequence[dict]) -> bool:

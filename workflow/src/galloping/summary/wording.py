@@ -21,6 +21,7 @@ from galloping.summary.helps import (
     listed,
     may_be_wind,
     meanings_and_advice,
+    relative_error_text,
     shown_units,
     units_in,
     what_helps,
@@ -29,7 +30,6 @@ from galloping.summary.numbers import (
     PERCENT,
     Estimate,
     Findings,
-    FurtherRecording,
     HeldOutChannel,
     RecordedMotion,
     SystemEstimates,
@@ -203,7 +203,7 @@ def _template(name: str) -> Template:
         "meaning": meaning,
         "missed": _missed,
         "name": _name,
-        "percent": lambda error, of: _percent(of, error),
+        "relative_error": lambda error, of: relative_error_text(error, of.coefficient),
         "said": _said,
         "sentence": lambda text: text[:1].upper() + text[1:],
         "short": lambda number, unit="": f"{number:.3g} {unit}".rstrip(),
@@ -279,11 +279,6 @@ def _damping_cells(of: Estimate) -> str:
     """Format a net damping that may be zero, with the interval of undetected damping."""
     told = " | ".join(_cells(of))
     return told if abs(of.value) >= 100.0 * ROUNDING else "none found | " + told.partition(" | ")[2]
-
-
-def _percent(of: FurtherRecording, error: float) -> str:
-    """Format a standard error as a share of the coefficient."""
-    return f"{100.0 / abs(of.coefficient) * error:.2g} %"
 
 
 # --- words ---
