@@ -65,7 +65,7 @@ def test_maximum_likelihood_is_at_the_bound(efficiency, tables):
         own = scores.loc[cell]
         is_exact = own["missing"] + own["spurious"] == 0
         assert np.sqrt(np.mean(own[is_exact]["efficiency"] ** 2)) <= 1.2
-        wrong += np.sum(~is_exact & (own["verdict"] == "ok"))
+        wrong += np.sum(~is_exact & (own["status"] == "ok"))
     assert wrong <= 0.02 * clear["replicates"].sum()
 
 
@@ -96,7 +96,7 @@ def test_the_data_say_what_they_cannot_tell(tables):
     assert set(other[other["recordings"] == 2]["verdict"]) == {"identifiable"}
     scores = tables("scores").set_index(["case", "protocol", "cell", "method"]).sort_index()
     own = scores.loc[(OTHER, "displacement", "noise_0.05", "maximum_likelihood")]
-    assert own["verdict"].str.startswith("not identifiable: ").mean() >= 0.8
+    assert (own["status"] == "not identifiable").mean() >= 0.8
 
 
 def test_the_paper_s_printed_numbers_come_out(tables):

@@ -217,7 +217,7 @@ def test_a_line_that_diverges_is_a_row_with_its_reason():
     (motion,) = reconstruct(truth, [failed])
     row = score(truth, failed, motion, np.full(line.coefficients.shape, np.nan))
     assert row.pop("motion") == "the line itself diverged: |x| exceeded 1000 at t = 3 s"
-    assert row.pop("verdict") == failed.verdict
+    assert (row.pop("status"), row.pop("findings")) == ("refused", "state_zero")
     assert np.isnan(list(row.values())).all()
 
 

@@ -172,12 +172,12 @@ def map_rows(
 
 
 def prediction_rows(
-    cell: Mapping[str, object], predicted: Prediction, true: np.ndarray, verdict: str
+    cell: Mapping[str, object], predicted: Prediction, true: np.ndarray, status: str
 ) -> list[dict]:
     """Compare one model's prediction with the truth: a row for each wind speed and direction.
 
     cell: case, protocol, method, replicate, which begin each row. true: (n_winds, 2) half ranges
-    (v, w). verdict: of the identification, which says whether the band is reliable.
+    (v, w). status: of the identified model, which says whether the band is reliable.
     """
     rows, columns = [], (predicted.amplitude, predicted.low, predicted.high, true)
     for (k, wind), (axis, direction) in product(enumerate(predicted.winds), enumerate("vw")):
@@ -187,7 +187,7 @@ def prediction_rows(
             "low_m": low, "high_m": high, "true_m": reality,
             "error_percent": 100 * abs(value / reality - 1),
             "interval_contains_truth": bool(low <= reality <= high),
-            "share_without_limit_cycle": float(predicted.unresolved[k]), "verdict": verdict,
+            "share_without_limit_cycle": float(predicted.unresolved[k]), "status": status,
             "reason": predicted.reason,
         })  # fmt: skip
     return rows

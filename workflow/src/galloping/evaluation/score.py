@@ -119,7 +119,8 @@ def score(
         numbers[f"frequency_error_{name}_percent"] = 100 * frequency[k]
     if truth.status != "ok":
         numbers = dict.fromkeys(numbers, np.nan)
-    return {"motion": motion.status, "verdict": result.verdict, **numbers}
+    described = {"status": result.status, "findings": result.codes}
+    return {"motion": motion.status, **described, **numbers}
 
 
 def _relative_error(measure, expected: np.ndarray, model: np.ndarray) -> np.ndarray:

@@ -319,5 +319,5 @@ def _draw_predictions(axes: Axes, lines: Mapping[str, pd.DataFrame]) -> None:
 
 def _describe_doubt(line: pd.DataFrame) -> str:
     """Return the status of a method in brackets, if it assesses its models and it is not ok."""
-    doubtful = sorted(set(line["verdict"]) - {"ok", "unjudged"})
+    doubtful = sorted(set(line["status"]) - {"ok", "unjudged"})
     return f" ({doubtful[0]})" if doubtful else ""
