@@ -6,7 +6,7 @@ from galloping.extras import missing_line
 
 
 def main() -> None:
-    """Run the command, or report which packages it lacks."""
+    """Run the command `galloping`; exit with a message if a required package is missing."""
     try:
         from galloping.cli import main as command
     except ModuleNotFoundError as error:

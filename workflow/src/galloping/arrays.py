@@ -17,7 +17,7 @@ Returned = TypeVar("Returned")
 
 
 class SupportsArray(Protocol):
-    """Object that numpy converts to an array, such as a DataFrame."""
+    """Type-checking protocol of objects that numpy can convert to an array, such as a DataFrame."""
 
     def __array__(self) -> NDArray[Any]: ...
 
@@ -27,7 +27,7 @@ Matrix: TypeAlias = SupportsArray | Sequence[Sequence[float] | SupportsArray]
 
 
 def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
-    """Convert values to an array of floats, which may contain NaN.
+    """Convert values to a float array and check its shape; NaN is allowed.
 
     None in `shape` is any length. An array of floats is returned as it is. Raises ValueError naming
     `name` if the values are not real numbers or have another shape.
@@ -56,7 +56,10 @@ def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> ND
 def as_finite(
     name: str, values: ArrayLike, shape: tuple[int | None, ...], infinite: bool = False
 ) -> NDArray[np.float64]:
-    """Convert values as `as_floats` does, refusing NaN and, unless `infinite`, infinity."""
+    """Convert values to a float array of a given shape; raise ValueError for NaN or infinity.
+
+    The arguments are those of `as_floats`. `infinite` allows infinity.
+    """
     array = as_floats(name, values, shape)
     if np.isnan(array).any() or (np.isinf(array).any() and not infinite):
         raise ValueError(f"{name}: {array.tolist()!r:.60}; must be finite")
@@ -64,7 +67,10 @@ def as_finite(
 
 
 def checked_state(values: ArrayLike, states: tuple[str, ...]) -> NDArray[np.float64]:
-    """Check an initial state, (n_states,). Raises ValueError naming a state without a number."""
+    """Convert an initial state to an array; raise ValueError unless it has one number per state.
+
+    states: names of the states. The message names states without a number.
+    """
     start = as_finite("initial_state", values, (None,))
     if len(start) == len(states):
         return start
@@ -76,7 +82,7 @@ def checked_state(values: ArrayLike, states: tuple[str, ...]) -> NDArray[np.floa
 
 
 def as_seconds(name: str, times: Any) -> Any:
-    """Convert dates and times, or durations, to seconds since the first; return others as they are.
+    """Convert datetimes or durations to seconds since the first; return other values unchanged.
 
     times: of numpy, pandas or `datetime`. Raises ValueError if one is missing.
     """
@@ -94,7 +100,10 @@ def as_seconds(name: str, times: Any) -> Any:
 
 
 def as_increasing(name: str, values: ArrayLike) -> NDArray[np.float64]:
-    """Check two or more times, (n,), that increase strictly."""
+    """Convert times to a float array; raise ValueError unless finite and strictly increasing.
+
+    There must be two or more times.
+    """
     array = as_floats(name, values, (None,))
     if len(array) < 2 or not np.all(np.isfinite(array)) or not np.all(np.diff(array) > 0):
         raise ValueError(f"{name}: must be finite, strictly increasing, two samples or more")
@@ -107,17 +116,17 @@ TIME_ROUNDING = 1e-6
 
 
 def round_down(number: float) -> int:
-    """Round down to a whole number, tolerating rounding errors just below one."""
+    """Round down to an integer, but up if the number is less than 1e-6 below an integer."""
     return int(np.floor(number + TIME_ROUNDING))
 
 
 def round_up(number: float) -> int:
-    """Round up to a whole number, tolerating rounding errors just above one."""
+    """Round up to an integer, but down if the number is less than 1e-6 above an integer."""
     return int(np.ceil(number - TIME_ROUNDING))
 
 
 def first_from(time: NDArray[np.float64], moments: ArrayLike) -> NDArray[np.int_]:
-    """Find the first sample at or after each moment, in any unit of time.
+    """Return, for each given time, the index of the first sample at or after that time.
 
     Parameters
     ----------
@@ -141,10 +150,11 @@ def _describe_shape(shape: tuple[int | None, ...]) -> str:
 
 
 class Immutable:
-    """Base of dataclasses with `frozen=True, eq=False`, whose arrays and dicts become read-only.
+    """Base class of frozen dataclasses that makes their array and dict fields read-only.
 
-    Two are equal if all their contents are, NaN equal to NaN; equal ones have the same hash. Copies
-    and pickles are read-only too. An array that can still be written elsewhere is copied.
+    The dataclasses have `frozen=True, eq=False`. Two are equal if all their contents are, NaN equal
+    to NaN; equal ones have the same hash. Copies and pickles are read-only too. An array that can
+    still be written elsewhere is copied.
     """
 
     if TYPE_CHECKING:
@@ -201,6 +211,6 @@ def _as_comparable(value: object) -> object:
 
 
 def one_thread(function: Callable[Arguments, Returned]) -> Callable[Arguments, Returned]:
-    """Decorate a function to use one thread for linear algebra, faster for small matrices."""
+    """Wrap a function so that its linear algebra uses one thread, faster for small matrices."""
     limited = threadpool_limits.wrap(limits=1, user_api="blas")
     return cast("Callable[Arguments, Returned]", limited(function))  # which has no types

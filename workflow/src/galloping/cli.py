@@ -20,7 +20,7 @@ REFUSED = 3  # exit code: the recordings give no model
 @click.group(cls=OneLineErrors, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="galloping")
 def main() -> None:
-    """Identify models of galloping lines, and of other oscillators, from recordings.
+    """Identify models of galloping overhead lines, and of other oscillators, from recordings.
 
     Begin with: galloping identify FILE --output DIR
 
@@ -156,7 +156,7 @@ def _between(path) -> dict:
 def identify(
     files, degree, library, method, known, random_force, output, replace, seed, as_json, **mapping
 ):
-    """Identify one model from FILES, recordings of one system.
+    """Identify a model from FILES, all recordings of one system.
 
     Columns named in plain words, such as "time [s]", "vertical [mm]" and "horizontal [mm]", need no
     further option. "galloping inspect FILE" shows how columns are read. With --write-map it also
@@ -220,7 +220,7 @@ def identify(
               help="Write the mapping of the columns to a new YAML file, for --map.")  # fmt: skip
 @json_option
 def inspect(file, write_map, as_json, **mapping):
-    """Show the quality of a recording.
+    """Show the data quality of a recording: gaps, noise, frequencies.
 
     Prints how each column is read, the sampling, gaps, noise and frequencies of the motion, and
     unusual samples. It identifies no model.
@@ -272,7 +272,7 @@ def _doubts_of_written(file, path, options) -> dict:
 @seed_option
 @json_option
 def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **mapping):
-    """Forecast the motion after the end of FILE.
+    """Use a MODEL to forecast the motion after the recording FILE.
 
     Uses a MODEL of "galloping identify", and prints CSV with a 90 % band for each channel.
 
@@ -323,7 +323,7 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
 @click.option("--latex", is_flag=True, help="Equations as LaTeX.")
 @json_option
 def show(model, latex, as_json):
-    """Print the equations of a MODEL, with errors and status."""
+    """Print the equations of a MODEL, with standard errors and status."""
     from galloping.identification.identified_model import IdentifiedModel
     from galloping.storage import read_json
     from galloping.summary.csv_rows import model_rows
@@ -461,7 +461,7 @@ def assess(model, at, seed, figure, as_csv, as_json, verbose):
 @click.argument("case", type=click.Path(dir_okay=False))
 @json_option
 def derive(case, as_json):
-    """Derive the equations of a line.
+    """Derive and print the galloping equations of the line in CASE.
 
     CASE is a YAML file with one case of the configuration; config/README.md has the keys.
     """

@@ -12,10 +12,10 @@ INTERRUPTED = 130  # exit code: Ctrl-C
 
 
 class OneLineErrors(click.Group):
-    """Command group that reports errors of input and interruptions in one line."""
+    """Click command group that prints input errors and interruptions as one line each."""
 
     def invoke(self, context: click.Context) -> object:
-        """Run the command; exit with 1 after an error of input, with 130 after an interruption."""
+        """Run the command; exit with code 1 after an input error, 130 after an interruption."""
         with suppress(ValueError):  # of another thread than the first
             signal.signal(signal.SIGTERM, _end_command)  # so that nothing unfinished is left
         try:

@@ -14,7 +14,7 @@ SOURCE = Path(__file__).parents[1]
 
 
 class Deferred:
-    """A package or module of this library by its full name, without importing it."""
+    """Reference to a package or module of this library by its full name, without importing it."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -35,7 +35,10 @@ class Deferred:
 
 @cache
 def file_of(name: str) -> Path | None:
-    """Find the file of a module or package by its full name; None if there is none."""
+    """Return the source file of a module, given its full name, or None if it does not exist.
+
+    A package has the file `__init__.py`.
+    """
     base = SOURCE.joinpath(*name.split("."))
     return next(filter(Path.is_file, (base / "__init__.py", base.with_suffix(".py"))), None)
 

@@ -38,11 +38,11 @@ DEFAULT_DEGREE, HIGH_ORDER_STATES, DEGREE_OF_MANY = 3, 4, 2
 
 
 class NotFittedError(ValueError, AttributeError):
-    """Error of a method that needs a fitted estimator, called before `fit`."""
+    """Error raised if a method that needs a fitted estimator is called before `fit`."""
 
 
 class MaximumLikelihood:
-    """Identify the equations of a system from recordings of its states.
+    """Estimator of the differential equations of a system from recordings of its states.
 
     The model is dx/dt = C theta(x, u) with states x, inputs u and candidate terms theta. The method
     is `maximum_likelihood`, which fits trajectories to the samples and computes no derivatives.
@@ -181,7 +181,7 @@ class MaximumLikelihood:
         return self
 
     def predict(self, x: Any, u: Driving = None) -> Any:
-        """Compute the rates of states, the right-hand side of the model.
+        """Compute the time derivatives of the states, by the fitted model, at given states.
 
         Parameters
         ----------
@@ -211,7 +211,7 @@ class MaximumLikelihood:
         return model(values, given)
 
     def simulate(self, x0: ArrayLike, t: ArrayLike, u: Driving = None) -> NDArray[np.float64]:
-        """Integrate the model.
+        """Integrate the fitted model in time from an initial state.
 
         Parameters
         ----------
@@ -244,7 +244,7 @@ class MaximumLikelihood:
         *,
         x_dot: Data | None = None,
     ) -> float:
-        """Compute R2 of the model's motion, or of its rates if `x_dot` is given.
+        """Compute R2 of the simulated states, or of predicted derivatives if `x_dot` is given.
 
         The recording is cut into stretches of six periods. In each stretch, the model starts from
         the state that fits the samples best. The samples are not differentiated.
@@ -271,29 +271,38 @@ class MaximumLikelihood:
         return float(np.nanmean(1.0 - left / whole))
 
     def equations(self) -> list[str]:
-        """Return the equation of each state as text, with standard errors."""
+        """Return each state's equation as text, with standard errors of the coefficients."""
         return list(self._fitted().equations())
 
     def coefficients(self, absent: bool = False) -> "DataFrame":
-        """Tabulate the coefficients with their errors; see `IdentifiedModel.to_frame`."""
+        """Return a DataFrame of the coefficients with their standard errors.
+
+        absent: whether absent terms have rows too. See `IdentifiedModel.to_frame`.
+        """
         return self._fitted(refused=True).to_frame(absent)
 
     def print(self, **options: Any) -> None:
-        """Print the equations and the status. options: of the function `print`."""
+        """Print the equations and the status of the fitted model.
+
+        options: of the built-in function `print`.
+        """
         print(self._fitted(refused=True), **options)
 
     def get_feature_names(self) -> list[str]:
-        """Return the names of the library's terms, in the order of the columns of `coef_`."""
+        """Return the names of the candidate terms, in the order of the columns of `coef_`."""
         return list(self._fitted(refused=True).model.term_names)
 
     # --- what scikit-learn expects of an estimator ---
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Return the options by name. deep: has no effect, because no option is an estimator."""
+        """Return the constructor options of the estimator as a dict by name.
+
+        deep: has no effect, because no option is an estimator.
+        """
         return {name: getattr(self, name) for name in signature(type(self)).parameters}
 
     def set_params(self, **options: Any) -> "MaximumLikelihood":
-        """Set options by name. Raises ValueError for an unknown name."""
+        """Set constructor options by name; raise ValueError for an unknown name."""
         names = list(signature(type(self)).parameters)
         for name, value in options.items():
             if name not in names:

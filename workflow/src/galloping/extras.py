@@ -9,7 +9,7 @@ FIELD = "field"  # what the command needs
 
 
 def missing_line(error: ModuleNotFoundError) -> str:
-    """Format one line on what the command lacks, with the line that installs it in any shell.
+    """Format an error message that names a missing package and the pip command to install it.
 
     Raises the error if the missing module is part of this library.
     """

@@ -12,13 +12,16 @@ DIGITS = re.compile(r"[-+]?[0-9]{1,300}")  # written out: a float would round th
 
 
 class Section(BaseModel):
-    """A mapping of known keys, each with a default. Nothing else is accepted, nothing coerced."""
+    """Base class of settings sections, which rejects unknown keys and values of a wrong type.
+
+    Every key has a default.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, validate_default=True)
 
 
 def show(value: object) -> str:
-    """Format a value in one short line, as a user would write it."""
+    """Format a value as text of at most 60 characters, as a user would write it in YAML."""
     match value:
         case None | bool():
             text = json.dumps(value)
@@ -32,7 +35,10 @@ def show(value: object) -> str:
 
 
 def make_error(text: str, *below: str) -> PydanticCustomError:
-    """Make the error of a check; `below`: keys from the validated field to the one at fault."""
+    """Make the pydantic error of a failed check, with a message and the keys at fault.
+
+    below: keys from the validated field to the one at fault.
+    """
     return PydanticCustomError("invalid", "{text}", {"text": text, "below": below})
 
 
@@ -74,43 +80,47 @@ def _distinct(values: tuple) -> tuple:
 
 
 def real(**bounds: Any) -> Any:
-    """Make the type of a finite number within bounds (gt, ge, lt, le)."""
+    """Make the pydantic type of a finite float within bounds (gt, ge, lt, le)."""
     return Annotated[float, Field(allow_inf_nan=False, **bounds), BeforeValidator(_number)]
 
 
 def whole(**bounds: Any) -> Any:
-    """Make the type of a whole number within bounds (gt, ge, lt, le)."""
+    """Make the pydantic type of an integer within bounds (gt, ge, lt, le)."""
     return Annotated[int, Field(**bounds), BeforeValidator(_whole)]
 
 
 def one_of(names: tuple[str, ...]) -> Any:
-    """Make the type of one name out of `names`."""
+    """Make the pydantic type of a text that must be one of `names`."""
     return Literal[names]
 
 
 def listing(*items: Any) -> Any:
-    """Make the type of a list; `...` after an item allows any number of it.
+    """Make the pydantic type of a list from the types of its items.
 
-    YAML has no tuples, so only here a list is accepted as one.
+    `...` after the type of an item allows any number of such items. YAML has no tuples, so only
+    here a list is accepted as one.
     """
     types: Any = items
     return Annotated[tuple[types], Field(strict=False)]
 
 
 def distinct(item: Any, **schema: int) -> Any:
-    """Make the type of a list without equal items. schema: further entries of the JSON schema."""
+    """Make the pydantic type of a list whose items are all different.
+
+    item: type of an item. schema: further entries of the JSON schema.
+    """
     unique = Field(strict=False, json_schema_extra={**schema, "uniqueItems": True})
     return Annotated[tuple[item, ...], unique, AfterValidator(_distinct)]
 
 
 def selection(item: Any) -> Any:
-    """Make the type of a list of at least one item, no two equal."""
+    """Make the pydantic type of a list with at least one item and no two equal items."""
     # Checked in `_some`: min_length would also count out the items that are wrong.
     return Annotated[distinct(item, minItems=1), AfterValidator(_some)]
 
 
 def setting(default: Any, description: str, unit: str = "") -> Any:
-    """Make a key of the study, with description and unit."""
+    """Make a pydantic field of the settings from its default value, description and unit."""
     return Field(default, description=description, json_schema_extra={"unit": unit})
 
 

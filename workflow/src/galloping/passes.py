@@ -53,7 +53,10 @@ def progress(listen: Callable[[str, float], object]) -> Iterator[None]:
 
 @contextmanager
 def part(name: str, until: float) -> Iterator[None]:
-    """Name the computation in the block, which ends at the share `until` of the one around it."""
+    """Name a step of a computation for progress reports, as a context manager.
+
+    until: share of the enclosing step, from 0 to 1, at which this one ends.
+    """
     if (told := _told.get()) is None:
         yield
         return
@@ -68,7 +71,7 @@ def part(name: str, until: float) -> Iterator[None]:
 
 
 def passing(what: str) -> None:
-    """Report that a pass of `what`, one of several, begins."""
+    """Report to the listener of `progress` that an iteration of the step `what` begins."""
     if (told := _told.get()) is not None:
         told.done += PASS * (told.end - told.done)
         told.listen(f"{told.part}: {what}" if told.part else what, told.done)

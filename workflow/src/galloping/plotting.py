@@ -25,7 +25,7 @@ Recordings: TypeAlias = Recording | Sequence[Recording] | None
 
 @one_thread
 def plot_fit(found: Found, recordings: Recordings = None) -> "Figure":
-    """Draw the samples of a recording and the motion of the model.
+    """Plot the samples of a recording and the simulated motion of the model over time.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def plot_forecast(
     inputs: Mapping[str, Input | float] = NONE,
     seed: int = 0,
 ) -> "Figure":
-    """Draw the end of a recording, and the forecast of what follows with its 90 % band.
+    """Plot the end of a recording and the model's forecast after it, with a 90 % band.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def plot_forecast(
 def plot_phase(
     found: Found, recordings: Recordings = None, states: Sequence[str] | None = None
 ) -> "Figure":
-    """Draw a phase portrait: the samples and the motion of the model.
+    """Plot a phase portrait of recorded samples and the simulated motion of the model.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ OURS_FAMILY = "likelihood"
 
 @dataclass(frozen=True)
 class Derived:
-    """A true model.
+    """Equations of a line, with its named coefficients and quantities such as the sag.
 
     model: its equations. coefficients: by the paper's symbols, SI units, on the left-hand side.
     quantities: such as the sag, by name with unit.
@@ -38,7 +38,7 @@ class Derived:
 
 @dataclass(frozen=True)
 class Motion:
-    """Motion of a line after one initial displacement.
+    """Simulated states of a line, and their derivatives, over time from one initial state.
 
     names: of the n_states states. time: (n,) s. states: (n, n_states), SI units.
     rates: (n, n_states), of the states, per second. status: `ok`, or why the motion ended early.
@@ -53,7 +53,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """Motion of the model with the median R2, and the band of 90 % of all models' motions.
+    """Simulated motion of the model with the median R2, and the 90 % band of all models' motions.
 
     time: (n,) s. representative, low, high: (n, n_states), NaN where motions ended early.
     """

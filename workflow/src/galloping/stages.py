@@ -25,7 +25,7 @@ from galloping.trajectory.simulation import (
 
 
 def derive(**sections: Mapping[str, object] | float) -> PolynomialModel:
-    """Derive the galloping equations of one line in its wind.
+    """Derive the galloping equations of an overhead line in a steady wind.
 
     The equations are a Galerkin projection on the first vertical and horizontal mode, with
     quasi-static cubic aerodynamics.
@@ -59,7 +59,7 @@ def simulate(
     time: ArrayLike,
     inputs: Mapping[str, Input | float] | None = None,
 ) -> Trajectory:
-    """Simulate the motion of a model.
+    """Simulate the states of a model at given times from an initial state.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def measure(
     seed: int = 0,
     inputs: Mapping[str, Input] | None = None,
 ) -> Recording:
-    """Simulate a recording of a motion, with sensor noise.
+    """Simulate noisy measurements of a simulated motion, and return them as a recording.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def cramer_rao_bound(
     rate_sigma: ArrayLike | None = None,
     inputs: Mapping[str, Input] | None = None,
 ) -> NDArray[np.float64]:
-    """Compute the Cramér-Rao bound of the coefficients of a model.
+    """Compute the Cramér-Rao bound on the standard errors of a model's coefficients.
 
     It is the smallest standard deviation that any unbiased method can reach if it knows the terms.
 

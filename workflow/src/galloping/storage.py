@@ -15,13 +15,16 @@ PARTIAL = ".partial-"  # begins the name of what is not finished yet
 
 
 def partial_prefix() -> str:
-    """Return the prefix of files that this process writes; a killed process leaves such files."""
+    """Return the name prefix of the temporary files that this process writes.
+
+    A killed process leaves such files.
+    """
     return f"{PARTIAL}{os.getpid()}-"
 
 
 @contextmanager
 def replacing(path: str | os.PathLike) -> Iterator[Path]:
-    """Yield a temporary path that replaces `path` when the block ends without error."""
+    """Yield a temporary path; rename it to `path` if the `with` block ends without error."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f"{partial_prefix()}{path.name}")
@@ -38,7 +41,7 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
 
 @contextmanager
 def replacing_folder(path: str | os.PathLike) -> Iterator[Path]:
-    """Yield a temporary folder whose files are moved to `path` when the block ends without error.
+    """Yield a temporary folder; move its files to `path` if the `with` block ends without error.
 
     A new folder appears complete; in an existing one, each file replaces its namesake, and all
     others stay. Remains of a killed process of the same folder are removed. Raises OSError, naming
@@ -93,24 +96,27 @@ def _claim_folder(folder: Path) -> int | None:
 
 
 def write_arrays(path: str | os.PathLike, **arrays: np.ndarray) -> None:
-    """Write arrays as an uncompressed .npz."""
+    """Write named arrays to an uncompressed .npz file, completely or not at all."""
     with replacing(path) as partial, partial.open("wb") as file:
         np.savez(file, **arrays)  # type: ignore[arg-type]  # to its stub any name is a flag
 
 
 def write_text(path: str | os.PathLike, text: str) -> None:
-    """Write text as UTF-8, whole or not at all."""
+    """Write text to a UTF-8 file, completely or not at all."""
     with replacing(path) as partial:
         partial.write_text(text, encoding="utf-8")
 
 
 def write_json(path: str | os.PathLike, content: object, indent: int | None = 2) -> None:
-    """Write plain values as JSON, indented or in one line; ValueError for NaN and infinity."""
+    """Write dicts, lists and plain values to a JSON file; raise ValueError for NaN or infinity.
+
+    indent: None for one line.
+    """
     write_text(path, json.dumps(content, indent=indent, allow_nan=False) + "\n")
 
 
 def read_json(path: str | os.PathLike) -> dict:
-    """Read the mapping in a JSON file."""
+    """Read a JSON file that contains an object, and return it as a dict."""
     return json.loads(Path(path).read_text(encoding="utf-8"))
 
 
@@ -119,7 +125,7 @@ def write_rows(
     rows: Sequence[Mapping[str, object]],
     columns: Sequence[str] | None = None,
 ) -> None:
-    """Write rows as CSV, with ten significant digits per number.
+    """Write dicts as the rows of a CSV file, with ten significant digits per number.
 
     columns: by default those of the first row; needed if there may be no rows.
     """

@@ -9,7 +9,10 @@ import numpy as np
 
 
 def make_generator(seed: int, *names: str | int) -> np.random.Generator:
-    """Make the generator of a seed and a name, such as ("noise", case, protocol, replicate)."""
+    """Make a random generator from a seed and names; other names give an independent stream.
+
+    Names are such as ("noise", case, protocol, replicate).
+    """
     digest = hashlib.sha256("/".join(map(str, names)).encode()).digest()
     words = np.frombuffer(digest, dtype="<u4")
     return np.random.default_rng(np.random.SeedSequence([seed, *map(int, words)]))

@@ -48,7 +48,7 @@ def assess(
     *,
     seed: int = 0,
 ) -> Assessment:
-    """Compute equilibria, limit cycles and onset of galloping of a model.
+    """Compute the equilibria, limit cycles and onset of galloping of an identified model.
 
     Parameters
     ----------
@@ -95,11 +95,11 @@ def assess(
 def list_extrapolations(
     found: IdentifiedModel, at: Mapping[str, float | Sequence[float]]
 ) -> list[str]:
-    """Report each input whose requested values lie outside the bulk of the recorded ones.
+    """Return a note on each input whose requested values lie outside the recorded range.
 
-    at: one value or several of each input. Raises ValueError for a value that has the other sign
-    than nearly all recorded ones and is further from them than their range is wide: no wind blows
-    at -5 m/s.
+    The range is that of nine tenths of the recorded values. at: one value or several of each input.
+    Raises ValueError for a value that has the other sign than nearly all recorded ones and is
+    further from them than their range is wide: no wind blows at -5 m/s.
     """
     said = []
     for name, values in at.items():
@@ -312,7 +312,10 @@ def _motion_extent(
 def find_equilibria(
     model: PolynomialModel, middle: np.ndarray, size: np.ndarray
 ) -> list[np.ndarray]:
-    """Find the equilibria, (n_states,) each, within BEYOND times `size` of `middle`."""
+    """Search for all equilibria of a model in a region around its motion.
+
+    They are (n_states,) each, within BEYOND times `size` of `middle`.
+    """
     pairs = velocity_pairs(model.states)
     own = list(pairs) or list(range(len(model.states)))
     shares = (-BEYOND, -1.0, 0.0, 1.0, BEYOND) if len(own) < 4 else (-1.0, 0.0, 1.0)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class SmallMotion(Immutable):
-    """A small motion about an equilibrium: an oscillation, or a drift if `frequency` is 0.
+    """Mode of small motion about an equilibrium: an oscillation, or a drift at zero frequency.
 
     state: the one that mostly moves. frequency: Hz. damping: ratio to critical, negative if the
     motion grows; of a drift its rate of decay, 1/s.
@@ -29,7 +29,7 @@ class SmallMotion(Immutable):
 
 @dataclass(frozen=True, eq=False)
 class RestPosition(Immutable):
-    """An equilibrium and the small motions about it.
+    """Equilibrium of a model, with the modes of small motion about it.
 
     place: by state. modes: of small motions about it, the slowest first. is_extrapolated: whether
     it lies outside the recorded range.
@@ -41,13 +41,13 @@ class RestPosition(Immutable):
 
     @property
     def stable(self) -> bool:
-        """Whether all small motions about it die out."""
+        """Whether all small motions about the equilibrium die out."""
         return all(mode.damping.value > 0 for mode in self.modes)
 
 
 @dataclass(frozen=True, eq=False)
 class Cycle(Immutable):
-    """A limit cycle.
+    """Limit cycle of a model: amplitudes and period with intervals, and stability.
 
     half_range: by state. period: s. found: share of the drawn models that have it. is_extrapolated:
     whether it is larger than the recorded motion.
@@ -62,7 +62,7 @@ class Cycle(Immutable):
 
 @dataclass(frozen=True, eq=False)
 class Condition(Immutable):
-    """Equilibria and limit cycles at constant inputs.
+    """Equilibria and limit cycles of a model at one constant value of each input.
 
     ends: kinds of motions that do not approach a limit cycle.
     """
@@ -75,7 +75,7 @@ class Condition(Immutable):
 
 @dataclass(frozen=True, eq=False)
 class Onset(Immutable):
-    """Value of an input at which small motions about an equilibrium begin or cease to grow.
+    """Input value at which small motions about an equilibrium begin or cease to grow.
 
     begins: whether they grow above it. frequency: Hz.
     """
@@ -87,7 +87,7 @@ class Onset(Immutable):
 
 @dataclass(frozen=True, eq=False)
 class Assessment(Immutable):
-    """Equilibria, limit cycles and onsets of a model at values of its inputs.
+    """Equilibria, limit cycles and onsets of galloping of a model at given input values.
 
     Attributes
     ----------
@@ -123,7 +123,7 @@ class Assessment(Immutable):
 
 
 def assessment_rows(of: Assessment, units: Mapping[str, str]) -> list[dict]:
-    """Convert an assessment to one row for each value.
+    """Convert an assessment to table rows, one row for each computed number.
 
     A row has the inputs, then what, number, stable, quantity, value, low, high, unit, and whether
     the value is outside the recorded range.

@@ -33,7 +33,7 @@ ROUNDING = 1e-9  # of a damping ratio, and of a position of rest, in sizes of th
 
 @dataclass(frozen=True, eq=False)
 class Value(Immutable):
-    """A value with its 95 % interval.
+    """Estimated number with its 95 % interval.
 
     Attributes
     ----------
@@ -47,14 +47,17 @@ class Value(Immutable):
 
     @classmethod
     def of(cls, value: float, ends: Iterable[float]) -> "Value":
-        """Widen the ends of an interval, as from `interval_of_draws`, to contain the value."""
+        """Make a value with an interval, which is widened if it does not contain the value.
+
+        ends: of the interval, as from `interval_of_draws`.
+        """
         low, high = ends
         return cls(float(value), float(min(low, value)), float(max(high, value)))
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings(Immutable):
-    """Extent of the recorded motion, in which an equilibrium is searched for.
+    """Range of each state in the recorded motion, in which an equilibrium is searched for.
 
     middle, low, high: (n_states,) mean, least and greatest sample; zero and unbounded if not
     measured. rates: (n_states,) half ranges of the rates of the states, zero where unknown.
@@ -66,13 +69,16 @@ class Surroundings(Immutable):
     rates: NDArray[np.float64] | float = 0.0
 
     def sizes(self, model: PolynomialModel) -> NDArray[np.float64]:
-        """Compute half ranges of the motion, (n_states,), by a model where not measured."""
+        """Return the amplitude of each state; if not measured, estimated by a model.
+
+        Shape (n_states,).
+        """
         half = np.where(np.isfinite(self.high - self.low), (self.high - self.low) / 2.0, 0.0)
         return filled(half, model, self.middle, self.rates)
 
     @classmethod
     def of(cls, recordings: Sequence[Recording]) -> "Surroundings":
-        """Determine the extent of several recordings together."""
+        """Determine the mean and the range of each state over several recordings."""
         values = np.concatenate([recording.values for recording in recordings])
         known = np.isfinite(values)
         counts = known.sum(axis=0)
@@ -82,14 +88,19 @@ class Surroundings(Immutable):
         return cls(middle, low, high, half_ranges(each.rates for each in recordings))
 
     def rest(self, model: PolynomialModel) -> np.ndarray | None:
-        """Find the equilibrium, (n_states,), nearest to the middle; None if none is inside."""
+        """Find an equilibrium of a model inside the recorded range; None if there is none.
+
+        The search for it, (n_states,), begins at the middle.
+        """
         found = zero_of(model, self.middle, self.sizes(model))
         inside = np.all((found.x >= self.low) & (found.x <= self.high))
         return found.x if found.success and inside else None
 
 
 def zero_of(model: PolynomialModel, start: np.ndarray, sizes: np.ndarray) -> OptimizeResult:
-    """Search for an equilibrium from a state; with dry friction, for the middle one.
+    """Search numerically for an equilibrium of a model, starting from a given state.
+
+    With dry friction, the middle of all equilibria is searched for.
 
     Parameters
     ----------
@@ -117,7 +128,7 @@ def zero_of(model: PolynomialModel, start: np.ndarray, sizes: np.ndarray) -> Opt
 
 @dataclass(frozen=True, eq=False)
 class Dynamics(Immutable):
-    """Equilibrium, natural frequencies, damping and limit cycle of a model.
+    """Equilibrium, natural frequencies, damping and limit cycle of a model, with intervals.
 
     Attributes
     ----------
@@ -149,7 +160,10 @@ class Dynamics(Immutable):
 def dynamics(
     identified: IdentifiedModel, around: Surroundings, rng: np.random.Generator
 ) -> Dynamics | None:
-    """Compute the dynamics of a model; None without a model or without any velocity state."""
+    """Compute the equilibrium, natural frequencies, damping and limit cycle of a model.
+
+    None without a model or without any velocity state.
+    """
     model = identified.model
     pairs = velocity_pairs(model.states)
     if not pairs or identified.status == "refused":
@@ -299,10 +313,10 @@ def _in_random_forces(
 def expected_dynamics(
     model: PolynomialModel, identified: IdentifiedModel, around: Surroundings
 ) -> Dynamics | None:
-    """Compute the dynamics of a known model, whose motion begins as that of the identified model.
+    """Compute equilibrium, frequencies, damping and limit cycle of a known (true) model.
 
-    Its initial state is as far from its equilibrium, about zero, as the identified one from the
-    recorded equilibrium.
+    Its motion begins as that of the identified model. Its initial state is as far from its
+    equilibrium, about zero, as the identified one from the recorded equilibrium.
     """
     if model.states != identified.model.states:
         return None

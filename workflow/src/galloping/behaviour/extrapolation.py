@@ -42,7 +42,7 @@ LEAST = 1e-12  # share of the nonlinear part in an equation: less is rounding
 def with_extrapolation(
     identified: IdentifiedModel, recordings: Sequence[Recording]
 ) -> IdentifiedModel:
-    """Add to a model how terms of the next degrees would change its coefficients.
+    """Add to a model the effect of missing higher-degree terms on its coefficients.
 
     The coefficients of these terms have a normal prior, with the deviation that continues the
     nonlinear terms of the model as a geometric series at the size of the recorded motion. Their
@@ -105,7 +105,10 @@ def with_extrapolation(
 
 
 def with_extent(identified: IdentifiedModel, recordings: Sequence[Recording]) -> IdentifiedModel:
-    """Add the recorded range of each state to a model, for `IdentifiedModel.recorded`."""
+    """Add the recorded range of each state to the diagnostics of a model.
+
+    `IdentifiedModel.recorded` returns it.
+    """
     around, states = Surroundings.of(recordings), identified.model.states
     ends = zip(RANGE, (around.low, around.high), strict=True)
     extent = {

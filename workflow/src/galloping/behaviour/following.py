@@ -30,9 +30,10 @@ FEWEST = 5  # but so many samples
 
 @dataclass(frozen=True)
 class Sensed:
-    """Channels of a motion: its states, and rates where no displacement is measured.
+    """Channels in which model and recording are compared: states and some of their derivatives.
 
-    rates: indices of the states whose rates are measured alone, as by accelerometers.
+    The derivatives are those measured where no displacement is. rates: indices of the states whose
+    rates are measured alone, as by accelerometers.
     """
 
     states: tuple[str, ...]
@@ -40,7 +41,7 @@ class Sensed:
 
     @classmethod
     def by(cls, recording: Recording) -> "Sensed":
-        """Determine the channels of a recording."""
+        """Determine the channels in which a recording can be compared with a model."""
         alone = {k for pair in unmeasured_displacements(recording).items() for k in pair}
         if recording.rates is None:
             return cls(recording.states, ())
@@ -49,11 +50,14 @@ class Sensed:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the n_sensed channels."""
+        """Names of the channels: of the states, then of derivatives with a `d` in front."""
         return self.states + tuple(f"d{self.states[k]}" for k in self.rates)
 
     def samples(self, recording: Recording) -> np.ndarray:
-        """Read samples, (n, n_sensed), NaN where missing; rates without their unknown offsets."""
+        """Return the samples of a recording in all channels, NaN where missing.
+
+        Shape (n, n_sensed). Rates are without their unknown offsets.
+        """
         columns = [recording.values]
         if recording.rates is None:
             return recording.values
@@ -66,7 +70,7 @@ class Sensed:
 
 
 def without_outliers(recording: Recording) -> Recording:
-    """Remove samples far from their neighbours, which no model describes."""
+    """Return a recording in which samples far from their neighbours (outliers) are NaN."""
     values, rates = (
         None
         if each is None
@@ -90,7 +94,10 @@ def _clean_channel(time: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def half_ranges(columns: Iterable[np.ndarray | None]) -> np.ndarray | float:
-    """Compute half ranges, (n_states,), of the samples of several recordings; zero if none."""
+    """Compute half of the range of the samples of each state over several recordings.
+
+    Shape (n_states,), zero without samples.
+    """
     given = [each for each in columns if each is not None]
     if not given:
         return 0.0
@@ -102,30 +109,39 @@ def half_ranges(columns: Iterable[np.ndarray | None]) -> np.ndarray | float:
 
 
 def simulator_of(model: PolynomialModel) -> Simulator:
-    """Make a simulator for the model and others with its terms."""
+    """Make a simulator for a model and for other models with the same terms."""
     return Simulator(model.states, model.terms, model.inputs)
 
 
 @dataclass(frozen=True)
 class Following:
-    """Motions of a model, and of others with its terms, beside the samples of a recording."""
+    """Comparison of simulated motions of a model with the samples of a recording.
+
+    Motions of other models with its terms can be compared too.
+    """
 
     identified: IdentifiedModel
     recording: Recording
 
     @cached_property
     def sensed(self) -> Sensed:
-        """Channels of the recording."""
+        """Channels in which the model is compared with the recording."""
         return Sensed.by(self.recording)
 
     @cached_property
     def samples(self) -> np.ndarray:
-        """Samples of all channels, (n, n_sensed), NaN where missing."""
+        """Samples of the recording, with a column for each channel, NaN where missing.
+
+        Shape (n, n_sensed).
+        """
         return self.sensed.samples(self.recording)
 
     @cached_property
     def sigma(self) -> np.ndarray:
-        """Noise of a sample, (n_sensed,); zero if not measured or not estimated by the method."""
+        """Noise standard deviation of each channel, zero if it is not known.
+
+        Shape (n_sensed,).
+        """
         rates = self.sensed.names[len(self.sensed.states) :]
         told = [self.identified.diagnostics.get(f"noise_{name}", 0.0) for name in rates]
         own = self.identified.sigma[-1:].sum(axis=0)  # of no recording zero
@@ -150,19 +166,28 @@ class Following:
         return {name: self.recording.inputs[name] for name in self.identified.model.inputs}
 
     def motion(self, model: PolynomialModel, start: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """Simulate the channels, (n, n_sensed), from a state; not finite where they diverge."""
+        """Simulate a model from an initial state and return its motion in all channels.
+
+        Shape (n, n_sensed), not finite where the motion diverges.
+        """
         states = self._simulator(model, start, time, self._inputs, self._limit).states
         return self.shown(model, states, time)
 
     def shown(self, model: PolynomialModel, states: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """Compute the channels, (n, n_sensed), of a motion (n, n_states)."""
+        """Convert the states of a simulated motion to the channels of the recording.
+
+        From (n, n_states) to (n, n_sensed).
+        """
         if not self.sensed.rates:
             return states
         rates = rates_along(model, states, inputs_at_times(list(self._inputs.values()), time))
         return np.hstack([states, rates[:, self.sensed.rates]])
 
     def begin(self, rows: slice) -> np.ndarray | None:
-        """Fit the initial state, (n_states,), to samples; None if the motion diverges."""
+        """Fit the initial state of the model to some samples; None if its motion diverges.
+
+        Returns (n_states,).
+        """
         guess = first_guess(self.recording, rows.start)
         return self.start(self.identified.model, rows, guess, self.samples[rows])
 
@@ -174,10 +199,11 @@ class Following:
         values: np.ndarray,
         slopes: np.ndarray | None = None,
     ) -> np.ndarray | None:
-        """Fit the initial state of another model to other samples at these rows.
+        """Fit the initial state of a given model to given samples; None if its motion diverges.
 
-        guess: (n_states,) near it. values: (n, n_sensed) the samples, NaN where missing. slopes:
-        sensitivities of a similar model and initial state, used instead of recomputed ones.
+        rows: of the samples in the recording. guess: (n_states,) near it. values: (n, n_sensed) the
+        samples, NaN where missing. slopes: sensitivities of a similar model and initial state, used
+        instead of recomputed ones.
         """
         sigma, time = self.sigma, self.recording.time[rows]
         weight = np.isfinite(values) * np.where(sigma > 0, 1.0 / np.where(sigma > 0, sigma, 1), 0.0)
@@ -200,7 +226,10 @@ class Following:
     def slopes(
         self, model: PolynomialModel, start: np.ndarray, motion: np.ndarray, time: np.ndarray
     ) -> np.ndarray:
-        """Compute sensitivities of a motion to its initial state, (n_states, n, n_sensed)."""
+        """Compute the derivatives of a simulated motion by its initial state.
+
+        Shape (n_states, n, n_sensed).
+        """
         size = np.abs(start) + np.nanstd(motion[:, : len(start)], axis=0)
         size = STEP * np.where(size > 0.0, size, size.max() or 1.0)
         return np.array(
@@ -211,7 +240,10 @@ class Following:
         )
 
     def misfit(self, motion: np.ndarray, values: np.ndarray) -> float:
-        """Compute chi^2 per sample of a motion (n, n_sensed), infinite if it diverges."""
+        """Compute chi^2 per sample of a simulated motion, infinite if the motion diverges.
+
+        motion, values: (n, n_sensed).
+        """
         known = np.isfinite(values) & (self.sigma > 0)
         squares = ((values - motion) / np.where(self.sigma > 0, self.sigma, 1.0)) ** 2
         mean = np.mean(squares[known]) if known.any() else np.inf
@@ -219,7 +251,10 @@ class Following:
 
 
 def first_guess(recording: Recording, begin: int) -> np.ndarray:
-    """Guess the state at a sample: interpolated values, slopes for unmeasured velocities."""
+    """Estimate all states at one sample, by interpolation and slopes, as a first guess.
+
+    Unmeasured velocities are slopes.
+    """
     recording = with_integrals(recording)
     time, states = recording.time, recording.states
     guess = np.zeros(len(states))

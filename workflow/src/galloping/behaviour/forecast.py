@@ -35,7 +35,7 @@ NOISE_ALONE = 3.0  # standard errors of its mean square, which samples of noise 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Forecast(Immutable):
-    """Forecast of the samples of all sensors.
+    """Forecast of all measured channels: median and 90 % band at each time.
 
     Attributes
     ----------
@@ -61,7 +61,10 @@ class Forecast(Immutable):
         return f"Forecast of {', '.join(self.names)} from {first:.6g} to {last:.6g} s"
 
     def channel_columns(self) -> dict[str, NDArray[np.float64]]:
-        """Return the median and the ends of the 90 % band of each channel, (n,) each, by name."""
+        """Return the median and the ends of the 90 % band of each channel as named arrays.
+
+        They are (n,) each.
+        """
         parts = {"": self.median, "_low": self.low, "_high": self.high}
         return {
             f"{name}{end}": values[:, k]
@@ -70,7 +73,7 @@ class Forecast(Immutable):
         }
 
     def to_frame(self) -> "DataFrame":
-        """Convert the forecast to a pandas DataFrame.
+        """Return the forecast as a pandas DataFrame, with a row for each time.
 
         Returns
         -------
@@ -83,7 +86,10 @@ class Forecast(Immutable):
         return pd.DataFrame(self.channel_columns(), pd.Index(self.time, name="t"))
 
     def widened(self, factors: NDArray[np.float64]) -> "Forecast":
-        """Return the forecast with its band widened about the median by factors (n_sensed,)."""
+        """Return the forecast with the band of each channel widened about the median.
+
+        factors: (n_sensed,), by which the bands are widened.
+        """
         low, high = (self.median + factors * (end - self.median) for end in (self.low, self.high))
         return replace(self, low=low, high=high)
 
@@ -96,7 +102,7 @@ def forecast(
     rng: np.random.Generator,
     inputs: Mapping[str, Input | float] = NONE,
 ) -> Forecast:
-    """Forecast the samples at `time` from the last `window` seconds of a recording.
+    """Forecast the samples after a recording by a model started from the last `window` seconds.
 
     Outliers of the recording are left out. Each of 100 draws takes coefficients from their
     covariance, and the initial state that follows the samples of the window best after noise was
@@ -151,7 +157,7 @@ def forecast(
 
 @dataclass(frozen=True, eq=False)
 class HeldOut(Immutable):
-    """A forecast of held-out samples, and its scores.
+    """Forecast of samples that the identification did not use, with scores of its accuracy.
 
     forecast: with its band as it was computed. skill: (n_sensed,) R2 of the median. missed:
     (n_sensed,) root mean square error of the median, over the deviation of the whole recording.
@@ -172,11 +178,11 @@ class HeldOut(Immutable):
 
     @property
     def useful(self) -> bool:
-        """Whether the forecast is worse than the mean of the samples in no channel."""
+        """Whether each channel is forecast at least as well as by the mean of its samples."""
         return bool(np.isfinite(self.factors).all())
 
     def to_frame(self) -> "DataFrame":
-        """Convert the scores to a pandas DataFrame.
+        """Return the scores as a pandas DataFrame, with a row for each channel.
 
         Returns
         -------
@@ -195,10 +201,11 @@ class HeldOut(Immutable):
 def held_out(
     ahead: Forecast, measured: np.ndarray, deviation: np.ndarray, noise: np.ndarray
 ) -> HeldOut:
-    """Compare a forecast with the samples (n, n_sensed) at its times, NaN where missing.
+    """Score a forecast by comparison with the samples measured at its times.
 
-    deviation: (n_sensed,) of the whole recording, which the errors of a useful forecast do not
-    reach. noise: (n_sensed,) of a sample, zero where unknown.
+    measured: (n, n_sensed) samples, NaN where missing. deviation: (n_sensed,) of the whole
+    recording, which the errors of a useful forecast do not reach. noise: (n_sensed,) of a sample,
+    zero where unknown.
     """
     known = np.isfinite(measured)
     error = np.where(known, measured - ahead.median, 0.0)
@@ -222,7 +229,10 @@ def held_out(
 
 
 def deviations_of(samples: np.ndarray) -> np.ndarray:
-    """Compute standard deviations, (n_sensed,), of samples (n, n_sensed); zero without samples."""
+    """Compute the standard deviation of each column of samples, NaN ignored.
+
+    From (n, n_sensed) to (n_sensed,); zero without samples.
+    """
     known = np.isfinite(samples)
     counts = np.maximum(known.sum(axis=0), 1)
     mean = np.where(known, samples, 0.0).sum(axis=0) / counts
@@ -230,7 +240,7 @@ def deviations_of(samples: np.ndarray) -> np.ndarray:
 
 
 def with_factors(identified: IdentifiedModel, trial: HeldOut) -> IdentifiedModel:
-    """Add to a model the factors by which its forecast bands must be widened."""
+    """Add to the diagnostics of a model the factors by which its forecast bands are widened."""
     factors = {
         f"{WIDER}{name}": float(factor)
         for name, factor in zip(trial.forecast.names, trial.factors, strict=True)
@@ -250,10 +260,11 @@ def _compute_quantiles(motions: np.ndarray, at: Sequence[float]) -> np.ndarray:
 
 
 def check_followed(identified: IdentifiedModel, recording: Recording, window: float) -> None:
-    """Raise ValueError, in one line, if a model does not follow the end of a recording.
+    """Raise ValueError if a model does not fit the end of a recording within the noise.
 
-    The initial states of the model are fitted to ORIGINS windows of `window` s, from the last 5 of
-    them on. An approximate model may miss the samples as much as those of its own recording.
+    The message is one line. The initial states of the model are fitted to ORIGINS windows of
+    `window` s, from the last 5 of them on. An approximate model may miss the samples as much as
+    those of its own recording.
     """
     recording = without_outliers(recording)
     if identified.is_forced:

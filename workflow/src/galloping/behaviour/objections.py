@@ -46,13 +46,13 @@ def with_objections(
     faults: Sequence[Finding] = (),
     are_one: bool = False,
 ) -> IdentifiedModel:
-    """Refuse a model whose recordings are not free motions of a single system.
+    """Refuse a model if its recordings are not free motions of one and the same system.
 
-    If parts of a single recording are not, this is a finding of an approximate model. are_one:
-    whether the recordings are parts of a single one. names: of the recordings, for the text of the
-    finding. period: s, the longest of the motion. identify: the method, with its library and known
-    equations. faults: of the recordings, as `quality` finds them, which are added if there is no
-    model.
+    If parts of a single recording are not of one system, this is a finding of an approximate model.
+    are_one: whether the recordings are parts of a single one. names: of the recordings, for the
+    text of the finding. period: s, the longest of the motion. identify: the method, with its
+    library and known equations. faults: of the recordings, as `quality` finds them, which are added
+    if there is no model.
     """
     inexact = identified.status in ("approximate", "refused") and not identified.is_forced
     more = find_unmodelled_modes(list(recordings)) if inexact else []
@@ -175,7 +175,7 @@ def _changing_at_random(
 
 
 def unaccelerated_coordinates(identified: IdentifiedModel) -> list[str]:
-    """List the coordinates whose acceleration the model does not describe."""
+    """List the coordinates whose acceleration has no terms in the model."""
     states = identified.model.states
     return [
         states[i]
@@ -185,7 +185,7 @@ def unaccelerated_coordinates(identified: IdentifiedModel) -> list[str]:
 
 
 def kept_up(identified: IdentifiedModel, recordings: Sequence[Recording]) -> bool:
-    """Decide whether the recorded motion of every channel lasts while that of the model dies out.
+    """Decide whether every recorded channel keeps moving while the motion of the model dies out.
 
     recordings: those of the identification, with an initial state of each in `initial_states`.
     """
@@ -197,9 +197,9 @@ def kept_up(identified: IdentifiedModel, recordings: Sequence[Recording]) -> boo
 
 
 def outlives_recording(identified: IdentifiedModel, recordings: Sequence[Recording]) -> bool:
-    """Decide whether the model's motion lasts or diverges while the recorded one dies out.
+    """Decide whether the motion of a model lasts although the recorded motion dies out.
 
-    recordings: as of `kept_up`.
+    A motion that diverges lasts too. recordings: as of `kept_up`.
     """
     return any(
         recorded.last < LASTING * recorded.all
@@ -243,10 +243,11 @@ def _size_above_noise(samples: np.ndarray, noise: float) -> float:
 
 @dataclass(frozen=True)
 class Difference:
-    """Difference between parts of recordings that were identified together.
+    """Evidence that recordings differ: forecast errors of their common and of separate models.
 
-    channel: where the difference is clearest. missed, own: share of its motion that forecasts miss,
-    by the common model, infinite if there is none, and at the median by the models of the parts.
+    The recordings, or parts of a recording, were identified together. channel: where the difference
+    is clearest. missed, own: share of the motion of the channel that forecasts miss, by the common
+    model, infinite if there is none, and at the median by the models of the parts.
     """
 
     channel: str
@@ -254,14 +255,17 @@ class Difference:
     own: float
 
     def between(self, names: Sequence[str]) -> Finding:
-        """Make the finding on recordings of these names, of which no model can be trusted."""
+        """Make the finding that recordings, given by name, are not of one system.
+
+        No model of them can be trusted.
+        """
         shares: dict[str, float | str] = {"names": ", ".join(names), "own": self.own}
         if np.isinf(self.missed):
             return Finding.of(Code.NO_COMMON_MODEL, self.channel, **shares)
         return Finding.of(Code.RECORDINGS_DIFFER, self.channel, missed=self.missed, **shares)
 
     def within(self, spans: str) -> Finding:
-        """Make the finding on parts of one recording, named by their spans."""
+        """Make the finding that the parts of one recording, given as time spans, differ."""
         shares = {"missed": self.missed, "own": self.own}
         return Finding.of(Code.PARTS_DIFFER, self.channel, spans=spans, **shares)
 
@@ -269,9 +273,10 @@ class Difference:
 def difference(
     together: IdentifiedModel, parts: Sequence[Recording], identify: Identify
 ) -> Difference | None:
-    """Find the difference between parts of recordings that were identified together; None if alike.
+    """Test whether recordings need different models; return the clearest difference, or None.
 
-    An exact model has no errors: recordings that one model follows are of one system.
+    The recordings, or parts of one recording, were identified together. An exact model has no
+    errors: recordings that one model follows are of one system.
     """
     if together.status not in ("approximate", "refused") or len(parts) < 2:
         return None

@@ -29,7 +29,7 @@ MOST_LINES = 20
 
 
 def load(mapping: dict) -> Settings:
-    """Convert a mapping of keys to settings, missing keys at their defaults.
+    """Convert a nested dict to validated settings of a study, with defaults for missing keys.
 
     Raises ConfigurationError with one line per problem: the key as the user writes it, the
     value, what is allowed and the nearest valid name.
@@ -54,12 +54,12 @@ def load(mapping: dict) -> Settings:
 
 
 def plain(settings: Section) -> dict:
-    """Convert settings, or a section, to nested dict, list, str, int, float, bool and None."""
+    """Convert settings to nested dicts and lists of plain values, as for JSON."""
     return settings.model_dump(mode="json")
 
 
 def configured(configfiles: Iterable[str | Path]) -> Settings:
-    """Load the settings of a study from files; a later file overrides the earlier.
+    """Load the settings of a study from YAML files, of which later files override earlier ones.
 
     Raises ConfigurationError for a mistake anywhere in them.
     """
@@ -78,10 +78,9 @@ def _override_sections(mapping: dict, over: dict) -> dict:
 
 
 def merged(mapping: dict, files: Sequence[dict]) -> dict:
-    """Return the mapping that Snakemake merged from files, as the study uses it.
+    """Sort the keys of a merged configuration as in its files, and drop cases that are null.
 
-    Its keys are in the order of the files, see `ordered`, and a case that is set to null is left
-    out.
+    mapping: as Snakemake merged it from the files. `ordered` sorts its keys.
     """
     mapping = ordered(mapping, files)
     cases = mapping.get("cases")
@@ -91,7 +90,7 @@ def merged(mapping: dict, files: Sequence[dict]) -> dict:
 
 
 def ordered(mapping: dict, files: Sequence[dict]) -> dict:
-    """Sort the keys of a merged mapping in the order in which the files name them.
+    """Sort the keys of a merged configuration in the order in which the files list them.
 
     The order of cases and initial states matters, and Snakemake puts the keys of a file that
     overrides before those of the overridden file. Keys that no file names come last.

@@ -15,12 +15,12 @@ from galloping.configuration.settings import Settings
 
 @cache
 def schema() -> dict:
-    """Generate the JSON schema of a study from the models."""
+    """Return the JSON schema of the settings of a study."""
     return Settings.model_json_schema()
 
 
 def resolve(node: dict) -> dict:
-    """Follow the references of a node and replace an optional value by the value."""
+    """Replace a reference or optional type in a node of the JSON schema by its definition."""
     if "$ref" in node:
         definition = schema()["$defs"][node["$ref"].rpartition("/")[2]]
         return definition | {key: value for key, value in node.items() if key != "$ref"}
@@ -31,31 +31,31 @@ def resolve(node: dict) -> dict:
 
 
 def child(node: dict, key: object) -> dict:
-    """Find the node of a key, or of a name chosen by the user."""
+    """Return the schema node of a key in a section, or of a name chosen by the user."""
     if key in node.get("properties", {}):
         return resolve(node["properties"][key])
     return resolve(named_value(node))
 
 
 def item(node: dict) -> dict:
-    """Find the node of the items of a list."""
+    """Return the schema node of the items of a list."""
     return resolve(node["items"] if "items" in node else node["prefixItems"][0])
 
 
 def named_value(node: dict) -> dict:
-    """Find the node of the values in a mapping whose names the user chooses."""
+    """Return the schema node of the values in a mapping whose names the user chooses."""
     if "patternProperties" in node:
         return next(iter(node["patternProperties"].values()))
     return node["additionalProperties"]
 
 
 def names(node: dict) -> list[str]:
-    """List the keys a mapping may have; empty if the user chooses them."""
+    """List the keys that a section of the schema may have; none if the user chooses them."""
     return list(node.get("properties", ())) or node.get("propertyNames", {}).get("enum", [])
 
 
 def leaves(node: dict | None = None, path: str = "") -> Iterator[tuple[str, dict]]:
-    """Yield all keys with their nodes, in order: `cases.<name>.wind.speed` and so on."""
+    """Yield dotted path and schema node of each setting, such as `cases.<name>.wind.speed`."""
     node = resolve(node or schema())
     if "properties" in node:
         for key, value in node["properties"].items():
@@ -67,7 +67,7 @@ def leaves(node: dict | None = None, path: str = "") -> Iterator[tuple[str, dict
 
 
 def allowed(node: dict, with_unit: bool = True) -> str:
-    """Describe the allowed values: `> 0 m`, `a whole number 1..10000`, `one of irvine, sine`."""
+    """Describe in words the allowed values of a setting, such as `> 0 m` or `one of a, b`."""
     unit = node.get("unit", "") if with_unit else ""
     text = _describe_type(node, "" if unit in ("", "1") else unit)
     text = f"null or {text}" if "optional" in node else text
@@ -124,7 +124,7 @@ HEADER = ("Key", "Default", "Unit", "Allowed", "Provenance", "Meaning")
 
 
 def with_key_table(text: str) -> str:
-    """Update the table of all keys between the two markers of a Markdown text.
+    """Replace the table of all settings between two markers in a Markdown text.
 
     Raises ValueError if a marker is missing.
     """
@@ -157,7 +157,7 @@ OWN_WORDS = ("unit", "symbol", "provenance", "note", "rule", "why")  # that JSON
 
 
 def schema_for_editors() -> str:
-    """Format the JSON schema of one configuration file, for editors.
+    """Return the JSON schema by which text editors check a configuration file.
 
     Any key may be missing, since files are merged. A case may be null, which leaves it out. Units
     and rules beyond JSON schema are part of the descriptions, which editors show.

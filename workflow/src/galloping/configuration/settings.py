@@ -26,14 +26,14 @@ LARGEST_SAG = 0.25  # of the span: beyond, the parabola is off by more than a te
 
 
 class InitialStateSection(INITIAL_STATE_KEYS):
-    """Initial state of the trajectory."""
+    """Initial modal displacements and velocities of a simulated motion."""
 
 
 SPACERS_KEYS: Any = keys("spacers")
 
 
 class SpacersSection(SPACERS_KEYS):
-    """Point masses along the span."""
+    """Mass and positions of the spacers along the span."""
 
     @field_validator("positions")
     @classmethod
@@ -50,7 +50,7 @@ ICE_KEYS: Any = keys("ice")
 
 
 class IceSection(ICE_KEYS):
-    """Aerodynamic coefficients of the iced section."""
+    """Aerodynamic coefficients of the iced conductors."""
 
     @field_validator("vertical", "horizontal")
     @classmethod
@@ -72,7 +72,7 @@ TRUTH_KEYS: Any = keys("truth", gusts=GUSTS)
 
 
 class TruthSection(TRUTH_KEYS):
-    """The simulated system and the positions of its sensors."""
+    """Model that is simulated as the true system, and the positions of its sensors."""
 
     @model_validator(mode="after")
     def _only_what_counts(self) -> Self:
@@ -103,7 +103,7 @@ CASE_KEYS: Any = keys(
 
 
 class CaseSection(CASE_KEYS):
-    """One line in one wind."""
+    """One case of a study: an overhead line, its wind and its initial states."""
 
     @model_validator(mode="after")
     def _hangs_as_a_shallow_cable(self) -> Self:
@@ -126,7 +126,7 @@ class CaseSection(CASE_KEYS):
 
 
 def paper_cases() -> dict[str, CaseSection]:
-    """Make the two lines of the paper: at internal resonance, and away from it."""
+    """Make the settings of the reproduced paper's two lines, with and without resonance."""
     wide = InitialStateSection(q_w=3)
     non_resonant = CaseSection(line=LineSection(tension=35000), initial_states={"wide": wide})
     return {"internal_resonance": CaseSection(), "non_resonant": non_resonant}
@@ -155,7 +155,7 @@ SIMULATION_KEYS: Any = keys("simulation")
 
 
 class SimulationSection(SIMULATION_KEYS):
-    """The simulation of each case."""
+    """Duration, sampling rate and steady window of the simulation of each case."""
 
     @property
     def samples(self) -> int:
@@ -199,7 +199,7 @@ MEASUREMENT_KEYS: Any = keys(
 
 
 class MeasurementSection(MEASUREMENT_KEYS):
-    """Measurement setups and noise levels of the recordings."""
+    """Measurement setups and noise levels of the simulated recordings."""
 
     protocols: selection(ProtocolName) = setting(  # type: ignore[valid-type]
         tuple(protocol.name for protocol in PROTOCOLS if protocol.by_default),
@@ -236,7 +236,7 @@ RECORDINGS_KEYS: Any = keys(
 
 
 class RecordingsSection(RECORDINGS_KEYS):
-    """Recordings of one system, in files of its instruments."""
+    """Files with measured recordings of one system, and how a model is identified from them."""
 
     @field_validator("publish")
     @classmethod
@@ -255,7 +255,7 @@ TRIAL_KEYS: Any = keys(
 
 
 class TrialSection(TRIAL_KEYS):
-    """Fits to many recordings whose truth is known."""
+    """Trials of identification methods on many recordings whose true model is known."""
 
     @model_validator(mode="after")
     def _of_its_kind(self) -> Self:
@@ -288,7 +288,7 @@ SWEEP_KEYS: Any = keys("sweep", parameter=SWEPT, second=SWEPT)
 
 
 class SweepSection(SWEEP_KEYS):
-    """Range of one parameter, or two, of every line."""
+    """Range over which one or two parameters of every line are varied."""
 
     @field_validator("values", "second_values")
     @classmethod
@@ -319,7 +319,7 @@ MEASURE_KEYS: Any = keys("measure", kind=one_of(tuple(measures.KINDS)))
 
 
 class MeasureSection(MEASURE_KEYS):
-    """One measure against galloping."""
+    """Settings of one measure against galloping, such as a damper."""
 
     @model_validator(mode="after")
     def _of_its_kind(self) -> Self:
@@ -335,7 +335,7 @@ class MeasureSection(MEASURE_KEYS):
 
     @property
     def places(self) -> tuple[float, ...]:
-        """Positions on the span, m."""
+        """Positions of the measure along the span, m."""
         return self.positions or (() if self.position is None else (self.position,))
 
 
@@ -350,7 +350,7 @@ ASSESSMENT_KEYS: Any = keys(
 
 
 class AssessmentSection(ASSESSMENT_KEYS):
-    """Questions of an engineer: amplitude of galloping, clearance, and measures against it."""
+    """Assessment of galloping: amplitudes, clearance, and measures against it."""
 
 
 def _default_sweeps() -> dict[str, SweepSection]:
@@ -375,7 +375,7 @@ SETTINGS_KEYS: Any = keys(
 
 
 class Settings(SETTINGS_KEYS):
-    """A study."""
+    """All settings of a study."""
 
     @field_validator("results")
     @classmethod

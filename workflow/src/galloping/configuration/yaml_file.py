@@ -12,11 +12,11 @@ ENDLESS = f"lists or sections are nested without end; must be at most {MOST_LEVE
 
 
 class ConfigurationError(ValueError):
-    """Error of settings that cannot be used; its text has one line per problem."""
+    """Error raised for invalid settings, with one line of text per problem."""
 
 
 def read(path: str | Path) -> dict:
-    """Read the mapping in a YAML file.
+    """Read a YAML file as a dict; raise ConfigurationError if it is not a valid mapping.
 
     Raises ConfigurationError with one line that names the file, and its line if known: unreadable,
     empty, not YAML, not a mapping, or a duplicate key.
@@ -46,9 +46,10 @@ def read(path: str | Path) -> dict:
 
 
 def refuse_endless(content: object) -> None:
-    """Raise ConfigurationError if lists and sections are nested without end, or almost.
+    """Raise ConfigurationError if lists and dicts are nested without end or hold too much.
 
-    With YAML's anchors a short file can contain itself, or a list of 10^9 items.
+    At most MOST_LEVELS levels and MOST_VALUES values are allowed. With YAML's anchors a short file
+    can contain itself, or a list of 10^9 items.
     """
     level, values, depth = [content], 0, 0
     while level:

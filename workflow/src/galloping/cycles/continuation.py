@@ -24,7 +24,7 @@ CLOSED = 1e-3  # relative difference of period and size at which a branch has re
 
 @dataclass(frozen=True)
 class Equations:
-    """Equations of a branch, linearised at some unknowns.
+    """Equations that define a solution branch: residual and Jacobian at given unknowns.
 
     solution: with a `vector` (n,) that identifies it, a `value` of the parameter, which is the
     vector's last entry, and a `signature` that differs between solutions at one value. unknowns: (m
@@ -39,18 +39,24 @@ class Equations:
     moved: np.ndarray
 
     def bordered(self, border: np.ndarray) -> np.ndarray:
-        """Append the condition `border` (n,) on the vector as last row: (m + 1, m + 1)."""
+        """Append a linear condition on the solution to the Jacobian, as its last row.
+
+        border: (n,) condition on the vector. Returns (m + 1, m + 1).
+        """
         return np.vstack([self.jacobian, border @ self.moved])
 
     def along(self, border: np.ndarray) -> np.ndarray:
-        """Compute the tangent change of the vector, (n,), of size one across the border."""
+        """Compute the tangent of the branch, scaled to one in the direction of a condition.
+
+        border: (n,) the condition. Returns the change of the vector, (n,).
+        """
         return self.moved @ np.linalg.solve(self.bordered(border), np.eye(len(self.unknowns))[-1])
 
 
 class BranchProblem(Protocol):
-    """Solutions of the models of a family along its parameter.
+    """Interface of a continuation problem: solutions that form a branch along a parameter.
 
-    sought: the solutions in words, for messages.
+    The solutions are of the models of a family. sought: the solutions in words, for messages.
     """
 
     family: Family
@@ -58,44 +64,59 @@ class BranchProblem(Protocol):
 
     @property
     def metric(self) -> np.ndarray:
-        """Weights of the squares of a change, (n,); a step of length one is the longest."""
+        """Weights of the squared components of a step, which define its length.
+
+        Shape (n,). A step of length one is the longest.
+        """
 
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
-        """Extract the unknowns, (m + 1,), of a solution with this vector (n,)."""
+        """Extract the unknowns of the equations from the vector that describes a solution.
+
+        From (n,) to (m + 1,).
+        """
 
     def linearise(self, unknowns: np.ndarray) -> Equations:
-        """Linearise the equations. Raises NotConverged if they cannot be evaluated."""
+        """Compute the residual and Jacobian of the equations at given unknowns.
+
+        Raises NotConverged if they cannot be evaluated.
+        """
 
     def examine(self, at: Equations, tangent: np.ndarray) -> tuple[Any, dict[str, float]]:
-        """Compute stability, and the tests whose sign changes are bifurcations."""
+        """Compute the stability of a solution, and test functions that vanish at bifurcations."""
 
     def confirmed(self, name: str, stability: Any) -> bool:
-        """Decide whether a zero of test `name` is the bifurcation of that name."""
+        """Decide whether the zero of a test function is really the bifurcation of that name."""
 
     def moved(self, solution: Any) -> Self:
-        """Return the problem about a new solution."""
+        """Return the problem with a new solution as reference."""
         return self
 
     def ended(self, solution: Any) -> str:
-        """Return why the branch ends at a solution just found, or ''."""
+        """Return the reason why the branch ends at a solution, or '' if it continues."""
         return ""
 
     def along_parameter(self) -> np.ndarray:
-        """Return the condition, (n,), that selects the parameter's change."""
+        """Return the unit vector that selects the parameter in the solution vector.
+
+        Shape (n,).
+        """
         return np.append(np.zeros(len(self.metric) - 1), 1.0)
 
     def length(self, change: np.ndarray) -> float:
-        """Compute the length of a change of the vector, in longest steps."""
+        """Compute the length of a change of the solution, in units of the longest step."""
         return float(np.sqrt(np.sum(self.metric * change**2)))
 
 
 class NotConverged(Exception):
-    """Exception: the corrector found no solution; the message gives the reason."""
+    """Error that the corrector of a continuation found no solution; its message says why."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """Solution on a branch, its tangent (n,), its stability and the values of the tests."""
+    """Solution on a branch, with its tangent, stability and test functions for bifurcations.
+
+    tangent: (n,).
+    """
 
     solution: Any
     tangent: np.ndarray
@@ -105,7 +126,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Bifurcation:
-    """A bifurcation of a branch, by its name in the literature.
+    """Bifurcation of a branch: its type, as named in the literature, and the solution there.
 
     located: False if only the next point of the branch could be computed.
     """
@@ -117,7 +138,7 @@ class Bifurcation:
 
 @dataclass(frozen=True)
 class Branch:
-    """Points in order, the bifurcations between them, and the reason of the end.
+    """Branch of solutions: points in order, bifurcations, and the reason why the branch ends.
 
     complete: whether the branch ended at a bound of the parameter, at an equilibrium, at a period
     doubling or where it began. reason: of the end, in words.
@@ -131,10 +152,11 @@ class Branch:
 
 @dataclass(frozen=True)
 class Range:
-    """Range of a branch: low <= parameter <= high, in at most max_points points.
+    """Limits of a continuation: range and step of the parameter, number of points, orbit size.
 
-    longest: step of the parameter; a fiftieth of the range by default. ceiling: size of an orbit
-    (`Orbit.spread`) beyond which cycles are not followed.
+    low <= parameter <= high, in at most max_points points. longest: step of the parameter; a
+    fiftieth of the range by default. ceiling: size of an orbit (`Orbit.spread`) beyond which cycles
+    are not followed.
     """
 
     low: float
@@ -152,9 +174,10 @@ class Range:
 def corrected(
     problem: BranchProblem, guess: np.ndarray, border: np.ndarray, accuracy: float = CORRECTED
 ) -> Equations:
-    """Correct a guess (n,) to the solution on the plane through it across `border` (n,).
+    """Correct a guess to a solution of the equations, by Newton steps in a plane.
 
-    accuracy: length of the last correction, in steps. Raises NotConverged.
+    The plane goes through the guess (n,), across `border` (n,). accuracy: length of the last
+    correction, in steps. Raises NotConverged.
     """
     at, previous = problem.linearise(problem.unknowns(guess)), np.inf
     for _ in range(CORRECTIONS):
@@ -174,14 +197,20 @@ def corrected(
 
 
 def point_at(problem: BranchProblem, at: Equations, border: np.ndarray) -> Point:
-    """Compute the tangent of a solution, oriented so that `border` (n,) is positive on it."""
+    """Compute the tangent and the stability of a solution, as a point of its branch.
+
+    The tangent is oriented so that `border` (n,) is positive on it.
+    """
     tangent = at.along(border)
     tangent = tangent / problem.length(tangent)
     return Point(at.solution, tangent, *problem.examine(at, tangent))
 
 
 def first(problem: BranchProblem, guess: np.ndarray, border: np.ndarray) -> Point:
-    """Compute the point near a guess, see `corrected` and `point_at`. Raises ValueError."""
+    """Compute the first point of a branch from a guess of its solution.
+
+    See `corrected` and `point_at`. Raises ValueError if there is no solution.
+    """
     try:
         return point_at(problem, corrected(problem, guess, border), border)
     except NotConverged as failure:
@@ -190,7 +219,7 @@ def first(problem: BranchProblem, guess: np.ndarray, border: np.ndarray) -> Poin
 
 
 def follow(problem: BranchProblem, start: Point, span: Range) -> Branch:
-    """Follow the branch from `start` in the direction of its tangent."""
+    """Compute the branch of solutions from a start point, in the direction of its tangent."""
     points: list[Point] = [start]
     bifurcations: list[Bifurcation] = []
     step = FIRST_STEP

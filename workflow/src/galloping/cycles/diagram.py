@@ -22,7 +22,7 @@ HOPF, FOLD, BRANCH_POINT = "Hopf", "fold", "branch point"
 
 @dataclass(frozen=True)
 class FixedPoint:
-    """An equilibrium at a value of the parameter.
+    """Equilibrium of a model at one value of its parameter.
 
     vector: (n_states + 1,), the state with dx/dt = 0, and the value.
     """
@@ -31,20 +31,23 @@ class FixedPoint:
 
     @property
     def state(self) -> np.ndarray:
-        """The equilibrium, (n_states,)."""
+        """State of the equilibrium, (n_states,)."""
         return self.vector[:-1]
 
     signature = state
 
     @property
     def value(self) -> float:
-        """Value of the parameter."""
+        """Value of the parameter at the equilibrium."""
         return float(self.vector[-1])
 
 
 @dataclass(frozen=True)
 class EquilibriumProblem(continuation.BranchProblem):
-    """Equilibria of a family. resolution: longest step of the parameter."""
+    """Continuation problem of the equilibria of a family of models along its parameter.
+
+    resolution: longest step of the parameter.
+    """
 
     family: Family
     n_states: int
@@ -53,16 +56,19 @@ class EquilibriumProblem(continuation.BranchProblem):
 
     @property
     def metric(self) -> np.ndarray:
-        """Weights of the squares of a change, (n_states + 1,), from sizes and longest step."""
+        """Weights of the squared components of a step, which define its length.
+
+        Shape (n_states + 1,), from sizes and longest step.
+        """
         sizes = np.broadcast_to(self.family.sizes, self.n_states)
         return np.append(sizes, self.resolution) ** -2.0
 
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
-        """Return the vector, which is the unknowns."""
+        """Return the solution vector unchanged, since all its entries are unknowns."""
         return vector
 
     def linearise(self, unknowns: np.ndarray) -> Equations:
-        """Compute rates and their derivatives by states and parameter."""
+        """Compute the rates of the states and their derivatives by states and parameter."""
         model, x = self.family.model(unknowns[-1]), unknowns[np.newaxis, :-1]
         slope = self.family.slope(unknowns[-1], self.resolution)
         by_value = design_matrix(x, model.terms) @ slope.T
@@ -71,7 +77,7 @@ class EquilibriumProblem(continuation.BranchProblem):
         return Equations(found, unknowns, model(x)[0], jacobian, moved)
 
     def examine(self, at: Equations, tangent: np.ndarray) -> tuple[Modes, dict[str, float]]:
-        """Compute eigenvalues, and tests for Hopf bifurcation, fold and branch point."""
+        """Compute eigenvalues, and test functions for Hopf bifurcation, fold and branch point."""
         modes = Modes.of(at.jacobian[:, :-1])
         sums = np.array([a + b for a, b in combinations(modes.values, 2)])  # none of one state
         return modes, {
@@ -81,7 +87,10 @@ class EquilibriumProblem(continuation.BranchProblem):
         }
 
     def confirmed(self, name: str, modes: Modes) -> bool:
-        """Reject a pair of real eigenvalues of opposite sign, which is no Hopf bifurcation."""
+        """Decide whether a zero of a test function is really the bifurcation of that name.
+
+        A pair of real eigenvalues of opposite sign is no Hopf bifurcation.
+        """
         if name != HOPF:
             return True
         rates = np.abs(modes.values[modes.oscillating].real)
@@ -89,9 +98,10 @@ class EquilibriumProblem(continuation.BranchProblem):
 
 
 def equilibrium_branch(family: Family, state: np.ndarray, span: Range) -> Branch:
-    """Follow the equilibria from the one near `state` (n_states,) at the low end of a range.
+    """Compute the branch of equilibria along a parameter, from the low end of its range.
 
-    Raises ValueError if there is no equilibrium near the state.
+    It begins at the equilibrium near `state` (n_states,). Raises ValueError if there is no
+    equilibrium near the state.
     """
     problem = EquilibriumProblem(family, len(state), span.longest)
     start = continuation.first(problem, np.append(state, span.low), problem.along_parameter())
@@ -99,7 +109,7 @@ def equilibrium_branch(family: Family, state: np.ndarray, span: Range) -> Branch
 
 
 def hopf_points(branch: Branch) -> list[Bifurcation]:
-    """List the Hopf bifurcations of a branch of equilibria, in its order."""
+    """List the Hopf bifurcations of a branch of equilibria, in their order along the branch."""
     return [b for b in branch.bifurcations if b.name == HOPF and b.located]
 
 
@@ -112,7 +122,7 @@ def _follow_hopf(family: Family, hopf: Bifurcation, span: Range) -> tuple[Branch
 
 @dataclass(frozen=True)
 class Diagram:
-    """Branch of equilibria, and all branches of limit cycles that start from it.
+    """Bifurcation diagram: a branch of equilibria and the branches of limit cycles from it.
 
     cycles: by origin, such as `Hopf 1, period doubling 1`: side 1 leads to lower values of the
     parameter and side 2 to higher ones; from a branch point, they are its two directions. failures:
@@ -132,11 +142,12 @@ def diagram(
     depth: int = 1,
     motion: tuple[float, np.ndarray, np.ndarray] | None = None,
 ) -> Diagram:
-    """Compute the diagram of the equilibrium near `rest` (n_states,) over the range `span`.
+    """Compute the bifurcation diagram of a family of models over a range of its parameter.
 
-    depth: number of successive period doublings and branch points to follow. motion: without a Hopf
-    bifurcation in the range, a settled motion to start from: the parameter's value, times (n,) in s
-    and states (n, n_states). Raises ValueError if there is no equilibrium near `rest`.
+    It begins at the equilibrium near `rest` (n_states,). depth: number of successive period
+    doublings and branch points to follow. motion: without a Hopf bifurcation in the range, a
+    settled motion to start from: the parameter's value, times (n,) in s and states (n, n_states).
+    Raises ValueError if there is no equilibrium near `rest`.
     """
     equilibria = equilibrium_branch(family, rest, span)
     queue = [

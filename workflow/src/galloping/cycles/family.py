@@ -14,11 +14,12 @@ DIFFERENCE = 1e-5  # of the parameter's scale: central differences are good to a
 
 @dataclass(frozen=True)
 class Family:
-    """Models along a parameter: dx/dt = C(parameter) theta(x) with one library.
+    """Family of models dx/dt = C(p) theta(x): terms theta, coefficients C of a parameter p.
 
-    model: function of the parameter that returns the model; its states and terms must not change.
-    parameter, unit: name and unit of the parameter, for reports. sizes: (n_states,) of the motion,
-    in which distances between states are measured; one by default, as for a span in SI units.
+    The library of terms is the same at all values of p. model: function of the parameter that
+    returns the model; its states and terms must not change. parameter, unit: name and unit of the
+    parameter, for reports. sizes: (n_states,) of the motion, in which distances between states are
+    measured; one by default, as for a span in SI units.
     """
 
     model: Callable[[float], PolynomialModel]
@@ -27,14 +28,20 @@ class Family:
     sizes: np.ndarray | float = 1.0
 
     def slope(self, value: float, scale: float) -> np.ndarray:
-        """Compute dC/dp, (n_states, n_terms), by central differences. scale: of the parameter."""
+        """Compute the derivative of all coefficients by the parameter, by central differences.
+
+        Shape (n_states, n_terms). scale: of the parameter.
+        """
         step = DIFFERENCE * scale
         above, below = (self.model(value + change).coefficients for change in (step, -step))
         return (above - below) / (2 * step)
 
 
 def constant(model: PolynomialModel, sizes: np.ndarray | float = 1.0) -> Family:
-    """Make a family with the same model at every value. sizes: as in `Family`."""
+    """Make a family that has the same model at every value of its parameter.
+
+    sizes: as in `Family`.
+    """
     return Family(lambda _: model, sizes=sizes)
 
 
@@ -45,7 +52,7 @@ LIBRARY = tuple(dict.fromkeys([(0, 0, 1, 0), (0, 0, 0, 1), *_DERIVED]))
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of a line that can be varied, with name and unit for reports.
+    """Parameter of an overhead line that can be varied, with name and unit for reports.
 
     places: section and key of its value in a case. change: function that changes a case, for a
     parameter without a key of its own.
@@ -57,7 +64,7 @@ class Parameter:
     change: Callable[[Mapping, float], dict] | None = None
 
     def at(self, case: Mapping, value: float) -> dict:
-        """Change a case to a value of the parameter."""
+        """Return a case (settings of a line and its wind) with this parameter changed."""
         if self.change is not None:
             return self.change(case, value)
         own = dict(case)
@@ -106,21 +113,24 @@ PARAMETERS = {
 
 
 def parameter(name: str) -> Parameter:
-    """Find a parameter by its name. Raises ValueError for a name that no sweep can vary."""
+    """Return the line parameter with a given name, such as `wind_speed`.
+
+    Raises ValueError for a name that no sweep can vary.
+    """
     if name not in PARAMETERS:
         raise ValueError(f"{name}: a sweep cannot vary it; it can vary {', '.join(PARAMETERS)}")
     return PARAMETERS[name]
 
 
 def line_model(case: Mapping) -> PolynomialModel:
-    """Derive the two-mode model of a case, on LIBRARY."""
+    """Derive the two-mode model of a line and its wind, on the common LIBRARY of terms."""
     return galerkin.model(galerkin.coefficients(case)).on_library(LIBRARY)
 
 
 def line_family(case: Mapping, name: str) -> Family:
-    """Derive the models of a case along the parameter `name` of PARAMETERS.
+    """Derive the two-mode models of a line along one of its parameters, such as wind speed.
 
-    Raises ValueError for a name that no sweep can vary.
+    name: of PARAMETERS. Raises ValueError for a name that no sweep can vary.
     """
     varied = parameter(name)
     return Family(
@@ -129,10 +139,11 @@ def line_family(case: Mapping, name: str) -> Family:
 
 
 def critical_wind(case: Mapping) -> float:
-    """Compute the onset wind speed of the vertical mode in m/s, in closed form: gamma_1 = 0.
+    """Compute in closed form the wind speed, in m/s, at which vertical galloping begins.
 
-    The structural damping 2 zeta omega equals the aerodynamic one, rho D U b1 <phi^2> / (2 m_v)
-    (Den Hartog 1932 for a mode of the span); infinite if the ice does not destabilise.
+    The linear damping gamma_1 of the vertical mode is then zero. The structural damping 2 zeta
+    omega equals the aerodynamic one, rho D U b1 <phi^2> / (2 m_v) (Den Hartog 1932 for a mode of
+    the span); infinite if the ice does not destabilise.
     """
     line, vertical, _ = galerkin.at_rest(case)
     (b1, _, _), _ = galerkin.ice_coefficients(case["ice"])
@@ -144,5 +155,8 @@ def critical_wind(case: Mapping) -> float:
 
 
 def initial_state(case: Mapping) -> list[float]:
-    """Return the initial state of a case, in the order of the states."""
+    """Return the initial displacements and velocities of a case (a line in a wind) as a list.
+
+    They are in the order of the states.
+    """
     return [case["initial_state"][state] for state in galerkin.STATES]

@@ -37,7 +37,7 @@ VANISHED = 1e-3  # of the largest orbit of the branch: an orbit as small is an e
 
 @dataclass(frozen=True)
 class Orbit:
-    """A periodic solution.
+    """Periodic solution of a model at one value of its parameter, sampled over one period.
 
     states: (n, n_states) at even phases of the period, n a multiple of PHASES. period: s. value: of
     the parameter. steps: of an integration that resolves the period. sizes: as of `Family`.
@@ -51,28 +51,37 @@ class Orbit:
 
     @cached_property
     def vector(self) -> np.ndarray:
-        """States at PHASES even phases, one after the other, period and parameter."""
+        """Vector of the orbit: its states at equally spaced phases, period and parameter.
+
+        There are PHASES phases, one after the other.
+        """
         thinned = self.states[:: len(self.states) // PHASES]
         return np.append(thinned.ravel(), [self.period, self.value])
 
     @cached_property
     def at(self) -> CubicSpline:
-        """Spline of the states, (n_phases, n_states), by phase, in periods."""
+        """Periodic spline that gives the states at phases, as fractions of the period.
+
+        From (n_phases,) to (n_phases, n_states).
+        """
         closed = np.vstack([self.states, self.states[:1]])
         return CubicSpline(np.linspace(0, 1, len(closed)), closed, bc_type="periodic")
 
     @cached_property
     def spread(self) -> float:
-        """Root mean square distance of the orbit from its mean, in `sizes`."""
+        """Root mean square distance of the orbit from its mean state, in units of `sizes`."""
         return float(np.sqrt(np.sum(np.var(self.states / self.sizes, axis=0))))
 
     @property
     def signature(self) -> np.ndarray:
-        """Period, s, and spread, which differ between orbits at one value of the parameter."""
+        """Period and spread, which distinguish orbits at the same value of the parameter."""
         return np.array([self.period, self.spread])
 
     def half_range(self) -> np.ndarray:
-        """Compute half of the range of each state over a period, (n_states,), zero if constant."""
+        """Compute the amplitude of each state, half of its range over a period.
+
+        Shape (n_states,), zero if constant.
+        """
         turns = self.at.derivative().roots(extrapolate=False)  # NaN where a state never moves
         half = np.array([np.ptp(self.at(turn)[:, k]) / 2 for k, turn in enumerate(turns)])
         return np.where(
@@ -80,10 +89,10 @@ class Orbit:
         )
 
     def halves(self) -> np.ndarray:
-        """Compute the difference of both halves of an orbit, (PHASES / 2, n_states), in `sizes`.
+        """Compute the difference between second and first half of the orbit, phase by phase.
 
-        A branch of doubled period ends where both are one orbit; beyond, continuation finds the
-        same branch again, with the halves exchanged.
+        Shape (PHASES / 2, n_states), in `sizes`. A branch of doubled period ends where both are one
+        orbit; beyond, continuation finds the same branch again, with the halves exchanged.
         """
         first, second = np.split(self.vector[:-2].reshape(PHASES, -1) / self.sizes, 2)
         return second - first
@@ -96,14 +105,17 @@ def circle(
     value: float,
     sizes: np.ndarray | float = 1.0,
 ) -> Orbit:
-    """Make the orbit centre + Re(mode exp(2 pi i t / period)). sizes: as of `Family`."""
+    """Make an elliptical orbit about a centre: the harmonic oscillation of one complex mode.
+
+    The states are centre + Re(mode exp(2 pi i t / period)). sizes: as of `Family`.
+    """
     turn = np.exp(2j * np.pi * np.arange(PHASES) / PHASES)[:, np.newaxis]
     return Orbit(centre + (mode * turn).real, period, value, sizes=sizes)
 
 
 @dataclass(frozen=True)
 class Floquet:
-    """Floquet multipliers of a limit cycle.
+    """Floquet multipliers of a limit cycle, which determine its stability.
 
     multipliers: (n_states - 1,) complex, largest first, without the trivial one. trivial_defect:
     |mu - 1| of the multiplier along the orbit, which is 1 for an exact orbit.
@@ -114,17 +126,17 @@ class Floquet:
 
     @property
     def largest(self) -> float:
-        """Modulus of the largest multiplier."""
+        """Modulus of the largest multiplier; the trivial multiplier does not count."""
         return float(np.abs(self.multipliers[0])) if len(self.multipliers) else 0.0
 
     @property
     def stable(self) -> bool:
-        """Whether all multipliers are inside the unit circle."""
+        """Whether the limit cycle is stable: all multipliers are inside the unit circle."""
         return self.largest < 1
 
 
 def floquet(monodromy: np.ndarray) -> Floquet:
-    """Compute the multipliers of a limit cycle and the error of the trivial one."""
+    """Compute the Floquet multipliers of a limit cycle from its monodromy matrix."""
     values = np.linalg.eigvals(monodromy).astype(complex)
     trivial = np.argmin(np.abs(values - 1))
     others = np.delete(values, trivial)
@@ -134,12 +146,12 @@ def floquet(monodromy: np.ndarray) -> Floquet:
 
 @dataclass(frozen=True)
 class CycleProblem(continuation.BranchProblem):
-    """Limit cycles of a family about a reference orbit, which fixes the phase.
+    """Continuation problem of the limit cycles of a family of models along its parameter.
 
-    Unknowns are the state at phase 0, the period and the parameter. resolution: longest step of the
-    parameter. slope: (n_states, n_terms) derivative of the coefficients by the parameter, at the
-    reference. largest: size of the largest orbit so far. ceiling: size (`Orbit.spread`) beyond
-    which the branch is not followed.
+    A reference orbit fixes the phase. Unknowns are the state at phase 0, the period and the
+    parameter. resolution: longest step of the parameter. slope: (n_states, n_terms) derivative of
+    the coefficients by the parameter, at the reference. largest: size of the largest orbit so far.
+    ceiling: size (`Orbit.spread`) beyond which the branch is not followed.
     """
 
     family: Family
@@ -154,13 +166,16 @@ class CycleProblem(continuation.BranchProblem):
     def about(
         cls, family: Family, orbit: Orbit, resolution: float, ceiling: float = np.inf
     ) -> Self:
-        """Make the problem of a branch that begins near an orbit."""
+        """Make the continuation problem of a branch that begins near a given orbit."""
         slope = family.slope(orbit.value, resolution)
         return cls(family, orbit, resolution, slope, ceiling, orbit.spread)
 
     @cached_property
     def metric(self) -> np.ndarray:
-        """Weights of the squares of a change of the vector, (n,), from sizes of the orbit."""
+        """Weights of the squared components of a step, which define its length.
+
+        Shape (n,), from sizes of the orbit.
+        """
         orbit = self.reference
         states = self._of_states / (PHASES * (STEP * orbit.spread) ** 2)
         return np.append(states, [(STEP * orbit.period) ** -2.0, self.resolution**-2.0])
@@ -173,16 +188,22 @@ class CycleProblem(continuation.BranchProblem):
 
     @cached_property
     def phase(self) -> np.ndarray:
-        """Integral phase condition on changes of the vector, (n,)."""
+        """Coefficients of the integral phase condition, which fixes the phase of an orbit.
+
+        It is a condition on changes of the vector, (n,).
+        """
         velocity = self.reference.at(np.arange(PHASES) / PHASES, 1)
         return np.append(self._of_states * velocity.ravel() / PHASES, [0.0, 0.0])
 
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
-        """Extract initial state, period and parameter from a vector."""
+        """Extract initial state, period and parameter from the vector of an orbit."""
         return np.append(vector[: len(self.slope)], vector[-2:])
 
     def linearise(self, unknowns: np.ndarray) -> Equations:
-        """Integrate one period, with more steps until it is accurate enough."""
+        """Integrate one period; return residual and Jacobian of the periodicity conditions.
+
+        The number of steps is increased until the orbit is accurate enough.
+        """
         n, (period, value) = len(self.slope), unknowns[-2:]
         model = self.family.model(value)
         free = np.argwhere(self.slope)
@@ -210,7 +231,7 @@ class CycleProblem(continuation.BranchProblem):
         return Equations(orbit, unknowns, np.append(end - unknowns[:n], off), jacobian, moved)
 
     def examine(self, at: Equations, tangent: np.ndarray) -> tuple[Floquet, dict[str, float]]:
-        """Compute Floquet multipliers, and tests for the bifurcations of limit cycles."""
+        """Compute Floquet multipliers, and test functions for bifurcations of limit cycles."""
         n = len(self.slope)
         stability = floquet(at.jacobian[:n, :n] + np.eye(n))
         mu = stability.multipliers
@@ -223,7 +244,10 @@ class CycleProblem(continuation.BranchProblem):
         }
 
     def confirmed(self, name: str, stability: Floquet) -> bool:
-        """Reject two real multipliers with product one, which are no Neimark-Sacker bifurcation."""
+        """Decide whether a zero of a test function is really the bifurcation of that name.
+
+        Two real multipliers with product one are no Neimark-Sacker bifurcation.
+        """
         if name != NEIMARK_SACKER:
             return True
         mu = stability.multipliers
@@ -236,7 +260,7 @@ class CycleProblem(continuation.BranchProblem):
         return replace(self, reference=orbit, slope=slope, largest=largest)
 
     def ended(self, orbit: Orbit) -> str:
-        """Return why the branch ends at an orbit, or ''."""
+        """Return the reason why the branch ends at an orbit, or '' if it continues."""
         if orbit.spread > self.ceiling:
             return f"grew beyond {self.ceiling:g}"
         if np.sum(orbit.halves() * self.reference.halves()) < 0:
@@ -264,9 +288,9 @@ def _integrate_period(compiled, start: np.ndarray, period: float, steps: int) ->
 
 
 def from_hopf(family: Family, hopf: Bifurcation, span: Range, size: float = 1e-3) -> Branch:
-    """Follow the limit cycles that start from a Hopf bifurcation of `equilibrium_branch`.
+    """Compute the branch of limit cycles that starts from a Hopf bifurcation.
 
-    size: of the first one, in the sizes of the family.
+    hopf: of `equilibrium_branch`. size: of the first limit cycle, in the sizes of the family.
     """
     at, (frequency, mode) = hopf.point.solution, hopf.point.stability.critical()
     swing = mode * (size * np.sqrt(2) / np.linalg.norm(mode / family.sizes))
@@ -278,7 +302,7 @@ def from_hopf(family: Family, hopf: Bifurcation, span: Range, size: float = 1e-3
 
 
 def from_branching(family: Family, at: Bifurcation, span: Range) -> tuple[Branch, ...]:
-    """Follow the limit cycles that start from a branch at a period doubling or a branch point.
+    """Compute the branches of limit cycles that start at a period doubling or branch point.
 
     Two branches leave a branch point; those that leave a period doubling are one, shifted in phase.
     Raises ValueError for a bifurcation of another name, or if nothing branches off.
@@ -314,10 +338,11 @@ def _repeat_orbit(states: np.ndarray) -> np.ndarray:
 def from_motion(
     family: Family, value: float, time: np.ndarray, states: np.ndarray, span: Range
 ) -> tuple[Branch, Branch]:
-    """Follow the limit cycles below and above the one that a motion has reached.
+    """Compute the branch of limit cycles, in both directions, from a settled simulated motion.
 
-    time: (n,) s, states: (n, n_states) of the settled motion at `value` of the parameter, several
-    periods long. Raises ValueError if the motion does not repeat.
+    The limit cycle that the motion has reached is the start of both parts. time: (n,) s, states:
+    (n, n_states) of the settled motion at `value` of the parameter, several periods long. Raises
+    ValueError if the motion does not repeat.
     """
     start = settled(family, value, time, states, span.longest)
     problem = CycleProblem.about(family, start.solution, span.longest, span.ceiling)
@@ -329,7 +354,10 @@ def from_motion(
 def settled(
     family: Family, value: float, time: np.ndarray, states: np.ndarray, resolution: float
 ) -> Point:
-    """Correct a settled motion to the limit cycle that it has reached, as in `from_motion`."""
+    """Compute the exact limit cycle that a settled simulated motion has reached.
+
+    The arguments are those of `from_motion`.
+    """
     orbit = _last_turn(time, states, value, family.sizes)
     point = _correct_orbit(family, orbit, resolution)
     if (turns := _count_turns(point.solution)) <= 1:
@@ -358,7 +386,7 @@ def _count_turns(orbit: Orbit) -> int:
 
 
 def cycle_of(family: Family, value: float, motion: Settled) -> Point | None:
-    """Compute the limit cycle that a motion has reached; None if none is near enough."""
+    """Compute the exact limit cycle that a motion has reached; None if it is on no limit cycle."""
     if motion.kind == "cycle":
         with suppress(ValueError):
             return settled(family, value, motion.time, motion.states, resolution=1.0)
@@ -383,7 +411,7 @@ def _last_turn(
 
 
 def at_value(family: Family, branch: Branch, value: float) -> list[Point]:
-    """Compute the limit cycles at which a branch passes a value of the parameter.
+    """Compute all limit cycles of a branch at a given value of the parameter.
 
     Raises ValueError if one cannot be computed from its neighbours.
     """

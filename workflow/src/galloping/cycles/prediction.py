@@ -42,7 +42,7 @@ CEILING = 5.0  # of the recorded motion: what is larger a recording does not tel
 
 @dataclass(frozen=True)
 class Split:
-    """A model separated into structural and aerodynamic parts, for any wind speed.
+    """Model separated into structural and aerodynamic parts, for any wind speed.
 
     fixed: (n_states, n_terms) known part: kinematic equations, known structural damping. entries:
     (n, 2) equation and term of each unknown part, powers: (n,) of the wind speed in it, values:
@@ -58,7 +58,7 @@ class Split:
     covariance: np.ndarray
 
     def model(self, wind: float, values: np.ndarray | None = None) -> PolynomialModel:
-        """Make the model at a wind speed, m/s, optionally with other values of the parts."""
+        """Make the model at a wind speed in m/s, optionally with other values of its parts."""
         parts = (self.values if values is None else values) * wind**self.powers
         coefficients = self.fixed.copy()
         np.add.at(coefficients, tuple(self.entries.T), parts)
@@ -68,17 +68,20 @@ class Split:
         return PolynomialModel(self.states, terms, coefficients[:, present])
 
     def by_term(self) -> dict[tuple[int, Exponents, float], float]:
-        """Map equation, term and power of the wind of each unknown part to its value."""
+        """Return the value of each unknown part by equation, term and power of the wind speed."""
         rows, columns = self.entries.T.tolist()
         terms = (self.terms[column] for column in columns)
         return dict(zip(zip(rows, terms, self.powers, strict=True), self.values, strict=True))
 
     def family(self) -> Family:
-        """Make the family of models along the wind speed."""
+        """Make the family of models with the wind speed as parameter."""
         return Family(lambda wind: self.model(float(wind)), "wind speed", "m/s")
 
     def sampled(self, rng: np.random.Generator) -> np.ndarray:
-        """Draw values, (DRAWS, n), from their distribution; (0, n) if it is not known."""
+        """Draw random values of the unknown parts from their normal distribution.
+
+        Shape (DRAWS, n); (0, n) if the covariance is not known.
+        """
         if not np.all(np.isfinite(self.covariance)):
             return np.zeros((0, len(self.values)))
         return draw_normal(self.values, self.covariance, DRAWS, rng)
@@ -89,11 +92,11 @@ def split(
     winds: Sequence[float],
     damping: Mapping[str, float] | None = None,
 ) -> Split:
-    """Separate models identified at known wind speeds (m/s) into structure and wind.
+    """Split models identified at known wind speeds into structural and aerodynamic parts.
 
-    The method is least squares. damping: structural damping ratio of each velocity state, such as
-    {"dq_v": 0.005}, if known. Raises ValueError if it is unknown and all wind speeds are equal, or
-    if a ratio names no velocity.
+    The method is least squares; wind speeds are in m/s. damping: structural damping ratio of each
+    velocity state, such as {"dq_v": 0.005}, if known. Raises ValueError if it is unknown and all
+    wind speeds are equal, or if a ratio names no velocity.
     """
     first = identified[0].model
     velocities = sorted(velocity_pairs(first.states).values())
@@ -169,7 +172,7 @@ def _least_squares(identified, winds, fixed, entries, powers) -> Split:
 
 @dataclass(frozen=True)
 class Prediction:
-    """The stable limit cycle at each wind speed, with a 95 % band.
+    """Predicted amplitude of the stable limit cycle at each wind speed, with a 95 % band.
 
     winds: (n,) m/s. amplitude, low, high: (n, n_states) half range; NaN if there is none.
     unresolved: (n,) share of the samples without a cycle near the predicted one; the band is that
@@ -198,10 +201,10 @@ def predict(
     draws: Sequence[Split],
     simulator: Simulator,
 ) -> Prediction:
-    """Predict the limit cycles at `winds` (m/s) that continue the one at the recorded wind speed.
+    """Predict the limit cycles at given wind speeds by continuation from the recorded wind speed.
 
-    start: (n_states,) initial state of the simulation until the motion has settled. draws: of
-    `draw_splits`, for the band.
+    winds: m/s. start: (n_states,) initial state of the simulation until the motion has settled.
+    draws: of `draw_splits`, for the band.
     """
     found, missing = Prediction.nothing(winds, len(parts.states)), []
     motion = settle(simulator, parts.model(recorded), start, RECORDED)
@@ -242,10 +245,10 @@ def draw_splits(
     damping: Mapping[str, float] | None,
     rng: np.random.Generator,
 ) -> list[Split]:
-    """Draw models that the recording does not rule out, including rivals with other terms.
+    """Draw random models that agree with the recording, split into structure and wind parts.
 
-    wind: of the recording, m/s. damping: as of `split`. Empty if the model has no covariance; a
-    model whose damping cannot be separated is left out.
+    They include rivals with other terms. wind: of the recording, m/s. damping: as of `split`. Empty
+    if the model has no covariance; a model whose damping cannot be separated is left out.
     """
     found: list[Split] = []
     if not len(identified.covariance):
@@ -258,9 +261,10 @@ def draw_splits(
 
 
 def intervals(orbits: Sequence[Orbit], n_states: int, fewest: float = MOST) -> np.ndarray:
-    """Compute 95 % intervals of half ranges and period, s, of drawn limit cycles.
+    """Compute 95 % intervals of amplitudes and period from a random sample of limit cycles.
 
-    Returns (2, n_states + 1), the period last. fewest: as of `interval_of_draws`.
+    The period is in s. Returns (2, n_states + 1), the period last. fewest: as of
+    `interval_of_draws`.
     """
     values = [[*orbit.half_range(), orbit.period] for orbit in orbits]
     return interval_of_draws(np.reshape(values, (-1, n_states + 1)), fewest)
@@ -269,7 +273,7 @@ def intervals(orbits: Sequence[Orbit], n_states: int, fewest: float = MOST) -> n
 def near(
     models: Iterable[PolynomialModel], orbit: Orbit, best: PolynomialModel | None = None
 ) -> list[Orbit]:
-    """Find the limit cycles of other models near an orbit, for those that have one.
+    """Find the limit cycle near a given orbit for each model that has such a limit cycle.
 
     best: the model of the orbit, in the terms of the others. If given, a cycle that is not found at
     once is followed from the orbit in steps, with coefficients between the two models'.
@@ -302,12 +306,13 @@ def _follow_models(models: Sequence[PolynomialModel], orbit: Orbit) -> Orbit | N
 def limit_cycle_ahead(
     identified: IdentifiedModel, start: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Find the limit cycle that an identified model reaches from `start` (n_states,).
+    """Compute amplitudes, with 95 % intervals, of the limit cycle reached from an initial state.
 
-    Returns (n_states,) half range, and low and high ends of its 95 % interval. The interval is that
-    of models that the recording does not rule out, including rivals with other terms; NaN if the
-    model has no covariance, or if most of these models have no limit cycle nearby. Raises
-    ValueError if there is no model, or if it reaches no limit cycle.
+    start: (n_states,) the initial state. Returns (n_states,) half range, and low and high ends of
+    its 95 % interval. The interval is that of models that the recording does not rule out,
+    including rivals with other terms; NaN if the model has no covariance, or if most of these
+    models have no limit cycle nearby. Raises ValueError if there is no model, or if it reaches no
+    limit cycle.
     """
     if identified.status == "refused":
         raise ValueError(f"there is no model to simulate: {identified.reason}")

@@ -21,7 +21,7 @@ DAMPING = (("dq_v", "vertical"), ("dq_w", "horizontal"))
 
 @dataclass(frozen=True)
 class Design:
-    """Conditions for which a line is assessed.
+    """Design conditions of a line: wind speed, initial state, phase distance and clearance.
 
     wind: m/s. start: (n_states,) initial state. distance: (horizontal, vertical) in m of two phases
     at rest. limit: clearance that they must keep, m.
@@ -34,12 +34,15 @@ class Design:
 
 
 def damping_ratios(case: Mapping) -> dict[str, float]:
-    """Return the structural damping ratio by velocity state."""
+    """Return the structural damping ratio of each mode, by name of its velocity."""
     return {state: case["damping"][name] for state, name in DAMPING}
 
 
 def derived(case: Mapping) -> Split:
-    """Derive structural and aerodynamic parts of a case, without uncertainty."""
+    """Derive structural and aerodynamic parts of a line model from the data of the line.
+
+    They have no uncertainty.
+    """
     line = model(coefficients(case))
     exact = IdentifiedModel(line, "unjudged", known=(0, 1))
     exact = replace(exact, covariance=np.eye(exact.support.sum()))
@@ -48,10 +51,10 @@ def derived(case: Mapping) -> Split:
 
 
 def changed(parts: Split, case: Mapping, measure: Measure) -> Split:
-    """Apply a measure to an identified line (or to `derived`).
+    """Compute the model of a line after a countermeasure to galloping, such as a damper.
 
-    Each part changes in proportion, as it does in the derivation. parts: of the line that `case`
-    describes.
+    The model is identified, or that of `derived`. Each part changes in proportion, as it does in
+    the derivation. parts: of the line that `case` describes.
     """
     after = measure.change(case)
     old, new = derived(case), derived(after)
@@ -82,9 +85,10 @@ def changed(parts: Split, case: Mapping, measure: Measure) -> Split:
 
 
 def critical_winds(parts: Split, values: np.ndarray) -> np.ndarray:
-    """Compute wind speeds, (n,), of zero damping of the vertical mode, for samples (n, n_values).
+    """Compute the wind speed at which vertical damping is zero, for samples of coefficients.
 
-    The result is the model's onset if its linear damping is uncoupled, as in the derivation.
+    values: (n, n_values) the samples. Returns (n,). The result is the model's onset if its linear
+    damping is uncoupled, as in the derivation.
     """
     row = STATES.index("dq_v")
     term = parts.terms.index(linear_term(row, len(STATES)))
@@ -103,14 +107,13 @@ def with_measure(
     simulator: Simulator,
     draws: np.ndarray,
 ) -> dict:
-    """Evaluate one measure on a line, identified or `derived`, that `case` describes: a row.
+    """Compute onset wind, amplitudes and clearance of a line with one galloping countermeasure.
 
-    draws: (n, n_values) samples of the parts' values, for the intervals; may be empty. A number has
-    the interval `_low` and `_high`, NaN if unknown: critical_wind_m_s, infinite if the line never
-    gallops; vertical_amplitude_m and
-    horizontal_amplitude_m, at the design wind; clearance_m. kind: of the motion there,
-    `cycle`,
-    `rest`, or another.
+    The result is a table row. The line that `case` describes is identified or `derived`. draws: (n,
+    n_values) samples of the parts' values, for the intervals; may be empty. A number has the
+    interval `_low` and `_high`, NaN if unknown: critical_wind_m_s, infinite if the line never
+    gallops; vertical_amplitude_m and horizontal_amplitude_m, at the design wind; clearance_m. kind:
+    of the motion there, `cycle`, `rest`, or another.
     """
     line = changed(parts, case, measure)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -154,17 +157,20 @@ def with_measure(
 
 
 def outline(motion: Settled) -> np.ndarray:
-    """Sample the places (w, v) of a motion, (n, 2).
+    """Return the positions at mid-span, horizontal and vertical, along a settled motion.
 
-    They are successive on a limit cycle, whose periods are alike; otherwise they are taken from the
-    whole window.
+    They are places (w, v), (n, 2). The places are successive on a limit cycle, whose periods are
+    alike; otherwise they are taken from the whole window.
     """
     every = 1 if motion.kind == "cycle" else max(1, len(motion.states) // OUTLINE)
     return places(motion.states[::every][:OUTLINE])
 
 
 def places(states: np.ndarray) -> np.ndarray:
-    """Compute places (w, v) at mid-span, (n, 2), of states (n, n_states)."""
+    """Extract the horizontal and vertical displacement at mid-span from states.
+
+    From (n, n_states) to places (w, v), (n, 2).
+    """
     return states[:, [STATES.index("q_w"), STATES.index("q_v")]]
 
 
@@ -176,10 +182,11 @@ def ranked(
     simulator: Simulator,
     draws: np.ndarray,
 ) -> list[dict]:
-    """Rank the line as it is and with each measure, by rows of `with_measure`.
+    """Rank galloping countermeasures by the vertical amplitude that remains, as table rows.
 
-    The smallest vertical motion comes first, and of two lines at rest the one with the higher
-    critical wind; a line without a bounded motion comes last.
+    The rows are those of `with_measure`; the line as it is has one too. The smallest vertical
+    motion comes first, and of two lines at rest the one with the higher critical wind; a line
+    without a bounded motion comes last.
     """
     rows = [
         with_measure(parts, case, measure, design, simulator, draws)

@@ -29,7 +29,7 @@ CEILING = 2.0  # sags: a larger orbit is no line's any more
 def line_diagram(
     case: Mapping, name: str, low: float, high: float, simulator: Simulator
 ) -> Diagram:
-    """Compute the diagram of a case along a parameter.
+    """Compute the bifurcation diagram of a line along one of its parameters.
 
     Without a Hopf bifurcation in the range, it starts from the final motion of the case in the
     middle of the range; a range without a limit cycle is listed among the failures. Raises
@@ -53,12 +53,15 @@ def line_diagram(
 
 
 def settled_line(case: Mapping, simulator: Simulator, watch: Watch = SPAN) -> Settled:
-    """Simulate a case from its initial state to its final motion."""
+    """Simulate a line from its initial state until its motion has settled."""
     return settle(simulator, line_model(case), np.array(initial_state(case)), watch)
 
 
 def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:
-    """Tabulate every limit cycle of a diagram; label: of the case, name: of the parameter."""
+    """Return a table row for every limit cycle of a bifurcation diagram.
+
+    label: of the case, name: of the parameter.
+    """
     return [
         _place_columns(label, name, along.family.unit, point.solution.value)
         | {"branch": branch, "point": k, "stable": point.stability.stable}
@@ -81,7 +84,7 @@ def _place_columns(label: str, name: str, unit: str, value: float) -> dict:
 
 
 def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> list[dict]:
-    """Tabulate the bifurcations in the order of their branches, and the end of each branch."""
+    """Return a table row for every bifurcation and every branch end of a bifurcation diagram."""
     rows = []
 
     def row(branch: str, value: float, what: str, **further: Any) -> None:
@@ -124,7 +127,10 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
 def simulation_rows(
     label: str, case: Mapping, name: str, values: Sequence[float], simulator: Simulator
 ) -> list[dict]:
-    """Tabulate the final motion of a case from its initial state at each value of a parameter."""
+    """Simulate a line at each value of a parameter, and tabulate its final motions.
+
+    Each motion begins at the initial state of the case.
+    """
     varied = parameter(name)
     return [
         _place_columns(label, name, varied.unit, value)
@@ -152,9 +158,9 @@ def map_rows(
     up: tuple[str, Sequence[float]],
     simulator: Simulator,
 ) -> list[dict]:
-    """Tabulate the final motion over two parameters, from the case's initial state.
+    """Simulate a line on a grid of two parameters, and tabulate its final motions.
 
-    across, up: name and values of each.
+    Each motion begins at the initial state of the case. across, up: name and values of each.
     """
     (x_name, x_values), (y_name, y_values) = across, up
     x_parameter, y_parameter = parameter(x_name), parameter(y_name)
@@ -174,7 +180,7 @@ def map_rows(
 def prediction_rows(
     cell: Mapping[str, object], predicted: Prediction, true: np.ndarray, status: str
 ) -> list[dict]:
-    """Compare one model's prediction with the truth: a row for each wind speed and direction.
+    """Tabulate predicted and true amplitudes, with a row for each wind speed and direction.
 
     cell: case, protocol, method, replicate, which begin each row. true: (n_winds, 2) half ranges
     (v, w). status: of the identified model, which says whether the band is reliable.
@@ -200,7 +206,7 @@ def clearance_rows(
     distance: tuple[float, float],
     limit: float,
 ) -> list[dict]:
-    """Tabulate the space of orbits at mid-span and of design ellipses, and the phase clearance.
+    """Tabulate size and phase clearance of galloping orbits at mid-span and of design ellipses.
 
     motions: final motion of the line, by wind speed in m/s. distance: (horizontal, vertical) in m
     of the phases at rest; limit: clearance in m to keep.
@@ -225,7 +231,10 @@ def clearance_rows(
 
 
 def steady_truth(case: Mapping, winds: Sequence[float], simulator: Simulator) -> np.ndarray:
-    """Compute final half ranges (v, w) of a case, (n_winds, 2); NaN without a limit cycle."""
+    """Compute the true amplitudes of a line at each wind speed by simulation.
+
+    Final half ranges (v, w), (n_winds, 2); NaN without a limit cycle.
+    """
     at = parameter("wind_speed").at
     motions = [settled_line(at(case, wind), simulator, PATIENT) for wind in winds]
     return np.array(

@@ -13,7 +13,7 @@ STEADY = 0.01  # relative spread over the pieces up to which a motion is a limit
 
 @dataclass(frozen=True)
 class Watch:
-    """Duration of a simulation, and the window in which its end is classified.
+    """Duration of a simulation, and how its last window is sampled and classified.
 
     duration: s, of which the last `window` s are examined, in pieces of `piece` s, each of many
     periods. rate: Hz, of the samples. rest: half range, of any state or (n_states,) of each, below
@@ -27,7 +27,7 @@ class Watch:
     rest: np.ndarray | float
 
     def during(self, duration: float, window: float | None = None) -> Self:
-        """Change the duration and, if given, the window, s."""
+        """Return a copy with another duration and, optionally, another window, both in s."""
         return replace(self, duration=duration, window=window or self.window)
 
 
@@ -37,7 +37,7 @@ SPAN = Watch(duration=4000.0, window=1000.0, piece=50.0, rate=20.0, rest=1e-3)
 
 @dataclass(frozen=True)
 class Settled:
-    """The last window of a motion, and its kind.
+    """Last part of a simulated motion, and its kind: limit cycle, rest or irregular.
 
     half_range: (n_states,) half of the range over the window; lowest, highest: the least and
     greatest of those over its pieces. kind: `cycle`, `rest`, `irregular` (never repeating, or not
@@ -55,9 +55,10 @@ class Settled:
 def settle(
     simulator: Simulator, model: PolynomialModel, x0: np.ndarray, watch: Watch = SPAN
 ) -> Settled:
-    """Simulate a motion from x0 (n_states,) and classify its last window.
+    """Simulate a model from an initial state and classify the end of its motion.
 
-    On a limit cycle all pieces of the window have the same range.
+    x0: (n_states,) the initial state. On a limit cycle all pieces of the window have the same
+    range.
     """
     count = round(watch.window * watch.rate)
     times = watch.duration - watch.window + np.arange(1, count + 1) / watch.rate
@@ -86,16 +87,17 @@ def _judge_window(time: np.ndarray, states: np.ndarray, status: str, watch: Watc
 
 @dataclass(frozen=True)
 class Pace:
-    """Longest and shortest period of a model's own motions: slow, fast, s."""
+    """Longest and shortest period of the small oscillations of a model, in s."""
 
     slow: float
     fast: float
 
     @classmethod
     def of(cls, model: PolynomialModel, state: np.ndarray) -> Self:
-        """Compute the periods of small motions of a model without inputs about a state (n_states,).
+        """Compute the longest and shortest period of small oscillations about a state.
 
-        If none oscillates, the times are those in which they grow or decay, each over a radian.
+        The model has no inputs. state: (n_states,). If none oscillates, the times are those in
+        which they grow or decay, each over a radian.
         """
         modes = model.small_motions(state)
         omega = modes.omega[modes.oscillating]
@@ -110,7 +112,7 @@ def filled(
     state: np.ndarray,
     rates: np.ndarray | float = 0.0,
 ) -> np.ndarray:
-    """Fill unknown sizes of a motion from the known ones.
+    """Estimate the unknown amplitudes of states from known amplitudes and frequencies.
 
     A velocity or an acceleration is the displacement or velocity times the frequency of small
     motions, and conversely; others are as large as the largest of their kind.
@@ -160,7 +162,9 @@ def settle_in_periods(
     pace: Pace,
     sizes: np.ndarray | float = 0.0,
 ) -> Settled:
-    """Simulate any oscillator to its final motion, in any units of its states and of time.
+    """Simulate an oscillator of any units until its motion has settled, and classify the motion.
+
+    The duration is in periods of the oscillator.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ SHOWN = 4  # exchanges that are said one by one
 
 @dataclass(frozen=True)
 class Alias:
-    """A term that equals a combination of simpler ones at all recorded values of the inputs.
+    """Candidate term that equals a combination of simpler terms at all recorded input values.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Alias:
 
 
 def remove_aliases(problem: Problem, recordings: Sequence[Recording]) -> Problem:
-    """Remove candidates that equal combinations of simpler ones at the recorded inputs.
+    """Remove candidate terms that equal combinations of simpler terms at all recorded inputs.
 
     Candidates with a prior or bounds of their own are kept.
     """
@@ -125,10 +125,10 @@ def _find_combinations(
 
 
 def add_alias_rivals(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
-    """Add the models with other terms that are equal at all recorded values of the inputs.
+    """Add to a model its rivals: other models that are equal at all recorded input values.
 
-    In each of them one alias replaces a term of the model that it contains. All are as probable as
-    the model itself, so that intervals at values that were not recorded are valid.
+    In each rival one alias replaces a term of the model that it contains. All rivals are as
+    probable as the model itself, so that intervals at values that were not recorded are valid.
     """
     model = identified.model
     if not problem.aliases or identified.status == "refused" or not len(identified.covariance):

@@ -15,19 +15,19 @@ from galloping.recording.samples import Recording
 
 
 def prepend_path(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:
-    """Prepend stages to the path by which a model was found."""
+    """Prepend earlier search stages to the list of stages in the diagnostics of a model."""
     own = identified.diagnostics.get("path")
     stages = [*path, *([str(own)] if own else [])]
     return replace(identified, diagnostics={**identified.diagnostics, "path": ", ".join(stages)})
 
 
 def refused_model(problem: Problem, findings: Iterable[Finding]) -> IdentifiedModel:
-    """Make the result without a model, with all findings."""
+    """Return an identification result without a model, with findings that explain why."""
     return IdentifiedModel.refused(problem.states, problem.terms, findings, problem.inputs)
 
 
 def expand_terms(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
-    """Expand a model of some terms of a problem to all of its terms."""
+    """Extend a model with only some terms of a problem to all terms, with zero coefficients."""
     places = [problem.terms.index(term) for term in identified.model.terms]
 
     def spread_values(values: np.ndarray, elsewhere: float) -> np.ndarray:
@@ -47,10 +47,10 @@ def expand_terms(problem: Problem, identified: IdentifiedModel) -> IdentifiedMod
 
 
 def check_prior_conflict(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
-    """Add a finding for each coefficient that contradicts its prior or bounds.
+    """Add a finding to a model for each coefficient that contradicts its prior or bounds.
 
-    It does so if recordings alone would put it MOST_SURPRISE deviations from its prior, or further,
-    or out of its bounds: then the prior is wrong, or the model is.
+    A coefficient does so if recordings alone would put it MOST_SURPRISE deviations from its prior,
+    or further, or out of its bounds: then the prior is wrong, or the model is.
 
     The estimate is the mean of both, weighted by their precisions. Its distance from the prior mean
     has the variance of the prior, less the variance of the estimate.
@@ -83,7 +83,7 @@ def check_prior_conflict(problem: Problem, identified: IdentifiedModel) -> Ident
 def add_input_errors(
     identified: IdentifiedModel, given: Sequence[Recording], used: Sequence[Recording]
 ) -> IdentifiedModel:
-    """Add the errors of inputs to those of a model, and describe its inputs.
+    """Add calibration errors of the inputs to standard errors of a model, and note input ranges.
 
     The diagnostics have the share of samples without inputs, and the range that contains nine
     tenths of the samples of each input (`IdentifiedModel.recorded`).
@@ -123,7 +123,7 @@ def add_input_errors(
 def find_weakly_determined_input_terms(
     identified: IdentifiedModel, sizes: Sequence[float], about: Mapping[str, float | str]
 ) -> list[Finding]:
-    """Find the linear terms whose dependence on the inputs is hardly determined.
+    """Return findings on linear terms whose dependence on the inputs the data hardly determine.
 
     There is a finding for each input, with its recorded range. The same term with another power of
     the inputs is absent, although it may be a quarter as large as those found: at other inputs they

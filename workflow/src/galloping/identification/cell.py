@@ -21,7 +21,7 @@ def identify(
     terms: tuple[Exponents, ...],
     name: Sequence[str],
 ) -> dict[str, list[IdentifiedModel]]:
-    """Identify models from each noise realisation, by method.
+    """Identify a model from each noise realisation with each method; return lists by method.
 
     methods: `Method.settings` by name. replicates: the recordings of each, which share one model.
     terms: of the candidate library. name: of the cell, for random numbers. Methods that use the

@@ -46,7 +46,7 @@ BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IdentifiedModel(Immutable):
-    """A model identified from recordings, with its uncertainty and status.
+    """Model identified from recordings, with its uncertainty and a status such as `ok`.
 
     Arrays are read-only, and NaN if the method does not state them. Models with equal contents are
     equal, and have the same hash.
@@ -152,7 +152,7 @@ class IdentifiedModel(Immutable):
         findings: Iterable[Finding],
         inputs: tuple[str, ...] = (),
     ) -> IdentifiedModel:
-        """Make the result for recordings that give no model, with its findings."""
+        """Return a result without a model, with the findings that explain why there is none."""
         findings = tuple(findings)
         if status_of(findings) != "refused":
             findings += (Finding.of(Code.NO_MODEL),)
@@ -162,49 +162,49 @@ class IdentifiedModel(Immutable):
 
     @property
     def support(self) -> NDArray[np.bool_]:
-        """Whether each term is present in each identified equation, (n_states, n_terms)."""
+        """Whether each term is present in each identified equation, boolean (n_states, n_terms)."""
         present = np.nan_to_num(self.model.coefficients) != 0
         present[list(self.known)] = False
         return present
 
     @property
     def is_forced(self) -> bool:
-        """Whether the model has random forces."""
+        """Whether the model includes random forces, modelled as a stochastic process."""
         return bool(np.any(self.forces) or np.any(self.slow_forces))
 
     @property
     def tells_little(self) -> bool:
-        """Whether there is no model, or its forecasts explain little of the motion."""
+        """Whether there is no model, or only an approximate model that forecasts poorly."""
         inexact = self.status in ("approximate", "refused")
         return inexact and float(self.diagnostics.get("forecast_r2", 0.0)) < LITTLE_TOLD
 
     def with_findings(self, *findings: Finding) -> IdentifiedModel:
-        """Return the model with further findings, and with the status that follows from all."""
+        """Return a copy of the model with further findings and the status that follows from all."""
         findings = (*self.findings, *findings)
         status = self.status if self.status == "unjudged" else status_of(findings)
         return replace(self, status=status, findings=findings)
 
     def has_finding(self, *codes: Code) -> bool:
-        """Return whether a finding has one of the given codes."""
+        """Return whether any finding of the model has one of the given codes."""
         return any(each.code in codes for each in self.findings)
 
     @property
     def codes(self) -> str:
-        """Codes of all findings, separated by spaces."""
+        """Codes of all findings of the model, separated by spaces."""
         return " ".join(each.code for each in self.findings)
 
     @property
     def reason(self) -> str:
-        """Reason of the status, in one line for people; programs should read `findings`."""
+        """Reason for the status, in one line for people; programs should read `findings`."""
         return reason_of(self.findings)
 
     @property
     def verdict(self) -> str:
-        """Status and reason in one line."""
+        """Status of the model and the reason for it, in one line."""
         return ": ".join(filter(None, (self.status, self.reason)))
 
     def recorded(self, name: str) -> tuple[float, ...]:
-        """Return the ends of the recorded range of an input or a state.
+        """Return the lower and upper end of the recorded range of an input or a state.
 
         Parameters
         ----------
@@ -220,7 +220,7 @@ class IdentifiedModel(Immutable):
         return tuple(float(self.diagnostics[end]) for end in ends if end in self.diagnostics)
 
     def at(self, values: Mapping[str, float]) -> IdentifiedModel:
-        """Return the model at constant values of some inputs; terms that are then equal are merged.
+        """Return the model with some inputs held constant and terms that become equal merged.
 
         Parameters
         ----------
@@ -269,7 +269,7 @@ class IdentifiedModel(Immutable):
         return replace(self, **kept)
 
     def equations(self) -> tuple[str, ...]:
-        """Return the equation of each state as text, with standard errors if they are stated."""
+        """Return the equation of each state as text, with standard errors if they are known."""
         return self.model.equations(self.standard_errors)
 
     def __repr__(self) -> str:
@@ -286,7 +286,7 @@ class IdentifiedModel(Immutable):
         time: ArrayLike,
         inputs: Mapping[str, Input | float] | None = None,
     ) -> Trajectory:
-        """Simulate the motion of the model.
+        """Simulate the motion of the model from an initial state and return its trajectory.
 
         Parameters
         ----------
@@ -320,7 +320,10 @@ class IdentifiedModel(Immutable):
         )
 
     def further_motion(self, time: NDArray[np.float64], recording: int = 0) -> NDArray[np.float64]:
-        """Compute the further modes (n, n_states) at `time` (n,), s from the first sample."""
+        """Compute the recorded motion in modes that the equations of the model do not contain.
+
+        Returns (n, n_states) at `time` (n,), s from the first sample.
+        """
         motion = np.zeros((len(time), len(self.model.states)))
         for mode in self.further_modes:
             if mode.recording == recording:
@@ -328,7 +331,7 @@ class IdentifiedModel(Immutable):
         return motion
 
     def latex(self) -> str:
-        """Format the equations as LaTeX, for amsmath; a velocity dX is written as X with a dot."""
+        """Return the equations as LaTeX for amsmath; a velocity dX is written as X with a dot."""
         return self.model.latex(self.standard_errors)
 
     def _repr_latex_(self) -> str | None:
@@ -339,7 +342,7 @@ class IdentifiedModel(Immutable):
         return f"$$\n{body} \\\\\n&\\text{{{self.status}}}\n\\end{{aligned}}\n$$"
 
     def confidence_limits(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Compute the 95 % interval of each coefficient.
+        """Compute the lower and upper end of the 95 % interval of each coefficient.
 
         Returns
         -------
@@ -357,7 +360,7 @@ class IdentifiedModel(Immutable):
         return low, high
 
     def to_frame(self, absent: bool = False) -> DataFrame:
-        """Convert the coefficients to a pandas DataFrame.
+        """Return coefficients, errors and intervals as a pandas DataFrame, a row for each term.
 
         Parameters
         ----------
@@ -389,7 +392,7 @@ class IdentifiedModel(Immutable):
         return pd.DataFrame({name: of[shown] for name, of in columns.items()}, index)
 
     def to_plain(self) -> dict[str, object]:
-        """Convert everything to plain values for JSON; numbers that are not finite are text."""
+        """Convert the model to plain values for JSON; NaN and infinite numbers become text."""
         of = self.model
         terms = [term_to_plain(term) for term in of.terms]
         content: dict[str, Any] = {"states": of.states, "inputs": of.inputs, "terms": terms}
@@ -404,7 +407,7 @@ class IdentifiedModel(Immutable):
 
     @classmethod
     def from_plain(cls, content: Mapping[str, Any]) -> IdentifiedModel:
-        """Return the model that `to_plain` wrote; further keys are ignored.
+        """Rebuild a model from the plain values of `to_plain`; unknown keys are ignored.
 
         Raises KeyError, or ValueError and its subclasses, for anything else.
         """
@@ -446,7 +449,7 @@ class IdentifiedModel(Immutable):
         )
 
     def save(self, path: str | os.PathLike, **about: object) -> None:
-        """Write the model as JSON.
+        """Write the model to a JSON file.
 
         Parameters
         ----------
@@ -458,7 +461,10 @@ class IdentifiedModel(Immutable):
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> IdentifiedModel:
-        """Load a model that `save` wrote. Raises ValueError if the file contains something else."""
+        """Load a model from a JSON file that `save` wrote.
+
+        Raises ValueError if the file contains something else.
+        """
         try:
             content = read_json(path)
             if not isinstance(content, dict):

@@ -20,7 +20,7 @@ FEWEST = 100  # samples: fewer hold no oscillation that could be told from noise
 
 
 def checked_recordings(recordings: object) -> list[Recording]:
-    """Make a list of one recording or several.
+    """Check one recording or several, and return them as a list.
 
     Raises ValueError if there are none, or if they are not recordings, differ in their states, or
     are too short.
@@ -59,10 +59,11 @@ def validated_problem(
     coefficients: Sequence[Coefficient] = (),
     allowed: ArrayLike | None = None,
 ) -> Problem:
-    """Make the problem of recordings, without terms that are aliases at their inputs.
+    """Check the arguments of an identification and return the identification problem.
 
-    Raises ValueError if the library or the known equations do not fit the states and inputs, if
-    `prior` is no `Prior`, and as `make_problem` does.
+    Terms that are aliases at the inputs of the recordings are no candidates. Raises ValueError if
+    the library or the known equations do not fit the states and inputs, if `prior` is no `Prior`,
+    and as `make_problem` does.
     """
     states, inputs = recordings[0].states, tuple(recordings[0].inputs)
     n = len(states)
@@ -109,9 +110,10 @@ def validated_problem(
 
 
 def segments_with_inputs(recordings: list[Recording], inputs: tuple[str, ...]) -> list[Recording]:
-    """Cut recordings to the stretches in which the inputs are present (`Recording.driven`).
+    """Cut recordings into the stretches in which all given inputs have samples.
 
-    Raises IdentificationError if they are present during fewer than FEWEST consecutive samples.
+    The stretches are those of `Recording.driven`. Raises IdentificationError if the inputs are
+    present during fewer than FEWEST consecutive samples.
     """
     found = [piece for one in recordings for piece in one.driven(inputs, FEWEST)]
     if not found:

@@ -13,7 +13,7 @@ from galloping.identification.sentences import sentence_of
 
 
 class NoModelError(Exception):
-    """Error with the finding because of which a search gives no model."""
+    """Error that a search gives no model, with the finding that explains why."""
 
     def __init__(self, code: Code, subject: str = "", **data: float | str) -> None:
         self.finding = Finding.of(code, subject, **data)
@@ -21,16 +21,16 @@ class NoModelError(Exception):
 
     @classmethod
     def from_finding(cls, finding: Finding) -> Self:
-        """Make an error from the finding of an earlier one."""
+        """Make an error of this class from the finding of another error."""
         return cls(finding.code, finding.subject, **finding.data)
 
 
 class IdentificationError(NoModelError, ValueError):
-    """Error of recordings that give no model: a result, not a mistake in a call."""
+    """Error that recordings permit no model: a valid result, not a mistake in a call."""
 
 
 class NotConvergedError(NoModelError, FloatingPointError):
-    """Error of a numerical search that ended without a solution."""
+    """Error that a numerical search ended without converging to a solution."""
 
 
 # `IdentificationError`, and what numerics raise where there is no model: a solution diverges, or
@@ -41,14 +41,17 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class NoModel:
-    """Result of a search without a model: the reasons."""
+    """Result of a search that found no model: the findings that explain why."""
 
     findings: tuple[Finding, ...] = ()
     tells_little = True  # as of an `IdentifiedModel`
 
 
 def attempt(search: Callable[[], Result]) -> Result | NoModel:
-    """Run a search; `NoModel` if it raises one of NO_MODEL."""
+    """Run a search for a model and return its result, or `NoModel` if the search fails.
+
+    A search fails with an error of NO_MODEL; other errors are raised.
+    """
     try:
         return search()
     except NO_MODEL as error:
@@ -56,7 +59,10 @@ def attempt(search: Callable[[], Result]) -> Result | NoModel:
 
 
 def as_finding(error: Exception) -> Finding:
-    """Convert an error of NO_MODEL to a finding."""
+    """Convert the error of a failed search for a model to a finding.
+
+    The error is one of NO_MODEL.
+    """
     if isinstance(error, NoModelError):
         return error.finding
     lines = str(error).splitlines() or [type(error).__name__]

@@ -17,7 +17,7 @@ from galloping.arrays import Immutable
 
 
 class Severity(StrEnum):
-    """Consequence of a finding for the model."""
+    """Severity of a finding: what it means for the model, from a note to a fault."""
 
     NOTE = "note"  # the model holds
     WARNING = "warning"  # other models may be right as well
@@ -26,7 +26,10 @@ class Severity(StrEnum):
 
 
 class Code(StrEnum):
-    """Kinds of findings, the most important first. Times are in s on a recording's clock."""
+    """Codes of all that an identification can notice in recordings, the most important first.
+
+    Times in the data of a finding are in s on the clock of a recording.
+    """
 
     RELEASED = "released"
     CAME_TO_REST = "came_to_rest"
@@ -143,7 +146,10 @@ class Code(StrEnum):
 
 @dataclass(frozen=True)
 class Kind:
-    """Common properties of all findings of a code: a row of `findings.csv`."""
+    """Properties common to all findings with the same code: severity, data keys and texts.
+
+    They are a row of `findings.csv`.
+    """
 
     severity: Severity
     keys: frozenset[str]
@@ -154,7 +160,7 @@ class Kind:
 
 @cache
 def finding_kinds() -> dict[Code, Kind]:
-    """Read the common properties of the findings of each code."""
+    """Read the severity, data keys and texts of each finding code from `findings.csv`."""
     text = files(__package__).joinpath("findings.csv").read_text(encoding="utf-8")
     return {
         Code(row["code"]): Kind(
@@ -167,7 +173,7 @@ def finding_kinds() -> dict[Code, Kind]:
 
 @dataclass(frozen=True, eq=False)
 class Finding(Immutable):
-    """An observation on a recording, with its consequence for the model.
+    """Something noticed in a recording, as a code with data, and its severity for the model.
 
     Parameters
     ----------
@@ -204,11 +210,11 @@ class Finding(Immutable):
 
     @classmethod
     def of(cls, code: Code, subject: str = "", **data: float | str) -> Finding:
-        """Make a finding with the severity that its code has by default."""
+        """Make a finding with the default severity of its code."""
         return cls(code, finding_kinds()[code].severity, subject, data)
 
     def as_dict(self) -> dict[str, object]:
-        """Convert the arguments of the finding to plain values; infinite numbers are text."""
+        """Convert the finding to a dict of plain values; NaN and infinite numbers become text."""
         data = {
             name: str(value) if value in (float("inf"), -float("inf")) or value != value else value
             for name, value in self.data.items()
@@ -226,7 +232,7 @@ def _number_or_name(value: float | str) -> float | str:
 
 
 def as_warnings(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Convert findings of failed searches for a model that another search found."""
+    """Lower fault findings to warnings, since another search did find a model."""
     return tuple(
         replace(each, severity=Severity.WARNING) if each.severity == Severity.FAULT else each
         for each in findings

@@ -13,7 +13,7 @@ MOST_DAMPING = 0.3
 
 @dataclass(frozen=True)
 class FurtherMode:
-    """An oscillation of a recording that is not in its model: a sinusoid that grows or decays.
+    """Growing or decaying sinusoid in a recording that the equations of its model do not contain.
 
     recording: index; state: that of the sensor. frequency: rad/s; growth: 1/s, of its amplitude.
     cosine, sine: in the unit of the state, at the first sample. frequency_error, growth_error:
@@ -31,12 +31,12 @@ class FurtherMode:
 
     @property
     def name(self) -> str:
-        """Name of the mode in sentences."""
+        """Name of the mode in sentences, which gives its frequency."""
         return f"the mode at {self.frequency / (2.0 * np.pi):.3g} Hz"
 
     @property
     def is_steady(self) -> bool:
-        """Whether the mode neither grows nor decays, like a response to a steady force."""
+        """Whether the oscillation neither grows nor decays, like a response to a steady force."""
         return self.growth == 0.0
 
     def __call__(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -49,7 +49,7 @@ class FurtherMode:
 
 @dataclass(frozen=True)
 class Resonance:
-    """A mode of a model in random forces besides those of its coordinates.
+    """Mode that random forces excite and for which the model has no coordinate.
 
     It is an oscillating force r in their equations, r'' + 2 damping frequency r' + frequency^2 r =
     a white force.
@@ -67,21 +67,21 @@ class Resonance:
 
     @property
     def is_mode(self) -> bool:
-        """Whether the resonance is a mode of the line.
+        """Whether the resonance is damped lightly enough to be a mode of the line.
 
-        One that decays faster, to half in a period, is a colour of the forces.
+        A resonance that decays faster, to half in a period, is a colour of the forces.
         """
         return self.damping < MOST_DAMPING / 3.0
 
     @property
     def name(self) -> str:
-        """Name of the resonance in sentences."""
+        """Name of the resonance in sentences, which gives its frequency."""
         return f"the mode at {self.frequency / (2.0 * np.pi):.3g} Hz"
 
 
 @dataclass(frozen=True)
 class EnvelopePart:
-    """Frequency and damping of an oscillation at one amplitude, in a stretch of a recording.
+    """Amplitude, frequency and growth rate of an oscillation in one stretch of a recording.
 
     Parameters
     ----------

@@ -15,10 +15,11 @@ MISS_RATE = 0.01
 
 @dataclass(frozen=True)
 class Plausible:
-    """Supports that the data do not rule out, with optimal coefficients, the selected one first.
+    """Sets of terms (supports) that the data do not rule out, with weights and coefficients.
 
-    supports: (n_supports, n) boolean. chi2, weight: (n_supports,), the weights of sum one.
-    coefficients, variances: (n_supports, n), zero where absent.
+    The selected support is the first. supports: (n_supports, n) boolean. chi2, weight:
+    (n_supports,), the weights of sum one. coefficients, variances: (n_supports, n), zero where
+    absent.
     """
 
     supports: np.ndarray
@@ -29,9 +30,10 @@ class Plausible:
 
 
 def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
-    """Search the neighbours of a support (n,), and those of its best four neighbours.
+    """Search for sets of terms, near a selected set, that fit the data almost as well.
 
-    A support's weight is exp(-(chi^2 + price |support|)/2), as in the averaging of models by an
+    The neighbours of a support (n,) are searched, and those of its best four neighbours. A
+    support's weight is exp(-(chi^2 + price |support|)/2), as in the averaging of models by an
     information criterion (Burnham and Anderson 2002). The price of a term is not the penalty of the
     selection, which would hide every rival with one more term, but the decrease of chi^2 that the
     best of all terms without effect exceeds with probability one tenth: beyond it a term is more
@@ -65,7 +67,7 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
 
 
 def weigh_by_prior(problem: Problem, plausible: Plausible) -> Plausible:
-    """Weigh supports by the prior of higher degrees as well.
+    """Multiply the weights of plausible sets of terms by the prior odds of their terms.
 
     The prior decides between equal fits, but is no argument against a support of fewer terms than
     the selected one, nor against one of more terms whose chi^2 is lower by 5: an imitation by low
@@ -104,12 +106,12 @@ def _fit_supports(
 
 
 def unconditional_errors(plausible: Plausible, deviation: np.ndarray) -> np.ndarray:
-    """Compute the standard error of each coefficient, (n,), including errors of the support.
+    """Compute standard errors of coefficients that include doubt about which terms are present.
 
-    The error of a present term is over all plausible supports; that of an absent term over those
-    that have the term, or, if none has, it is the term's `deviation` (n,) if it alone were added.
-    It is the root mean square distance from the selected coefficient, or more if the distance has a
-    heavy tail: four errors contain all but a share of MISS_RATE.
+    Returns (n,). The error of a present term is over all plausible supports; that of an absent term
+    over those that have the term, or, if none has, it is the term's `deviation` (n,) if it alone
+    were added. It is the root mean square distance from the selected coefficient, or more if the
+    distance has a heavy tail: four errors contain all but a share of MISS_RATE.
     """
     selected = plausible.supports[0]
     distance = np.abs(plausible.coefficients - plausible.coefficients[0])
@@ -125,9 +127,9 @@ def unconditional_errors(plausible: Plausible, deviation: np.ndarray) -> np.ndar
 
 
 def detection_limits(errors: np.ndarray, support: np.ndarray, penalty: float) -> np.ndarray:
-    """Compute the size from which an absent term would be selected, (n,), except at MISS_RATE.
+    """Compute the coefficient size from which each absent term would have been selected.
 
-    errors: unconditional ones, which include the estimate of the absent term. NaN for the terms of
-    the support.
+    A term of this size, (n,), is missed at the rate MISS_RATE. errors: unconditional errors, which
+    include the estimate of the absent term. NaN for the terms of the support.
     """
     return np.where(support, np.nan, (np.sqrt(penalty) - ndtri(MISS_RATE)) * errors)

@@ -13,7 +13,7 @@ from galloping.model.terms import Bounds, Known
 
 @dataclass(frozen=True)
 class Prior:
-    """Prior odds of the terms of a model.
+    """Prior odds that terms are present in an equation, by kind of term.
 
     Terms are present or absent independently of each other. Degrees and odds have no unit, so that
     neither the selection nor the status depends on the units of the recording. The odds were
@@ -71,9 +71,10 @@ class Prior:
                 raise ValueError(f"prior: {name}: {value!r:.60}; must be a number in (0, 1]")
 
     def prices(self, complexity: NDArray[np.int_], powers: NDArray[np.int_]) -> NDArray[np.float64]:
-        """Compute the penalties of terms, (n,), relative to that of a linear term.
+        """Compute penalties of terms on chi^2, relative to the penalty of a linear term.
 
-        complexity: (n,) of `Problem.term_complexity`. powers: (n,) number of powers of inputs.
+        Returns (n,). complexity: (n,) of `Problem.term_complexity`. powers: (n,) number of powers
+        of inputs.
         """
         dearer = -2.0 * np.log(self.nonlinear) * complexity
         simple = np.where(complexity < 0, 2.0 * np.log(self.term / self.constant), dearer)
@@ -87,7 +88,9 @@ SMALLEST = 1e-9  # deviation of what is known, in its mean: less is rounding
 
 @dataclass(frozen=True)
 class Coefficient:
-    """Prior knowledge of one coefficient, in the coefficient's unit.
+    """Prior knowledge of one coefficient: a Gaussian prior, a fixed value or bounds.
+
+    In the unit of the coefficient.
 
     Parameters
     ----------
@@ -140,12 +143,12 @@ class Coefficient:
 
     @property
     def is_bounded(self) -> bool:
-        """Whether the coefficient has a bound."""
+        """Whether the coefficient has a lower or an upper bound."""
         return self.lower > -np.inf or self.upper < np.inf
 
 
 def as_coefficients(known: Known | Bounds) -> Iterator[Coefficient]:
-    """Yield prior knowledge of single coefficients, as arguments of an identification."""
+    """Yield a `Coefficient` for each coefficient that known terms or bounds describe."""
     if isinstance(known, Bounds):
         yield Coefficient(known.state, known.term, lower=known.lower, upper=known.upper)
     else:

@@ -36,16 +36,17 @@ MOST_SURPRISE = 4.0
 
 @dataclass(frozen=True)
 class Problem:
-    """Identification problem dx/dt = C theta(x, u), with some coefficients of C known.
+    """Problem of finding coefficients C in dx/dt = C theta(x, u): states x, inputs u, terms theta.
 
-    states: names of the n_states states. terms: exponents of the n_terms candidates, in the states
-    and then in the inputs, with their functions. known: (n_states, n_terms), the coefficients of
-    the known equations and the single ones that are fixed, zero elsewhere. unknown: indices of the
-    equations to identify, increasing. open: (n_states, n_terms) boolean, which coefficients of the
-    unknown equations are candidates. expected, precision: (n_states, n_terms) means of Gaussian
-    priors of candidates and 1/variance, zero of those without. prior: of the supports; None: a
-    penalty of 2 ln N for each term. inputs: names of the n_inputs inputs. bounds: of coefficients.
-    aliases: terms that are no candidates, since they equal simpler ones at the recorded inputs.
+    Some coefficients are known. states: names of the n_states states. terms: exponents of the
+    n_terms candidates, in the states and then in the inputs, with their functions. known:
+    (n_states, n_terms), the coefficients of the known equations and the single ones that are fixed,
+    zero elsewhere. unknown: indices of the equations to identify, increasing. open: (n_states,
+    n_terms) boolean, which coefficients of the unknown equations are candidates. expected,
+    precision: (n_states, n_terms) means of Gaussian priors of candidates and 1/variance, zero of
+    those without. prior: of the supports; None: a penalty of 2 ln N for each term. inputs: names of
+    the n_inputs inputs. bounds: of coefficients. aliases: terms that are no candidates, since they
+    equal simpler ones at the recorded inputs.
     """
 
     states: tuple[str, ...]
@@ -62,18 +63,21 @@ class Problem:
 
     @cached_property
     def candidates(self) -> np.ndarray:
-        """Pairs (equation, term), (n_candidates, 2), by equation and then by term."""
+        """Index pairs (equation, term) of all coefficients to identify.
+
+        Shape (n_candidates, 2), by equation and then by term.
+        """
         pairs = [(i, j) for i in self.unknown for j in range(len(self.terms))]
         return np.array([pair for pair in pairs if self.open[pair]], int).reshape(-1, 2)
 
     @cached_property
     def state_exponents(self) -> np.ndarray:
-        """Exponents of the states in each term, (n_terms, n_states)."""
+        """Exponent of each state in each term, (n_terms, n_states)."""
         return exponent_matrix(self.terms, len(self.states))
 
     @cached_property
     def degrees(self) -> np.ndarray:
-        """Degree of each term in the states, (n_candidates,).
+        """Polynomial degree of each candidate term in the states, (n_candidates,).
 
         Each function counts as a state, and a term with any is of the second degree at least.
         """
@@ -83,16 +87,16 @@ class Problem:
 
     @cached_property
     def is_velocity_equation(self) -> np.ndarray:
-        """Whether a candidate is in the equation of a velocity, (n_candidates,) boolean."""
+        """Whether each candidate term is in the equation of a velocity, (n_candidates,) boolean."""
         return np.isin(self.candidates[:, 0], list(velocity_pairs(self.states).values()))
 
     @cached_property
     def term_complexity(self) -> np.ndarray:
-        """Complexity of each term for the `Prior`, (n_candidates,).
+        """Complexity of each candidate term, from -1 for a constant to 2, for its prior odds.
 
-        -1 for a constant, 0 for a linear term, 1 for a nonlinear one, 2 for a constant in the
-        equation of a velocity, whose displacement is measured from the equilibrium. A function of
-        inputs alone counts as a constant.
+        Shape (n_candidates,). -1 for a constant, 0 for a linear term, 1 for a nonlinear one, 2 for
+        a constant in the equation of a velocity, whose displacement is measured from the
+        equilibrium. A function of inputs alone counts as a constant.
         """
         return np.where(
             self.degrees == 0, np.where(self.is_velocity_equation, 2, -1), self.degrees > 1
@@ -100,7 +104,10 @@ class Problem:
 
     @property
     def prior_prices(self) -> np.ndarray:
-        """Penalties of `Prior.prices`, (n_candidates,), zero without a prior."""
+        """Penalty of each candidate term by its prior odds, zero without a prior.
+
+        Those of `Prior.prices`, (n_candidates,).
+        """
         if self.prior is None:
             return np.zeros(len(self.candidates))
         powers = exponent_matrix(self.terms, len(self.names))[:, len(self.states) :]
@@ -109,62 +116,65 @@ class Problem:
 
     @cached_property
     def tables(self) -> Tables:
-        """Index tables of the library."""
+        """Index tables by which compiled code evaluates the terms of the library."""
         return make_tables(self.terms, len(self.states))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of states and inputs, in the order of a term's exponents."""
+        """Names of all states and then of all inputs, in the order of the exponents of a term."""
         return self.states + self.inputs
 
     @property
     def known_equations(self) -> tuple[int, ...]:
-        """Indices of the known equations."""
+        """Indices of the states whose equations are known and not identified."""
         return tuple(i for i in range(len(self.states)) if i not in self.unknown)
 
     def change_terms(
         self, change: Callable[[np.ndarray], np.ndarray], terms: Sequence[Exponents]
     ) -> Self:
-        """Replace the terms of the problem.
+        """Return the problem with another list of terms and its coefficient arrays converted.
 
-        change: from an array by the terms, (n_states, n_terms), to that by the other terms.
+        change: from an array by the terms, (n_states, n_terms), to an array by the other terms.
         """
         by_term = ("known", "open", "expected", "precision")
         values: dict[str, Any] = {name: change(getattr(self, name)) for name in by_term}
         return replace(self, terms=tuple(terms), **values)
 
     def drop_terms(self, left_out: Callable[[Exponents], bool]) -> Self:
-        """Remove some terms from the problem."""
+        """Return the problem without those terms for which a function returns True."""
         kept = np.array([not left_out(term) for term in self.terms])
         if kept.all():
             return self
         return self.change_terms(lambda values: values[:, kept], list(compress(self.terms, kept)))
 
     def candidate_names(self, candidates: Sequence[int] | np.ndarray) -> str:
-        """Format the names of some candidates, '' of none."""
+        """Return the names of given candidate terms, with their equations, as one text.
+
+        It is '' without candidates.
+        """
         return " with ".join(
             self.coefficient_name(i, j) for i, j in self.candidates[list(candidates)]
         )
 
     def coefficient_name(self, equation: int, term: int) -> str:
-        """Format a term in an equation as findings do."""
+        """Return the name of a term in an equation as text, such as `x^2 in d(y)/dt`."""
         return f"{term_name(self.terms[term], self.names)} in d({self.states[equation]})/dt"
 
     def linear(self, state: int) -> int:
-        """Find the index of the term that is this state alone."""
+        """Return the index of the linear term that is a given state alone."""
         return self.terms.index(linear_term(state, len(self.names)))
 
     def same_state_monomial(self, support: np.ndarray) -> np.ndarray:
-        """Find the candidates of a support, and those that differ only in powers of inputs."""
+        """Find candidates that equal selected terms, or differ only in powers of inputs."""
         n, m = len(self.states), len(self.names)
         names = [(i, *self.terms[j][:n], *self.terms[j][m:]) for i, j in self.candidates]
         found = set(compress(names, support))
         return np.array([name in found for name in names])
 
     def integrator_signals(self, states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-        """Compute the factors of terms for the integrator, (n, n_states + n_factors).
+        """Stack the states and the monomials of inputs that occur in terms, for the integrator.
 
-        inputs: (n, n_inputs).
+        Returns (n, n_states + n_factors). inputs: (n, n_inputs).
         """
         if not self.inputs:
             return states
@@ -173,7 +183,7 @@ class Problem:
     def input_factors(
         self, recordings: Sequence[Recording], first: np.ndarray, step: float
     ) -> np.ndarray:
-        """Expand the factors of the recordings' inputs over windows of `step` s.
+        """Fit polynomials in time to the monomials of inputs, in each window of `step` seconds.
 
         first: (n_recordings + 1,) first window of each recording. As `recording.windowed`, one
         recording after the other.
@@ -189,9 +199,10 @@ class Problem:
     def inputs_left_out(
         self, recordings: Sequence[Recording], first: np.ndarray, step: float, powers: np.ndarray
     ) -> np.ndarray:
-        """Compute `recording.left_out`, the largest of all recordings, (3, n_factors).
+        """Compute how far the polynomials of `input_factors` deviate from the inputs.
 
-        powers: of `input_factors`.
+        The errors are those of `recording.fit_errors`, the largest of all recordings, (3,
+        n_factors). powers: of `input_factors`.
         """
         found = [
             fit_errors([one.inputs[name] for name in self.inputs], self.tables.factors, one.time[0],
@@ -203,20 +214,27 @@ class Problem:
     def with_prior(
         self, information: np.ndarray, right: np.ndarray, about: np.ndarray | float = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Add the priors of coefficients to a regression on the candidates, (n, n) and (n,).
+        """Add Gaussian priors of coefficients to the normal equations of a regression.
 
-        about: (n,) coefficients at which `right` is measured, zero by default.
+        The equations are (n, n) and (n,), of the candidates. about: (n,) coefficients at which
+        `right` is measured, zero by default.
         """
         precision, mean = (self.candidate_values(own) for own in (self.precision, self.expected))
         return information + np.diag(precision), right + precision * (mean - about)
 
     def candidate_values(self, values: np.ndarray, pairs: np.ndarray | None = None) -> np.ndarray:
-        """Extract entries of `values`, (n_states, n_terms), for candidates, or `pairs` (n, 2)."""
+        """Extract the entries of an (n_states, n_terms) array that belong to the candidates.
+
+        With `pairs` (n, 2), the entries of these equations and terms.
+        """
         return values[tuple((self.candidates if pairs is None else pairs).T)]
 
     @cached_property
     def coefficient_bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Least and greatest coefficients that the bounds allow, (n_candidates,)."""
+        """Lower and upper bound of each candidate coefficient, infinite without a bound.
+
+        Both are (n_candidates,).
+        """
         lower, upper = np.full((2, len(self.candidates)), [[-np.inf], [np.inf]])
         places = {(i, self.terms[j]): k for k, (i, j) in enumerate(self.candidates)}
         for equation, term, least, most in self.bounds:
@@ -226,9 +244,10 @@ class Problem:
         return lower, upper
 
     def selection_offset(self, about: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return `about` for `selection.whiten` that always selects coefficients with a prior.
+        """Return offsets of coefficients that make a selection keep all terms with a prior.
 
-        Terms far from zero are chosen, and these are moved by 1e4 deviations of their prior.
+        They are `about` of `selection.whiten`, (n_candidates,). Terms far from zero are chosen, and
+        those with a prior of their coefficient are moved by 1e4 deviations of their prior.
         """
         root = np.sqrt(self.candidate_values(self.precision))
         return about + np.divide(1e4, root, out=np.zeros(len(root)), where=root > 0.0)
@@ -242,11 +261,12 @@ class Problem:
         about: np.ndarray | float = 0.0,
         among: np.ndarray | slice = slice(None),
     ) -> np.ndarray:
-        """Select the best support of a regression on candidates, (n,) boolean.
+        """Select the terms of a regression by least chi^2 plus penalties, within all bounds.
 
-        The method is `selection.select_support`. about: (n,) coefficients at which `right` is
-        measured. among: indices of the candidates. A term whose coefficient would be beyond its
-        bounds is left out, unless these exclude zero: then it is always present.
+        Returns the support, (n,) boolean. The method is `selection.select_support`. about: (n,)
+        coefficients at which `right` is measured. among: indices of the candidates. A term whose
+        coefficient would be beyond its bounds is left out, unless the bounds exclude zero: then the
+        term is always present.
         """
         apart = self.selection_offset()[among]
         if not self.bounds:
@@ -277,10 +297,11 @@ class Problem:
         support: np.ndarray,
         about: np.ndarray | float = 0.0,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Minimise chi^2 of a support within the bounds, as `selection.solve_support`.
+        """Fit the coefficients of given terms by least squares within their bounds.
 
-        about: (n,) coefficients at which `right` is measured. Returns how far the best coefficients
-        are from these (n,), and their covariance (n_support, n_support) without bounds.
+        chi^2 of a support is minimised as by `selection.solve_support`. about: (n,) coefficients at
+        which `right` is measured. Returns how far the best coefficients are from these (n,), and
+        their covariance (n_support, n_support) without bounds.
         """
         change, covariance = solve_support(information, right, support)
         free, put = support.copy(), np.zeros(len(right))
@@ -293,7 +314,7 @@ class Problem:
         return np.where(free, change, put), covariance
 
     def model_covariance(self, covariance: np.ndarray, support: np.ndarray) -> np.ndarray:
-        """Expand the covariance of candidates to all terms of a model's unknown equations.
+        """Extend the covariance of fitted coefficients by fixed coefficients, of zero variance.
 
         covariance: (n_support, n_support) of the supported candidates. Fixed terms have no
         variance.
@@ -305,9 +326,10 @@ class Problem:
         return np.pad(covariance, ((0, 1), (0, 1)))[np.ix_(own, own)]  # the last of no variance
 
     def on_library(self, values: np.ndarray, fixed: float = np.nan) -> np.ndarray:
-        """Expand values (n_candidates,) to (n_states, n_terms), NaN in the known equations.
+        """Arrange values of the candidates in an (n_states, n_terms) array, NaN elsewhere.
 
-        fixed: of single coefficients that are known and not zero.
+        values: (n_candidates,). The known equations are NaN. fixed: of single coefficients that are
+        known and not zero.
         """
         full = np.where(self.known != 0.0, fixed, np.nan)
         full[list(self.known_equations)] = np.nan
@@ -315,13 +337,16 @@ class Problem:
         return full
 
     def coefficients(self, free: np.ndarray) -> np.ndarray:
-        """Assemble C, (n_states, n_terms), from the candidates' coefficients `free`."""
+        """Combine fitted and known coefficients in the matrix C, (n_states, n_terms).
+
+        free: (n_candidates,) coefficients of the candidates.
+        """
         full = self.known.copy()
         full[tuple(self.candidates.T)] = free
         return full
 
     def term_prices(self, penalty: float, largest: np.ndarray) -> Price:
-        """Compute the penalty of each term, by the prior of supports and of coefficients.
+        """Compute the penalty of each candidate term from prior odds and the number of samples.
 
         penalty: 2 ln N of N samples. largest: (n_candidates,) of the function
         `largest_coefficients`.
@@ -335,16 +360,17 @@ class Problem:
         return Price(least, most, largest / np.exp(penalty / 4.0))
 
     def least_prices(self, penalty: float) -> np.ndarray:
-        """Compute the decrease of chi^2 that each term needs to be chosen, (n_candidates,).
+        """Compute the smallest decrease of chi^2 for which each candidate term can be selected.
 
-        penalty: 2 ln N. Without a prior all of it, to exclude terms that fit only noise.
+        Shape (n_candidates,). penalty: 2 ln N. Without a prior all of it, to exclude terms that fit
+        only noise.
         """
         if self.prior is None:
             return np.full(len(self.candidates), penalty)
         return penalty / 2.0 - 2.0 * np.log(self.prior.term) + self.prior_prices
 
     def compile_system(self, free: np.ndarray, pairs: np.ndarray) -> System:
-        """Compile the equations to integrate.
+        """Compile the equations and their derivatives by coefficients, for the integrator.
 
         free: (n_candidates,) the candidates' coefficients. pairs: (n, 2) coefficients, equation and
         term, by which there are derivatives.
@@ -352,7 +378,10 @@ class Problem:
         return compile_system(self.tables, self.coefficients(free), pairs)
 
     def model(self, free: np.ndarray) -> PolynomialModel:
-        """Make the model with the candidates' coefficients `free` (n_candidates,)."""
+        """Make the model that has the given coefficients of the candidate terms.
+
+        free: (n_candidates,) coefficients.
+        """
         return PolynomialModel(self.states, self.terms, self.coefficients(free), self.inputs)
 
 
@@ -379,7 +408,7 @@ def make_problem(
     coefficients: Sequence[Coefficient] = (),
     allowed: ArrayLike | None = None,
 ) -> Problem:
-    """Make the identification problem of a library.
+    """Make the identification problem of a term library, with known equations and priors.
 
     The equation of a state X is known, dX/dt = dX, if `dX` is a state too. Further equations are
     known through `known`, a model whose rows named in `known_states` are used unchanged. inputs:
@@ -440,10 +469,10 @@ def make_problem(
 
 
 def largest_coefficients(problem: Problem, values: np.ndarray, rates: np.ndarray) -> np.ndarray:
-    """Compute coefficients, (n_candidates,), at which each term alone would balance its equation.
+    """Compute the coefficient with which each term alone would be as large as its state's rate.
 
-    Then the root mean squares of term and rate are equal. values: (n, n_states + n_inputs), rates:
-    (n, n_states), NaN where missing.
+    Returns (n_candidates,). The root mean squares of term and rate are then equal. values: (n,
+    n_states + n_inputs), rates: (n, n_states), NaN where missing.
     """
 
     def root_mean_square(values: np.ndarray) -> np.ndarray:

@@ -66,7 +66,7 @@ likelihood = identification.likelihood.study_methods
 
 @dataclass(frozen=True)
 class Method:
-    """An identification method.
+    """Identification method of a study: its function, options and data requirements.
 
     family: the methods that share a job: imports, recordings, and evidence where it is the same.
     evidence: the function, as `deferred` names it, that prepares the data of the method from the
@@ -97,15 +97,15 @@ class Method:
 
     @property
     def modules(self) -> tuple[str, ...]:
-        """Modules that a job of the method imports by name."""
+        """References `module:function` to the functions that a job of the method imports."""
         return tuple(filter(None, (self.evidence, self.function)))
 
     def can_use(self, protocol: Protocol, uniform: bool) -> bool:
-        """Decide whether the method can use recordings of a setup, equally spaced or not."""
+        """Decide whether the method can use recordings of this measurement setup and sampling."""
         return protocol.measures in self.takes and (uniform or not self.needs_uniform)
 
     def settings(self, identification: Mapping, seed: int) -> dict:
-        """Return the settings of a study that a job of the method reads.
+        """Return the settings that a job of the method needs: functions, options and seed.
 
         An edit of the settings of another family changes none. identification: that section. seed:
         of the study. The options are without `rng`, which the job makes from `seed` and the name of

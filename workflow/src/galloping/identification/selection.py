@@ -21,11 +21,11 @@ DEPENDENT = 1e-6
 def solve_support(
     information: np.ndarray, right: np.ndarray, support: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Minimise c H c / 2 - b c with c zero outside `support`.
+    """Fit the coefficients of given terms by normal equations, all other coefficients zero.
 
-    information: H, (n, n), right: b, (n,), in units of the noise: H^-1 is the covariance.
-    support: (n,) boolean. Returns c (n,) and the covariance of the supported coefficients
-    (n_support, n_support).
+    Minimises c H c / 2 - b c with c zero outside `support`. information: H, (n, n), right: b, (n,),
+    in units of the noise: H^-1 is the covariance. support: (n,) boolean. Returns c (n,) and the
+    covariance of the supported coefficients (n_support, n_support).
     """
     kept = np.flatnonzero(support)
     whitened = whiten(information[np.ix_(kept, kept)], right[kept])
@@ -39,7 +39,7 @@ def solve_support(
 
 @dataclass(frozen=True)
 class Price:
-    """Penalties of terms: decrease of chi^2 that each needs to be chosen.
+    """Penalties of terms: the decrease of chi^2 that each term needs to be selected.
 
     least, most: (n,) bounds of the penalty of each term. width: (n,) coefficients c: if a term's
     standard error s is smaller, its penalty exceeds the least by 2 ln(c / s), the evidence of a
@@ -51,15 +51,18 @@ class Price:
     width: np.ndarray
 
     def scale_by(self, dear: float) -> Price:
-        """Multiply the penalties by `dear`."""
+        """Return all penalties multiplied by the factor `dear`."""
         return Price(dear * self.least, dear * self.most, self.width)
 
     def of_terms(self, terms: np.ndarray) -> Price:
-        """Extract the penalties of some terms, by their indices."""
+        """Return the penalties of some terms, given by their indices."""
         return Price(self.least[terms], self.most[terms], self.width[terms])
 
     def with_errors(self, errors: np.ndarray, terms: np.ndarray) -> np.ndarray:
-        """Compute penalties of terms, (m,), by their indices and their standard errors."""
+        """Compute penalties of terms, which are larger for terms with smaller standard errors.
+
+        errors, terms: (m,) standard errors and indices of the terms. Returns (m,).
+        """
         wider = self.least[terms] + 2.0 * np.log(np.maximum(self.width[terms] / errors, 1.0))
         return np.minimum(wider, self.most[terms])
 
@@ -71,7 +74,7 @@ def select_support(
     price: Price | np.ndarray | float,
     about: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Select the best support: least chi^2 plus the penalties of its terms.
+    """Search for the set of terms with the least sum of chi^2 and penalties of its terms.
 
     From each of `starts`, (n,) boolean, the least useful term is removed while it does not reach
     its penalty; then, while the criterion falls, one or two terms are added, or one is exchanged
@@ -99,11 +102,12 @@ def select_support(
 
 @dataclass(frozen=True)
 class Whitened:
-    """Least-squares form |target - columns c|^2 of the problem of `solve_support`.
+    """Least-squares problem min |target - columns c|^2 for coefficients c of terms.
 
-    columns: (n, n), target: (n,). unit: (n,), factor from c to the original coefficients, zero for
-    terms without information. Sums of squares of the columns keep the digits that a product with an
-    inverse loses if terms are similar.
+    It is equivalent to the normal equations of `solve_support`. columns: (n, n), target: (n,).
+    unit: (n,), factor from c to the original coefficients, zero for terms without information. Sums
+    of squares of the columns keep the digits that a product with an inverse loses if terms are
+    similar.
     """
 
     columns: np.ndarray
@@ -112,15 +116,16 @@ class Whitened:
 
     @property
     def is_usable(self) -> np.ndarray:
-        """Terms with information, (n,) boolean."""
+        """Whether the data contain any information on each term, (n,) boolean."""
         return self.unit > 0.0
 
 
 def whiten(information: np.ndarray, right: np.ndarray, about: np.ndarray | None = None) -> Whitened:
-    """Factor information (n, n) and right-hand side (n,), with each term in its own unit.
+    """Convert normal equations to an equivalent least-squares problem by Cholesky factorisation.
 
-    about: (n,) coefficients of a good fit, at which `right`, half the decrease of chi^2 with each,
-    is then measured: small, whereas the right-hand side at zero would lose its digits.
+    information: (n, n), right: (n,). Each term is in its own unit. about: (n,) coefficients of a
+    good fit, at which `right`, half the decrease of chi^2 with each, is then measured: small,
+    whereas the right-hand side at zero would lose its digits.
     """
     diagonal = np.diag(information)
     usable = diagonal > 0.0
@@ -141,7 +146,7 @@ def whiten(information: np.ndarray, right: np.ndarray, about: np.ndarray | None 
 
 @dataclass(frozen=True)
 class Tableau:
-    """A support with optimal coefficients, and the effect of every small move from it.
+    """Fit of a set of terms, with the change of chi^2 if terms are added, removed or exchanged.
 
     kept, out: indices of the support and of the terms that could be added. coefficients (n_kept,)
     with their covariance. chi2: misfit of the support, above that of all terms. share: (n_kept,
@@ -160,25 +165,31 @@ class Tableau:
 
     @property
     def removal_rises(self) -> np.ndarray:
-        """Rise of chi^2, (n_kept,), when one term is removed."""
+        """Rise of chi^2 if each present term alone is removed, (n_kept,)."""
         return self.coefficients**2 / np.diag(self.covariance)
 
     def addition_falls(self) -> np.ndarray:
-        """Compute the fall of chi^2, (n_out,), when one term is added."""
+        """Compute the fall of chi^2 if each absent term alone is added, (n_out,)."""
         return self.gradient**2 / np.diag(self.information)
 
     @cached_property
     def pair_places(self) -> np.ndarray:
-        """Places in `out` of every two terms that could be added, (2, n_pairs)."""
+        """Pairs of absent terms that could be added, as indices in `out`, (2, n_pairs)."""
         return np.array(np.triu_indices(len(self.out), 1))
 
     def pair_falls(self) -> np.ndarray:
-        """Compute the fall of chi^2, (n_pairs,), when two terms are added, zero if equal."""
+        """Compute the fall of chi^2 if each pair of absent terms is added, (n_pairs,).
+
+        Zero for two terms that are equal.
+        """
         between = self.information[tuple(self.pair_places)]
         return _pair_falls(self.gradient, np.diag(self.information), between, self.pair_places)
 
     def exchange_rises(self) -> np.ndarray:
-        """Compute the rise of chi^2, (n_kept, n_out), when one term is exchanged for another."""
+        """Compute the rise of chi^2 if a present term is exchanged for an absent term.
+
+        Shape (n_kept, n_out).
+        """
         variance = np.diag(self.covariance)[:, None]
         gradient = self.gradient + self.share * (self.coefficients[:, None] / variance)
         return self.removal_rises[:, None] - gradient**2 / (
@@ -186,7 +197,10 @@ class Tableau:
         )
 
     def exchange_rises_for_two(self) -> np.ndarray:
-        """Compute the rise of chi^2, (n_kept, n_pairs), when one term is exchanged for two."""
+        """Compute the rise of chi^2 if a present term is exchanged for two absent terms.
+
+        Shape (n_kept, n_pairs).
+        """
         variance, (i, j) = np.diag(self.covariance)[:, None], self.pair_places
         gradient = self.gradient + self.share * (self.coefficients[:, None] / variance)
         per_variance = self.share / variance
@@ -197,9 +211,9 @@ class Tableau:
         )
 
     def exchange_rises_of_two(self) -> tuple[np.ndarray, np.ndarray]:
-        """Compute the rise of chi^2, (n_pairs, n_out), when two terms are exchanged for one.
+        """Compute the rise of chi^2 if two present terms are exchanged for an absent term.
 
-        Returns the pairs too, (n_pairs, 2).
+        Shape (n_pairs, n_out). Returns the pairs too, (n_pairs, 2).
         """
         pairs = np.column_stack(np.triu_indices(len(self.kept), 1))
         i, j = pairs.T
@@ -216,7 +230,10 @@ class Tableau:
 
 
 def make_tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
-    """Make the tableau of a support, (n,) boolean; its linear combinations cannot be added."""
+    """Fit a set of terms and prepare the changes of chi^2 if terms are added or removed.
+
+    support: (n,) boolean. Linear combinations of its terms cannot be added.
+    """
     kept, out = np.flatnonzero(support), np.flatnonzero(~support & whitened.is_usable)
     count_work(2e-4 + 1e-10 * len(support) ** 3)
     q, r = np.linalg.qr(whitened.columns[:, kept])
@@ -256,11 +273,11 @@ def _pair_falls(
 def find_moves(
     here: Tableau, support: np.ndarray, prices: np.ndarray, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Find the `most` best small moves from a support (n,).
+    """Find the best small changes of a set of terms, and how each changes chi^2 plus penalties.
 
-    One term is removed, one or two are added, or one is exchanged for one or two, or two for one.
-    Returns the rise of chi^2 plus `prices` (n,) with each, (m,), increasing, and the supports that
-    they lead to, (m, n).
+    At most `most` changes of a support (n,) are returned. One term is removed, one or two are
+    added, or one is exchanged for one or two, or two for one. Returns the rise of chi^2 plus
+    `prices` (n,) with each, (m,), increasing, and the supports that they lead to, (m, n).
     """
     kept, out, none = here.kept[:, None], here.out[:, None], np.zeros((1, 0), int)
     two = here.out[here.pair_places.T]
@@ -339,9 +356,9 @@ def _remove_terms(whitened: Whitened, support: np.ndarray, prices: np.ndarray) -
 
 
 def added_deviation(information: np.ndarray, support: np.ndarray) -> np.ndarray:
-    """Compute the standard deviation of each excluded coefficient, (n,), if it alone were added.
+    """Compute the standard error that each absent term would have if it alone were added.
 
-    NaN within the support; infinite for a linear combination of the supported terms.
+    Returns (n,). NaN within the support; infinite for a linear combination of the supported terms.
     """
     whitened = whiten(information, np.zeros(len(support)))
     here = make_tableau(whitened, support)
@@ -351,14 +368,18 @@ def added_deviation(information: np.ndarray, support: np.ndarray) -> np.ndarray:
 
 
 def mixture_information(information: np.ndarray, largest: np.ndarray) -> np.ndarray:
-    """Compute the information on mixtures of all terms, (n,), least first.
+    """Compute eigenvalues of the scaled Fisher information of all terms, in increasing order.
 
-    The mixtures are together as large as the motion: below one, noise hides a mixture of that size.
-    information: (n, n) of the coefficients. largest: (n,) each alone as large as the motion.
+    They are the information on mixtures of terms, (n,). In these units the mixtures are together as
+    large as the motion: below one, noise hides a mixture of that size. information: (n, n) of the
+    coefficients. largest: (n,) each alone as large as the motion.
     """
     return np.linalg.eigvalsh(information * largest * largest[:, None])
 
 
 def n_unidentifiable_directions(information: np.ndarray, largest: np.ndarray) -> int:
-    """Count mixtures of terms, as large as the motion, that change the fit by less than noise."""
+    """Count independent combinations of terms that the data cannot distinguish from noise.
+
+    They are as large as the motion and change the fit by less than noise.
+    """
     return int(np.sum(mixture_information(information, largest) < 1.0))

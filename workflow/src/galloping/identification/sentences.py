@@ -9,12 +9,12 @@ PLACES = {code: place for place, code in enumerate(Code)}  # what weighs more co
 
 
 def sentence_of(finding: Finding) -> str:
-    """Format a finding as one technical sentence; '' if it does not affect the status."""
+    """Return a finding as one technical sentence; '' if it does not affect the model's status."""
     return _fill_template(finding_kinds()[finding.code].sentence, 0, _template_values(finding))
 
 
 def reason_of(findings: Iterable[Finding]) -> str:
-    """Join the technical sentences of all findings, the most important first."""
+    """Join the technical sentences on all findings into one text, the most important first."""
     return " ".join(filter(None, dict.fromkeys(map(sentence_of, _sort_by_weight(findings)))))
 
 
@@ -25,7 +25,7 @@ def explain(
     words: Mapping[str, str] | None = None,
     units: Mapping[str, tuple[str, str]] | None = None,
 ) -> list[tuple[str, str]]:
-    """Explain findings to an engineer, with advice.
+    """Return texts that explain findings to an engineer, each with advice.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ STATUSES = ("ok", "not identifiable", "approximate", "refused", "unjudged")
 
 
 def status_of(findings: Iterable[Finding]) -> str:
-    """Derive the status of a model from all its findings.
+    """Derive the status of a model, such as `ok` or `refused`, from all its findings.
 
     Parameters
     ----------

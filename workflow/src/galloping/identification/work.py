@@ -26,7 +26,7 @@ AFTER = 12.0  # s, that forecasts, limit cycles and figures take, which are not 
 
 @dataclass
 class Work:
-    """Counted work of a search.
+    """Limit of the computing work of a search for a model, and the work done so far.
 
     most: s, limit of the search. spent: s, used. ended: whether anything was omitted for lack of
     work. around: the work that this is a part of.
@@ -39,11 +39,11 @@ class Work:
 
     @property
     def remaining(self) -> float:
-        """Remaining work, s; negative if the limit was exceeded."""
+        """Remaining work in seconds of computing; negative if the limit was exceeded."""
         return self.most - self.spent
 
     def downgrade_if_ended(self, found: IdentifiedModel) -> IdentifiedModel:
-        """Add a finding to the model of a search that ended early, which then is not `ok`."""
+        """Add a finding to a model if the work limit ended its search, so that it is not `ok`."""
         if not self.ended or found.has_finding(Code.LIMIT_OF_WORK):
             return found
         return found.with_findings(Finding.of(Code.LIMIT_OF_WORK))
@@ -54,15 +54,16 @@ _work: ContextVar[Work] = ContextVar("work", default=_UNLIMITED)
 
 
 def work_limit(rows: int, most: float = MOST) -> float:
-    """Compute the work of a search, s, in recordings with this number of sampling times."""
+    """Compute the computing work allowed for a search, in s, from the number of sampling times."""
     return most * max(1.0, rows / TIMES)
 
 
 @contextmanager
 def limit_work(recordings: Sequence[Recording], most: float = MOST) -> Iterator[Work]:
-    """Limit the work in the block to that of a search in these recordings, or the remaining work.
+    """Limit the computing work in a `with` block, by the size of the recordings.
 
-    most: s, for recordings sampled at up to TIMES times in all.
+    The limit is that of a search in these recordings, or the remaining work if that is less. most:
+    s, for recordings sampled at up to TIMES times in all.
     """
     rows = sum(len(recording.time) for recording in recordings)
     with _nested_work(min(work_limit(rows, most), _work.get().remaining)) as work:
@@ -71,7 +72,7 @@ def limit_work(recordings: Sequence[Recording], most: float = MOST) -> Iterator[
 
 @contextmanager
 def sub_budget(share: float) -> Iterator[Work]:
-    """Limit the work in the block to a share of the remaining work.
+    """Limit the computing work in a `with` block to a share of the remaining work.
 
     If the block omits anything for lack of work, so does the search around it.
     """
@@ -96,14 +97,14 @@ def _nested_work(most: float) -> Iterator[Work]:
 
 
 def count_work(seconds: float) -> None:
-    """Count work that is done, s."""
+    """Add computing work that is done, in estimated seconds, to the work of the search."""
     _work.get().spent += seconds
 
 
 def work_counted() -> tuple[float, float]:
-    """Return the work counted so far, s, and the most that remains until all is written, s.
+    """Return the computing work done so far and the most that may remain, both in seconds.
 
-    Infinite without a limit.
+    The latter is until all results are written. It is infinite without a limit.
     """
     work: Work | None = _work.get()
     most, spent = _UNLIMITED.most, 0.0
@@ -113,7 +114,7 @@ def work_counted() -> tuple[float, float]:
 
 
 def is_exhausted() -> bool:
-    """Decide whether no work is left; a search that asks this and stops has ended early."""
+    """Decide whether the work limit is reached; if so, mark the search as ended early."""
     work = _work.get()
     work.ended |= work.remaining <= 0.0
     return work.remaining <= 0.0

@@ -25,14 +25,14 @@ TINY = 1e-9  # deviations of a channel
 
 
 def excerpts(recordings: list[Recording]) -> list[Recording]:
-    """Select stretches of long recordings, which bound the cost of a model.
+    """Select informative stretches of long recordings, to limit the cost of identification.
 
-    They are at most STRETCHES of PERIODS in all, but one at least of every recording. A longer
-    recording is cut into equal parts. From every other part comes the stretch in which the size of
-    the motion varies most, since growth and decay contain information on damping; from the others
-    that in which the motion is largest, for the cubic terms. Stretches without gaps are preferred.
-    Recordings of which no channel varies above its noise have no period, and stay whole, and so do
-    those whose stretches would have fewer than FEWEST samples.
+    The stretches are at most STRETCHES of PERIODS in all, but one at least of every recording. A
+    longer recording is cut into equal parts. From every other part comes the stretch in which the
+    size of the motion varies most, since growth and decay contain information on damping; from the
+    others that in which the motion is largest, for the cubic terms. Stretches without gaps are
+    preferred. Recordings of which no channel varies above its noise have no period, and stay whole,
+    and so do those whose stretches would have fewer than FEWEST samples.
     """
     try:
         period = shortest_period([with_integrals(recording) for recording in recordings])
@@ -50,7 +50,7 @@ def identify_excerpts(
     *question: Any,
     **options: Any,
 ) -> IdentifiedModel:
-    """Identify the model of excerpts of recordings, without their rests.
+    """Identify a model from informative stretches of recordings, without times of no motion.
 
     Free motion, and motion under random forces, of which all parts are equally informative, are
     identified in the whole recordings.

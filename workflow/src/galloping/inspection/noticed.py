@@ -16,7 +16,9 @@ def sentences_of(
     further: Iterable[FurtherMode] = (),
     of_model: Iterable[str] = (),
 ) -> Iterator[str]:
-    """Yield a sentence on each finding that does not affect the status, and one on further modes.
+    """Yield sentences on findings that do not affect a model's status, and on unmodelled modes.
+
+    The latter are further modes of the recording, for which the model has no coordinate.
 
     Parameters
     ----------
@@ -44,7 +46,7 @@ def _name_and_unit(subject: str) -> tuple[str, str]:
 
 
 def envelope_rows(parts: Iterable[EnvelopePart]) -> Iterator[str]:
-    """Yield rows of a table: amplitude, frequency and damping, each with its 95 % interval."""
+    """Yield table rows of amplitude, frequency and damping, the latter two with 95 % intervals."""
     for part in parts:
         hz = np.array([part.frequency, NORMAL_95 * part.frequency_error]) / (2.0 * np.pi)
         omega = np.hypot(part.frequency, part.growth)

@@ -44,10 +44,11 @@ FREQUENCIES = 0.02, 20.0  # Hz, of galloping and of what else moves a span that 
 
 
 def quality(series: "Series", mapping: "ColumnMapping") -> dict:
-    """Inspect a recording: `sampling`, `channels` and `inputs` by column, `problems`, `notes`.
+    """Inspect the quality of a recording: sampling, gaps, noise, spectra and likely faults.
 
-    The values are plain. A problem names its column, the row in the file where it begins, its code
-    with data, and a description. Frequencies in Hz, times in s, values in SI units.
+    The report has `sampling`, `channels` and `inputs` by column, `problems` and `notes`. Its values
+    are plain. A problem names its column, the row in the file where it begins, its code with data,
+    and a description. Frequencies in Hz, times in s, values in SI units.
     """
     time = series.time
     steps = np.diff(time)
@@ -101,7 +102,7 @@ def _make_problem(row: int, finding: Finding) -> dict:
 
 
 def finding_of(problem: dict) -> Finding:
-    """Convert a problem of a report to a finding on its column."""
+    """Convert a problem listed in a quality report to a finding on its column."""
     return Finding.of(Code(problem["code"]), problem["column"], **problem["data"])
 
 
@@ -205,7 +206,7 @@ def noise(values: np.ndarray) -> float:
 
 
 def spectrum(time: np.ndarray, values: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Compute frequencies, Hz, and the share of each in the variance.
+    """Compute a power spectrum: frequencies in Hz, and the share of each in the variance.
 
     Short gaps are interpolated linearly; the powers of parts between long gaps are added.
     """
@@ -223,21 +224,22 @@ def spectrum(time: np.ndarray, values: np.ndarray, step: float) -> tuple[np.ndar
 
 
 def pieces(time: np.ndarray, longest: float) -> list[slice]:
-    """Divide samples at gaps that are longer than `longest`, s."""
+    """Divide sampling times into slices, at gaps that are longer than a limit in s."""
     edges = [0, *(np.flatnonzero(np.diff(time) > longest) + 1), len(time)]
     return [slice(int(a), int(b)) for a, b in pairwise(edges)]
 
 
 def sampled_time(time: np.ndarray) -> float:
-    """Compute the duration of the samples, s, without gaps."""
+    """Compute the total time in s that is covered by samples, without the gaps between them."""
     steps = np.diff(time)
     return float(steps[steps <= REPORTED_GAP * np.median(steps)].sum())
 
 
 def peaks_of(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Find the highest peaks of a `spectrum`, and the share around each frequency.
+    """Find the highest peaks of a power spectrum, four at most.
 
-    share: (n,). Returns (n,), and the indices of four peaks at most, the highest first.
+    The shares around each frequency are returned too. share: (n,). Returns (n,), and the indices of
+    four peaks at most, the highest first.
     """
     around = np.convolve(share, np.ones(5))[2 : len(share) + 2]  # also of fewer than five
     highest = around == maximum_filter1d(around, 9)
@@ -306,10 +308,10 @@ def _inspect_channel(
 
 
 def find_outliers(time: np.ndarray, values: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
-    """Find samples, (n,), far from the median of their neighbours.
+    """Find outliers: samples that are far from the median of their neighbours.
 
-    frequencies: Hz, of the motion, the strongest first. If that one has few samples in a period,
-    outliers cannot be distinguished from the motion, and none is found.
+    Returns (n,) boolean. frequencies: Hz, of the motion, the strongest first. If that one has few
+    samples in a period, outliers cannot be distinguished from the motion, and none is found.
     """
     step = float(np.median(np.diff(time)))
     if len(frequencies) and frequencies[0] * step > (1.0 + TIME_ROUNDING) / PER_PERIOD:

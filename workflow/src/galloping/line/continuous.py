@@ -40,15 +40,15 @@ Arrays = namedtuple(
 
 @dataclass(frozen=True)
 class Span:
-    """A line on n in-plane and n out-of-plane shapes, per unit of modal mass.
+    """Discretised overhead line with n in-plane and n out-of-plane mode shapes.
 
-    line: parameters. speed: mean wind, m/s. masses: (2, n, n) kg. arrays: stiffness, damping, (2,
-    n, n), 1/s2 and 1/s, M^-1 K and M^-1 C without the strain; strain, (n,) 1/m, of the in-plane
-    coordinates; quadratic, (2, n, n) 1/m2, strain by their squares; pull, (n,), and stretch, (2, n,
-    n), M^-1 EA l times the derivatives of both; shapes, (2, n_nodes, n), at the nodes of the span;
-    loading, (2, n, n_nodes), M^-1 times shape times quadrature weight; coefficients, (2, 4) of 1,
-    alpha .. alpha^3; pressure, rho D/2; relative, whether the load is that of the full relative
-    wind.
+    Its arrays are per unit of modal mass. line: parameters. speed: mean wind, m/s. masses: (2, n,
+    n) kg. arrays: stiffness, damping, (2, n, n), 1/s2 and 1/s, M^-1 K and M^-1 C without the
+    strain; strain, (n,) 1/m, of the in-plane coordinates; quadratic, (2, n, n) 1/m2, strain by
+    their squares; pull, (n,), and stretch, (2, n, n), M^-1 EA l times the derivatives of both;
+    shapes, (2, n_nodes, n), at the nodes of the span; loading, (2, n, n_nodes), M^-1 times shape
+    times quadrature weight; coefficients, (2, 4) of 1, alpha .. alpha^3; pressure, rho D/2;
+    relative, whether the load is that of the full relative wind.
     """
 
     line: Line
@@ -58,11 +58,14 @@ class Span:
 
     @property
     def modes(self) -> int:
-        """Number of shapes in each direction."""
+        """Number n of mode shapes in each direction."""
         return len(self.arrays.strain)
 
     def rates(self, state: np.ndarray, speed: float) -> np.ndarray:
-        """Compute d(q, p, dq, dp)/dt, (4 n,), in a wind of `speed` m/s."""
+        """Compute the time derivative of modal displacements and velocities in a given wind.
+
+        state: (q, p, dq, dp), (4 n,), of n in-plane q and n out-of-plane p. speed: m/s.
+        """
         rate = np.empty_like(state)
         _fill_rates(state, speed, self.arrays, rate, np.empty((2, self.arrays.shapes.shape[1])))
         return rate
@@ -71,7 +74,7 @@ class Span:
 def continuous_line(
     case: Mapping, sines: int = 9, *, aerodynamic: str = "small_angle", drag: float = 0.0
 ) -> Span:
-    """Make the line of a `cases` section with `sines` sine modes in each direction.
+    """Make a discretised line from a case of the configuration, with sine modes as shapes.
 
     sines: 0 for the two shapes of `galerkin.modes`, one in each direction. aerodynamic:
     `small_angle`, the paper's alpha = v_t/U and F = rho D U^2 C(alpha)/2, or `relative`, alpha =
@@ -130,7 +133,10 @@ def _solve_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, n
 
 
 def shapes_at(line: Span, places: Sequence[float]) -> np.ndarray:
-    """Evaluate the shapes of both directions at `places`, shares of the span: (2, n_places, n)."""
+    """Evaluate the mode shapes of both directions at places given as fractions of the span.
+
+    Returns (2, n_places, n).
+    """
     nodes = 2.0 * positions(line.line.span) / line.line.span - 1.0
     points = 2.0 * np.asarray(places) - 1.0
     # exact to rounding: the quadrature nodes are those of a polynomial of high degree
@@ -139,10 +145,11 @@ def shapes_at(line: Span, places: Sequence[float]) -> np.ndarray:
 
 
 def natural_modes(line: Span) -> tuple[np.ndarray, np.ndarray]:
-    """Compute frequencies (2, n), rad/s, and coordinates (2, n, n) of the modes without wind.
+    """Compute the natural frequencies (rad/s) and mode vectors of a line without wind.
 
-    The first index is in plane, out of plane. The modes are in columns, by frequency, scaled to one
-    at mid-span or, if that is their node, at a quarter of the span.
+    Returns frequencies (2, n) and modal coordinates (2, n, n). The first index is in plane, out of
+    plane. The modes are in columns, by frequency, scaled to one at mid-span or, if that is their
+    node, at a quarter of the span.
     """
     stiffness = line.masses @ line.arrays.stiffness
     stiffness[0] += line.masses[0] @ np.outer(line.arrays.pull, line.arrays.strain)
@@ -153,7 +160,7 @@ def natural_modes(line: Span) -> tuple[np.ndarray, np.ndarray]:
 
 
 def symmetric(line: Span, coordinates: np.ndarray) -> np.ndarray:
-    """Decide whether each shape is symmetric about mid-span, (2, n_shapes).
+    """Decide for each mode of a line whether its shape is symmetric about mid-span.
 
     coordinates: (2, n, n_shapes).
     """
@@ -162,9 +169,10 @@ def symmetric(line: Span, coordinates: np.ndarray) -> np.ndarray:
 
 
 def equilibrium(line: Span) -> np.ndarray:
-    """Find the equilibrium, (4 n,), in the mean wind; not zero with a static drag.
+    """Find the equilibrium state of a line in the mean wind.
 
-    Raises ValueError if none is close to the line without wind.
+    Returns (4 n,), zero without a static drag. Raises ValueError if no equilibrium is close
+    to the line without wind.
     """
     n = 2 * line.modes
     still = np.zeros(n)
@@ -177,7 +185,7 @@ def equilibrium(line: Span) -> np.ndarray:
 
 
 def small_motions(line: Span) -> Modes:
-    """Compute oscillations, by frequency, of the line about its equilibrium in the mean wind."""
+    """Compute the oscillating modes of a line about its equilibrium in the mean wind."""
     rest = equilibrium(line)
     columns = [
         (line.rates(rest + change, line.speed) - line.rates(rest - change, line.speed)) / 2e-5
@@ -193,11 +201,11 @@ def release(
     *,
     antisymmetric: float = 0.0,
 ) -> np.ndarray:
-    """Make an initial state, (4 n,), displaced from the equilibrium in the mean wind.
+    """Make an initial state with given displacements and velocities from the equilibrium.
 
-    displacement, velocity: m and m/s at mid-span, vertical and horizontal, in the first symmetric
-    mode of each direction. antisymmetric: m at a quarter of the span, in the first antisymmetric
-    in-plane mode.
+    Returns (4 n,). displacement, velocity: m and m/s at mid-span, vertical and horizontal, in the
+    first symmetric mode of each direction. antisymmetric: m at a quarter of the span, in the first
+    antisymmetric in-plane mode.
     """
     state = equilibrium(line).reshape(4, -1)
     _, coordinates = natural_modes(line)
@@ -217,11 +225,11 @@ def simulate(
     speed: np.ndarray | None = None,
     step: float = STEP,
 ) -> np.ndarray:
-    """Simulate coordinates and velocities (q, p, dq, dp) at `time`, (n, 4 n_modes).
+    """Simulate the modal displacements and velocities of a line at given times.
 
-    start: the state at time[0]. time: (n,) s, equally spaced. speed: (n,) wind at those times,
-    linear between them; the mean wind by default. step: s, the longest step of the Runge-Kutta
-    method of order 4.
+    Returns (q, p, dq, dp), (n, 4 n_modes). start: the state at time[0]. time: (n,) s, equally
+    spaced. speed: (n,) wind at those times, linear between them; the mean wind by default. step: s,
+    the longest step of the Runge-Kutta method of order 4.
     """
     interval = (time[-1] - time[0]) / (len(time) - 1)
     substeps = max(1, int(np.ceil(interval / step - 1e-9)))
@@ -234,7 +242,10 @@ def simulate(
 def wind(
     line: Span, gusts: Mapping, time: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray | None:
-    """Draw the wind, (n,) m/s, at `time`, s, with `gusts` of a `truth` section; None if steady."""
+    """Draw a random wind speed (m/s) with gusts at given times; None if the wind is steady.
+
+    gusts: of a `truth` section. time: (n,) s.
+    """
     return wind_speed(time, mean=line.speed, rng=rng, **gusts) if gusts["intensity"] else None
 
 
@@ -313,10 +324,11 @@ QUARTERS = (0.25, 0.5, 0.75)  # of the span: three sensors that tell the first t
 
 
 def sensor_readings(line: Span, states: np.ndarray, places: Sequence[float]) -> np.ndarray:
-    """Compute displacements v and w, m, and velocities, m/s, at sensors, (n, n_sensors, 4).
+    """Compute displacements and velocities at sensors along the span from modal coordinates.
 
-    states: (n, 4 n_modes); of their rates, the result is velocities and accelerations, m/s2.
-    places: shares of the span.
+    Returns (n, n_sensors, 4): vertical and horizontal, m, then their velocities, m/s. states: (n, 4
+    n_modes); of their rates, the result is velocities and accelerations, m/s2. places: shares of
+    the span.
     """
     each = states.reshape(len(states), 2, 2, line.modes)
     read = np.einsum("dsk,nhdk->nshd", shapes_at(line, places), each)
@@ -324,9 +336,10 @@ def sensor_readings(line: Span, states: np.ndarray, places: Sequence[float]) -> 
 
 
 def first_modes(line: Span, values: np.ndarray, places: Sequence[float]) -> np.ndarray:
-    """Compute coordinates of as many sine modes as sensors, by inverting the matrix of sines.
+    """Convert sensor values along the span to the coordinates of as many sine modes.
 
-    values: (n, n_sensors, ...) at `places`, shares of the span. Same shape, by mode.
+    The matrix of sines is inverted. values: (n, n_sensors, ...) at `places`, shares of the span.
+    Same shape, by mode.
     """
     where, span = np.multiply(places, line.line.span), line.line.span
     sines = np.sin(np.pi * np.outer(where, np.arange(1, len(where) + 1)) / span)
@@ -340,12 +353,12 @@ def observed(
     time: np.ndarray,
     rng: np.random.Generator,
 ) -> Motion:
-    """Simulate the motion of a `cases` section at the sensors along its span.
+    """Simulate the motion of a continuous line as sensors along its span measure it.
 
-    truth: section of that name. start: by state, m and m/s at mid-span, initial displacement. time:
-    (n,) s, equally spaced. rng: draws the gusts. Readings of the sensors become the coordinates of
-    as many sine modes, of which the first are the states; the others are unknown. A motion that is
-    not finite is all NaN.
+    case: of the configuration. truth: section of that name. start: by state, m and m/s at mid-span,
+    initial displacement. time: (n,) s, equally spaced. rng: draws the gusts. Readings of the
+    sensors become the coordinates of as many sine modes, of which the first are the states; the
+    others are unknown. A motion that is not finite is all NaN.
     """
     load = {"aerodynamic": truth["aerodynamics"], "drag": truth["drag"]}
     line = continuous_line(case, truth["modes"], **load)

@@ -18,10 +18,11 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(96)  # exact to rounding for 
 
 @dataclass(frozen=True)
 class Line:
-    """An iced bundle of n sub-conductors in one span; forces and stiffnesses of the whole bundle.
+    """Mechanical parameters of an iced conductor bundle in one span.
 
-    mass: kg/m, tension: N, axial_stiffness (nEA): N, bending_stiffness (nEI): N m2, span: m,
-    gravity: m/s2, spacer_mass: kg each, at spacer_positions: m.
+    Forces and stiffnesses are those of the whole bundle. mass: kg/m, tension: N, axial_stiffness
+    (nEA): N, bending_stiffness (nEI): N m2, span: m, gravity: m/s2, spacer_mass: kg each, at
+    spacer_positions: m.
     """
 
     mass: float
@@ -35,7 +36,7 @@ class Line:
 
     @classmethod
     def from_case(cls, case: Mapping) -> Self:
-        """Make the bundle of a `cases` section of the configuration."""
+        """Make the parameters of a line from a case of the configuration."""
         n = case["bundle"]["subconductors"]
         conductor, line, spacers = case["conductor"], case["line"], case["spacers"]
         return cls(
@@ -51,24 +52,25 @@ class Line:
 
     @property
     def sag(self) -> float:
-        """Sag of the parabola at mid-span, m."""
+        """Static sag of the line at mid-span, m."""
         return self.mass * self.gravity * self.span**2 / (8 * self.tension)
 
     @property
     def irvine_parameter(self) -> float:
-        """Ratio lambda^2 of the stiffness by sag to that by tension (Irvine 1981)."""
+        """Irvine's parameter lambda^2, the ratio of the stiffness by sag to that by tension."""
         stretch = (self.mass * self.gravity * self.span / self.tension) ** 2
         return stretch * self.axial_stiffness / self.tension
 
     def static_curvature(self) -> float:
-        """Compute the curvature Y'' of the parabola, 1/m."""
+        """Compute the curvature of the line's static shape, a parabola, in 1/m."""
         return self.mass * self.gravity / self.tension
 
 
 def irvine_root(irvine_parameter: float) -> float:
-    """Solve for the dimensionless frequency x of the first symmetric in-plane mode, pi < x < 3 pi.
+    """Compute the dimensionless frequency of a sagging cable's first symmetric in-plane mode.
 
-    It is the root of tan(x/2) = x/2 - (4/lambda^2)(x/2)^3 (Irvine 1981), written without its poles.
+    irvine_parameter: lambda^2. The frequency x is between pi and 3 pi. It is the root of tan(x/2) =
+    x/2 - (4/lambda^2)(x/2)^3 (Irvine 1981), written without its poles.
     """
     from scipy.optimize import brentq  # slow to import
 
@@ -80,7 +82,7 @@ def irvine_root(irvine_parameter: float) -> float:
 
 @dataclass(frozen=True)
 class ModeShape:
-    """A mode shape at the quadrature nodes of the span and at the spacers.
+    """Values and derivatives of a mode shape at quadrature nodes, and values at spacers.
 
     shape, slope, curvature: (n_nodes,), 1, 1/m, 1/m2. at_spacers: (n_spacers,).
     """
@@ -92,22 +94,22 @@ class ModeShape:
 
 
 def positions(span: float) -> np.ndarray:
-    """Return the quadrature nodes along the span, m."""
+    """Return the positions (m) of the quadrature nodes along a span of given length."""
     return span * (_NODES + 1) / 2
 
 
 def weights(span: float) -> np.ndarray:
-    """Return the weights of the quadrature at `positions`, m."""
+    """Return the quadrature weights (m) for integrals along a span of given length."""
     return _WEIGHTS * span / 2
 
 
 def integrate(values: np.ndarray, span: float) -> float:
-    """Integrate values at `positions` over the span."""
+    """Integrate a function along a span, given its values at the quadrature nodes."""
     return float(values @ _WEIGHTS) * span / 2
 
 
 def sine_mode(line: Line, order: int = 1) -> ModeShape:
-    """Make the mode shape sin(order pi s / l)."""
+    """Make the sine mode shape of a line with a given number of half-waves."""
     k, spacers = pi * order / line.span, np.asarray(line.spacer_positions, dtype=float)
     at = k * positions(line.span)
     return ModeShape(np.sin(at), k * np.cos(at), -(k**2) * np.sin(at), np.sin(k * spacers))
@@ -162,7 +164,7 @@ EQUATIONS = {2: "vertical", 3: "horizontal"}
 
 
 def model(values: Mapping[str, float]) -> PolynomialModel:
-    """Make the galloping equations with the coefficients `values`, by symbol of TERMS."""
+    """Make the two-mode galloping model from its coefficients gamma_i and kappa_i, by name."""
     present = [(*TERMS[symbol], -value) for symbol, value in values.items() if value != 0]
     places = [(0, (0, 0, 1, 0), 1.0), (1, (0, 0, 0, 1), 1.0), *present]
     terms = tuple(dict.fromkeys(term for _, term, _ in places))
@@ -173,7 +175,7 @@ def model(values: Mapping[str, float]) -> PolynomialModel:
 
 
 def symbol_of(row: int, exponents: Exponents) -> str:
-    """Return gamma_i or kappa_i of a term, or its name if the paper has no symbol for it."""
+    """Return the reproduced paper's symbol of a coefficient, such as gamma_1, or its term."""
     return SYMBOLS.get((row, exponents)) or term_name(exponents, STATES)
 
 
@@ -186,20 +188,26 @@ READINGS = {
 
 
 def ice_coefficients(ice: Mapping) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return vertical (beta_1..beta_3) and horizontal (eta_1..eta_3) of an `ice` section."""
+    """Return the aerodynamic coefficients of the ice, vertical and horizontal, from settings.
+
+    ice: an `ice` section. Returns beta_1 to beta_3 and eta_1 to eta_3.
+    """
     if ice["reading"] == "custom":
         return tuple(ice["vertical"]), tuple(ice["horizontal"])
     return READINGS[ice["reading"]]
 
 
 def modes(case: Mapping, line: Line) -> tuple[ModeShape, ModeShape]:
-    """Make the mode shapes of the vertical (configured) and the horizontal (sine) motion."""
+    """Make the vertical and the horizontal mode shape of a line.
+
+    The vertical shape is configured, the horizontal one is a sine.
+    """
     return MODES[case["line"]["mode_shape"]](line), sine_mode(line)
 
 
 @dataclass(frozen=True)
 class LinearMode(ModeShape):
-    """A mode of the line at rest, without wind.
+    """Mode of a line without wind: shape, modal mass, frequency and dynamic strain.
 
     mass: modal, kg, spacers included. frequency: rad/s. strain, 1/m, and quadratic, 1/m2: dynamic
     strain of the line by the mode's coordinate and by its square.
@@ -212,7 +220,7 @@ class LinearMode(ModeShape):
 
 
 def at_rest(case: Mapping) -> tuple[Line, LinearMode, LinearMode]:
-    """Make the line of a case, its vertical and its horizontal mode."""
+    """Compute a line's parameters and its vertical and horizontal mode, without wind."""
     line = Line.from_case(case)
     phi, psi = modes(case, line)
     strain = -line.static_curvature() * integrate(phi.shape, line.span) / line.span
@@ -232,10 +240,11 @@ def _linear_mode(line: Line, own: ModeShape, strain: float) -> LinearMode:
 
 
 def coefficients(case: Mapping) -> dict[str, float]:
-    """Compute gamma_1..gamma_8, kappa_1..kappa_10 of a case (SI units, on the left-hand side).
+    """Compute the coefficients of a line's galloping equations, by symbol such as gamma_1.
 
-    The method is a Galerkin projection of the line's energies on its two modes, with quasi-static
-    cubic aerodynamics, alpha = V_t / U (paper, eqs. 10-13).
+    These are gamma_1 to gamma_8 and kappa_1 to kappa_10, in SI units, on the left-hand side. The
+    method is a Galerkin projection of the line's energies on its two modes, with quasi-static cubic
+    aerodynamics, alpha = V_t / U (paper, eqs. 10-13).
     """
     line, v, w = at_rest(case)
     phi, psi, stretch = v.shape, w.shape, line.axial_stiffness * line.span
@@ -270,7 +279,7 @@ def coefficients(case: Mapping) -> dict[str, float]:
 
 
 def derive(case: Mapping) -> Derived:
-    """Compute all properties of a case that need no simulation."""
+    """Derive a line's galloping equations, their coefficients, and its sag and frequencies."""
     line, v, w = at_rest(case)
     values = coefficients(case)
     quantities = {

@@ -7,12 +7,19 @@ import numpy as np
 
 
 def von_karman(reduced: np.ndarray) -> np.ndarray:
-    """Evaluate n S/sigma^2, one-sided, at reduced frequencies n L/U (von Karman, PNAS 34, 1948)."""
+    """Evaluate von Karman's normalised wind spectrum at reduced frequencies.
+
+    This is n S/sigma^2, one-sided, at n L/U, with the frequency n, the spectrum S, the length scale
+    L and the wind speed U (von Karman, PNAS 34, 1948).
+    """
     return 4.0 * reduced / (1.0 + 70.8 * reduced**2) ** (5.0 / 6.0)
 
 
 def kaimal(reduced: np.ndarray) -> np.ndarray:
-    """Evaluate n S/sigma^2 at reduced frequencies n L/U (Kaimal et al. 1972, in IEC 61400-1)."""
+    """Evaluate Kaimal's normalised wind spectrum at reduced frequencies.
+
+    This is n S/sigma^2 at n L/U, as of `von_karman` (Kaimal et al. 1972, in IEC 61400-1).
+    """
     return 4.0 * reduced / (1.0 + 6.0 * reduced) ** (5.0 / 3.0)
 
 
@@ -28,13 +35,13 @@ def wind_speed(
     spectrum: str,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Draw U(t) = mean (1 + intensity x(t)), x Gaussian, of unit variance and the named spectrum.
+    """Draw a random history of wind speed (m/s) with a given intensity and spectrum of gusts.
 
-    time: (n,) s, equally spaced. mean: m/s, over these times, since wind speeds and intensities
-    refer to an averaging interval. intensity: standard deviation over mean. length_scale: integral
-    length of the turbulence along the wind, m. spectrum: of `SPECTRA`. Harmonics of twice the
-    duration have Gaussian amplitudes (Shinozuka and Jan 1972), so that the end does not repeat the
-    beginning. Returns (n,), m/s.
+    U(t) = mean (1 + intensity x(t)), x Gaussian, of unit variance. time: (n,) s, equally spaced.
+    mean: m/s, over these times, since wind speeds and intensities refer to an averaging interval.
+    intensity: standard deviation over mean. length_scale: integral length of the turbulence along
+    the wind, m. spectrum: of `SPECTRA`. Harmonics of twice the duration have Gaussian amplitudes
+    (Shinozuka and Jan 1972), so that the end does not repeat the beginning. Returns (n,), m/s.
     """
     step = time[1] - time[0]
     harmonics = len(time)

@@ -21,7 +21,7 @@ CIGRE = "CIGRE Technical Brochure 322 (2007)"
 
 @dataclass(frozen=True)
 class Measure:
-    """One measure against galloping.
+    """Measure against galloping, such as a damper, as a change of a line's parameters.
 
     label: in words, with its size. change: of the case. damping: viscous dampers to earth, pairs of
     a place on the span (m) and a coefficient (N s/m). masses: added point masses, pairs of a place
@@ -40,7 +40,10 @@ NOTHING = Measure("as it is")
 
 
 def tension(factor: float) -> Measure:
-    """Multiply the tension: stiffer, with less sag and another frequency ratio."""
+    """Make the measure against galloping that multiplies the tension by a factor.
+
+    More tension makes the line stiffer, with less sag and another frequency ratio.
+    """
     word = "more" if factor > 1 else "less"
 
     def change(case: Mapping) -> dict:
@@ -50,20 +53,26 @@ def tension(factor: float) -> Measure:
 
 
 def damper(position: float, coefficient: float) -> Measure:
-    """Add a viscous damper to earth at a point: c phi(s)^2 of modal damping, mode shapes kept."""
+    """Make the measure against galloping that adds a viscous damper to earth at a point.
+
+    Modal damping is c phi(s)^2; mode shapes are kept.
+    """
     label = f"damper of {coefficient:g} N s/m at {position:g} m"
     return Measure(label, damping=((position, coefficient),))
 
 
 def spacers(mass: float, positions: Sequence[float]) -> Measure:
-    """Replace the spacers: their mass lowers both frequencies, each by its mode at their places."""
+    """Make the measure against galloping that replaces the spacers by others.
+
+    Their mass lowers both frequencies, each by its mode at their places.
+    """
     label = f"spacers of {mass:g} kg at {', '.join(f'{p:g}' for p in positions)} m"
     new = {"mass": mass, "positions": list(positions)}
     return Measure(label, lambda case: {**case, "spacers": new}, source=CIGRE)
 
 
 def pendulum(mass: float, positions: Sequence[float]) -> Measure:
-    """Add detuning pendulums, modelled by their mass alone."""
+    """Make the measure against galloping that adds detuning pendulums, as masses alone."""
     return Measure(
         f"pendulums of {mass:g} kg, mass alone",
         masses=tuple((position, mass) for position in positions),
@@ -73,7 +82,7 @@ def pendulum(mass: float, positions: Sequence[float]) -> Measure:
 
 
 def ice_removal() -> Measure:
-    """Remove the ice: a round conductor has no lift that depends on the angle of attack."""
+    """Make the measure against galloping that removes the ice, and so the aerodynamic lift."""
     bare = {"reading": "custom", "vertical": [0.0, 0.0, 0.0], "horizontal": [0.0, 0.0, 0.0]}
     return Measure("ice removed", lambda case: {**case, "ice": bare}, source=CIGRE)
 
@@ -82,7 +91,10 @@ KINDS = {kind.__name__: kind for kind in (tension, damper, spacers, pendulum, ic
 
 
 def usual(case: Mapping) -> tuple[Measure, ...]:
-    """List measures of a usual size for a case; other spacers if it has any."""
+    """List measures against galloping of usual size for a line, such as more tension.
+
+    Other spacers are included if the line has any.
+    """
     span, mass = case["line"]["span"], case["spacers"]["mass"]
     positions = case["spacers"]["positions"]
     thirds = [float(round(share * span)) for share in (2 / 9, 4 / 9, 7 / 9)]
@@ -98,7 +110,7 @@ def usual(case: Mapping) -> tuple[Measure, ...]:
 
 
 def added(case: Mapping, applied: Measure) -> tuple[np.ndarray, np.ndarray]:
-    """Compute modal damping (N s/m) and mass (kg) that a measure adds to both modes.
+    """Compute the damping (N s/m) and mass (kg) that a measure adds to each of the two modes.
 
     Returns two arrays (2,), vertical and horizontal. Raises ValueError for a place outside the
     span.
@@ -122,14 +134,20 @@ FOOT = 0.3048  # m
 
 @dataclass(frozen=True)
 class Ellipse:
-    """Design ellipse: major (vertical) and minor axis, depth of its lowest point below rest, m."""
+    """Ellipse that encloses the motion of a galloping span, by its axes and lowest point (m).
+
+    major: vertical axis. minor: horizontal axis. below: depth of the lowest point below rest.
+    """
 
     major: float
     minor: float
     below: float
 
     def outline(self) -> np.ndarray:
-        """Compute places (w, v) about the rest position at mid-span, (400, 2), in m."""
+        """Compute 400 points (m) on the ellipse, relative to the rest position at mid-span.
+
+        Returns (400, 2), horizontal and vertical.
+        """
         angle = 2 * np.pi * np.arange(400) / 400
         centre = self.major / 2 - self.below
         return np.column_stack(
@@ -138,9 +156,10 @@ class Ellipse:
 
 
 def davison(sag: float) -> Ellipse:
-    """Compute the ellipse of single-loop galloping (Davison, as in RUS Bulletin 1724E-200, ch. 6).
+    """Compute Davison's design ellipse of single-loop galloping from the sag of a span.
 
-    In feet: major 1.25 S + 1, minor 0.4 of it, lowest point 0.25 S below rest.
+    The source is RUS Bulletin 1724E-200, ch. 6. In feet: major 1.25 S + 1, minor 0.4 of it, lowest
+    point 0.25 S below rest.
     """
     s = sag / FOOT
     major = 1.25 * s + 1
@@ -148,7 +167,7 @@ def davison(sag: float) -> Ellipse:
 
 
 def toye(span: float, sag: float) -> Ellipse:
-    """Compute the ellipse of double-loop galloping of long spans (Toye, as in RUS Bulletin).
+    """Compute Toye's design ellipse of double-loop galloping from the length and sag of a span.
 
     The source is RUS Bulletin 1724E-200, ch. 6. In feet, a = sqrt((L/2)^2 + S^2): major 1 +
     sqrt(3a/8 (L + 8 S^2/(3 L) - 2a)), minor 2 sqrt(major - 1), lowest point 0.2 of the major below
@@ -162,7 +181,7 @@ def toye(span: float, sag: float) -> Ellipse:
 
 
 def cigre(sag: float, diameter: float, bundle: bool) -> Ellipse:
-    """Compute the ellipse of CIGRE Technical Brochure 322 (2007), from observed events.
+    """Compute the design ellipse of CIGRE Technical Brochure 322 from sag and diameter.
 
     It is for single conductors and bundles. diameter: of one conductor, m. Major 80 d ln(8 S/(50
     d)), of bundles 170 d ln(8 S/(500 d)); minor 0.4 and lowest point 0.3 of it. Raises ValueError
@@ -179,9 +198,10 @@ def cigre(sag: float, diameter: float, bundle: bool) -> Ellipse:
 
 
 def design_ellipses(case: Mapping) -> dict[str, Ellipse]:
-    """Compute the ellipses of a case, without that of CIGRE 322 if the sag is too small for it.
+    """Compute the design ellipses of a galloping line by several published formulas.
 
-    A conductor's diameter is the bundle's dimension by number.
+    That of CIGRE 322 is left out if the sag is too small for it. A conductor's diameter is the
+    bundle's dimension by number.
     """
     sag, count = Line.from_case(case).sag, case["bundle"]["subconductors"]
     found = {"Davison": davison(sag), "Toye": toye(case["line"]["span"], sag)}
@@ -191,13 +211,16 @@ def design_ellipses(case: Mapping) -> dict[str, Ellipse]:
 
 
 def envelope(orbit: np.ndarray) -> tuple[float, float, float]:
-    """Measure height, width and lowest point below rest, m, of an orbit (n, 2) of places (w, v)."""
+    """Return height, width and depth below rest (m) of the orbit of a galloping span.
+
+    orbit: (n, 2), horizontal and vertical places.
+    """
     width, height = np.ptp(orbit, axis=0)
     return float(height), float(width), float(max(0.0, -np.min(orbit[:, 1])))
 
 
 def clearance(first: np.ndarray, second: np.ndarray, distance: tuple[float, float]) -> float:
-    """Compute the least distance of two galloping spans at mid-span, where modes are largest, m.
+    """Compute the smallest distance (m) between the orbits of two galloping spans at mid-span.
 
     The phases of the motions are arbitrary; zero if the orbits cross. first, second: (n, 2) places
     (w, v) of each over one period, closed, in m. distance: (horizontal, vertical) from the first to

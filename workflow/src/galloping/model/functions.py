@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Kind:
-    """Properties of an elementary function.
+    """Evaluation, derivative and notation of an elementary function such as sin.
 
     evaluate: the function of arrays. derivative: by its argument, a number times a product of
     functions of the same argument. text, latex: notation with its argument.
@@ -45,7 +45,7 @@ MOST_EXPONENT = 700.0  # of exp, beyond which it is no number
 
 
 class Function(NamedTuple):
-    """An elementary function of an affine combination of the states.
+    """Elementary function, such as sin, of an affine combination of the states.
 
     name: one of FUNCTIONS. weights: (n_states,) of the states, not all zero. offset: added to them.
     `make_function` makes one with the argument in canonical form.
@@ -56,7 +56,10 @@ class Function(NamedTuple):
     offset: float = 0.0
 
     def argument(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Evaluate the argument, (n,), at states (n, n_states or more)."""
+        """Evaluate the argument of the function at each of n states.
+
+        x: (n, n_states or more). Returns (n,).
+        """
         own = [k for k, weight in enumerate(self.weights) if weight]
         return x[:, own] @ np.array([self.weights[k] for k in own]) + self.offset
 
@@ -66,24 +69,24 @@ class Function(NamedTuple):
 
     @property
     def state(self) -> int | None:
-        """Index of the state that is the whole argument, None for another argument."""
+        """Index of the state if the argument is one state alone, else None."""
         own = [k for k, weight in enumerate(self.weights) if weight]
         plain = len(own) == 1 and self.weights[own[0]] == 1.0 and self.offset == 0.0
         return own[0] if plain else None
 
     def derivative(self, state: int) -> tuple[float, tuple[Function, ...]]:
-        """Differentiate by a state: a number times a product of functions."""
+        """Return the derivative by a state, as a number and functions that it multiplies."""
         factor, names = FUNCTIONS[self.name].derivative
         return factor * self.weights[state], tuple(self._replace(name=name) for name in names)
 
     def text(self, names: Sequence[str]) -> str:
-        """Format the function in the grammar of libraries. names: of the states."""
+        """Format the function as text, such as `sin(q)`, given the names of the states."""
         return FUNCTIONS[self.name].text.format(self.argument_text(names))
 
     def argument_text(
         self, names: Sequence[str], number: Callable[[float], str] | None = None
     ) -> str:
-        """Format the argument.
+        """Format the argument of the function as text, given the names of the states.
 
         names: of the states. number: formats a number; by default to its last digit.
         """
@@ -103,7 +106,7 @@ class Function(NamedTuple):
 def make_function(
     name: str, weights: Sequence[float], offset: float = 0.0
 ) -> tuple[float, Function]:
-    """Make a function in canonical form, and its factor.
+    """Make an elementary function in canonical form, and the constant that multiplies it.
 
     Parameters
     ----------
@@ -143,12 +146,12 @@ def make_function(
 
 
 def term_to_plain(term: Sequence) -> list:
-    """Convert a term for JSON, its functions to mappings."""
+    """Convert a term to a list that JSON can store, with functions as dicts."""
     return [own._asdict() if isinstance(own, Function) else own for own in term]
 
 
 def from_plain(factors: Sequence) -> tuple:
-    """Restore a term from `term_to_plain`.
+    """Restore a term from the list that `term_to_plain` makes of it for JSON.
 
     Raises ValueError, KeyError or TypeError for anything else.
     """
@@ -162,12 +165,12 @@ def from_plain(factors: Sequence) -> tuple:
 
 
 def n_exponents(term: Sequence[object]) -> int:
-    """Count the exponents with which a term begins."""
+    """Return the number of exponents in a term, the entries before its functions."""
     return sum(not isinstance(factor, Function) for factor in term)
 
 
 def canonical_term(exponents: Sequence[int], functions: Sequence[Function]) -> tuple:
-    """Make the term that is a product of powers and functions, in canonical form.
+    """Simplify a product of powers and functions to a term in canonical form.
 
     sign(u)^2 is 1, |u|/u is sign(u); of a state u alone, u sign(u) is |u|, |u|^2 is u^2, u/u is 1.
     """
@@ -189,7 +192,7 @@ def canonical_term(exponents: Sequence[int], functions: Sequence[Function]) -> t
 
 
 def multiply_terms(left: Sequence, right: Sequence) -> tuple:
-    """Multiply two terms with the same number of exponents."""
+    """Multiply two terms in the same states and inputs."""
     n = n_exponents(left)
     exponents = tuple(a + b for a, b in zip(left[:n], right[:n], strict=True))
     functions = (*left[n:], *right[n:])
@@ -197,7 +200,7 @@ def multiply_terms(left: Sequence, right: Sequence) -> tuple:
 
 
 def differentiate_term(term: Sequence, state: int) -> list[tuple[float, tuple]]:
-    """Differentiate a term by a state: a sum of numbers times terms."""
+    """Return the derivative of a term by a state, as a list of (number, term) pairs."""
     n = n_exponents(term)
     exponents, functions = term[:n], term[n:]
     found = []

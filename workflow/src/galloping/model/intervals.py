@@ -20,60 +20,65 @@ IDENTIFIABLE = 7.6
 def median_and_interval(
     values: Sequence[float] | NDArray[np.float64],
 ) -> tuple[float, float, float]:
-    """Compute median, 5th and 95th percentile; a failure (inf) counts as the worst value."""
+    """Compute the median and the 5th and 95th percentiles of values, infinite for failures."""
     low = np.quantile(values, QUANTILES_90[0], method="lower")
     high = np.quantile(values, QUANTILES_90[1], method="higher")
     return float(np.median(values)), float(low), float(high)
 
 
 class Identified(Protocol):
-    """Properties of an identified model that draws need; see `IdentifiedModel` for the shapes."""
+    """Type-checking protocol of an identified model from which random models can be drawn.
+
+    The shapes of its arrays are those of `IdentifiedModel`.
+    """
 
     @property
     def model(self) -> PolynomialModel:
-        """The model."""
+        """The identified model with its equations."""
         ...
 
     @property
     def support(self) -> np.ndarray:
-        """Its identified terms."""
+        """Whether each term is present in each identified equation."""
         ...
 
     @property
     def covariance(self) -> np.ndarray:
-        """Covariance of its coefficients."""
+        """Covariance matrix of the identified coefficients."""
         ...
 
     @property
     def rivals(self) -> np.ndarray:
-        """Coefficients of rival models."""
+        """Coefficients of rival models, which have other terms."""
         ...
 
     @property
     def rival_share(self) -> float:
-        """Total probability of the rivals."""
+        """Total posterior probability of the rival models."""
         ...
 
     @property
     def bounds(self) -> tuple[Bound, ...]:
-        """Known bounds of coefficients."""
+        """Known lower and upper bounds of coefficients."""
         ...
 
     @property
     def extrapolation_shift(self) -> np.ndarray:
-        """Mean change of coefficients by terms of the next degrees."""
+        """Mean change of the coefficients if terms of the next degrees were included."""
         ...
 
     @property
     def extrapolation_covariance(self) -> np.ndarray:
-        """Covariance of the changes by terms of the next degrees."""
+        """Covariance of the coefficients' changes if terms of the next degrees were included."""
         ...
 
 
 def draw_normal(
     mean: np.ndarray, covariance: np.ndarray, count: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Draw values from a normal distribution, independently of their units.
+    """Draw random vectors from a normal distribution whose covariance may be singular.
+
+    The result does not depend on the units of the values.
 
     Parameters
     ----------
@@ -92,10 +97,11 @@ def draw_normal(
 
 
 def covariance_root(covariance: np.ndarray) -> np.ndarray:
-    """Compute a root of a covariance, which transforms independent draws into correlated ones.
+    """Compute the lower-triangular square root R of a covariance matrix, which equals R R'.
 
-    It is that of the correlations, which have no unit, and the lower triangle with a nonnegative
-    diagonal, which is independent of the decomposition method.
+    R transforms independent draws into correlated ones. It is that of the correlations, which have
+    no unit, and the lower triangle with a nonnegative diagonal, which is independent of the
+    decomposition method.
 
     Parameters
     ----------
@@ -118,7 +124,7 @@ def covariance_root(covariance: np.ndarray) -> np.ndarray:
 def draw_models(
     identified: Identified, rng: np.random.Generator, count: int = DRAWS
 ) -> list[PolynomialModel]:
-    """Draw models with the same terms, coefficients drawn with their covariance.
+    """Draw random models with an identified model's terms, from its coefficient covariance.
 
     All are equal without a covariance.
     """
@@ -131,7 +137,10 @@ def draw_models(
 
 
 def clip_to_bounds(identified: Identified, coefficients: np.ndarray) -> np.ndarray:
-    """Move coefficients (n_states, n_terms) that are beyond their bounds to the nearest one."""
+    """Clip the coefficients of a model to their known bounds, in place, and return them.
+
+    coefficients: (n_states, n_terms).
+    """
     for equation, term, least, most in identified.bounds:
         if term in identified.model.terms:
             place = equation, identified.model.terms.index(term)
@@ -142,7 +151,7 @@ def clip_to_bounds(identified: Identified, coefficients: np.ndarray) -> np.ndarr
 def draw_models_and_rivals(
     identified: Identified, rng: np.random.Generator, count: int = DRAWS
 ) -> list[PolynomialModel]:
-    """Draw models including rivals with other terms, as often as these are probable.
+    """Draw random models, including rival models with other terms as often as these are probable.
 
     Draws with the same terms have too narrow a distribution if terms are weak: docs/trust.md.
     Without a covariance, the model alone.
@@ -159,7 +168,7 @@ def draw_models_and_rivals(
 def extrapolate(
     models: Sequence[PolynomialModel], identified: Identified, rng: np.random.Generator
 ) -> list[PolynomialModel]:
-    """Change models by the effect of terms of the next degrees, which the library lacks.
+    """Change randomly drawn models by the possible effect of terms beyond the library's degree.
 
     Parameters
     ----------
@@ -188,7 +197,7 @@ def extrapolate(
 def interval_of_draws(
     values: Sequence[float] | Sequence[np.ndarray] | np.ndarray, fewest: float = 2
 ) -> np.ndarray:
-    """Compute the 95 % interval of an estimate, (2, ...), as the range of its drawn values.
+    """Return minimum and maximum of random draws of an estimate as its 95 % interval.
 
     values: (count, ...) of DRAWS models, of those that have one. NaN if fewer than `fewest` do, or
     if a value is NaN. A value beyond a range is infinite.
@@ -202,17 +211,17 @@ BIAS, FLOOR = 2.0, 2.0  # of `decay_interval`
 
 
 def decay_interval(decay: float, error: float, duration: float) -> tuple[float, float]:
-    """Compute the 95 % interval of a mode's decay from random motion, 1/s, negative for growth.
+    """Compute the 95 % interval of a mode's decay rate (1/s) estimated from random vibration.
 
-    decay: the estimate; error: its standard error by the information; duration: s, recorded. The
-    amplitude of a lightly damped mode under white forces is a complex Ornstein-Uhlenbeck process of
-    decay a. Over a time T its most likely decay has, to the leading order, the variance a/T and the
-    bias 1/T, and is skewed; if a T is small, an interval of the estimate plus or minus two of its
-    standard errors misses more below than above. The interval of E. B. Wilson (J. Am. Stat. Assoc.
-    22, 1927) for this variance contains all a for which the estimate, less BIAS/T, is within 1.96
-    times the root of (a/T + FLOOR/T^2). Measured on 6,000 motions each of a T from 1 to 80: it
-    misses 2 to 4 % on either side. Variance of the estimate beyond a/T, by noise or nonlinear
-    damping, is added unchanged.
+    The rate is negative for growth. decay: the estimate; error: its standard error by the
+    information; duration: s, recorded. The amplitude of a lightly damped mode under white forces is
+    a complex Ornstein-Uhlenbeck process of decay a. Over a time T its most likely decay has, to the
+    leading order, the variance a/T and the bias 1/T, and is skewed; if a T is small, an interval of
+    the estimate plus or minus two of its standard errors misses more below than above. The interval
+    of E. B. Wilson (J. Am. Stat. Assoc. 22, 1927) for this variance contains all a for which the
+    estimate, less BIAS/T, is within 1.96 times the root of (a/T + FLOOR/T^2). Measured on 6,000
+    motions each of a T from 1 to 80: it misses 2 to 4 % on either side. Variance of the estimate
+    beyond a/T, by noise or nonlinear damping, is added unchanged.
     """
     floor, middle = FLOOR / duration**2, decay - BIAS / duration
     if decay <= 0.0:

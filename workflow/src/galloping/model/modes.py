@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 
 class Modes(NamedTuple):
-    """Eigenvalues and eigenvectors of a linear system.
+    """Eigenvalues and eigenvectors of a linear system dx/dt = A x.
 
     values: (n,), real part growth, 1/s, and imaginary part frequency, rad/s. shapes: (n_states, n),
     in columns.
@@ -22,17 +22,20 @@ class Modes(NamedTuple):
 
     @classmethod
     def of(cls, system: NDArray[np.float64]) -> Self:
-        """Compute all modes of A (n_states, n_states), oscillations as conjugate pairs."""
+        """Compute all eigenvalues and eigenvectors of the system matrix A.
+
+        system: (n_states, n_states). Oscillations are conjugate pairs.
+        """
         return cls(*np.linalg.eig(system))
 
     @property
     def omega(self) -> NDArray[np.float64]:
-        """Natural frequencies, (n,), rad/s."""
+        """Natural frequencies of the n modes, (n,), rad/s."""
         return np.abs(self.values)
 
     @property
     def damping(self) -> NDArray[np.float64]:
-        """Damping ratios to critical, (n,), negative for modes that grow."""
+        """Damping ratios of the n modes, (n,), negative for modes that grow."""
         return -self.values.real / self.omega
 
     @property
@@ -42,19 +45,19 @@ class Modes(NamedTuple):
 
     @property
     def oscillating(self) -> NDArray[np.intp]:
-        """Indices of the oscillations, by frequency, one of each conjugate pair."""
+        """Indices of the oscillating modes in order of frequency, one per conjugate pair."""
         places = np.flatnonzero(self.values.imag > 0)
         return places[np.argsort(self.values.imag[places])]
 
     def oscillations(self) -> Self:
-        """Select the oscillations alone, by frequency, one of each conjugate pair."""
+        """Return the oscillating modes in order of frequency, one per conjugate pair."""
         own = self.oscillating
         return type(self)(self.values[own], self.shapes[:, own])
 
     def critical(self) -> tuple[float, NDArray[np.complex128]]:
-        """Find frequency, rad/s, and shape (n_states,) of the least damped oscillation.
+        """Return frequency (rad/s) and shape of the oscillating mode nearest the imaginary axis.
 
-        It is the one closest to the imaginary axis. Raises ValueError if there is none.
+        The shape is (n_states,). Raises ValueError if no mode oscillates.
         """
         nearest = min(self.oscillating, key=lambda k: abs(self.values[k].real))
         return float(self.values[nearest].imag), self.shapes[:, nearest]

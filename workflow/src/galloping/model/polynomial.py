@@ -59,34 +59,37 @@ def polynomial_library(n_states: int, degree: int) -> tuple[Exponents, ...]:
 
 
 def linear_term(k: int, count: int) -> Exponents:
-    """Make the exponents of the k-th of `count` names alone."""
+    """Return the exponents of the linear term in the k-th of `count` variables."""
     return tuple(int(i == k) for i in range(count))
 
 
 def extend_library(terms: tuple[Exponents, ...], model: PolynomialModel) -> tuple[Exponents, ...]:
-    """Append to the library `terms` the terms present in `model` that it lacks."""
+    """Append to a library of terms those terms of a model that the library lacks."""
     present = (t for t, used in zip(model.terms, model.has_term, strict=True) if used)
     return tuple(dict.fromkeys([*terms, *present]))
 
 
 def velocity_pairs(states: tuple[str, ...]) -> dict[int, int]:
-    """Map the index of each state X whose derivative `dX` is a state too to that of dX."""
+    """Map the index of each displacement X to the index of its velocity dX among the states."""
     index = {name: i for i, name in enumerate(states)}
     return {i: index[f"d{name}"] for i, name in enumerate(states) if f"d{name}" in index}
 
 
 def exponent_matrix(terms: Sequence[Exponents], count: int) -> NDArray[np.int64]:
-    """Collect the exponents with which terms begin, without their functions, (n_terms, count)."""
+    """Return the exponents of terms, without their functions, as an integer matrix.
+
+    The shape is (n_terms, count).
+    """
     return np.array([term[:count] for term in terms], np.int64).reshape(-1, count)
 
 
 def has_functions(term: Exponents) -> bool:
-    """Decide whether a term has a factor that is no power."""
+    """Decide whether a term contains a function, such as sin(q), besides powers."""
     return bool(term) and isinstance(term[-1], Function)
 
 
 def term_name(exponents: Exponents, names: Sequence[str]) -> str:
-    """Format a term as pysindy does: `1`, `q_v`, `q_v q_w^2`; or `dq_v^3/U`, `|dq| dq`.
+    """Format a term as text, such as `q_v q_w^2` or `dq_v^3/U`.
 
     names: of the states and, if exponents are of inputs too, of those.
     """
@@ -103,7 +106,7 @@ def term_name(exponents: Exponents, names: Sequence[str]) -> str:
 
 
 def latex_factors(term: Exponents, names: Sequence[str], number: Callable[[str], str]) -> list[str]:
-    """Format the factors of a term as LaTeX.
+    """Format each factor of a term as LaTeX, given the names of states and inputs.
 
     names: of states and inputs, as LaTeX. number: converts a printed number to LaTeX.
     """
@@ -116,7 +119,7 @@ def latex_factors(term: Exponents, names: Sequence[str], number: Callable[[str],
 
 
 def design_matrix(x: np.ndarray, terms: tuple[Exponents, ...]) -> np.ndarray:
-    """Evaluate terms at the states `x`.
+    """Evaluate candidate terms at given states, as a matrix with one column per term.
 
     x: (n, n_states), or of states and inputs, whose exponents may be negative. Returns (n,
     n_terms). Each monomial needs one product, of a state with a monomial of one degree less if that
@@ -142,7 +145,10 @@ def design_matrix(x: np.ndarray, terms: tuple[Exponents, ...]) -> np.ndarray:
 def split_functions(
     terms: tuple[Exponents, ...],
 ) -> tuple[tuple[Function, ...], tuple[tuple[int, ...], ...]]:
-    """Extract the functions in terms, and write terms as exponents, those of the functions last."""
+    """List the functions in terms, and convert terms to exponents that include these functions.
+
+    The exponents of the functions come last.
+    """
     functions = tuple(sorted({own for term in terms for own in term if isinstance(own, Function)}))
     if not functions:
         return (), terms
@@ -154,7 +160,7 @@ def split_functions(
 
 @cache
 def factor_monomials(terms: tuple[Exponents, ...]) -> tuple[tuple[int | None, int | None], ...]:
-    """Factor each monomial into its last state and the monomial of one degree less.
+    """Split each monomial into its last variable and the index of the monomial that remains.
 
     Returns the state, and the index of that monomial; -1 if it is a constant, None if it is not
     among those before.
@@ -171,7 +177,7 @@ def factor_monomials(terms: tuple[Exponents, ...]) -> tuple[tuple[int | None, in
 
 @cache
 def differentiate_terms(terms: tuple[Exponents, ...], n_states: int) -> tuple[tuple, ...]:
-    """Differentiate each term by each state: sums of numbers times terms.
+    """Differentiate each term by each state; return the derivatives as numbers times terms.
 
     By state: indices of the terms that have a derivative, the numbers, and the terms of the
     derivatives. That of a power is its exponent times the power divided by the state; a term with
@@ -187,7 +193,7 @@ def differentiate_terms(terms: tuple[Exponents, ...], n_states: int) -> tuple[tu
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PolynomialModel(Immutable):
-    """A model dx/dt = coefficients @ theta(x, u) with states x, inputs u and terms theta.
+    """Model dx/dt = C theta(x, u) with states x, inputs u, terms theta and coefficients C.
 
     Models are immutable; those with equal contents are equal, and have the same hash.
 
@@ -266,9 +272,9 @@ class PolynomialModel(Immutable):
         return tuple(lines)
 
     def latex(self, standard_errors: ArrayLike | None = None) -> str:
-        """Return the equations as LaTeX, for amsmath; a velocity dX is written as X with a dot.
+        """Return the equations as LaTeX text for amsmath.
 
-        standard_errors: as of `equations`.
+        A velocity dX is written as X with a dot. standard_errors: as of `equations`.
         """
         errors = np.nan if standard_errors is None else standard_errors
         errors = np.broadcast_to(errors, self.coefficients.shape)
@@ -321,7 +327,10 @@ class PolynomialModel(Immutable):
     def jacobian(
         self, x: NDArray[np.float64], u: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
-        """Compute the Jacobian at states (n, n_states), as (n, n_states, n_states)."""
+        """Compute the Jacobian of the right-hand side by the states at each of n states.
+
+        x: (n, n_states). u: (n, n_inputs). Returns (n, n_states, n_states).
+        """
         both = join_inputs(x, u)
         by_state = [
             design_matrix(both, lower) @ (self.coefficients[:, places] * factors).T
@@ -330,14 +339,16 @@ class PolynomialModel(Immutable):
         return np.stack(by_state, axis=2)
 
     def small_motions(self, x: NDArray[np.float64]) -> Modes:
-        """Compute the modes of small motions about a state (n_states,), such as an equilibrium.
+        """Compute the modes of the model linearised about a state, such as an equilibrium.
 
-        The model must have no inputs.
+        x: (n_states,). The model must have no inputs.
         """
         return Modes.of(self.jacobian(x[np.newaxis])[0])
 
     def at(self, values: Mapping[str, float]) -> PolynomialModel:
-        """Return the model at constant values of some inputs; terms that are then equal are merged.
+        """Return the model with some inputs fixed at constant values.
+
+        Terms that are equal then are merged.
 
         Parameters
         ----------
@@ -358,9 +369,9 @@ class PolynomialModel(Immutable):
         return PolynomialModel(self.states, terms, self.coefficients @ merge, inputs)
 
     def without_absent_terms(self) -> PolynomialModel:
-        """Return the model on the library of its present terms, which is faster to simulate.
+        """Return the same model without the terms whose coefficients are all zero.
 
-        If no term is present, the library is the first term.
+        It is faster to simulate. If no term is present, the library is the first term.
         """
         present = compress(self.terms, self.has_term)
         return self.on_library(tuple(present) or self.terms[:1])
@@ -386,7 +397,7 @@ class PolynomialModel(Immutable):
         return replace(self, coefficients=np.where(friction, 0.0, self.coefficients))
 
     def on_library(self, terms: tuple[Exponents, ...]) -> PolynomialModel:
-        """Return the model on another library.
+        """Return the same model expressed in another library of terms.
 
         Raises ValueError if `terms` lacks a term with a non-zero coefficient.
         """
@@ -405,7 +416,7 @@ class PolynomialModel(Immutable):
 def merge_inputs(
     model: PolynomialModel, values: Mapping[str, float]
 ) -> tuple[tuple[Exponents, ...], NDArray[np.float64]]:
-    """Merge the terms of a model at constant values of inputs.
+    """Find which terms of a model coincide, up to a factor, if some inputs are constant.
 
     Returns the terms, without the exponents of those inputs, and the contribution of each old term
     to each new one, (n_terms, n_merged). Raises ValueError for an input that the model does not
@@ -441,7 +452,10 @@ def _drop_exponents(
 
 
 def join_inputs(x: np.ndarray, u: np.ndarray | None) -> np.ndarray:
-    """Join states (n, n_states) and inputs (n, n_inputs), if any."""
+    """Concatenate the columns of states and inputs; return the states if inputs are None.
+
+    x: (n, n_states). u: (n, n_inputs).
+    """
     return x if u is None else np.concatenate([x, u], axis=1)
 
 
@@ -459,7 +473,10 @@ def _power_of_ten(number: str) -> str:
 
 
 def with_error(value: float, error: float = np.nan) -> str:
-    """Format a coefficient with its standard error to two digits, if it has one."""
+    """Format a coefficient as text, followed by its standard error if that is known.
+
+    The error has two digits.
+    """
     if not (isfinite(error) and error > 0.0):
         return f"{value:.6g}"
     decimals = 1 - floor(log10(error))

@@ -94,7 +94,7 @@ Node: TypeAlias = Any  # a Tree or Token of lark, which of them the grammar says
 def parse_library(
     texts: str | Sequence[str], states: Sequence[str], inputs: Sequence[str] = ()
 ) -> tuple[tuple[Exponents, ...], NDArray[np.bool_] | None]:
-    """Parse a library of candidate terms written as text.
+    """Parse a library of candidate terms from text such as `poly(q, dq; 3) + sin(q)`.
 
     It is a sum of terms without coefficients, `poly(q, dq; 3) + U*dq + |dq| dq`, optionally for
     some equations alone, `dq: U^2`. `poly` contains all monomials of its names up to a degree.
@@ -135,7 +135,7 @@ def parse_library(
 
 @dataclass(frozen=True)
 class Known:
-    """A known equation or coefficient of a model.
+    """Prior knowledge of a model: a known equation, or a known coefficient of a term.
 
     state: of the equation. terms: coefficients by term: all of the equation, or, if `deviation` is
     not None, a single one, the prior mean, with its standard deviation, zero if it is fixed.
@@ -148,7 +148,7 @@ class Known:
 
 @dataclass(frozen=True)
 class Bounds:
-    """Known bounds of a coefficient.
+    """Known lower and upper bound of one coefficient of a model.
 
     state: of the equation. term: of the coefficient. lower, upper: the range, infinite if open.
     """
@@ -165,10 +165,11 @@ def known_model(
     terms: tuple[Exponents, ...],
     inputs: tuple[str, ...] = (),
 ) -> tuple[PolynomialModel, tuple[str, ...], tuple[Known | Bounds, ...]]:
-    """Parse known equations, with their states, and known coefficients and bounds, on a library.
+    """Parse prior knowledge from text: known equations, known coefficients and their bounds.
 
-    Raises ValueError, in one line, if one cannot be read, has a term outside the library or occurs
-    twice.
+    Returns a model on the library with the known equations, their states, and the single
+    coefficients and bounds. Raises ValueError, in one line, if one cannot be read, has a term
+    outside the library or occurs twice.
     """
     coefficients = np.zeros((len(states), len(terms)))
     equations: list[str] = []
@@ -190,7 +191,7 @@ def known_model(
 
 
 def parse_model(text: str, inputs: Sequence[str] = ()) -> PolynomialModel:
-    """Return a model from the text of its equations.
+    """Parse the text of equations, such as `q = dq; dq = -4 q`, to a model.
 
     Parameters
     ----------
@@ -222,14 +223,14 @@ def parse_model(text: str, inputs: Sequence[str] = ()) -> PolynomialModel:
 
 
 def find_term(term: Exponents, terms: Sequence[Exponents], names: Sequence[str]) -> int:
-    """Find the index of a term in a library. Raises ValueError if it is missing."""
+    """Return the index of a term in a library; raise ValueError if it is missing."""
     if term not in terms:
         raise ValueError(f"known term {term_name(term, names)} is not in the library")
     return terms.index(term)
 
 
 def parse_known(text: str, states: Sequence[str], inputs: Sequence[str] = ()) -> Known | Bounds:
-    """Parse a known equation, a known coefficient or its bounds.
+    """Parse the text of a known equation, a known coefficient or its bounds.
 
     They are written as `STATE = SUM`, `STATE: TERM = VALUE +- DEVIATION`, and
     `STATE: TERM < VALUE`. Raises ValueError as `parse_library` does.

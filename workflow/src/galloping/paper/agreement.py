@@ -43,12 +43,15 @@ Cell = tuple[str, float, int | None]
 
 
 def group_of(claim: Claim) -> str:
-    """Find the name in `GROUPS` of the subject of a claim."""
+    """Return the subject of a claim of the reproduced paper, such as `coefficients`."""
     return next(name for name, start in GROUPS.items() if claim.column.startswith(start))
 
 
 def cell_of(claim: Claim) -> Cell:
-    """Return kind, noise level and points (None for the whole record) of a claim."""
+    """Return which recordings a claim is about: their kind, noise level and sample number.
+
+    The number is None for the whole record.
+    """
     return claim.cell_kind, claim.level, claim.points
 
 
@@ -59,13 +62,13 @@ UNMOVED_LEVELS = tuple(level for kind, level, n in CELLS if (kind, level, n) not
 
 
 def name_cell(cell: Cell) -> str:
-    """Format the name of a cell in tables."""
+    """Format the noise level or sample number of recordings as a name, such as `noise 0.05`."""
     kind, level, points = cell
     return f"noise {level:g}" if kind == NOISE else f"{points} points"
 
 
 def scores_by_claim(scores: pd.DataFrame) -> dict[str, np.ndarray]:
-    """Extract each draw's value of every claim, (draws,).
+    """Extract from a table of scores the value of each claim in every noise realisation.
 
     scores: one row per draw and cell, as of `quick.QuickStudy.draw_scores`.
     """
@@ -88,7 +91,9 @@ def log_likelihoods(
     left_out: Collection[str] = (),
     claims: Collection[Claim] = PRINTED,
 ) -> dict[str, float]:
-    """Compute the logarithm of the probability (density, for printed numbers) of each factor.
+    """Compute log-likelihoods of the reproduced paper's claims from simulated noise realisations.
+
+    There is one for each factor: of a probability, or of a density for printed numbers.
 
     Parameters
     ----------
@@ -135,7 +140,7 @@ def _mean_weight(found: list[tuple[Claim, np.ndarray]]) -> float:
 
 
 def log_steadiness(changes: np.ndarray) -> float:
-    """Compute the logarithm of the weight of a motion that the paper calls steady, at most 0.
+    """Return the log-likelihood, at most 0, that a motion is steady, by its amplitude changes.
 
     changes: relative changes of the amplitudes between the halves of the steady window.
     """

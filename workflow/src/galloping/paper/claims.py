@@ -37,18 +37,18 @@ COUNTED, IMPLIED = "counted", "implied"
 
 @dataclass(frozen=True)
 class Claim:
-    """A number, a bound or a word of the paper, as a row of `printed.csv`.
+    """Claim printed in the reproduced paper: a number, a bound or a statement in words.
 
-    name: the claim. statement: unit of counting, its own name for a single claim. case: its case,
-    "" for each case of the paper. direction: vertical, horizontal or "" for both. quantity: what is
-    compared, with its unit. column: of the scores. level: of the noise. points: size of the random
-    subset, None for the whole record. minus: a column that is subtracted from `column`, "" for
-    none; minus_level: the noise level of that column, None for the same. kind: VALUE, AT_LEAST,
-    AT_MOST, FEW (a count that the paper calls gradual or small) or BEYOND (without a number for
-    assessment). printed: the number, NaN for BEYOND. words: of the paper instead of a number. unit:
-    after a number in a table. tolerance: by how much a bound may be missed that represents a word
-    such as "exact". source: place in the paper. role: COUNTED, or IMPLIED by other claims. note: on
-    the interpretation of a word, or why it cannot be assessed.
+    It is a row of `printed.csv`. name: the claim. statement: unit of counting, its own name for a
+    single claim. case: its case, "" for each case of the paper. direction: vertical, horizontal or
+    "" for both. quantity: what is compared, with its unit. column: of the scores. level: of the
+    noise. points: size of the random subset, None for the whole record. minus: a column that is
+    subtracted from `column`, "" for none; minus_level: the noise level of that column, None for the
+    same. kind: VALUE, AT_LEAST, AT_MOST, FEW (a count that the paper calls gradual or small) or
+    BEYOND (without a number for assessment). printed: the number, NaN for BEYOND. words: of the
+    paper instead of a number. unit: after a number in a table. tolerance: by how much a bound may
+    be missed that represents a word such as "exact". source: place in the paper. role: COUNTED, or
+    IMPLIED by other claims. note: on the interpretation of a word, or why it cannot be assessed.
     """
 
     name: str
@@ -77,29 +77,29 @@ class Claim:
 
     @property
     def is_counted(self) -> bool:
-        """Whether the claim is assessed, and not implied by other claims."""
+        """Whether the claim is assessed by itself, not implied by other claims."""
         return self.role == COUNTED
 
     @property
     def is_yes_or_no(self) -> bool:
-        """Whether the claim is true or false for a draw, without a number of interest."""
+        """Whether the claim is only true or false in a noise realisation, without a number."""
         return self.column in ("missing", "true_positive_ratio") or bool(self.minus)
 
     @property
     def is_r2(self) -> bool:
-        """Whether the claim is a bound of R2 itself, not of a difference."""
+        """Whether the claim is a bound on R2 itself, not on a difference of two R2."""
         return self.column.startswith("r2_") and not self.minus
 
     @property
     def cell_kind(self) -> str:
-        """Kind of the claim's cells, NOISE or SUBSET."""
+        """Kind of recordings that the claim is about, whole (NOISE) or sampled (SUBSET)."""
         return NOISE if self.points is None else SUBSET
 
     def values(self, scores: pd.DataFrame) -> np.ndarray:
-        """Extract the value of each draw, (draws,).
+        """Extract from scores the claimed quantity in each noise realisation.
 
-        scores: of one case, measurement setup and method. Empty if the study has no such cell. A
-        draw without a model counts as the worst value.
+        Returns (draws,). scores: of one case, measurement setup and method. Empty if the study has
+        no such cell. A draw without a model counts as the worst value.
         """
         values = self.rows(scores)[self.column].to_numpy(float)
         if not self.minus:
@@ -112,13 +112,16 @@ class Claim:
             return np.nan_to_num(values - others, nan=-np.inf, posinf=np.inf, neginf=-np.inf)
 
     def rows(self, scores: pd.DataFrame, level: float | None = None) -> pd.DataFrame:
-        """Select the scores of the claim's cell, one row per draw; level: its own by default."""
+        """Select the rows of scores that the claim is about, one per noise realisation.
+
+        level: noise level, by default that of the claim.
+        """
         level = self.level if level is None else level
         cell = scores[(scores["level"] == level) & (scores["kind"] == self.cell_kind)]
         return cell if self.points is None else cell[cell["points"] == self.points]
 
     def is_met(self, values: np.ndarray) -> np.ndarray:
-        """Decide which draws satisfy the bound, or have an error no larger than the printed one."""
+        """Decide for each value whether it satisfies the bound or is at most the printed error."""
         if self.kind == AT_LEAST:
             return values >= self.printed - self.tolerance
         return values <= self.printed + (0.0 if self.is_number else self.tolerance)
@@ -146,7 +149,7 @@ WIDE = 10.0  # an interval whose ends differ by this factor contains nearly any 
 
 
 def judge(claim: Claim, scores: pd.DataFrame) -> dict:
-    """Assess a claim by draws.
+    """Assess a claim of the reproduced paper by its values in simulated noise realisations.
 
     Parameters
     ----------
@@ -199,7 +202,7 @@ def judge(claim: Claim, scores: pd.DataFrame) -> dict:
 
 
 def share_with_interval(kept: np.ndarray) -> dict[str, float]:
-    """Compute share_met, its 95 % interval share_met_low and share_met_high, and replicates.
+    """Compute the share of noise realisations that satisfy a bound, with its 95 % interval.
 
     kept: whether each draw satisfies a bound. The interval is that of E. B. Wilson (1927). A single
     draw represents all, as without noise: its share has no sampling error.
@@ -212,7 +215,7 @@ def share_with_interval(kept: np.ndarray) -> dict[str, float]:
 
 
 def verdict_of_share(share: Mapping[str, float]) -> str:
-    """Derive the verdict on bounds from the share of draws that satisfy them.
+    """Derive the verdict on a bound, such as `met`, from the share of realisations that meet it.
 
     share: of `share_with_interval`.
     """
@@ -272,10 +275,10 @@ def _judge_bound(
 
 
 def find_joint_draws(claims: Sequence[Claim], scores: pd.DataFrame) -> np.ndarray | None:
-    """Decide which draws satisfy all bounds at once, (draws,).
+    """Decide which noise realisations satisfy the bounds of several claims at once.
 
-    scores: as of `judge`; a cell without noise has one draw, which is combined with all others.
-    None if the study lacks a cell.
+    Returns (draws,). scores: as of `judge`; a cell without noise has one draw, which is combined
+    with all others. None if the study lacks a cell.
     """
     kept = [claim.is_met(values) for claim in claims if len(values := claim.values(scores))]
     draws = max(map(len, kept), default=0)

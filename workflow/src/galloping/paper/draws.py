@@ -37,7 +37,7 @@ from galloping.trajectory.simulation import Simulator, time_grid
 
 @dataclass(frozen=True)
 class Products:
-    """Sums that least squares needs, of k recordings of one motion.
+    """Gram matrices and moments for least squares on k simulated recordings of one motion.
 
     lengths: (p,) of the library's columns, which are divided by them to limit rounding errors.
     grams: (k, p, p), moments: (k, m, p), inner products of these columns and of them with the m
@@ -54,7 +54,7 @@ class Products:
     def regressions(
         self, names: tuple[str, ...], terms: tuple[Exponents, ...]
     ) -> list[ReducedRegression]:
-        """Convert each recording to the regression that its samples would be reduced to."""
+        """Return for each recording an equivalent least-squares problem with few rows."""
         m, p = self.moments.shape[1:]
         reduced = []
         for gram, moments, across in zip(self.grams, self.moments, self.across, strict=True):
@@ -83,10 +83,13 @@ class _Noise:
 
 
 class DerivativeNoise(_Noise):
-    """Noise of derivatives, with exact states."""
+    """Generator of recordings of one motion with exact states and noisy derivatives."""
 
     def draw(self, level: float, points: int, rng: np.random.Generator, draws: int = 1) -> Products:
-        """Draw recordings of the same `points` samples, all or at random, with noise at `level`."""
+        """Draw recordings with noisy derivatives, all at the same samples of the motion.
+
+        points: number of samples, at random if fewer than all. level: of the noise.
+        """
         n, p = self._design_matrix.shape
         gram, moments = self._whole_products
         if points < n:
@@ -129,19 +132,22 @@ SMOOTHING_WINDOW, SMOOTHING_ORDER = 101, 5  # samples; of Savitzky and Golay's f
 
 @dataclass(frozen=True)
 class VelocityNoise(_Noise):
-    """Noise of velocities, with exact displacements, and their numerical derivatives.
+    """Generator of recordings of one motion with noisy velocities and numerical derivatives.
 
-    This is the literal meaning of the paper's sentence: noise is added to the velocities, and the
-    left-hand side is the numerical derivative of the states. The derivative is that of central
-    differences. has_smooth_rates: or that of a polynomial in a moving window; has_smooth_states:
-    the library is then of the smoothed states as well.
+    Displacements are exact. This is the literal meaning of the paper's sentence: noise is added to
+    the velocities, and the left-hand side is the numerical derivative of the states. The derivative
+    is that of central differences. has_smooth_rates: or that of a polynomial in a moving window;
+    has_smooth_states: the library is then of the smoothed states as well.
     """
 
     has_smooth_rates: bool = False
     has_smooth_states: bool = False
 
     def draw(self, level: float, points: int, rng: np.random.Generator, draws: int = 1) -> Products:
-        """Draw recordings of `points` samples each, all or at random, with noise at `level`."""
+        """Draw recordings with noisy velocities, each at its own samples of the motion.
+
+        points: number of samples, at random if fewer than all. level: of the noise.
+        """
         parts = [self._draw_products(level, points, rng) for _ in range(draws)]
         lengths = self._column_lengths
         grams, moments, squares = (np.stack(each) for each in zip(*parts, strict=True))
@@ -192,7 +198,10 @@ AT_ONCE = 25  # draws whose motions are kept in memory
 
 @dataclass(frozen=True)
 class Amounts:
-    """Amounts of data: whole records at `levels`, and subsets of `points` at `subset_level`."""
+    """Noise levels and numbers of samples of the recordings that are simulated.
+
+    Whole records have `levels`, subsets of `points` samples have `subset_level`.
+    """
 
     levels: Sequence[float] = (0.01, 0.03, 0.05, 0.1)
     points: Sequence[int] = (1000, 5000, 10000, 30000)
@@ -203,7 +212,10 @@ class Amounts:
 
     @property
     def cells(self) -> list[tuple[str, float, int]]:
-        """Kind, level and points of each cell, including the number of points of a whole record."""
+        """Kind, noise level and number of samples of each sort of recording.
+
+        A whole record counts with its number of samples.
+        """
         whole = len(time_grid(self.duration, self.sampling_rate))
         cells = [(NOISE, level, whole) for level in self.levels]
         return cells + [(SUBSET, self.subset_level, points) for points in self.points]
@@ -212,7 +224,7 @@ class Amounts:
 def line_motion(
     case: Mapping, duration: float, sampling_rate: float
 ) -> tuple[Motion, PolynomialModel]:
-    """Simulate the motion of a case from its initial state, and return motion and model."""
+    """Simulate a line from its initial state; return the motion and the line's model."""
     line = model(coefficients(case))
     time = time_grid(duration, sampling_rate)
     moved = Simulator(line.states, line.terms)(line, np.array(initial_state(case)), time)
@@ -230,7 +242,7 @@ def paper_draws(
     degree: int = 3,
     amounts: Amounts,
 ) -> pd.DataFrame:
-    """Score the paper's method over draws of the noise, and of the samples of subsets.
+    """Score the reproduced paper's identification method over random noise realisations.
 
     case: as of `study.cells.Case.released`. threshold, kinematics: as of `stlsq.raw`. A draw
     depends on `seed`, `name`, its cell and its number only. Columns kind, level, points, replicate,
@@ -260,7 +272,10 @@ def paper_draws(
 
 
 def identified(reduced: ReducedRegression, **options: Any) -> IdentifiedModel:
-    """Apply the paper's method to a regression. options: threshold, kinematics of `stlsq.raw`."""
+    """Identify a model from a reduced regression by the paper's thresholded least squares.
+
+    options: threshold, kinematics of `stlsq.raw`.
+    """
     try:
         return stlsq.fit_raw(Regressions(reduced, reduced), path_length=PATH_LENGTH, **options)
     except NO_MODEL as error:

@@ -36,7 +36,10 @@ FARTHEST = 60.0  # m and m/s, summed: a model that gets there has lost its limit
 
 @dataclass(frozen=True)
 class QuickStudy:
-    """Paper's study of one motion of a line. amounts: of data."""
+    """Fast simulation of the reproduced paper's study for one motion of a line.
+
+    amounts: noise levels and numbers of samples.
+    """
 
     motion: Motion
     line: PolynomialModel
@@ -49,10 +52,10 @@ class QuickStudy:
         rng: np.random.Generator,
         unmoved_levels: Sequence[float] = (),
     ) -> pd.DataFrame:
-        """Draw scores of `count` draws of each cell, in the columns of the claims.
+        """Score the paper's method in random noise realisations, one row of a table for each.
 
-        unmoved_levels: noise levels of whole records whose models are not simulated, the slowest
-        step.
+        count: number of realisations for each sort of recording. unmoved_levels: noise levels of
+        whole records whose models are not simulated, the slowest step.
         """
         noise, scale = PROTOCOLS[method.protocol]
         noisy = noise(self.motion, self.terms, channel_scale(self.motion, method.relative)[scale])
@@ -82,12 +85,12 @@ class QuickStudy:
 
     @cached_property
     def terms(self) -> tuple[Exponents, ...]:
-        """Terms of the cubic library."""
+        """All monomials of the states up to degree three."""
         return polynomial_library(len(self.line.states), 3)
 
     @cached_property
     def true(self) -> PolynomialModel:
-        """The line on the cubic library."""
+        """True model of the line, on the cubic library."""
         return self.line.on_library(self.terms)
 
     def _coefficient_scores(self, models: np.ndarray) -> dict[str, list[float]]:
@@ -140,9 +143,10 @@ class QuickStudy:
 
 
 def found_coefficients(drawn: Products, method: MethodReading) -> np.ndarray:
-    """Apply the paper's method to all recordings at once: (k, m, p) coefficients.
+    """Compute the coefficients that the paper's method identifies from each of many recordings.
 
-    The fixed points are those of `stlsq.raw` and `stlsq.normalised`.
+    Returns (k, m, p), as of `Products`. The fixed points are those of `stlsq.raw` and
+    `stlsq.normalised`.
     """
     grams, moments, across = drawn.grams, drawn.moments, drawn.across
     lengths, scale = np.ones(grams.shape[::2]), np.ones(across.shape)

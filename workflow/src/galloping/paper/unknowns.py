@@ -14,7 +14,7 @@ from galloping.results import IDENTIFIED, KNOWN
 
 @dataclass(frozen=True)
 class Unknown:
-    """A number that the paper does not print.
+    """Quantity whose value the reproduced paper does not print, with its possible range.
 
     low, high: its range, in which its logarithm has a uniform prior. path: of the key among the
     settings of a case, () for the threshold of the method.
@@ -28,7 +28,7 @@ class Unknown:
     path: tuple[str, ...]
 
     def set_in(self, case: Mapping, value: float) -> dict:
-        """Set this number to a value in the settings of a case."""
+        """Return the settings of a case with this quantity set to a value."""
         if not self.path:
             return dict(case)
         section, key = self.path
@@ -60,7 +60,7 @@ LOW, HIGH = (np.log([getattr(u, end) for u in UNKNOWNS]) for end in ("low", "hig
 
 @dataclass(frozen=True)
 class MethodReading:
-    """Interpretation of the paper's method.
+    """One interpretation of the reproduced paper's ambiguous identification method.
 
     threshold: one number for all terms, or None to choose each equation's by EBIC. columns: `raw`
     or `normalised`, to which thresholds apply. kinematics: KNOWN, or IDENTIFIED as any equation.
@@ -80,7 +80,7 @@ ONE_LINE, BOTH_LINES = "one line", "both lines"
 
 @dataclass(frozen=True)
 class Reading:
-    """One interpretation of the paper.
+    """One interpretation of the ambiguous or damaged text of the reproduced paper.
 
     name: difference from the first one. kind: of the ambiguity, in a word or two. ice: beta_1 to
     beta_3, and eta_1 to eta_3. method: its threshold is one of the unknowns. chosen: or the data
@@ -100,11 +100,17 @@ class Reading:
 
     @property
     def has_threshold_in_units(self) -> bool:
-        """Whether the threshold applies to coefficients in SI units, as the paper's words say."""
+        """Whether the threshold of the method applies to coefficients in SI units.
+
+        The paper's words say so.
+        """
         return self.method.columns == "raw" and not self.chosen
 
     def case_at(self, values: Mapping[str, float], line: Mapping) -> dict:
-        """Make the settings of a case at values of the unknowns. line: of one of its lines."""
+        """Make the settings of a case at given values of the unknown quantities.
+
+        line: settings of one of the paper's lines.
+        """
         vertical, horizontal = map(list, self.ice)
         ice = {"reading": "custom", "vertical": vertical, "horizontal": horizontal}
         case = {**line, "line": {**line["line"], "mode_shape": self.mode_shape}, "ice": ice}
@@ -113,7 +119,7 @@ class Reading:
         return case
 
     def method_at(self, values: Mapping[str, float]) -> MethodReading:
-        """Make the paper's method at values of the unknowns."""
+        """Return the paper's method with its threshold taken from values of the unknowns."""
         return replace(self.method, threshold=None if self.chosen else values["threshold"])
 
 

@@ -2,4 +2,4 @@
 
 
 class FileError(ValueError):
-    """Error of a file that cannot be used as it is; one line."""
+    """Error raised for a file that cannot be used, with a message of one line."""

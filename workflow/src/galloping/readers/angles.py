@@ -7,7 +7,7 @@ LIKE = 4.0  # times the largest of the other steps, that a step over the end of 
 
 
 def unwrap_angle(values: NDArray[np.float64], turn: float) -> tuple[NDArray[np.float64], int]:
-    """Unwrap an angle that restarts at the end of a turn.
+    """Remove the jumps of a full turn from samples of an angle, and count these jumps.
 
     It does if all samples are within one turn and reach both of its ends, and if the steps over the
     end, minus a turn, are like the others. A valve that opens by more than half a turn does not

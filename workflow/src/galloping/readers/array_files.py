@@ -17,7 +17,7 @@ LARGEST = 2 * 1024**3  # bytes: a table of that size fits into the memory of a s
 
 @dataclass(frozen=True)
 class StoredArray:
-    """An array in a file, not read yet.
+    """Description of an array in a file, with a function that reads its values.
 
     Attributes
     ----------
@@ -38,17 +38,17 @@ class StoredArray:
 
     @property
     def size(self) -> int:
-        """Number of elements."""
+        """Number of elements of the array."""
         return prod(self.shape)
 
     @property
     def is_vector(self) -> bool:
-        """Whether the array has numbers, times or text along one axis at most."""
+        """Whether the array is a vector, or a scalar, of numbers, times or text."""
         return sum(n != 1 for n in self.shape) <= 1 and self.kind in "fiubMmUO"
 
 
 def arrays_in(path: Path, suffix: str) -> Iterator[StoredArray]:
-    """Iterate over the arrays in a file.
+    """Iterate over descriptions of the arrays in a Parquet, HDF5, NetCDF or MATLAB file.
 
     suffix: of READERS, for files that are not HDF5, as new ones of NetCDF and MATLAB are.
     """
@@ -148,7 +148,7 @@ def _matlab(path: Path) -> Iterator[StoredArray]:
 
 
 def check_size(elements: int) -> None:
-    """Raise FileError for more elements than fit into LARGEST bytes."""
+    """Raise FileError if a number of array elements needs more than 2 GiB of memory."""
     if 8 * elements > LARGEST:
         raise FileError(
             f"{8e-9 * elements:.1f} GB of arrays are more than {LARGEST / 1e9:.1f} GB; cut it in "

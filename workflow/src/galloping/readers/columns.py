@@ -39,7 +39,7 @@ DATED = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d\d")
 
 
 def words_of(header: str) -> set[str]:
-    """Split a name into words in lower case, without numbers and unit."""
+    """Split the name of a column into its words in lower case, without numbers and unit."""
     parted = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", named(header)[0])
     return {word.casefold() for word in re.findall(r"[^\W\d_]+", parted)}
 
@@ -49,24 +49,24 @@ def _has_word(words: set[str], stems: set[str], whole: Set[str] = frozenset()) -
 
 
 def is_time(header: str) -> bool:
-    """Decide whether a column contains times, by its name or its unit."""
+    """Decide from its name whether a column contains times."""
     words = words_of(header)
     is_labview = named(header)[0] == "X_Value"
     return is_labview or (_has_word(words, TIMES, TIME_WORDS) and not _has_word(words, *OTHERS))
 
 
 def is_count(header: str) -> bool:
-    """Decide whether a column counts samples, by its name."""
+    """Decide from its name whether a column counts the samples."""
     return bool(words_of(header) & COUNTS)
 
 
 def is_beside_motion(header: str) -> bool:
-    """Decide whether a column is recorded besides the motion, by its name."""
+    """Decide from its name whether a column measures another quantity than the motion."""
     return _has_word(words_of(header), *OTHERS)
 
 
 def told_order(header: str, unit: str) -> int | None:
-    """Determine the order of the derivative in a column, 0 for a displacement.
+    """Determine whether a column is a displacement (0), a velocity (1) or an acceleration (2).
 
     It follows from its unit or, if it has none, from its name; None if its unit is of another
     quantity.
@@ -79,7 +79,7 @@ def told_order(header: str, unit: str) -> int | None:
 
 
 def target(header: str, unit: str = "") -> str:
-    """Determine what a column measures, as `q_v` or `ddq_w`, by its name and unit.
+    """Determine which motion a column measures, such as `q_v` (vertical), by its name and unit.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def target(header: str, unit: str = "") -> str:
 
 
 def contradicted_target(header: str, unit: str = "") -> str:
-    """Determine what a column measures by its name alone, if its unit contradicts; else ''."""
+    """Return the motion that a column's name indicates if its unit contradicts that, else ''."""
     name, own = named(header)
     axis, kinds, least = _direction_and_kinds(name, "")
     if not (own or unit) or target(header, unit) or not axis or (least in SHORT and not kinds):

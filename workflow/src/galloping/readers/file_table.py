@@ -32,7 +32,7 @@ SHOWN, LONGEST = 12, 60  # columns that a message names, and characters of a nam
 
 @dataclass(frozen=True)
 class FileTable:
-    """Columns of one file.
+    """Columns of numbers or text that were read from one file, with their units.
 
     columns: (n,) arrays of floats or text by name. units: by column, if the file has them.
     first_row: number of the first row of data, as an editor counts lines. notes: one line for each
@@ -52,16 +52,16 @@ class FileTable:
 
     @property
     def is_headless(self) -> bool:
-        """Whether no row names the columns, whose names then are their places."""
+        """Whether the file has no row of names, so that columns are named by numbers."""
         return list(self.columns) == [str(k + 1) for k in range(len(self.columns))]
 
     def at(self, name: str) -> str:
-        """Format the place of a fault in a column."""
+        """Format the file and column name, with which an error message begins."""
         return f"{self.path}: column {name!r}"
 
     @property
     def content(self) -> str:
-        """Description of the file's columns with their units, and of its other contents."""
+        """Text that lists the file's columns with their units, and its other contents."""
         columns = [
             f"{name!r:.{LONGEST}}" + (f" [{unit:.{LONGEST}}]" if (unit := self.unit(name)) else "")
             for name in self.columns
@@ -72,7 +72,10 @@ class FileTable:
         return enumerated(columns) + more
 
     def column(self, name: str) -> np.ndarray:
-        """Return a column by its name, with or without the unit behind it. Raises FileError."""
+        """Return a column by its name; raise FileError if it is missing or ambiguous.
+
+        The name may have the unit behind it.
+        """
         bare, _ = named(name)
         if bare not in self.columns:
             raise FileError(f"{self.path}: no column {bare!r:.{LONGEST}}; it has {self.content}")
@@ -81,13 +84,13 @@ class FileTable:
         return self.columns[bare]
 
     def unit(self, name: str) -> str:
-        """Return the unit that the file states for a column, or ''."""
+        """Return the unit that the file states for a column, or '' if it states none."""
         return self.units.get(named(name)[0], "")
 
     def convert(
         self, name: str, said: str | None, convert: Callable[[str], Converted]
     ) -> Converted:
-        """Apply `convert` to the unit of a column.
+        """Apply a function, such as a conversion to SI, to the unit of a column.
 
         It is the specified unit, or that of the file, which must not differ. The specified unit has
         priority if it is `1`, which leaves numbers unchanged, and if the file has no name of a
@@ -109,7 +112,7 @@ class FileTable:
         return found
 
     def kind(self, name: str) -> str:
-        """Determine the kind of a column by its first cell: `number`, `date` or `text`."""
+        """Return the kind of a column's first cell: `number`, `date` or `text`."""
         values = self.column(name)
         if values.dtype.kind not in "OUT":
             return "date" if values.dtype.kind in "mM" else "number"
@@ -119,7 +122,7 @@ class FileTable:
         return "text" if np.isnan(pd.to_numeric(first, errors="coerce")) else "number"
 
     def numbers(self, name: str) -> np.ndarray:
-        """Convert a column to floats, NaN where it is empty. Raises FileError at the first text."""
+        """Convert a column to floats, with NaN for empty cells; raise FileError for text."""
         values = self.column(name)
         if values.dtype.kind in "fiub":
             numbers = values.astype(float)
@@ -132,7 +135,10 @@ class FileTable:
         return numbers
 
     def fault(self, row: int, name: str, what: str) -> FileError:
-        """Make the error of a cell of a column; row: its index."""
+        """Make the FileError for a faulty cell, whose message names file, row and column.
+
+        row: index of the cell. what: the fault.
+        """
         cell = self.column(name)[row]
         value = repr(cell if isinstance(cell, str) else float(cell))[:60]
         hint = f"; {SAY_DECIMAL}" if DECIMAL_COMMA.fullmatch(str(cell)) else ""
@@ -144,12 +150,13 @@ class FileTable:
 def read_table(
     path: str | Path, decimal: str | None = None, time: str | None = None, rows: int | None = None
 ) -> FileTable:
-    """Read the columns of a file, in a format given by its suffix.
+    """Read the columns of a text, Excel, Parquet, HDF5, NetCDF or MATLAB file.
 
-    Suffixes are .csv .txt .tsv .dat .xlsx .parquet .h5 .hdf5 .nc .mat. decimal: the decimal mark of
-    text tables. time: the column of times, by which their header differs from lines above it. If
-    these are None, the rows determine them. rows: of text, at most. The `unit` of fields in a
-    `datapackage.json` beside a file (Frictionless Data) counts as the file's own. Raises FileError.
+    The suffix of the file gives its format. Suffixes are .csv .txt .tsv .dat .xlsx .parquet .h5
+    .hdf5 .nc .mat. decimal: the decimal mark of text tables. time: the column of times, by which
+    their header differs from lines above it. If these are None, the rows determine them. rows: of
+    text, at most. The `unit` of fields in a `datapackage.json` beside a file (Frictionless Data)
+    counts as the file's own. Raises FileError.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -221,13 +228,13 @@ def _make_table(
 
 
 def enumerated(parts: Sequence[str]) -> str:
-    """Join parts by commas, and only count those beyond the first SHOWN ones."""
+    """Join the first twelve texts by commas, and state how many more there are."""
     more = f" and {len(parts) - SHOWN} more" if len(parts) > SHOWN else ""
     return ", ".join(parts[:SHOWN]) + more
 
 
 def printable(text: str) -> str:
-    """Replace each run of unprintable characters of a text by a blank.
+    """Replace unprintable characters and runs of white space in a text by single blanks.
 
     A line break in a name would start new lines in messages and summaries, and an escape sequence
     would control the terminal.

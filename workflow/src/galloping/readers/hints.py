@@ -21,8 +21,9 @@ WINDS = {"wind", "gust", "u", "speed"}
 
 
 def likely_time_unit(times: np.ndarray) -> str:
-    """Guess the unit in which times are present dates, else in which their steps are plausible.
+    """Guess the unit of times from the size of their values and steps.
 
+    It is a unit in which times are present dates, else one in which their steps are plausible.
     times: (n,) numbers.
     """
     times = np.unique(times[np.isfinite(times)])
@@ -39,7 +40,7 @@ def likely_time_unit(times: np.ndarray) -> str:
 
 
 def likely_unit(order: int, values: np.ndarray, alike: Iterable[np.ndarray] = ()) -> str:
-    """Guess a plausible unit of a motion of a span.
+    """Guess the unit of a displacement, velocity or acceleration from its samples.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ def likely_unit(order: int, values: np.ndarray, alike: Iterable[np.ndarray] = ()
 
 
 def likely_input_unit(name: str) -> str:
-    """Return m/s for a wind, else 1, which leaves the numbers of an input unchanged."""
+    """Guess the unit of an input from its name: m/s for a wind, else `1` (no conversion)."""
     return "m/s" if words_of(name) & WINDS else "1"
 
 
@@ -72,11 +73,11 @@ def _measure_spread(values: np.ndarray) -> float:
 
 
 def measure_option(target: str, column: str, unit: str = "") -> str:
-    """Format an option for what a column measures, such as `--measure 'q_v=mid [mm]'`."""
+    """Format the option that says what a column measures, such as `--measure 'q_v=mid [mm]'`."""
     text = f"{target}={column}" + f" [{unit}]" * bool(unit)
     return "--measure " + (quote(text) if "'" in text else f"'{text}'")
 
 
 def unit_options(units: Sequence[tuple[str, str]]) -> str:
-    """Format options for the units of columns, such as `--unit time=s --unit mid=mm`."""
+    """Format the options for the units of columns, such as `--unit time=s --unit mid=mm`."""
     return " ".join(f"--unit {quote(f'{name}={unit}')}" for name, unit in units)

@@ -16,12 +16,13 @@ HELD = 2  # rows, that a logger repeats a slower sample for at least
 def inputs_of(
     table: FileTable, columns: Sequence[InputColumn], time: np.ndarray, values: np.ndarray
 ) -> dict[str, Input]:
-    """Make inputs by name, from values (n, n_inputs) at the rows of a file.
+    """Make the inputs of a recording, as functions of time, from columns of a file.
 
-    Rows between the samples of a slower instrument, empty or repeated, are no gaps and no samples,
-    unless the input is held. If the mapping does not specify the interpolation of an input, it is
-    held if it stays constant and then jumps anywhere, else smooth, and has the other kinds as its
-    alternatives. Raises FileError if a column has fewer than two samples.
+    values: (n, n_inputs), at the rows of the file. Rows between the samples of a slower instrument,
+    empty or repeated, are no gaps and no samples, unless the input is held. If the mapping does not
+    specify the interpolation of an input, it is held if it stays constant and then jumps anywhere,
+    else smooth, and has the other kinds as its alternatives. Raises FileError if a column has fewer
+    than two samples.
     """
     found = {}
     for column, own in zip(columns, values.T, strict=True):

@@ -29,7 +29,7 @@ REMARKS = {"comment", "comments", "remark", "kommentar", "bemerkung"}  # columns
 
 @dataclass(frozen=True)
 class Layout:
-    """Layout of a text table.
+    """Layout of a text table: separator, decimal mark, names, units and first row of data.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Layout:
 
 
 def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layout:
-    """Find the layout of a table from the first lines of a file.
+    """Find separator, decimal mark, header and first data row of a table from its first lines.
 
     Most rows have the same number of cells, two or more. The row of names is the row of text next
     to the numbers whose cells all differ; without a row of text above the numbers, columns are
@@ -123,7 +123,7 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
 
 
 def split_cells(row: str, separator: str | None) -> list[str]:
-    """Split a row into cells without blanks around them; None splits at white space."""
+    """Split a row of text into stripped cells at a separator, or at white space if it is None."""
     if separator is None:
         row, separator = " ".join(row.split()), " "
     cells = csv.reader([row], delimiter=separator, skipinitialspace=True)

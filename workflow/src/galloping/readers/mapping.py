@@ -29,7 +29,7 @@ NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 class MappingError(ValueError):
-    """Error of an invalid mapping; one line."""
+    """Error raised for an invalid description of the columns of a file."""
 
 
 class _Section(BaseModel):
@@ -42,9 +42,10 @@ Texts = Annotated[  # one or several
 
 
 class TimeColumn(_Section):
-    """The column of times; unit: s, ms, min, ..., or none if the times are ISO 8601.
+    """Name and unit of the column of times in a file.
 
-    With a `rate` of the mapping it counts samples, and has no unit.
+    unit: s, ms, min, ..., or none if the times are ISO 8601. With a `rate` of the mapping it counts
+    samples, and has no unit.
     """
 
     column: str
@@ -52,7 +53,7 @@ class TimeColumn(_Section):
 
 
 class Channel(_Section):
-    """A column that measures a state or its rate.
+    """Column of a file that measures a state of the system or a state's time derivative.
 
     measures: a state, or `d` and the name of one: its rate (`ddq_v`, an acceleration). position: m
     along the span, of a sensor on a line. delay: s by which the column lags behind the time. scale:
@@ -73,7 +74,7 @@ class Channel(_Section):
 
 
 class InputColumn(_Section):
-    """A column of an input that drives the motion, such as the wind.
+    """Column of a file with an input that drives the motion, such as the wind speed.
 
     name: in the library, by default that of the column. between, error: as of `recording.Input`;
     error may be text such as `2 %`, and an unspecified `between` is determined from the motion.
@@ -102,7 +103,7 @@ class InputColumn(_Section):
 
 
 class ColumnMapping(_Section):
-    """Description of how to read recordings of one system from files.
+    """Description of which columns of a file are times, states and inputs, with their units.
 
     time: the column of times, or with a `rate`, samples per second, that which counts samples;
     without one every row is a sample. states: of the system; a state named dX is the rate of X.
@@ -168,13 +169,16 @@ class ColumnMapping(_Section):
         return self
 
     def check_forced(self, names: Sequence[str], key: str) -> None:
-        """Raise ValueError if names given by `key` for random forces are neither all nor states."""
+        """Raise ValueError unless the coordinates under random forces are states, or `all`.
+
+        key: the option or key that names them, for the message.
+        """
         for name in names:
             if name not in self.states and tuple(names) != ("all",):
                 raise ValueError(f"{key}: {name!r}; must be all, or among {', '.join(self.states)}")
 
     def with_between(self, kinds: Mapping[str, str]) -> "ColumnMapping":
-        """Set the interpolation of inputs between samples if it is unspecified."""
+        """Return a copy that sets the interpolation of inputs where it is unspecified."""
         inputs = tuple(
             one.model_copy(update={"between": one.between or kinds.get(one.name)})
             for one in self.inputs
@@ -183,7 +187,7 @@ class ColumnMapping(_Section):
 
     @property
     def clocks(self) -> tuple[TimeColumn, ...]:
-        """Column of times, if there is one."""
+        """The column of times as a tuple, which is empty if there is none."""
         return (self.time,) if self.time else ()
 
     @property
@@ -193,11 +197,11 @@ class ColumnMapping(_Section):
 
     @property
     def input_names(self) -> tuple[str, ...]:
-        """Names of the inputs in a library, in the order of `inputs`."""
+        """Names of the inputs in the model, in the order of `inputs`."""
         return tuple(one.name for one in self.inputs)
 
     def target(self, channel: Channel) -> tuple[int, bool]:
-        """Return the index of the state of a channel, and whether its rate is measured."""
+        """Return the index of the state of a channel, and whether its derivative is measured."""
         if channel.measures in self.states:
             return self.states.index(channel.measures), False
         if channel.measures[:1] == "d" and channel.measures[1:] in self.states:
@@ -209,7 +213,10 @@ class ColumnMapping(_Section):
 
 
 def validate_mapping(content: object) -> ColumnMapping:
-    """Make a mapping from plain values. Raises MappingError with one line per problem."""
+    """Convert nested dicts to a ColumnMapping; raise MappingError if they are invalid.
+
+    The message has one line per problem.
+    """
     try:
         return ColumnMapping.model_validate(content)
     except ValidationError as error:
@@ -234,7 +241,7 @@ def _describe_problem(problem: Mapping[str, Any]) -> str:
 
 
 def read_mapping(path: str | Path) -> ColumnMapping:
-    """Read a mapping from a YAML file.
+    """Read the description of the columns of recording files from a YAML file.
 
     Raises MappingError or ConfigurationError, whose lines begin with the file's name.
     """
@@ -245,9 +252,10 @@ def read_mapping(path: str | Path) -> ColumnMapping:
 
 
 def channel_of(text: str) -> dict:
-    """Parse a channel, `STATE=COLUMN[UNIT]@POSITION`, unit and position optional.
+    """Parse a text such as `q_v=mid[mm]@150` (state, column, unit, position) to a dict.
 
-    Returns plain values. Raises MappingError if the text has another form.
+    Unit and position are optional. Returns plain values. Raises MappingError if the text has
+    another form.
     """
     measures, _, source = text.partition("=")
     header, at, position = source.partition("@")
@@ -263,9 +271,10 @@ def channel_of(text: str) -> dict:
 
 
 def input_of(text: str, between: str | None = None) -> dict:
-    """Parse an input, `NAME=COLUMN[UNIT] +- ERROR %`, all but NAME optional.
+    """Parse a text such as `U=wind[m/s] +- 2 %` (input, column, unit, error) to a dict.
 
-    Returns plain values. Raises MappingError if the text has another form.
+    All but the name of the input are optional. Returns plain values. Raises MappingError if the
+    text has another form.
     """
     body, given, error = text.partition("+-")
     name, equals, header = body.partition("=")
@@ -295,14 +304,17 @@ def _by_column(texts: Iterable[str]) -> dict[str, str]:
 
 
 def propose_mapping(file: str, options: Mapping[str, Any], taken: Sequence[str] = ()) -> Proposal:
-    """Propose what each column of a file measures. options: as of `mapping_of`."""
+    """Read a file, and propose what each column measures, from the names of the columns.
+
+    options: as of `mapping_of`. taken: columns of other quantities than the motion.
+    """
     time = options["time_column"]
     table = read_table(file, options["decimal"], time, ROWS)
     return propose(table, *_split_units(options["units"]), time, taken, options["rate"])
 
 
 def mapping_of(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, str]:
-    """Make the mapping from options of the command, or from the names of a file's columns.
+    """Determine what the columns of a file are from command-line options, else from their names.
 
     options: all of the command's options for columns, by name, None or () if they are not given.
     The second result describes how columns are read by their names alone, else ''.

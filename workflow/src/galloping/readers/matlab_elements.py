@@ -15,7 +15,7 @@ DEEPEST = 32  # arrays within each other
 
 
 def check_elements(path: Path, largest: int) -> None:
-    """Raise ValueError for a file with an element that does not exist or does not fit.
+    """Raise ValueError if a MATLAB file has data elements of unknown type or wrong size.
 
     Files of level 4 are not checked. largest: bytes that a compressed element may have.
     """

@@ -38,7 +38,7 @@ INTERVALS = {"dt", "ts", "interval"}  # s, between samples
 
 @dataclass(frozen=True)
 class Doubt:
-    """An uncertain or missing specification of a column.
+    """Reason why the interpretation of a column is uncertain, and what to specify instead.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Doubt:
 
 @dataclass(frozen=True)
 class Proposal:
-    """Proposed mapping of a file.
+    """Proposed interpretation of the columns of a file, with what is uncertain in it.
 
     Attributes
     ----------
@@ -86,12 +86,12 @@ class Proposal:
 
     @property
     def clock(self) -> str | None:
-        """Column of times, if there is one."""
+        """Name of the column of times, None if there is none."""
         return self.time["column"] if self.time else None
 
     @property
     def states(self) -> list[str]:
-        """States of a span that the channels measure."""
+        """Names of the states of a span that the proposed channels measure."""
         return states_of(channel["measures"] for channel in self.channels)
 
     def check_time(self, file: str) -> None:
@@ -101,7 +101,7 @@ class Proposal:
             raise ValueError(f"{file}: {doubt.cause}; {doubt.remedy}")
 
     def sure_channels(self, file: str) -> list[dict]:
-        """Return the channels, if the names of the columns determine them. Raises ValueError."""
+        """Return the channels; raise ValueError if the column names do not determine them."""
         if not self.channels:
             raise ValueError(
                 f"{file}: no column is plainly a vertical or horizontal displacement or "
@@ -131,7 +131,7 @@ class Proposal:
         ]
 
     def yaml(self, file: str, decimal: str | None, rate: float | None) -> str:
-        """Format the text of a mapping to check and edit."""
+        """Format the proposal as YAML text, which the user checks and edits."""
 
         def line(keys: dict, more: str = "") -> str:
             doubt = self.doubts.get(keys["column"], Doubt())
@@ -160,7 +160,10 @@ class Proposal:
 
 
 def states_of(targets: Iterable[str]) -> list[str]:
-    """List the states of a span that channels measure: displacements, then velocities."""
+    """Return the states of a span for measured quantities, such as q_v and dq_v for `ddq_v`.
+
+    Displacements come before velocities.
+    """
     stems = {name.lstrip("d") for name in targets}
     own = [stem for stem in DIRECTION if stem in stems]
     return own + [f"d{stem}" for stem in own]
@@ -174,7 +177,7 @@ def propose(
     taken: Collection[str] = (),
     rate: float | None = None,
 ) -> Proposal:
-    """Propose a mapping of a file, by the names of its columns.
+    """Propose what each column of a file measures, from the names, units and values.
 
     Parameters
     ----------
@@ -308,7 +311,7 @@ def find_clock(
     rate: float | None = None,
     remedy: str = "name it with --time, or add one",
 ) -> str | None:
-    """Find the column of times, or at a `rate` the one that counts samples, if there is one.
+    """Find the column of times in a file, or the sample counter if a sampling rate is given.
 
     Of several it is the one with most distinct times. A guess is noted in `doubts`. Raises
     ValueError if there is none, or if two have different clocks.

@@ -15,7 +15,7 @@ SILENT = 6  # that a sensor may be silent while others go on: longer, its curve 
 
 
 def recording(series: Series, mapping: ColumnMapping) -> Recording:
-    """Make the recording for an identification from the channels of a file.
+    """Make a recording of states from the channels of a file.
 
     Sensors of one quantity at m places along the span are projected on its first m sine modes, of
     which the first is kept: q = sum_i P_1i y_i with P the inverse of sin(k pi s_i / l). A single
@@ -52,7 +52,7 @@ def recording(series: Series, mapping: ColumnMapping) -> Recording:
 
 
 def split_recording(recording: Recording, period: float) -> list[Recording]:
-    """Split a recording at gaps longer than a period of the motion, s.
+    """Split a recording at gaps that are longer than the period of the motion.
 
     Neither the motion nor the clock is known over such a gap. A part also ends where an input is
     unknown, or where a sensor is silent for long while others are not. Parts of fewer than FEWEST
@@ -152,7 +152,7 @@ def _align_channels(series: Series, mapping: ColumnMapping) -> tuple[np.ndarray,
 
 
 def input_notes(recording: Recording) -> list[str]:
-    """List a line for each input that is not known throughout the motion."""
+    """List a note for each input that is missing during part of a recording."""
     time = recording.time
     steps = np.diff(time, append=time[-1])
     steps[steps > INTERPOLATED * np.median(steps)] = 0.0  # of the time with samples

@@ -55,7 +55,7 @@ HINTS = {  # where a column is missing, by what it is of
 
 @dataclass(frozen=True)
 class Series:
-    """The channels of one file on one time axis, in SI units.
+    """Channels and inputs of one file on a common time axis, in SI units.
 
     Attributes
     ----------
@@ -100,14 +100,14 @@ class Series:
 
     @property
     def unused_note(self) -> str:
-        """Line about the ignored columns, '' if there are none."""
+        """Note that lists the ignored columns of the file, '' if there are none."""
         left = enumerated([f"{name:.{LONGEST}}" for name in self.unused])
         more = "a wind among them is named by --input U=COLUMN"
         return f"columns that are not used: {left}; {more}" if left else ""
 
 
 def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
-    """Read and check a file. Raises FileError if it is unusable, in one line.
+    """Read a file to channels in SI units; raise FileError if the file is unusable.
 
     Rows out of order are sorted, repeated ones dropped if they agree; both are noted.
     """
@@ -212,7 +212,7 @@ def _check_distinct(table: FileTable, mapping: ColumnMapping, values: np.ndarray
 
 
 def check_apart(series: Sequence[Series]) -> None:
-    """Refuse files of which one repeats another, whole or in part.
+    """Raise FileError if 20 consecutive rows of one file are also in another file.
 
     Raises FileError if ALIKE consecutive rows of one file are also in another one.
     """

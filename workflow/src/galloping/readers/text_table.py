@@ -33,7 +33,10 @@ MISSING = {  # words for a missing sample, besides those that pandas knows
 def read_text(
     opened: Callable[[], BinaryIO], decimal: str | None, time: str | None, rows: int | None = None
 ) -> tuple[list[tuple[str, np.ndarray, str | None]], int, tuple[str, ...]]:
-    """Read header, values and unit, or None, of each column; first row; notes on ignored parts."""
+    """Read the columns of a text table, the line where data begin, and notes on ignored parts.
+
+    Returns header, values, and unit or None, of each column, then the line and the notes.
+    """
     with opened() as file:
         head = file.read(HEAD)
         whole = not file.read(1)

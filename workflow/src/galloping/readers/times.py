@@ -25,7 +25,7 @@ FORMS = [f"{day} {hour}" for day in DAYS for hour in HOURS] + HOURS
 def find_instants(
     table: FileTable, time: TimeColumn
 ) -> pd.DatetimeIndex | pd.TimedeltaIndex | None:
-    """Parse dates or times of day of a file; None if they, or most of a text column, are numbers.
+    """Parse a file's column of dates or times of day; return None if it contains numbers.
 
     Raises FileError if a day cannot be distinguished from a month, and for anything but a time.
     """
@@ -62,7 +62,10 @@ def find_instants(
 def seconds_of(
     table: FileTable, mapping: ColumnMapping, times: pd.Index | None
 ) -> tuple[np.ndarray, str, float]:
-    """Compute times in s since the first, and the first as a date, if any, and in seconds."""
+    """Return sample times in s since the first, and the first time as a date and in seconds.
+
+    The date is '' if the times have none.
+    """
     name = mapping.time.column if mapping.time else ""  # a rate alone has no empty column
     if mapping.rate is not None:
         values = _count_times(table, mapping, mapping.rate)
@@ -100,7 +103,7 @@ def _count_times(table: FileTable, mapping: ColumnMapping, rate: float) -> np.nd
 def put_in_order(
     table: FileTable, time: np.ndarray, values: np.ndarray, rows: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
-    """Sort times, values and rows by increasing times, with a note on each correction."""
+    """Sort samples by time and drop repeated rows; also return a note on each correction."""
     notes = []
     timeless = ~np.isfinite(time)
     if timeless.any():

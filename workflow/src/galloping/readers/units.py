@@ -51,7 +51,7 @@ USUAL = {
 
 
 class UnitError(ValueError):
-    """Error of a unit that is missing, unknown or of the wrong kind; one line."""
+    """Error raised for a unit that is missing, unknown or of another physical quantity."""
 
 
 @cache
@@ -97,7 +97,7 @@ def _split_prefix(name: str) -> tuple[str, str]:
 
 
 def factor(unit: str, wanted: str) -> float:
-    """Compute the factor that converts values in `unit` to `wanted`, a unit of SI.
+    """Return the factor that converts values from a unit, such as `mm`, to an SI unit.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def is_scaled(unit: str) -> bool:
 
 
 def is_pixel(unit: str) -> bool:
-    """Decide whether a unit is a pixel of a camera, whose size is unknown."""
+    """Decide whether the name of a unit means pixels of a camera, whose size is unknown."""
     return unit.casefold() in PIXELS
 
 
@@ -160,7 +160,7 @@ def _unknown(unit: str, examples: str) -> UnitError:
 
 
 def measures(unit: str, wanted: str) -> bool:
-    """Decide whether a unit measures the same quantity as `wanted`, an SI unit."""
+    """Decide whether a unit is of the same physical quantity as an SI unit."""
     if unit in USUAL:
         return USUAL[unit][1:] == USUAL[wanted][1:]
     try:
@@ -170,7 +170,7 @@ def measures(unit: str, wanted: str) -> bool:
 
 
 def is_unit(text: str) -> bool:
-    """Decide whether a text is a unit, such as `mm`; a number alone is none."""
+    """Decide whether a text is a known physical unit, such as `mm`; a number alone is none."""
     if text in USUAL:
         return text != "1"
     if text[:1].isdigit():
@@ -183,10 +183,10 @@ def is_unit(text: str) -> bool:
 
 @cache
 def named(header: str) -> tuple[str, str]:
-    """Split a header into name and unit: `v [mm]`, or `v (mm)` if that is a unit.
+    """Split a column header such as `v [mm]` into its name and its unit.
 
-    Other forms are `v, mm`, `v / mm` and `v in mm`, for units of displacements, accelerations and
-    times, and `v (mm) left`.
+    `v (mm)` is split if that is a unit. Other forms are `v, mm`, `v / mm` and `v in mm`, for units
+    of displacements, accelerations and times, and `v (mm) left`.
     """
     header = header.strip()
     match = WITH_UNIT.fullmatch(header)
@@ -205,15 +205,16 @@ def named(header: str) -> tuple[str, str]:
 
 
 def behind(name: str) -> str:
-    """Return the unit at the end of a name such as `vertical_mm`, or ''."""
+    """Return the unit at the end of a column name such as `vertical_mm`, '' if there is none."""
     unit = re.split(r"[_\s]", name)[-1]
     return unit if unit != name and unit in PLAIN else ""
 
 
 def amount(text: str | float, unit: str, target: str) -> float:
-    """Convert text such as `3 mm`, of a channel that measures `target`, to a number in SI.
+    """Convert a text such as `3 mm` to a number in the SI unit of a measured quantity.
 
-    unit: of the number if the text has none. Raises UnitError.
+    target: that quantity, such as `q_v`. unit: of the number if the text has none. Raises
+    UnitError.
     """
     match = AMOUNT.fullmatch(str(text).strip())
     number, own = match.groups() if match else (None, "")
@@ -225,26 +226,29 @@ def amount(text: str | float, unit: str, target: str) -> float:
 
 
 def meaning(target: str) -> str:
-    """Describe a channel in words: a vertical displacement for `q_v`; '' if no span has it."""
+    """Describe a quantity of a span in words: `q_v` is a vertical displacement.
+
+    Returns '' if a span has no such quantity.
+    """
     stem = target.lstrip("d")
     order = len(target) - len(stem)
     return f"{DIRECTION[stem]} {KIND[order]}" if stem in DIRECTION and order < len(KIND) else ""
 
 
 def state_unit(name: str) -> str:
-    """Return the SI unit of a line's state by its name: q_v m, dq_v m/s, ddq_v m/s^2; else `1`."""
+    """Return the SI unit of a state by its name: m for `q_v`, m/s for `dq_v`, `1` if unknown."""
     stem = name.lstrip("d")
     order = len(name) - len(stem)
     return ORDERS[order] if stem in DIRECTION and order < len(ORDERS) else "1"
 
 
 def plain_unit(name: str) -> str:
-    """Return the SI unit of a state for printing behind a number: '' for a pure one."""
+    """Return the SI unit of a state by its name, for printing: '' if dimensionless."""
     return state_unit(name).removeprefix("1")
 
 
 def input_si(unit: str) -> tuple[float, str]:
-    """Return the factor that converts values of an input to an SI unit, and that unit.
+    """Return the factor that converts an input's unit to SI, and the name of the SI unit.
 
     A unit that is SI already is unchanged, and one with an offset, such as degC. `g` and `mg` are
     of gravity here as well, since a mass drives nothing. Raises UnitError.
@@ -277,9 +281,10 @@ def _without_prefixes(units):
 
 
 def state_si(unit: str, target: str) -> tuple[float, str]:
-    """Return the factor that converts values of a channel of `target`, and their new unit.
+    """Return the factor that converts a channel's unit to SI, and the name of the SI unit.
 
-    That is the SI unit of a line's states; those of other systems may have any. Raises UnitError.
+    target: what the channel measures, such as `q_v`. States of a line have one SI unit, those of
+    other systems any. Raises UnitError.
     """
     si = state_unit(target)
     return (factor(unit, si), si) if si != "1" else input_si(unit)
@@ -288,7 +293,7 @@ def state_si(unit: str, target: str) -> tuple[float, str]:
 def coefficient_unit(
     state: str, exponents: Exponents, names: Sequence[str], inputs: Mapping[str, str] = NONE
 ) -> str:
-    """Derive the SI unit of a term's coefficient in a state's equation, such as m^-1 s^-2, or `1`.
+    """Derive the SI unit of a term's coefficient in the equation of a state, such as m^-1 s^-2.
 
     exponents: of a term, with its functions. names: of states and inputs. inputs: the unit of each,
     '' if unknown, which is written as [U].

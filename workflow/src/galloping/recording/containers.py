@@ -21,7 +21,7 @@ Driving: TypeAlias = OfOne | Callable[[float], ArrayLike] | Sequence[OfOne] | No
 
 
 def is_several(data: object) -> TypeGuard[Sequence[Any]]:
-    """Decide whether data are a list of recordings: of arrays or frames, as for pysindy.
+    """Decide whether data are a list of recordings rather than one recording.
 
     Nested lists of numbers are one array.
     """
@@ -36,7 +36,7 @@ def is_several(data: object) -> TypeGuard[Sequence[Any]]:
 
 @dataclass
 class Table:
-    """Columns of a container by name, and its index of times, if any.
+    """Columns of a user's array or data frame by name, with the index of the frame.
 
     is_named: whether the names are those of the container.
     """
@@ -48,9 +48,10 @@ class Table:
 
     @classmethod
     def of(cls, what: str, data: Any) -> "Table":
-        """Make the table of an array, whose columns are `what` and a number, or of a frame.
+        """Make a table from an array, a data frame or a mapping of columns.
 
-        Raises ValueError, beginning with `what`, for anything else.
+        The columns of an array are `what` and a number. Raises ValueError, beginning with `what`,
+        for anything else.
         """
         if hasattr(data, "to_pandas") and hasattr(data, "coords"):  # xarray
             data = data.reset_coords(drop=True).to_pandas()
@@ -69,14 +70,20 @@ class Table:
         return cls(what, {str(n): data[n] for n in names}, None if counts_rows else index)
 
     def pop(self, what: str, name: str) -> Any:
-        """Remove and return a column; ValueError, beginning with `what`, if it is missing."""
+        """Remove a column by its name and return it; raise ValueError if it is missing.
+
+        The message begins with `what`.
+        """
         if name not in self.columns:
             there = ", ".join(self.columns)
             raise ValueError(f"{what}: no column {name!r}; must be one of {there:.60}")
         return self.columns.pop(name)
 
     def pop_times(self, t: Any = None) -> Any:
-        """Remove and return the column of times, `t` by default, or the index, or None."""
+        """Remove the column of times and return it; without one, return the index.
+
+        t: name of the column, by default `t`.
+        """
         if isinstance(t, str):
             return self.pop("t", t)
         return self.columns.pop("t", self.index) if self.is_named else None
@@ -84,7 +91,7 @@ class Table:
     def matrix(
         self, names: Sequence[str] | None = None
     ) -> tuple[tuple[str, ...], NDArray[np.float64]]:
-        """Return names of columns, and their values (n, n_columns).
+        """Return the names of columns, and their values as a matrix of floats.
 
         names: of the requested columns or, if any is missing, new names of all.
         """
@@ -116,7 +123,7 @@ def split_samples(
     u: Any = None,
     states: Sequence[str] | None = None,
 ) -> tuple[NDArray[np.float64] | None, tuple[str, ...], NDArray[np.float64], Any]:
-    """Split one recording into times, names of states, their values (n, n_states) and inputs.
+    """Split a user's data into sample times, state names, state values and inputs.
 
     Parameters are those of `make_recordings`. Times are None if unspecified. Inputs that are
     columns of `x` are a mapping, others are returned unchanged.
@@ -149,7 +156,7 @@ def make_recordings(
     inputs: Sequence[str] | None = None,
     between: str = "cubic",
 ) -> list[Recording]:
-    """Make recordings from the containers of a user.
+    """Make recordings from arrays, data frames or lists of these.
 
     Parameters
     ----------
@@ -224,7 +231,7 @@ def _make_recording(
 def make_inputs(
     u: Any, time: NDArray[np.float64], names: Sequence[str] | None = None, between: str = "cubic"
 ) -> dict[str, Any]:
-    """Make inputs from the container of a user.
+    """Make inputs by name from an array, a data frame, a mapping or a function of time.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ DISPLACEMENTS_ALONE, RATES = "displacements", "rates"
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviation of the noise on each channel: 0 if exact, inf if not measured.
+    """Standard deviation of the noise on each channel: 0 if exact, infinite if not measured.
 
     states, rates: (n_states,), of the states in their units and of their rates. The noise is drawn
     white and Gaussian (`recordings_of`).
@@ -33,7 +33,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class Protocol:
-    """A measurement setup.
+    """Measurement setup: which states or derivatives are measured, and with what noise.
 
     noise: from the noise level and the scale (2, n_states) of each state and of each rate to a
     `Noise`; displacements come before velocities. meaning: in the words of the settings.
@@ -47,7 +47,7 @@ class Protocol:
 
     @property
     def measures(self) -> str:
-        """Content of its recordings: DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE or RATES."""
+        """What the setup measures: DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE or RATES."""
         noise = self.noise(1.0, np.ones((2, 2)))
         if np.any(np.isfinite(noise.rates)):
             return RATES if np.any(noise.states) else DERIVATIVES
@@ -55,12 +55,15 @@ class Protocol:
 
     @property
     def is_scaled(self) -> bool:
-        """Whether the noise depends on the size of the motion."""
+        """Whether the standard deviation of the noise scales with the size of the motion."""
         one, other = (self.noise(1.0, np.full((2, 2), size)) for size in (1.0, 2.0))
         return bool(np.any(one.states != other.states) or np.any(one.rates != other.rates))
 
     def noise_label(self, relative: bool) -> str:
-        """Describe the noise level, with its unit. relative: as in `channel_scale`."""
+        """Return a label of the noise level, with its unit.
+
+        relative: as in `channel_scale`.
+        """
         if relative and self.is_scaled:
             return "sensor noise, standard deviations of each channel"
         labels = {
@@ -118,7 +121,7 @@ def recordings_of(
     seed: int,
     name: Sequence[str],
 ) -> list[tuple[Recording, ...]]:
-    """Draw independent recordings of one or several motions, by noise realisation.
+    """Draw independent noisy recordings of motions, one tuple for each noise realisation.
 
     level: of the noise; relative: in units of each channel's standard deviation. samples: number of
     each motion; fewer than it has are a random subset, drawn without replacement. recordings:
@@ -146,7 +149,10 @@ def recordings_of(
 def noises_of(
     motions: Sequence[Motion], protocol: str, level: float, relative: bool
 ) -> list[Noise]:
-    """Compute the noise on each motion. Raises KeyError for an unknown protocol."""
+    """Compute the standard deviations of the noise on each motion in a measurement setup.
+
+    protocol: its name; raises KeyError if it is unknown.
+    """
     described = BY_NAME[protocol]
     return [described.noise(level, channel_scale(each, relative)) for each in motions]
 
@@ -159,9 +165,9 @@ def _add_noise(exact: np.ndarray, sigma: np.ndarray, rng: np.random.Generator) -
 
 
 def channel_scale(motion: Motion, relative: bool) -> np.ndarray:
-    """Compute the unit of a noise level, (2, n_states), of states and of rates.
+    """Return the factors from noise level to standard deviation, for each state and derivative.
 
-    relative: the standard deviation of each, else one SI unit.
+    Returns (2, n_states). relative: the factors are the standard deviations, else one SI unit.
     """
     if not relative:
         return np.ones((2, len(motion.names)))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Frame(Protocol):
-    """A pandas DataFrame, or a mapping of columns: it has names, and a column for each."""
+    """Type-checking protocol of a pandas DataFrame or a mapping of columns."""
 
     def __iter__(self) -> Iterator[Any]: ...
     def __getitem__(self, name: Any, /) -> Any: ...
@@ -42,7 +42,7 @@ POINTS = 24  # of a window, at which what a polynomial leaves out of an input is
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Input(Immutable):
-    """A measured input of a system, as a function of time.
+    """Measured input of a system, such as a wind speed, as a function of time.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class Input(Immutable):
         return [piece for piece in pieces if len(piece[0]) > 1]
 
     def covered(self, time: ArrayLike) -> NDArray[np.bool_]:
-        """Decide whether each time, (n,), is in a stretch without a gap."""
+        """Decide for each time whether the input is known there, that is, not in a gap."""
         time = np.asarray(time, float)
         inside = np.zeros(time.shape, bool)
         for first, last in self.stretches:
@@ -156,14 +156,14 @@ class Input(Immutable):
         return found
 
     def last_sample(self, time: ArrayLike) -> NDArray[np.float64]:
-        """Find the last sample at or before each time, (n,), NaN if there is none or missing."""
+        """Return the last sample at or before each time, NaN if it is missing."""
         place = np.searchsorted(self.time, np.asarray(time, float), side="right") - 1
         return np.where(place < 0, np.nan, self.values[np.maximum(place, 0)])
 
     def mean_around(self, time: ArrayLike, width: float) -> NDArray[np.float64]:
-        """Average over intervals of `width` s about times, (n,), as far as they are covered.
+        """Average the input over an interval of `width` seconds centred at each time.
 
-        NaN at times that are not covered themselves.
+        Parts of an interval in gaps do not count. NaN at times that are not covered themselves.
         """
         time = np.asarray(time, float)
         found = np.full(time.shape, np.nan)
@@ -188,12 +188,12 @@ Factor = tuple[int, ...]
 
 
 def inputs_at_times(inputs: Sequence[Input], time: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Evaluate inputs at `time` (n,): (n, n_inputs), NaN where not covered."""
+    """Evaluate inputs at given times, as one column per input with NaN in gaps."""
     return np.stack([one(time) for one in inputs], axis=1) if inputs else np.empty((len(time), 0))
 
 
 def inputs_on_grid(inputs: Sequence[Input], time: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Evaluate inputs at the points of a uniform grid, (n, n_inputs), NaN where not covered.
+    """Evaluate inputs on a uniform time grid, as one column per input with NaN in gaps.
 
     A held input is averaged over a step about the point, which preserves the integral that moves a
     system.
@@ -214,13 +214,14 @@ def fit_windows(
     windows: int,
     degree: int,
 ) -> NDArray[np.float64]:
-    """Fit factors of the inputs by polynomials over windows of `step` s from `start`.
+    """Fit products of inputs by polynomials in time over consecutive windows of equal length.
 
-    factors: exponents of the inputs, each a monomial of them. Returns (windows, degree + 1,
-    n_factors), coefficients of the powers of the time since a window's start over `step`: the
-    polynomial of that degree that is nearest in the mean square (Legendre). Its error moves the
-    states at the window's end only through components of their own motion beyond that degree. Times
-    of a window that an input does not cover have its nearest value.
+    The windows have a length of `step` s and begin at `start`. factors: exponents of the inputs,
+    each a monomial of them. Returns (windows, degree + 1, n_factors), coefficients of the powers of
+    the time since a window's start over `step`: the polynomial of that degree that is nearest in
+    the mean square (Legendre). Its error moves the states at the window's end only through
+    components of their own motion beyond that degree. Times of a window that an input does not
+    cover have its nearest value.
     """
     found = np.zeros((windows, degree + 1, len(factors)))
     if not factors:
@@ -251,7 +252,7 @@ def fit_errors(
     step: float,
     powers: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Compute root mean squares of the errors of `fit_windows`.
+    """Compute the RMS errors of polynomials fitted by `fit_windows`, and of their integrals.
 
     powers: the polynomials of `fit_windows`. Returns (3, n_factors): of the factors less their
     polynomials, and of the first and second integral of this difference within the windows.
@@ -271,7 +272,7 @@ def fit_errors(
 
 
 def evaluate_extended(one: Input, time: np.ndarray) -> np.ndarray:
-    """Evaluate an input at `time` (...), s, or at the nearest covered time."""
+    """Evaluate an input at given times, with times in gaps moved to the nearest sample."""
     ends = np.array(one.stretches)
     after = np.clip(np.searchsorted(ends[:, 0], time, side="right") - 1, 0, len(ends) - 1)
     later = np.minimum(after + 1, len(ends) - 1)
@@ -284,7 +285,10 @@ def evaluate_extended(one: Input, time: np.ndarray) -> np.ndarray:
 
 @cache
 def powers_of_legendre(degree: int) -> NDArray[np.float64]:
-    """Expand shifted Legendre polynomials into powers on [0, 1]: (degree + 1, degree + 1) rows."""
+    """Return the coefficients of Legendre polynomials, shifted to [0, 1], by powers.
+
+    The rows of the matrix (degree + 1, degree + 1) are the polynomials.
+    """
     rows = np.zeros((degree + 1, degree + 1))
     for k in range(degree + 1):
         own = Legendre.basis(k, domain=[0, 1]).convert(kind=np.polynomial.Polynomial).coef
@@ -297,7 +301,7 @@ def powers_of_legendre(degree: int) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Recording(Immutable):
-    """A measured time series of a system's states, and of its inputs.
+    """Measured time series of the states of a system, and of its inputs.
 
     Lists become arrays, and all arrays are read-only. Recordings with equal contents are equal, and
     have the same hash.
@@ -417,7 +421,7 @@ class Recording(Immutable):
 
     @property
     def samples(self) -> int:
-        """Number of samples of values and rates that have noise."""
+        """Number of measured state values and derivatives that have noise."""
         noisy = {"values": not self.exact, "rates": self.rates is not None}
         parts = (getattr(self, name) for name, counts in noisy.items() if counts)
         return sum(int(np.isfinite(part).sum()) for part in parts)
@@ -490,7 +494,7 @@ class Recording(Immutable):
         return replace(self, time=self.time[rows], **cut)
 
     def driven(self, names: Sequence[str], least: int = 2) -> "list[Recording]":
-        """Return the stretches of the recording in which all named inputs are present.
+        """Return as recordings the stretches in which all named inputs are present.
 
         Each stretch is a recording with these inputs, in that order, and has `least` samples or
         more. The recording itself is returned if it has just these inputs and no sample is omitted.
@@ -522,7 +526,7 @@ class Recording(Immutable):
 
 
 def typical_inputs(names: Sequence[str], recordings: Sequence[Recording]) -> dict[str, float]:
-    """Choose a typical value of each named input, for properties of a model.
+    """Choose a typical value of each named input over recordings, near its mean.
 
     It is the mean or, for an input that is held between its samples, the sample nearest to the
     mean, since it never had another value.
@@ -537,7 +541,7 @@ def typical_inputs(names: Sequence[str], recordings: Sequence[Recording]) -> dic
 
 
 def mean_inputs(names: Sequence[str], recordings: Sequence[Recording]) -> dict[str, float]:
-    """Average the named inputs over the samples of the recordings."""
+    """Compute the mean of each named input over all samples of the recordings."""
     return {
         name: float(np.nanmean(np.concatenate([one.inputs[name](one.time) for one in recordings])))
         for name in names

@@ -23,11 +23,12 @@ WEIGHED = 40  # samples that information is summed over: more are weighed, not i
 
 @dataclass(frozen=True)
 class Advice:
-    """Accuracy that further recordings would give, by the Cramér-Rao bound.
+    """Standard errors of the least certain coefficient that further recordings would give.
 
-    term: the least certain one, with its equation. coefficient; error: its present standard error,
-    in unit. duration: s, of a further recording. options: descriptions of recordings, with the
-    standard error that this term would have, the best first.
+    The errors follow from the Cramér-Rao bound. term: the least certain one, with its equation.
+    coefficient; error: its present standard error, in unit. duration: s, of a further recording.
+    options: descriptions of recordings, with the standard error that this term would have, the best
+    first.
     """
 
     term: str
@@ -37,12 +38,13 @@ class Advice:
     duration: float
     options: tuple[tuple[str, float], ...]
 
-def advice(identified: IdentifiedModel, recording: Recording, period: float) -> Advice | None:
-    """Predict the effect of one more recording, by the last sensors, on the least certain term.
 
-    period: s, of the motion. None if there is no exact model, since errors of an approximate one
-    are not noise; if the motion only repeats, since other terms describe it too; and if no channel
-    measures a state.
+def advice(identified: IdentifiedModel, recording: Recording, period: float) -> Advice | None:
+    """Predict how much one more recording would reduce the least certain coefficient's error.
+
+    The further recording has the sensors of the last one. period: s, of the motion. None if there
+    is no exact model, since errors of an approximate one are not noise; if the motion only repeats,
+    since other terms describe it too; and if no channel measures a state.
     """
     exact = identified.status in ("ok", "not identifiable") and len(identified.covariance)
     driven = identified.is_forced or identified.model.inputs  # which differ in another recording

@@ -46,7 +46,7 @@ IN_WORDS = {"zero": "held", "linear": "linear", "cubic": "smooth"}
 
 @dataclass(frozen=True)
 class Field:
-    """Recordings of one system from files.
+    """Recordings of one system read from files, with a data-quality report for each file.
 
     series, reports: one for each file; reports are those of `quality`. recordings: of all files in
     their order, those with long gaps in parts; names: of them.
@@ -60,11 +60,11 @@ class Field:
 
     @property
     def between(self) -> dict[str, str]:
-        """Interpolation of inputs between samples, by name."""
+        """Interpolation between samples (`zero`, `linear` or `cubic`) of each input, by name."""
         return {name: one.between for name, one in self.series[0].inputs.items()}
 
     def with_interpolants(self, kinds: Mapping[str, str]) -> "Field":
-        """Set the interpolation of inputs, with a note."""
+        """Return a copy with other interpolation of the inputs, noted in the reports."""
         reports = copy.deepcopy(self.reports)
         for report in reports:
             for one in report["inputs"].values():
@@ -86,7 +86,7 @@ class Field:
 
     @property
     def faults(self) -> list[Finding]:
-        """Possible reasons for the lack of a model.
+        """Faults of channels that may explain why no model was identified.
 
         These are channels that are cut off, jump, are mostly noise, or have no motion of their own.
         """
@@ -99,7 +99,7 @@ class Field:
 
 
 def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
-    """Read files of one system. Raises FileError in one line."""
+    """Read and check files with recordings of one system; raise FileError if one is unusable."""
     with part("read", until=0.05):
         series = tuple(read_series(path, mapping) for path in paths)
     check_apart(series)
@@ -132,7 +132,7 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
 
 @dataclass(frozen=True)
 class FieldQuestion:
-    """Question to recordings: library, method and prior knowledge.
+    """Options of an identification: candidate terms, method, seed and prior knowledge.
 
     degree: of the polynomial library of states and inputs, if neither `library` nor the mapping has
     another. method: a name of METHODS. library, known: texts, as in `terms`; those of the mapping
@@ -149,9 +149,10 @@ class FieldQuestion:
     random_force: tuple[str, ...] = ()
 
     def terms(self, mapping: ColumnMapping) -> tuple[tuple[Exponents, ...], np.ndarray | None]:
-        """Parse the library, and the equations of its terms, as `terms.parse_library`.
+        """Parse the candidate terms, and the equations in which each of them may occur.
 
-        Raises ValueError for what is no library, and if it lacks an input.
+        Returns both as `terms.parse_library` does. Raises ValueError for what is no library, and if
+        it lacks an input.
         """
         inputs = mapping.input_names
         texts = self.library or mapping.library
@@ -170,7 +171,7 @@ def analyse(
     folder: Path,
     beside: tuple[str, PolynomialModel] | None = None,
 ) -> IdentifiedModel:
-    """Identify a model from recordings, and write everything to `folder` when all of it is made.
+    """Identify a model from recordings, and write results, report and figures to a folder.
 
     beside: a name and a model of the line that the summary compares with. Raises ValueError, in one
     line, for invalid files or questions; a recording without a model is no error.
@@ -187,7 +188,7 @@ def analyse(
 
 
 def identify_field(field: Field, question: FieldQuestion) -> tuple[Field, Summary]:
-    """Identify one model from recordings of one system, and test it.
+    """Identify and test one model from recordings; return the recordings and a summary.
 
     Returns
     -------
@@ -243,7 +244,7 @@ def identify_field(field: Field, question: FieldQuestion) -> tuple[Field, Summar
 
 
 def check_telling(series: Sequence[Series], terms: Sequence[Exponents], n_states: int) -> None:
-    """Refuse inputs that never change, or that cross zero although a library divides by them.
+    """Raise ValueError if an input is constant, or crosses zero although terms divide by it.
 
     series: of all files. terms: exponents of states and inputs. Raises ValueError.
     """
@@ -266,7 +267,10 @@ def check_telling(series: Sequence[Series], terms: Sequence[Exponents], n_states
 def write_outputs(
     folder: Path, field: Field, of: Summary, beside: tuple[str, Dynamics | None] | None = None
 ) -> None:
-    """Write the tables, the model, and `summary.md` with its numbers. beside: as of `findings`."""
+    """Write the model, its tables, the data-quality reports and the summary to a folder.
+
+    beside: as of `findings`.
+    """
     identified, states, inputs = of.found, of.found.model.states, dict(field.series[0].units)
     write_json(folder / "quality.json", list(field.reports))
     identified.save(
@@ -297,7 +301,7 @@ def _describe_package(tables: Mapping[str, Mapping[str, str]]) -> dict:
 
 
 def write_figures(folder: Path, field: Field, of: Summary) -> None:
-    """Draw quality, fit and forecast, as SVG and PNG."""
+    """Draw data quality, model fit and forecast, and write the figures as SVG and PNG."""
     from galloping.figures.style import write_figure
     from galloping.summary import drawing  # matplotlib
 

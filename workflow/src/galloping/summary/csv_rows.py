@@ -19,7 +19,7 @@ MODEL_COLUMNS = {  # with the unit of each
 
 
 def model_rows(identified: IdentifiedModel, units: Mapping[str, str] = NONE) -> list[dict]:
-    """Make rows of model.csv: one for each present term, and each absent one with a limit.
+    """Make the rows of model.csv: one for each term with a coefficient or a detection limit.
 
     An equation is named by the state whose derivative it gives, a term as by pysindy. units: of
     inputs, by name.
@@ -50,7 +50,7 @@ def model_rows(identified: IdentifiedModel, units: Mapping[str, str] = NONE) -> 
 
 
 def forecast_rows(predicted: "Forecast") -> list[dict]:
-    """Make rows of forecast.csv: time and, for each channel, median and 90 % band."""
+    """Make the rows of forecast.csv: time, and the median and 90 % band of each channel."""
     columns = {"time_s": predicted.time} | predicted.channel_columns()
     rows = np.column_stack(list(columns.values())).tolist()
     return [dict(zip(columns, row, strict=True)) for row in rows]

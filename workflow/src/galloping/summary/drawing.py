@@ -40,7 +40,7 @@ MARK: Mapping[str, Any] = {"color": PAPER, "lw": 0.8, "ls": ":"}
 def draw_quality(
     series: "Sequence[Series]", reports: Sequence[dict], mapping: "ColumnMapping"
 ) -> Figure:
-    """Draw samples and spectrum of each channel and input of each file, with gaps shaded.
+    """Plot samples and spectrum of each channel and input of each file, with gaps shaded.
 
     series: of each file. reports: of `field.quality`, of each file. mapping: names the channels.
     """
@@ -103,7 +103,7 @@ def _title(column: str, report: dict) -> str:
 
 
 def draw_fit(recording: Recording, motions: Sequence[tuple[np.ndarray, np.ndarray]]) -> Figure:
-    """Draw samples and the model's motion, in a column for each stretch of the recording.
+    """Plot recorded samples and a model's motion, with one column of panels for each stretch.
 
     motions: of each stretch the times (n,), s, and the channels (n, n_sensed) of the model.
     """
@@ -119,7 +119,7 @@ def draw_fit(recording: Recording, motions: Sequence[tuple[np.ndarray, np.ndarra
 
 
 def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
-    """Draw the spectra of the samples and of a model in random forces, for each channel."""
+    """Plot the spectra of recorded samples and of a model with random forces, by channel."""
     from scipy.signal import welch  # slow to import
 
     channels = Channels.from_recordings([recording])
@@ -148,7 +148,7 @@ def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
 def draw_forecast(
     recordings: Sequence[Recording], forecasts: Sequence[Forecast], length: float
 ) -> Figure:
-    """Draw the end of a recording, the forecast of held-out samples, and the one after the end.
+    """Plot forecasts of held-out samples and of the time after a recording, with the samples.
 
     recordings: recording before each forecast. length: s, of each panel.
     """
@@ -174,7 +174,7 @@ def draw_forecast(
 
 
 def draw_assessment(of: Assessment, units: Mapping[str, str]) -> Figure:
-    """Draw half ranges of the limit cycles along an input, with intervals, and the onset.
+    """Plot limit-cycle amplitudes against an input, with 95 % intervals and the galloping onset.
 
     units: of inputs, by name.
     """

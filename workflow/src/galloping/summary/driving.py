@@ -31,11 +31,11 @@ def driving(
     time: str | None = None,
     kinds: Mapping[str, str] = NONE,
 ) -> dict[str, Input | float]:
-    """Collect the inputs of a model: constant values from `at`, the others from a file.
+    """Collect the inputs that drive a model: constants from option texts, others from a file.
 
-    model: for the message. time: the column of times. kinds: interpolation of inputs. Columns have
-    the names of the inputs, with their units. Raises ValueError if an input is missing, and for
-    files that cannot be read.
+    at: texts such as `U=12`, for constant values. model: for the message. time: the column of
+    times. kinds: interpolation of inputs. Columns have the names of the inputs, with their units.
+    Raises ValueError if an input is missing, and for files that cannot be read.
     """
     found = _read_held(at, names)
     left = [name for name in names if name not in found]
@@ -63,10 +63,11 @@ def driving(
 def inputs_after(
     field: "Field", names: Sequence[str], at: Sequence[str], path: str | None
 ) -> dict[str, Input | float]:
-    """Collect inputs of a model after the last of its recordings, as far as they are specified.
+    """Collect the given inputs of a model for the time after the end of the last recording.
 
-    path: a file with the columns of the recording, on its clock. Raises ValueError if the recording
-    lacks an input, and if only one of the files has dates.
+    at: texts such as `U=12`, for constant values. path: a file with the columns of the recording,
+    on its clock. Raises ValueError if the recording lacks an input, and if only one of the files
+    has dates.
     """
     mapping, recording = field.mapping, field.series[-1]
     columns = {one.name: one for one in mapping.inputs}
@@ -101,7 +102,7 @@ def inputs_after(
 def usual_sampling(
     model: PolynomialModel, start: np.ndarray, inputs: Mapping[str, Input | float]
 ) -> tuple[float, float]:
-    """Choose duration, s, and rate, Hz, that show the motion of a model from a state (n_states,).
+    """Choose a duration (s) and a sampling rate (Hz) that suit a model's motion from a state.
 
     They are multiples of the periods of small motions there, with inputs at their means.
     """
@@ -124,7 +125,7 @@ def _read_held(at: Sequence[str], names: Sequence[str]) -> dict[str, Input | flo
 
 
 def held_at(texts: Sequence[str], inputs: Sequence[str]) -> dict[str, float | np.ndarray]:
-    """Parse values of inputs by name, from `U=12`, or `U=8:16` and `U=8:16:0.5`, a range.
+    """Parse texts such as `U=12` or `U=8:16:0.5` to the value or range of each input, by name.
 
     Raises ValueError if a text has another form or names no input.
     """

@@ -25,7 +25,7 @@ KNOWN = 0.01  # standard error of a coefficient that no further recording needs 
 
 
 def what_helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
-    """List advice, the most useful first."""
+    """List advice on how to improve an identified model, the most useful first."""
     problems = [finding_of(problem) for report in reports for problem in report["problems"]]
     span, units = is_span(of.found), units_in(reports)
     helps = [more for _, more in meanings_and_advice(problems, span) if more]
@@ -100,31 +100,31 @@ def _alone(reports: Sequence[dict]) -> str:
 
 
 def meanings_and_advice(findings: Iterable[Finding], is_span: bool = True) -> list[tuple[str, str]]:
-    """Explain findings that affect the status, with advice (`sentences.explain`)."""
+    """Explain in words each finding that affects a model's status, with advice on what to do."""
     return explain(findings, True, is_span, HELPS)
 
 
 def units_in(reports: Sequence[dict]) -> dict[str, str]:
-    """Extract units of inputs, by name, from reports of `quality`."""
+    """Extract the unit of each input, by name, from data-quality reports."""
     return {one["name"]: one["unit"] for report in reports for one in report["inputs"].values()}
 
 
 def shown_units(units: Mapping[str, str]) -> dict[str, str]:
-    """Format units for numbers, those of pure ones left out."""
+    """Return units by name without those of dimensionless quantities, which have the unit `1`."""
     return {name: unit for name, unit in units.items() if unit != "1"}
 
 
 def may_be_wind(found: IdentifiedModel, units: Mapping[str, str]) -> bool:
-    """Decide whether the input of a span may be the wind, by its unit."""
+    """Decide whether the inputs of a span's model may be wind speeds, with the unit m/s."""
     return is_span(found) and all(units.get(n, "m/s") == "m/s" for n in found.model.inputs)
 
 
 def is_span(found: IdentifiedModel) -> bool:
-    """Decide whether a model is of a span, by the names of its states."""
+    """Decide from its state names whether a model describes a span of an overhead line."""
     return any(map(meaning, found.model.states))
 
 
 def listed(parts: Iterable[str]) -> str:
-    """Join one or more parts as `a, b and c`."""
+    """Join texts to a list in words, such as `a, b and c`."""
     *most, last = parts
     return f"{', '.join(most)} and {last}" if most else last

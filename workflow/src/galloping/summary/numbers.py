@@ -34,7 +34,10 @@ PERCENT = "% of critical"
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value with its 95 % interval, NaN if there is none. unit: '' for a pure number."""
+    """Value with its unit and its 95 % interval, whose ends are NaN if the interval is unknown.
+
+    unit: '' for a pure number.
+    """
 
     value: float
     low: float = nan
@@ -43,14 +46,14 @@ class Estimate:
 
     @classmethod
     def of(cls, value: Value, unit: str = "", factor: float = 1.0) -> Self:
-        """Multiply a value by a factor, which may be negative."""
+        """Make an estimate from a value with its interval, times a factor that may be negative."""
         ends = factor * value.low, factor * value.high
         return cls(factor * value.value, min(ends), max(ends), unit)
 
 
 @dataclass(frozen=True)
 class RecordedMotion:
-    """Least and greatest recorded value, without outliers.
+    """Range and main frequency of the recorded values of a state or column, without outliers.
 
     name: of a state, its rate or a column. meaning: in words, '' for other systems than a span.
     file: that the column is in, '' for a state. below_hz: cut-off frequency, NaN without one.
@@ -69,7 +72,7 @@ class RecordedMotion:
 
 @dataclass(frozen=True)
 class SmallMotionEstimates:
-    """A mode of small motions about the equilibrium.
+    """Frequency and damping of one mode of small motions about the equilibrium.
 
     name: of the coordinate that mostly moves, or of a mode besides those of the coordinates.
     doubling_time: of one that grows.
@@ -83,7 +86,7 @@ class SmallMotionEstimates:
 
 @dataclass(frozen=True)
 class SystemEstimates:
-    """Properties of the system by its model.
+    """Properties of a system computed from its model: equilibrium, modes and limit cycle.
 
     at: means of the inputs, for all other values. rest: equilibrium, by coordinate. small_motions:
     none if the recordings do not determine them. end: kind of the final motion: `cycle`, `rest`,
@@ -101,7 +104,7 @@ class SystemEstimates:
 
 @dataclass(frozen=True)
 class HeldOutChannel:
-    """Scores of the forecast of a channel.
+    """Scores of the forecast of one channel over held-out samples.
 
     missed_percent: root mean square error, over the deviation of the whole recording, NaN for
     random forces, which are unpredictable. is_noise: whether the samples are noise alone; r2 is NaN
@@ -119,7 +122,7 @@ class HeldOutChannel:
 
 @dataclass(frozen=True)
 class HeldOutScores:
-    """Scores of the forecast of the end of a recording, which was hidden from the method.
+    """Scores of a forecast of the end of a recording that the identification did not use.
 
     until_s: the end of that recording, on its clock. is_longest: whether that is of the longest
     recording and not of the last. is_useful: whether the forecast is better than the mean in every
@@ -135,7 +138,7 @@ class HeldOutScores:
 
 @dataclass(frozen=True)
 class AbsentTerm:
-    """An absent term, and the size from which it would have been found."""
+    """Term that is absent from the model, with the coefficient from which it would be detected."""
 
     term: str
     equation: str
@@ -145,7 +148,7 @@ class AbsentTerm:
 
 @dataclass(frozen=True)
 class FurtherRecording:
-    """Effect of further recordings on the least certain term.
+    """Standard error of the least certain coefficient, now and after further recordings.
 
     standard_error: present one. options: standard error after each further recording, the best
     first.
@@ -161,7 +164,7 @@ class FurtherRecording:
 
 @dataclass(frozen=True)
 class Findings:
-    """All numbers of a summary.
+    """All numbers of the summary of an identified model, as written to summary.json.
 
     columns: of files that do not contain a state directly. random_forces: density of each, with its
     unit; force_durations_s: correlation times of slow ones. stretches: number used for the model, 0
@@ -190,7 +193,7 @@ class Findings:
 def findings(
     of: "Summary", reports: Sequence[dict] = (), beside: tuple[str, Dynamics | None] | None = None
 ) -> Findings:
-    """Collect the numbers of a summary.
+    """Collect all numbers of the summary of an identified model.
 
     Parameters
     ----------
@@ -239,12 +242,15 @@ def findings(
 
 
 def keeps(known: Dynamics) -> bool:
-    """Decide whether all damping is zero: no motion grows or decays."""
+    """Decide whether the damping of all modes is zero, so that no motion grows or decays."""
     return all(abs(value.value) < ROUNDING for value in known.damping.values())
 
 
 def is_blind(found: IdentifiedModel, known: Dynamics) -> bool:
-    """Decide whether all small motions persist in the model, but not in other ones."""
+    """Decide whether a model has no damping, while models with damping fit equally well.
+
+    That is so if its status is `not identifiable`.
+    """
     return keeps(known) and found.status == "not identifiable"
 
 

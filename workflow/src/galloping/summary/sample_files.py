@@ -41,36 +41,45 @@ FORCE: dict[str, object] = {"inputs": [{"column": "F", "name": "F"}]}
 
 @dataclass(frozen=True)
 class Oscillation:
-    """A mode: natural frequency, rad/s, and damping ratio."""
+    """Damped linear oscillator, given by its natural frequency (rad/s) and damping ratio."""
 
     frequency: float
     damping: float
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, frequency: float, damping: float) -> "Oscillation":
-        """Draw one near a nominal frequency, Hz, and damping ratio."""
+        """Draw a random oscillator within 10 % of a given frequency (Hz) and damping ratio."""
         factors = rng.uniform(1.0 - SPREAD, 1.0 + SPREAD, 2)
         return cls(2.0 * np.pi * frequency * factors[0], damping * factors[1])
 
     @property
     def rates(self) -> np.ndarray:
-        """Matrix of d(q, dq)/dt by (q, dq), (2, 2)."""
+        """System matrix A, (2, 2), in d(q, dq)/dt = A (q, dq)."""
         return np.array([[0.0, 1.0], [-(self.frequency**2), -2 * self.damping * self.frequency]])
 
     def equation(self, more: str = "") -> str:
-        """Write the equation of dq, as `terms.known_model` reads it, with further terms."""
+        """Format the equation of the velocity dq as text, with optional further terms.
+
+        The text is in the grammar of `terms.known_model`.
+        """
         stiffness, damping = self.rates[1]
         return f"dq = {stiffness:.17g} q {damping:+.17g} dq{more}"
 
     def free(self, time: np.ndarray, start: float, derivative: int = 0) -> np.ndarray:
-        """Compute the motion from `start` at time zero, (n,), or a derivative; zero before."""
+        """Compute the free motion that starts at rest from a displacement at time zero.
+
+        Returns (n,), or its derivative of the given order; zero before time zero.
+        """
         exponent = self.frequency * complex(-self.damping, np.sqrt(1.0 - self.damping**2))
         amplitude = start * complex(1.0, exponent.real / exponent.imag)  # at rest when released
         motion = amplitude * exponent**derivative * np.exp(exponent * np.maximum(time, 0.0))
         return np.where(time >= 0.0, motion.real, 0.0)
 
     def driven(self, force: np.ndarray, step: float, start: float = 0.0) -> np.ndarray:
-        """Simulate the motion from `start`, (n,), under accelerations held for a step, s."""
+        """Simulate the displacement under an acceleration that is constant over each step.
+
+        force: (n,) accelerations. step: s. start: displacement at first, at rest.
+        """
         system = self.rates, np.array([[0.0], [1.0]]), np.eye(2), np.zeros((2, 1))
         transition, response, *_ = cont2discrete(system, step)
         states = np.empty((len(force), 2))
@@ -82,7 +91,7 @@ class Oscillation:
 
 @dataclass(frozen=True)
 class SampleFile:
-    """A file and the truth of its system.
+    """Columns of a synthetic recording file, with the true model of its system.
 
     Parameters
     ----------
@@ -127,7 +136,7 @@ def _integrate(
 
 
 def draw_limit_cycle(rng: np.random.Generator, length: str = "m", clock: str = "s") -> SampleFile:
-    """Draw van der Pol's oscillator, of metres and seconds, in a file with other units."""
+    """Simulate a recording of a random van der Pol oscillator in given units of length and time."""
     mode = Oscillation.drawn(rng, 0.16, -0.1)
     (stiffness, growth), time = mode.rates[1], _sample_times(80.0, 20.0)
     x = _integrate(lambda q, dq: stiffness * q + growth * (1.0 - q**2) * dq, 0.1, time)
@@ -139,21 +148,24 @@ def draw_limit_cycle(rng: np.random.Generator, length: str = "m", clock: str = "
 
 
 def draw_release_after_rest(rng: np.random.Generator) -> SampleFile:
-    """Draw a decay that begins after a sixth of the recording."""
+    """Simulate a recording of a free decay that begins after five seconds of rest."""
     mode, time = Oscillation.drawn(rng, 1.0, 0.015), _sample_times(35.0, 50.0)
     columns = {"t [s]": time, "x [m]": _add_noise(rng, mode.free(time - 5.0, 0.05), 3e-4)}
     return SampleFile(columns, DISPLACEMENT, mode, mode.equation(), cause=Code.RELEASED)
 
 
 def draw_decay_to_rest(rng: np.random.Generator) -> SampleFile:
-    """Draw a decay that ends below the noise."""
+    """Simulate a recording of a free decay that ends below the noise."""
     mode, time = Oscillation.drawn(rng, 1.0, 0.02), _sample_times(60.0, 50.0)
     columns = {"t [s]": time, "x [m]": _add_noise(rng, mode.free(time, 0.05), 3e-4)}
     return SampleFile(columns, DISPLACEMENT, mode, mode.equation())
 
 
 def draw_knock(rng: np.random.Generator) -> SampleFile:
-    """Draw a decay with a knock of a tenth of its amplitude at half time."""
+    """Simulate an accelerometer's recording of a free decay with a small knock at half time.
+
+    The knock adds a tenth of the initial displacement.
+    """
     mode, time = Oscillation.drawn(rng, 6.8, 0.0014), _sample_times(20.0, 100.0)
     acceleration = mode.free(time, 1.6e-3, 2) + mode.free(time - 10.0, 1.6e-4, 2)
     columns = {"t [s]": time, "acc [m/s^2]": _add_noise(rng, acceleration, 0.01)}
@@ -161,9 +173,10 @@ def draw_knock(rng: np.random.Generator) -> SampleFile:
 
 
 def draw_dry_friction(rng: np.random.Generator, library: str = "") -> SampleFile:
-    """Draw an oscillation that shrinks by twice `slip` every half period, by an encoder.
+    """Simulate an encoder's recording of an oscillation that dry friction damps.
 
-    The resolution is 0.09 degrees. library: that has the term of friction.
+    The amplitude falls by twice `slip` in every half period. The resolution is 0.09 degrees.
+    library: that has the term of friction.
     """
     mode, slip = Oscillation.drawn(rng, 1.0, 0.0), 1.5
     time, start = _sample_times(20.0, 50.0), 40.0
@@ -179,7 +192,10 @@ def draw_dry_friction(rng: np.random.Generator, library: str = "") -> SampleFile
 
 
 def draw_large_angles(rng: np.random.Generator, library: str = "") -> SampleFile:
-    """Draw a pendulum that is released at 60 degrees. library: that has the sine."""
+    """Simulate a recording of a pendulum that starts at 60 degrees.
+
+    library: that has the sine.
+    """
     mode, time = Oscillation.drawn(rng, 1.6, 0.002), _sample_times(20.0, 100.0)
     stiffness, damping = mode.rates[1]
     angle = _integrate(lambda q, dq: stiffness * np.sin(q) + damping * dq, np.pi / 3.0, time)
@@ -189,14 +205,14 @@ def draw_large_angles(rng: np.random.Generator, library: str = "") -> SampleFile
 
 
 def draw_wrapped_angle(rng: np.random.Generator) -> SampleFile:
-    """Draw a pendulum that hangs at zero of an encoder with a range of 0 to 360 degrees."""
+    """Simulate a recording of a pendulum whose angle wraps at 0 and 360 degrees."""
     mode, time = Oscillation.drawn(rng, 0.5, 0.005), _sample_times(30.0, 50.0)
     angle = _add_noise(rng, mode.free(time, 30.0), 0.3) % 360.0
     return SampleFile({"t [s]": time, "x [deg]": angle}, DISPLACEMENT, mode, mode.equation())
 
 
 def draw_two_modes(rng: np.random.Generator) -> SampleFile:
-    """Draw heave and pitch of a section, which both come to rest; the pitch has play."""
+    """Simulate a recording of decaying heave and pitch of a rigid section, with play in pitch."""
     heave, pitch = Oscillation.drawn(rng, 2.2, 0.028), Oscillation.drawn(rng, 2.8, 0.037)
     time, play = _sample_times(16.0, 100.0), 0.01
     h = heave.free(time, 0.02) - 0.1 * pitch.free(time, 0.02)
@@ -210,7 +226,10 @@ def draw_two_modes(rng: np.random.Generator) -> SampleFile:
 
 
 def draw_unmeasured_machine(rng: np.random.Generator) -> SampleFile:
-    """Draw a motion under an unrecorded harmonic force at 0.9 of the natural frequency."""
+    """Simulate a recording of an oscillator under a harmonic force that is not recorded.
+
+    The force has 0.9 of the natural frequency.
+    """
     mode, time, fine = Oscillation.drawn(rng, 1.0, 0.02), _sample_times(100.0, 20.0), 20
     step = time[1] / fine
     instants = (np.arange(fine * len(time)) + 0.5) * step
@@ -231,17 +250,20 @@ def _record_force(
 
 
 def draw_step_of_a_force(rng: np.random.Generator) -> SampleFile:
-    """Draw the response to one step of a recorded force."""
+    """Simulate a recording of an oscillator's response to one step of a recorded force."""
     return _record_force(rng, np.where(np.arange(1500) >= 200, 2.0, 0.0))
 
 
 def draw_held_force(rng: np.random.Generator) -> SampleFile:
-    """Draw the response to a recorded force that is random and held between samples."""
+    """Simulate a recording of an oscillator under a recorded, piecewise constant random force."""
     return _record_force(rng, 6.0 * rng.standard_normal(1500))
 
 
 def draw_force_of_two_values(rng: np.random.Generator) -> SampleFile:
-    """Draw the response to a recorded square wave; the library has its powers."""
+    """Simulate a recording of an oscillator under a recorded square-wave force.
+
+    The library has powers of the force.
+    """
     return _record_force(rng, 2.0 * (np.arange(2000) // 150 % 2), library="")
 
 
@@ -267,11 +289,11 @@ FILES: Mapping[str, Callable[[np.random.Generator], SampleFile]] = {
 def trial(
     seed: int, case: str, replicates: Sequence[int], methods: Mapping[str, Mapping]
 ) -> Iterator[dict[str, object]]:
-    """Yield a row for each replicate and method on files of a kind of FILES, or of EXAMPLES.
+    """Identify models from synthetic or example files; yield a table row per file and method.
 
-    methods: by their names in the command. Besides the columns of `attempts.describe_answer` and
-    `attempts.counted_cost`, files of FILES have those of `judge`. All replicates of an example are
-    the same.
+    case: a kind of FILES, or a name of EXAMPLES. methods: by their names in the command. Besides
+    the columns of `attempts.describe_answer` and `attempts.counted_cost`, files of FILES have those
+    of `judge`. All replicates of an example are the same.
     """
     for replicate in replicates:
         if case in EXAMPLES:
@@ -290,7 +312,7 @@ def trial(
 
 
 def write_and_read(sample: SampleFile) -> Field:
-    """Write a file, and read it as the command does."""
+    """Write a synthetic recording to a CSV file, and read it back with the command's reader."""
     first, _, unit = next(iter(sample.columns)).partition(" ")
     time = {"time": {"column": first, "unit": unit.strip("[]")}}
     with TemporaryDirectory() as folder:
@@ -300,7 +322,7 @@ def write_and_read(sample: SampleFile) -> Field:
 
 
 def judge(sample: SampleFile, summary: Summary) -> dict[str, object]:
-    """Compare the results for a file with the truth, as columns of a table.
+    """Compare the model identified from a synthetic file with the truth; return table columns.
 
     Returns
     -------

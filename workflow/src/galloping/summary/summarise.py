@@ -63,12 +63,12 @@ POINTS = 600  # of a drawn motion
 
 
 class StillError(ValueError):
-    """Error of a recording in whose forecast part nothing moves."""
+    """Error raised if nothing moves in the part of a recording that is held out."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Summary(Immutable):
-    """Results of an identified model, and how far they can be trusted.
+    """Properties and forecasts of an identified model, and how far they can be trusted.
 
     Printed, it is the text of `summary.md`. An attribute is None or empty if the model and the
     recordings do not determine it.
@@ -109,7 +109,11 @@ class Summary(Immutable):
 
     @property
     def forecasts(self) -> list[Forecast]:
-        """Forecasts of the held-out end, with a widened band, and after the recording."""
+        """Forecasts of the held-out end of a recording and of the time after the last one.
+
+        The band over the held-out end has the width that this end needed. A useless forecast of
+        that end is omitted.
+        """
         trial = self.held_out
         held_out = [trial.forecast.widened(trial.factors)] if trial and trial.useful else []
         return [*held_out, *([self.forecast] if self.forecast else [])]
@@ -125,7 +129,7 @@ class Summary(Immutable):
         return f"Summary of {self.found!r}"
 
     def draw_fit(self) -> "Figure":
-        """Draw the motion of the model and the samples; with random forces, their spectra.
+        """Plot the model's motion and the samples, or their spectra if random forces act.
 
         Needs matplotlib.
         """
@@ -136,7 +140,7 @@ class Summary(Immutable):
         return draw_fit(self.recordings[-1], self.motions)
 
     def draw_forecast(self) -> "Figure":
-        """Draw both forecasts with their bands, and the samples."""
+        """Plot the forecasts of the held-out end and after the recording, with 90 % bands."""
         from galloping.summary.drawing import draw_forecast
 
         ahead, after = self.forecasts, [self.recordings[-1]] * (self.forecast is not None)
@@ -156,7 +160,7 @@ def summarise(
     seed: int = 0,
     **options: object,
 ) -> Summary:
-    """Summarise an identified model and its recordings: numbers, forecasts, text and figures.
+    """Compute the properties and forecasts of an identified model, with text and figures.
 
     To test forecasts, the end of the last recording is held out and forecast by a model of the
     rest.
@@ -209,7 +213,7 @@ def summarised(
     faults: Sequence[Finding] = (),
     are_one: bool = False,
 ) -> Summary:
-    """Summarise as `summarise` does, for any method.
+    """Summarise an identified model, given a function that repeats its identification.
 
     identify: the method of the model. names, faults, are_one: as of `with_objections`. Raises
     ValueError if there is a model and no channel oscillates.
@@ -253,7 +257,7 @@ def summarised(
 def dynamics(
     found: IdentifiedModel, recordings: Recording | Sequence[Recording], *, seed: int = 0
 ) -> Dynamics | None:
-    """Compute equilibrium, natural frequencies, damping and limit cycle, with 95 % intervals.
+    """Compute a model's equilibrium, frequencies, damping and limit cycle, with 95 % intervals.
 
     Inputs of the model are constant, at their means.
 
@@ -294,7 +298,7 @@ def forecast(
     inputs: Mapping[str, Input | float] = NONE,
     seed: int = 0,
 ) -> Forecast:
-    """Forecast the samples after the end of a recording: median and 90 % band.
+    """Forecast the samples after the end of a recording, as a median and a 90 % band.
 
     If the model is `found` of a `Summary`, the band has the width that the held-out end needed.
 
@@ -350,7 +354,7 @@ def _check_recordings(found: object, recordings: object) -> list[Recording]:
 
 
 def longest_period(recordings: Sequence[Recording]) -> float:
-    """Find the longest period of the motion, s, from the dominant frequencies of the channels.
+    """Return the longest period (s) among the dominant oscillations of the recorded channels.
 
     It is the first of each channel of which the recording has PERIODS_HELD periods: slower ones are
     drifts of the mean, which accompany a growing motion. Infinite if no channel oscillates.
@@ -382,7 +386,7 @@ def _times_after(recording: Recording, length: float) -> NDArray[np.float64]:
 def hold_out(
     recordings: Sequence[Recording], period: float, identify: Identify, rng: np.random.Generator
 ) -> HeldOut:
-    """Identify without the last part of the last recording, and forecast it.
+    """Identify a model without the end of the last recording, and forecast that end.
 
     It is that of the longest one, if the part of the last would be shorter than `period`, s, the
     longest of the motion. Raises ValueError if the shortened recordings give no model, or the model
@@ -408,7 +412,7 @@ def hold_out(
 def motions_beside(
     identified: IdentifiedModel, recording: Recording, length: float
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Simulate the model through the beginning, the middle and the end of a recording.
+    """Simulate a model over the beginning, middle and end of a recording, from fitted states.
 
     Returns times (n,) and channels (n, n_sensed) of each stretch of `length` s through which the
     model does not diverge; it starts from the state that follows the samples best.
@@ -435,7 +439,7 @@ def motions_beside(
 def motion_scores(
     identified: IdentifiedModel, recordings: Sequence[Recording]
 ) -> NDArray[np.float64]:
-    """Compute R2 of a model's motion in each channel of recordings.
+    """Compute R2 of a model's simulated motion against the samples of each recorded channel.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ SEARCHED = 0.45  # share that a first search has, of which nobody knows how long
 
 @contextmanager
 def shown() -> Iterator[None]:
-    """Show the progress of the block."""
+    """Show on standard error the progress of the computations in a `with` block."""
     with ExitStack() as stack:
         stack.enter_context(progress(_Bar(stack) if sys.stderr.isatty() else _Lines()))
         yield
@@ -77,7 +77,7 @@ class _Lines:
 
 
 def json_text(content: object, **options: Any) -> str:
-    """Format JSON, with null for numbers that are not finite."""
+    """Format a value as JSON text, with null for NaN and infinity."""
 
     def plain(value: object) -> object:
         if isinstance(value, dict):
@@ -90,7 +90,7 @@ def json_text(content: object, **options: Any) -> str:
 
 
 def print_rows(rows: Iterable[dict], as_json: bool) -> None:
-    """Print rows as they come, as CSV or as a JSON list, complete even if they end early."""
+    """Print rows one by one as CSV or as a JSON list, which is closed even after an error."""
     between = "["
     try:
         for row in rows:

@@ -71,7 +71,7 @@ MOST_PROBLEMS = 5  # of samples, that are told before the technical part
 def summary_text(
     of: "Summary", reports: Sequence[dict] = (), beside: "tuple[str, Dynamics | None] | None" = None
 ) -> str:
-    """Write summary.md: results, their reliability, advice, and a technical part.
+    """Format the text of summary.md: results, their reliability, advice and technical details.
 
     reports: of `quality`, if the recordings come from files. beside: a name, and known properties
     of the line by that name.
@@ -80,7 +80,10 @@ def summary_text(
 
 
 def rendered(of: "Summary", told: Findings, reports: Sequence[dict] = ()) -> str:
-    """Render summary.md from its numbers. reports: as of `summary_text`."""
+    """Render the text of summary.md from a summary and the numbers collected from it.
+
+    reports: as of `summary_text`.
+    """
     found, known = of.found, of.dynamics
     problems = [
         escape_markdown(f"{report['file']}, from row {p['row']} on: {p['what']}")
@@ -138,17 +141,20 @@ def rendered(of: "Summary", told: Findings, reports: Sequence[dict] = ()) -> str
 
 
 def escape_markdown(text: str) -> str:
-    """Escape markup, since names of files and columns may contain anything."""
+    """Escape the Markdown markup in a text, such as the name of a file.
+
+    Names of files and columns may contain anything.
+    """
     return re.sub(r"([\\`*<>\[\]|]|(?<!\w)_|_(?!\w))", r"\\\1", text)
 
 
 def report_text(report: dict) -> str:
-    """Format a report of `quality`: file, then a line per channel, input, note and problem."""
+    """Format a data-quality report as text, with a line per channel, input, note and problem."""
     return _template("quality.txt").render(report=report).rstrip()
 
 
 def assessment_text(of: "Assessment", units: Mapping[str, str], *, is_detailed: bool = True) -> str:
-    """Format the onset, and growth and limit cycles of each condition.
+    """Format as text the galloping onset, and growth and limit cycles at each input value.
 
     Parameters
     ----------
@@ -221,7 +227,7 @@ def _template(name: str) -> Template:
 
 
 def in_words(of: Estimate) -> str:
-    """Format a value with its interval, to the digits that the interval determines."""
+    """Format a value and its interval as text, with the digits that the interval justifies."""
     number, interval = _cells(of)
     return number + (f" ({interval})" if interval else "")
 
@@ -261,7 +267,7 @@ def _at_place(numbers: Sequence[float], place: int) -> list[str]:
 
 
 def extent_in_words(of: RecordedMotion) -> str:
-    """Format a range such as `-0.95 to 1.09 m`, to three digits of the larger end."""
+    """Format a recorded range as text of three significant digits, such as `-0.95 to 1.09 m`."""
     largest = float(f"{max(abs(of.low), abs(of.high)):.3g}")
     place = floor(log10(largest)) - 2 if largest else 0
     return f"{' to '.join(_at_place((of.low, of.high), place))} {of.unit}".rstrip()

@@ -17,7 +17,7 @@ from galloping.recording.samples import Factor
 
 @dataclass(frozen=True)
 class Tables:
-    """Index tables of one library: every monomial is an earlier monomial times a signal.
+    """Index tables that build each monomial of a library from an earlier one times a factor.
 
     Signals are the states, then the functions of terms, and then known functions of time, the
     factors of terms from inputs, of which a monomial has one at most. monomials: the library's
@@ -46,15 +46,18 @@ class Tables:
     n_kinks: int
 
     def on_monomials(self, coefficients: np.ndarray) -> np.ndarray:
-        """Expand coefficients (n_states, n_terms) to (n_states, n_monomials)."""
+        """Expand coefficients of the library's terms to coefficients of all monomials.
+
+        From (n_states, n_terms) to (n_states, n_monomials).
+        """
         found = np.zeros((len(coefficients), len(self.monomials)))
         found[:, self.position] = coefficients
         return found
 
     def jacobian(self, coefficients: np.ndarray) -> np.ndarray:
-        """Differentiate each equation by each state, (n_states, n_states, n_monomials).
+        """Return the coefficients of the Jacobian: each equation differentiated by each state.
 
-        coefficients: (n_states, n_terms).
+        Returns (n_states, n_states, n_monomials). coefficients: (n_states, n_terms).
         """
         n_states, (monomial, state, lower) = len(coefficients), self.slopes.T
         found = np.zeros((n_states, n_states, len(self.monomials)))
@@ -65,7 +68,7 @@ class Tables:
 
 @lru_cache(maxsize=64)
 def make_tables(terms: tuple[Exponents, ...], n_states: int) -> Tables:
-    """Make the index tables of the library `terms` (n_terms) in states, and in inputs if any."""
+    """Make the index tables by which compiled code evaluates a library of terms."""
     functions, plain = split_functions(terms)
     n_exponents = len(plain[0]) - len(functions)
     of_inputs = [term[n_states:n_exponents] for term in terms]
@@ -161,7 +164,7 @@ CODES = {name: code for code, name in enumerate(FUNCTIONS)}
 
 
 class Signals(NamedTuple):
-    """Functions of states, in the form for the compiled integrator.
+    """Functions of states in a model, as index arrays for the compiled integrator.
 
     kind: (n_functions,) of CODES. argument: (n_functions,) index. partner: (n_functions,) index of
     the cosine of a sine and conversely. weights: (n_arguments, n_states), offsets: (n_arguments,).
@@ -182,7 +185,7 @@ class Signals(NamedTuple):
 
 
 class System(NamedTuple):
-    """One model in the form for the compiled integrator, made by `compile_system`.
+    """Model as index arrays for the compiled integrator, made by `compile_system`.
 
     rates: (n, 2) int, (equation, monomial) of each coefficient present; rate_values: (n,).
     jacobian: (n, 3) int, (equation, state, monomial); jacobian_values: (n,). columns: (n_free, 3)
@@ -202,17 +205,18 @@ class System(NamedTuple):
 
     @property
     def n_free(self) -> int:
-        """Number of parameters of the sensitivities besides the initial state."""
+        """Number of parameters, besides the initial state, whose sensitivities are computed."""
         return int(self.columns[-1, 2]) + 1 if len(self.columns) else 0
 
 
 def compile_system(
     table: Tables, coefficients: np.ndarray, free: np.ndarray, together: np.ndarray | None = None
 ) -> System:
-    """Convert a model with `coefficients` (n_states, n_terms) and `free` (n_free, 2) index pairs.
+    """Convert the coefficients of a model to index arrays for the compiled integrator.
 
-    A pair (equation, term) names a coefficient whose sensitivity is needed; its value may be zero.
-    together: (n_free,) slopes of them all along one parameter, whose sensitivity is then computed.
+    coefficients: (n_states, n_terms). free: (n_free, 2) index pairs. A pair (equation, term) names
+    a coefficient whose sensitivity is needed; its value may be zero. together: (n_free,) slopes of
+    them all along one parameter, whose sensitivity is then computed.
     """
     present = np.argwhere(coefficients)
     monomial = table.position[present[:, 1]]
@@ -253,7 +257,10 @@ def _compile_signals(table: Tables, coefficients: np.ndarray) -> Signals:
 
 
 def without_idle_monomials(compiled: System, sensitive: bool) -> System:
-    """Remove the monomials of a system's library that no result depends on."""
+    """Remove from a compiled model the monomials on which no result depends.
+
+    sensitive: whether sensitivities are results.
+    """
     used = np.zeros(len(compiled.parent), bool)
     used[0] = True
     used[compiled.rates[:, 1]] = True
@@ -285,7 +292,7 @@ def without_idle_monomials(compiled: System, sensitive: bool) -> System:
 
 
 class Workspace(NamedTuple):
-    """Series of one step that the compiled integrators fill, made by `make_workspace`.
+    """Arrays of Taylor coefficients that the compiled integrators fill at each step.
 
     x: (order + 1, n_states + n_functions) of the states and of functions of them, theta: (order +
     1, n_monomials), jac: (order + 1, n_states, n_states) of the Jacobian, s: (order + 1, n_states,
@@ -306,7 +313,10 @@ class Workspace(NamedTuple):
 
 
 def make_workspace(compiled: System, order: int, n_states: int, sensitive: bool) -> Workspace:
-    """Allocate series of a system; compiled code that makes them would compile for longer."""
+    """Allocate the arrays of Taylor coefficients that the compiled integrators fill.
+
+    Compiled code that makes them would compile for longer.
+    """
     columns = compiled.n_free + n_states if sensitive else 0
     kind = np.zeros((n_states, n_states), np.int64)
     equation, state, monomial = compiled.jacobian.T

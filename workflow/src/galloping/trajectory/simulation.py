@@ -39,7 +39,7 @@ EQUAL_STEPS = 4
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectory(Immutable):
-    """Simulated motion of a model.
+    """Simulated states of a model over time, and whether the integration ended early.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Trajectory(Immutable):
         return f"Trajectory: {samples} samples of {states} states{span}, {self.status}"
 
     def to_frame(self) -> "DataFrame":
-        """Convert the motion to a pandas DataFrame.
+        """Convert the simulated states to a pandas DataFrame.
 
         Returns
         -------
@@ -78,7 +78,7 @@ class Trajectory(Immutable):
 
 
 class Simulator:
-    """Simulator of all models with one candidate library.
+    """Simulator of models whose terms belong to one candidate library.
 
     Without inputs, the motion is accurate to double precision. With inputs, the integrator is that
     of the likelihood, whose steps are as short as the sampling intervals of the inputs.
@@ -174,7 +174,10 @@ def pad_ended_motion(
     status: str,
     names: tuple[str, ...] = (),
 ) -> Trajectory:
-    """Append NaN to the states (k, n_states) of a motion that ended early."""
+    """Make a Trajectory from a motion that ended early, with NaN at the missing times.
+
+    states: (k, n_states), of the first k times.
+    """
     missing = np.full((len(time) - len(states), states.shape[1]), np.nan)
     return Trajectory(time, np.concatenate([states, missing]), status, names)
 
@@ -185,7 +188,7 @@ def _divergence_limit(x0: NDArray[np.float64]) -> float:
 
 
 def escape_distance(x0: NDArray[np.float64]) -> float:
-    """Compute the distance beyond which a motion of any system has diverged, from its start alone.
+    """Compute the distance from zero beyond which a motion from a given start has diverged.
 
     Parameters
     ----------
@@ -201,14 +204,14 @@ def escape_distance(x0: NDArray[np.float64]) -> float:
 
 
 def max_steps(time: NDArray[np.float64]) -> int:
-    """Compute the limit of integration steps of a motion on the grid `time`."""
+    """Return the largest number of integration steps allowed for a motion at given times."""
     return MOST_STEPS_BETWEEN + MAX_STEPS_PER_SAMPLE * len(time)
 
 
 def check_inputs(
     model: PolynomialModel, inputs: Mapping[str, Input | float], time: NDArray[np.float64]
 ) -> dict[str, Input | float]:
-    """Return the inputs of a model, in its order.
+    """Return a model's inputs in its order; raise ValueError if one is missing or has gaps.
 
     Raises ValueError if one is missing, is neither an Input nor a number, or does not cover `time`
     (n,), s.
@@ -226,7 +229,7 @@ def check_inputs(
 
 
 def time_grid(duration: float, sampling_rate: float) -> np.ndarray:
-    """Make sample times 0, 1/rate, ..., duration in s."""
+    """Make equally spaced sample times (s) from zero to a duration at a sampling rate."""
     return np.arange(round(duration * sampling_rate) + 1) / sampling_rate
 
 
@@ -239,9 +242,10 @@ STILL = 1e-9  # of the greatest argument of a sign in a motion: what is less sti
 def rates_along(
     model: PolynomialModel, states: NDArray[np.float64], driving: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """Compute the rates along a motion (n, n_states); a sticking state does not accelerate.
+    """Compute the state derivatives along a motion, including sticking by dry friction.
 
-    driving: (n, n_inputs) of a model with inputs.
+    states: (n, n_states). A sticking state does not accelerate. driving: (n, n_inputs) of a model
+    with inputs.
     """
     rates, held = model(states, driving), sticking_projections(model, states, driving)
     return rates if held is None else np.einsum("nij,nj->ni", held, rates)
@@ -250,7 +254,7 @@ def rates_along(
 def sticking_projections(
     model: PolynomialModel, states: NDArray[np.float64], driving: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64] | None:
-    """Compute projections of the rates along a motion that keep sticking states in place.
+    """Compute matrices that cancel the acceleration of states that dry friction holds at rest.
 
     Returns (n, n_states, n_states), factors on the rates and their derivatives, by which an
     argument of a sign remains at its zero; None for a model without one.
@@ -295,7 +299,10 @@ FAR = 1e8  # times its size at first, from which a solution diverges
 
 
 def first_step(inputs: Sequence[Input]) -> float:
-    """Return the step of the finest input, s: between samples at which it jumps."""
+    """Choose the first integration step (s) from the sampling intervals of the inputs.
+
+    It is that of the finest input, between samples at which it jumps.
+    """
     return min(
         (1 if one.between == "zero" else SAMPLES_PER_STEP) * float(np.median(np.diff(one.time)))
         for one in inputs
@@ -318,7 +325,7 @@ def solve_driven(
     most: int,
     free: NDArray[np.int_] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Solve a model with inputs, with derivatives if `free` is given; return the step as well.
+    """Integrate a model with inputs; return states, sensitivities and the step used.
 
     inputs: those of the model, in its order. start: (n_states,) at time[0]. time: (n,) s,
     increasing. step: s, the longest to try. most: steps. free: (n_free, 2) pairs (equation, term).

@@ -517,7 +517,7 @@ def _read_samples(
 
 
 class Samples(NamedTuple):
-    """Samples in windows, whose weighted sums are functionals.
+    """Sample times in each integration step, and their weights in linear functionals.
 
     offsets: (n_windows + 1,) first sample of each window. tau: (n_samples,) times in their windows,
     0 to 1. basis: (n_samples, n_observed, n_rows) weights of a sample in each functional. order:
@@ -540,7 +540,7 @@ def propagate(
     x, theta, jac, s, kind, u, modes, fresh,
     parent, factor, rates, rate_values, jacobian, jacobian_values, columns, weights, signals,
 ):  # fmt: skip
-    """Integrate segments of equal steps and apply linear functionals to every step.
+    """Integrate trajectory segments in equal Taylor steps, and apply linear functionals to them.
 
     h: step (s). first: (n_segments + 1,) first step of each segment. starts: (n_segments,
     n_states). functionals: (n_steps, n_observed, n_rows, order + 1), applied to the Taylor
@@ -651,10 +651,11 @@ def integrate(
     sensitive: bool,
     samples: Samples | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
-    """Integrate segments of equal steps of a `System`; shapes as of `propagate`.
+    """Integrate trajectory segments of a compiled model; return predictions and sensitivities.
 
-    Returns the predictions, their derivatives, the end states, their derivatives, and the largest
-    truncation error of a step relative to the size of each state.
+    The shapes are those of `propagate`. Returns the predictions, their derivatives, the end states,
+    their derivatives, and the largest truncation error of a step relative to the size of each
+    state.
     """
     n_segments, n_states = starts.shape
     own = make_workspace(compiled, ORDER, n_states, sensitive)
@@ -675,7 +676,7 @@ def integrate(
 def at_points(
     compiled: System, window: np.ndarray, tau: np.ndarray, windows: int, n_states: int
 ) -> tuple[np.ndarray, Samples | None, np.ndarray]:
-    """Make functionals of the Taylor steps that give the states at points of time.
+    """Make linear functionals that evaluate the Taylor series of integration steps at given times.
 
     window: (n,) the step of each point, non-decreasing. tau: (n,) its time in the step, 0 to 1.
     Returns arguments of `integrate`, functionals of all states (windows, n_states, n_rows, ORDER +
@@ -697,7 +698,7 @@ def at_points(
 
 
 class Ending(IntEnum):
-    """Reason of the end of a solution."""
+    """Reason why an integration ended."""
 
     COMPLETE = 0
     TOO_MANY_STEPS = 1
@@ -706,7 +707,7 @@ class Ending(IntEnum):
 
 
 class Solution(NamedTuple):
-    """Motion of a model, up to its end.
+    """Solution of a model: states, sensitivities, and time and reason of the end.
 
     states: (k, n_states) at the first k times. derivatives: (k, n_states, n_free + n_states) by the
     free coefficients and the start, without columns if not computed. end: s, time of the end.
@@ -908,7 +909,7 @@ def solve(
     free: NDArray[np.int_] | None = None,
     limit: float = np.inf,
 ) -> Solution:
-    """Solve a model without inputs to double precision.
+    """Integrate a model without inputs from an initial state to double precision.
 
     A kink, which ends a step, is located to the rounding error of the step.
 

@@ -39,7 +39,7 @@ with Path(__file__).with_name("renamed.csv").open(encoding="utf-8", newline="") 
 
 
 def keys(section: str, doc: str | None = None, **types: Any) -> Any:
-    """Make the class of a section of the settings from the table of keys.
+    """Make the pydantic class of a settings section from the rows of the table keys.csv.
 
     doc: description of the section, if it needs no class with its own checks. types: of the keys
     whose type is not in the table; a pair of a type and the function that makes the default, if the

@@ -42,16 +42,16 @@ PATH = "free motion"
 
 
 def is_of_one_coordinate(recordings: Sequence[Recording]) -> bool:
-    """Decide whether recordings are of one coordinate and its velocity alone."""
+    """Decide whether the only states of recordings are one coordinate and its velocity."""
     states = recordings[0].states
     return len(states) == 2 and len(velocity_pairs(states)) == 1
 
 
 def find_free_motion(recordings: Sequence[Recording]) -> FreeMotion | None:
-    """Detect motion that decays or grows freely, before the usual search.
+    """Detect freely decaying or growing motion, to be tried before the general search.
 
-    It is searched for in a single coordinate, and in linear motion if displacements are not
-    measured.
+    Free motion is searched for in a single coordinate, and in linear motion if displacements are
+    not measured.
 
     Parameters
     ----------
@@ -78,7 +78,9 @@ def identify_free_motion(
     recordings: list[Recording],
     search: Callable[[list[Recording]], IdentifiedModel | NoModel],
 ) -> IdentifiedModel | NoModel:
-    """Find the model of free motion, linear or of one coordinate.
+    """Identify the equations of a freely decaying or growing motion.
+
+    The motion is linear, or of one coordinate.
 
     Parameters
     ----------
@@ -106,7 +108,7 @@ def identify_free_motion(
 
 
 def identify_linear_motion(problem: Problem, motion: FreeMotion) -> IdentifiedModel | NoModel:
-    """Find the model of free motion that damped sinusoids follow to the noise.
+    """Identify the linear equations of a free motion that is a sum of damped sinusoids.
 
     Parameters
     ----------
@@ -132,7 +134,7 @@ def identify_linear_motion(problem: Problem, motion: FreeMotion) -> IdentifiedMo
 
 
 def without_omissions(found: IdentifiedModel, recordings: Sequence[Recording]) -> list[Recording]:
-    """Remove from recordings what a model of free motion omits: rests, and further modes.
+    """Remove from recordings what a model of free motion omits: rest, and additional modes.
 
     Parameters
     ----------
@@ -159,7 +161,7 @@ def without_omissions(found: IdentifiedModel, recordings: Sequence[Recording]) -
 
 
 def with_findings(found: IdentifiedModel, moving: Moving) -> IdentifiedModel:
-    """Add the beginning and end of the motion to a model of stretches of motion.
+    """Add findings on when motion begins and ends to a model of a recording's moving parts.
 
     Parameters
     ----------
@@ -328,7 +330,7 @@ def _identified_model(
 
 
 def with_further_modes(found: IdentifiedModel, motion: FreeMotion) -> IdentifiedModel:
-    """Add further modes to a model, and all findings.
+    """Add the additional modes and findings of a free motion to its identified model.
 
     Parameters
     ----------

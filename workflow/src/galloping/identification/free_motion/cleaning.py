@@ -17,7 +17,7 @@ MIN_PERIODS = 8.0  # of a stretch, whose first and last one may be under such a 
 
 
 def without_faults(stretches: Sequence[Stretch], modes: DampedModes) -> list[Stretch] | None:
-    """Remove samples that modes cannot follow.
+    """Remove outliers and samples during events, which fitted damped sinusoids cannot follow.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ ROUNDING = 1e-10  # least noise, in units of the motion; least share of informat
 
 @dataclass(frozen=True)
 class Stretch:
-    """Samples of free motion.
+    """Consecutive samples of free motion in several channels.
 
     Parameters
     ----------
@@ -53,12 +53,15 @@ class Stretch:
 
     @cached_property
     def is_complete(self) -> bool:
-        """Whether every channel has every sample."""
+        """Whether no sample of any channel is missing."""
         return bool(np.isfinite(self.values).all())
 
     @cached_property
     def sizes(self) -> np.ndarray:
-        """Standard deviations, (n_channels,), zero for a channel without samples."""
+        """Standard deviation of each channel, zero for a channel without samples.
+
+        Shape (n_channels,).
+        """
         known = np.isfinite(self.values)
         count = np.maximum(known.sum(axis=0), 1)
         mean = np.where(known, self.values, 0.0).sum(axis=0) / count
@@ -67,7 +70,7 @@ class Stretch:
 
 @dataclass(frozen=True)
 class DampedModes:
-    """Damped sinusoids fitted to stretches of free motion.
+    """Exponentially damped sinusoids fitted to samples of free motion.
 
     Parameters
     ----------
@@ -98,18 +101,18 @@ class DampedModes:
 
     @property
     def growth_errors(self) -> np.ndarray:
-        """Standard errors of the growths, (n_modes,), 1/s."""
+        """Standard errors of the modes' growth rates, (n_modes,), 1/s."""
         return np.sqrt(np.diag(self.covariance)[: len(self.poles)])
 
     @property
     def frequency_errors(self) -> np.ndarray:
-        """Standard errors of the frequencies, (n_modes,), rad/s."""
+        """Standard errors of the modes' frequencies, (n_modes,), rad/s."""
         return np.sqrt(np.diag(self.covariance)[len(self.poles) :])
 
     def amplitude_covariance(
         self, stretch: Stretch, index: int, which: Sequence[int]
     ) -> np.ndarray:
-        """Compute the covariance of some modes with their amplitudes in a stretch.
+        """Compute the joint covariance of poles and amplitudes of some modes in one stretch.
 
         Parameters
         ----------
@@ -158,9 +161,9 @@ class DampedModes:
     def evaluate(
         self, which: Sequence[int] | np.ndarray, stretch: int, time: np.ndarray
     ) -> np.ndarray:
-        """Compute the motion of some modes, (n, n_channels), at times from a stretch's start.
+        """Compute the motion of some modes at given times from the start of a stretch.
 
-        time: (n,) s.
+        Returns (n, n_channels). time: (n,) s.
         """
         places = list(which)
         waves = np.exp(np.outer(time, self.poles[places]))
@@ -170,7 +173,7 @@ class DampedModes:
 def fit_poles(
     stretches: Sequence[Stretch], poles: np.ndarray, is_steady: np.ndarray | None = None
 ) -> DampedModes:
-    """Fit damped sinusoids from first guesses of their poles.
+    """Fit damped sinusoids to samples of free motion, from initial guesses of their poles.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ MIN_SIGNAL = 2.0  # amplitude over noise, below which no part is
 
 @dataclass(frozen=True)
 class LocalDecay:
-    """A stretch of a decaying or growing oscillation.
+    """Growth rate, frequency and amplitude of an oscillation in one part of a recording.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class LocalDecay:
 
 
 def fit_envelope(stretch: Stretch, modes: DampedModes, index: int, place: int) -> list[LocalDecay]:
-    """Fit a mode in stretches of equal change of amplitude.
+    """Fit growth rate and frequency of a mode in intervals of equal relative amplitude change.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def fit_envelope(stretch: Stretch, modes: DampedModes, index: int, place: int) -
 
 
 def strongest_channel(modes: DampedModes, index: int, place: int) -> int:
-    """Find the channel with the highest ratio of a mode to the noise."""
+    """Find the channel in which a mode has the highest signal-to-noise ratio."""
     ratio = np.abs(modes.amplitudes[index][place]) / modes.noise[index]
     return int(np.nanargmax(ratio))
 
@@ -95,7 +95,9 @@ def strongest_channel(modes: DampedModes, index: int, place: int) -> int:
 def running_amplitude(
     time: np.ndarray, values: np.ndarray, omega: float, length: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the amplitude of an oscillation in windows of `length` s, half a window apart.
+    """Compute the amplitude of an oscillation in overlapping windows of a given length.
+
+    The windows are `length` s long and half of that apart.
 
     Parameters
     ----------
@@ -141,12 +143,18 @@ def _part_edges(
 
 
 def decays(sizes: Sequence[float] | np.ndarray) -> bool:
-    """Decide whether amplitudes fall throughout a recording, by a factor of MIN_CHANGE or more."""
+    """Decide whether amplitudes of an oscillation, in the order of time, fall throughout.
+
+    They must fall by a factor of MIN_CHANGE or more.
+    """
     return _falls_throughout(np.asarray(sizes))
 
 
 def grows(sizes: Sequence[float] | np.ndarray) -> bool:
-    """Decide whether amplitudes rise throughout a recording, by a factor of MIN_CHANGE or more."""
+    """Decide whether amplitudes of an oscillation, in the order of time, rise throughout.
+
+    They must rise by a factor of MIN_CHANGE or more.
+    """
     return _falls_throughout(np.asarray(sizes)[::-1])
 
 

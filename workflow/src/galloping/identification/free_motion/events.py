@@ -26,7 +26,7 @@ RIDGE = 1e-12  # of normal equations with a unit diagonal
 
 @dataclass(frozen=True)
 class Event:
-    """A change of the motion of a stretch before one of its samples."""
+    """Place of an abrupt change of motion: a stretch, and the first sample after the change."""
 
     stretch: int
     sample: int
@@ -34,7 +34,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Eventful:
-    """Free motion between events.
+    """Free motion, divided at abrupt events, and the modes fitted to the parts.
 
     Parameters
     ----------
@@ -52,7 +52,9 @@ class Eventful:
 
 
 def find_events(stretches: Sequence[Stretch], modes: DampedModes, floor: float) -> Eventful | None:
-    """Search for events whose removal leaves only noise.
+    """Search for abrupt events, such as a knock, that separate parts of free motion.
+
+    If these are taken into account, only noise remains.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ WINDOWS = 24  # of a stretch, in which its amplitude is compared, a period long 
 
 
 class Kind(StrEnum):
-    """Kinds of motion."""
+    """Kind of a recorded motion: driven, decaying, growing, forced or lasting."""
 
     DRIVEN = "driven"  # by inputs that were measured
     DECAYING = "decaying"  # from its first state
@@ -55,7 +55,7 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class Motion:
-    """The kind of motion of recordings.
+    """Recordings and the kind of their motion.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class FreeMotion(Motion):
-    """Motion that follows from its initial state, apart from a steady force.
+    """Recordings of a motion that follows from its initial state, apart from a steady force.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class FreeMotion(Motion):
 
 @one_thread
 def classify_motion(recordings: Sequence[Recording]) -> Motion:
-    """Determine the kind of motion.
+    """Determine whether recorded motion is driven by inputs, free, or possibly sustained.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ def _with_samples(recording: Recording, stretch: Stretch, channels: Channels) ->
 
 
 def without_further_modes(motion: FreeMotion) -> list[Recording]:
-    """Remove the modes beyond one for each coordinate from the recordings of a motion.
+    """Subtract the modes in excess of one per coordinate from recordings of free motion.
 
     Displacements of the equilibrium by steps of a force after the first recording are removed too.
 

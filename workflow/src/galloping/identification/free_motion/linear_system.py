@@ -18,7 +18,7 @@ STEP = 1e-3  # of finite differences, in standard errors
 
 
 def linear_system(channels: Channels, poles: np.ndarray, shapes: np.ndarray) -> np.ndarray:
-    """Compute the system that has given modes.
+    """Compute the matrix of the linear system with given eigenvalues and mode shapes.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def with_covariance(
     modes: DampedModes,
     own: Sequence[int],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the system that has some of the modes fitted to stretches, and its covariance.
+    """Compute the matrix of the linear system with fitted modes, and its covariance.
 
     Parameters
     ----------

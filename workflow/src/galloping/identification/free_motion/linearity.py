@@ -26,7 +26,7 @@ SIGNIFICANT = 4.0  # standard errors
 
 
 def resolved_modes(stretches: Sequence[Stretch], modes: DampedModes, is_noise: bool) -> list[int]:
-    """Find the modes that differ in frequency from those with more energy.
+    """Select the modes whose frequencies differ from those of all modes with more energy.
 
     A sinusoid that differs from a mode in its growth alone shows nonlinear motion; but a steady
     oscillation and a large decaying one are a force and its transient.
@@ -77,7 +77,9 @@ def _is_transient(
 def has_linear_modes(
     stretches: Sequence[Stretch], modes: DampedModes, order: Sequence[int]
 ) -> bool:
-    """Decide whether modes whose residuals are noise are those of linear motion.
+    """Decide whether fitted damped sinusoids are the modes of a linear motion.
+
+    The residuals of the fit are noise.
 
     Parameters
     ----------
@@ -94,7 +96,7 @@ def has_linear_modes(
 
 
 def may_be_one(stretches: Sequence[Stretch], modes: DampedModes, order: Sequence[int]) -> bool:
-    """Decide whether modes may be parts of a single nonlinear motion.
+    """Decide whether several fitted modes may be parts of a single nonlinear oscillation.
 
     Such a part has about the frequency of the strongest, or a multiple of it by a quadratic term.
     """
@@ -106,13 +108,16 @@ def may_be_one(stretches: Sequence[Stretch], modes: DampedModes, order: Sequence
 
 
 def is_cycle(modes: DampedModes, order: Sequence[int]) -> bool:
-    """Decide whether a mode is a harmonic of the first, steady one, as in a limit cycle."""
+    """Decide whether a fitted mode is a harmonic of the main mode, as in a limit cycle.
+
+    The main mode is steady.
+    """
     times = range(2, MAX_HARMONIC + 1)
     return any(_is_multiple(modes, k, order[0], n) for k in order[1:] for n in times)
 
 
 def is_steady(stretches: Sequence[Stretch], modes: DampedModes, k: int) -> bool:
-    """Decide whether a mode neither grows nor decays."""
+    """Decide whether a fitted mode neither grows nor decays."""
     longest = max(one.duration for one in stretches)
     turns = modes.poles[k].imag * longest / (2.0 * np.pi)
     change = abs(modes.poles[k].real) * longest, 2.0 * modes.growth_errors[k] * longest
@@ -166,7 +171,10 @@ def _depends_on_amplitude(stretches: Sequence[Stretch], modes: DampedModes, main
 
 
 def main_and_beside(stretches: list[Stretch], modes: DampedModes, order: list[int]) -> DampedModes:
-    """Fit one exponential to a main motion that is not exponential, and the clearly other modes."""
+    """Refit the main oscillation by one exponential, and keep the modes separate from it.
+
+    The main oscillation is not exponential.
+    """
     main = order[0]
     beside = [k for k in order[1:] if _is_beside(modes, k, main)]
     less = [
@@ -202,7 +210,10 @@ def _is_beside(modes: DampedModes, k: int, main: int) -> bool:
 
 
 def mode_energies(stretches: Sequence[Stretch], modes: DampedModes) -> np.ndarray:
-    """Compute the square of each mode over the noise, (n_modes,)."""
+    """Compute the energy of each mode, as the sum of its squared ratios to the noise.
+
+    Returns (n_modes,).
+    """
     found = np.zeros(len(modes.poles))
     for index, stretch in enumerate(stretches):
         for k in range(len(found)):

@@ -41,7 +41,7 @@ COLOURED = 1.6  # ratio of that noise to white noise, which chance makes once in
 
 @dataclass(frozen=True)
 class Candidate:
-    """A damped sinusoid that a residual may contain.
+    """A damped sinusoid that residuals may contain, with its power and a threshold for noise.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def strongest_mode(
     apart: np.ndarray | None = None,
     band: tuple[float, float] = (0.0, np.inf),
 ) -> Candidate:
-    """Find the damped sinusoid that is most probable in residuals.
+    """Find the strongest damped sinusoid in the residuals of a fit.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def _near_modes(omega: np.ndarray, poles: np.ndarray | None, resolution: float) 
 def noise_level(
     power: np.ndarray, oversampled: float, omitted: np.ndarray, drifts: bool = True
 ) -> np.ndarray:
-    """Estimate the power of noise near each frequency of a periodogram.
+    """Estimate the noise power at each frequency of a periodogram from medians nearby.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def noise_level(
 def fit_modes(
     stretches: Sequence[Stretch], may_go_on: Callable[[DampedModes], bool] = lambda _: True
 ) -> tuple[DampedModes | None, bool]:
-    """Fit as many damped sinusoids as exceed the noise, the strongest first.
+    """Fit damped sinusoids to free motion, adding the strongest until only noise remains.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ def fit_modes(
 
 
 def share_left(stretches: Sequence[Stretch], found: DampedModes) -> float:
-    """Compute the largest share of the power of a channel in the residual of modes."""
+    """Compute the largest share of the power of any channel that fitted modes do not explain."""
     shares = [
         np.nanmax(found.noise[index][one.sizes > 0.0] / one.sizes[one.sizes > 0.0])
         for index, one in enumerate(stretches)
@@ -241,12 +241,15 @@ def share_left(stretches: Sequence[Stretch], found: DampedModes) -> float:
 
 
 def is_close(poles: np.ndarray, pole: complex) -> np.ndarray:
-    """Decide which poles, (n,), are near the frequency of a given one."""
+    """Decide which poles have nearly the same frequency as a given pole.
+
+    poles: (n,). Returns (n,) boolean.
+    """
     return np.abs(poles.imag / pole.imag - 1.0) < CLOSE
 
 
 def is_part_of(poles: np.ndarray, motion: np.ndarray) -> np.ndarray:
-    """Decide which modes are parts of a motion that is not exponential.
+    """Decide which modes may be components or harmonics of a motion that is not exponential.
 
     Parameters
     ----------

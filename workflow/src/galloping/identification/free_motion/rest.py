@@ -43,7 +43,7 @@ SMOOTH = 1.0  # ratio of the squared differences to the variance: 2 of white noi
 
 @dataclass(frozen=True)
 class MovingPart:
-    """Samples of a recording during which it moves.
+    """Part of a recording in which the system moves, and the rest before and after it.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class MovingPart:
 
 @one_thread
 def moving_parts(time: np.ndarray, values: np.ndarray) -> list[MovingPart]:
-    """Find the parts of a recording between rests.
+    """Find the parts of a recording in which the system moves, between periods of rest.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def _shift_part(part: MovingPart, rows: int) -> MovingPart:
 
 
 def moving_samples(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, list[Finding]]:
-    """Find the samples of a recording during which it moves.
+    """Mark the samples at which the system moves, and report where motion begins and ends.
 
     Parameters
     ----------
@@ -132,7 +132,9 @@ def moving_samples(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, li
 
 @dataclass(frozen=True)
 class Moving:
-    """Recordings without rests that contain no information on the system.
+    """Parts of recordings in which the system moves, without the rest before and after.
+
+    Rest contains no information on the system, unless the motion may stick.
 
     Parameters
     ----------
@@ -153,7 +155,7 @@ class Moving:
 
 
 def moving_recordings(recordings: Sequence[Recording], terms: Sequence[Exponents] = ()) -> Moving:
-    """Remove the rest before and after the motion of recordings.
+    """Remove the rest before and after the motion from recordings.
 
     Parameters
     ----------

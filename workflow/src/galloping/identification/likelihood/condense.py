@@ -21,19 +21,20 @@ TRUNCATION = 1e-7
 
 @dataclass(frozen=True)
 class Condensed:
-    """Projections of the recordings' samples, window by window, n_rows = PROJECTIONS of each.
+    """Samples of recordings, projected onto three orthonormal polynomials in each short window.
 
-    step: length of a window, s. first: (n_recordings + 1,) first window of each recording.
-    observed: (n_observed,) index of the state that each channel measures. is_rate: (n_observed,)
-    whether it measures the rate of that state. functionals: (n_windows, n_observed, n_rows, ORDER +
-    1), from Taylor coefficients in the time scaled by the window to the expected projections; zero
-    rows if a window has few samples. targets: (n_windows, n_observed, n_rows) the projections of
-    the samples, in the state's unit. counts: (n_recordings, n_observed) samples; rows: the same,
-    non-zero rows. remainder: (n_recordings, n_observed) sum of squares of the samples outside the
-    projections. known_noise: (n_recordings, n_observed) deviation of a sample if known, else NaN.
-    inputs: (n_windows, n_powers, n_factors) factors of the inputs over each window (see
-    `Problem.input_factors`), without inputs (n_windows, 1, 0). samples: those behind the
-    projections, kept if the terms of a library have kinks, else None.
+    n_rows = PROJECTIONS, those of a channel in a window. step: length of a window, s. first:
+    (n_recordings + 1,) first window of each recording. observed: (n_observed,) index of the state
+    that each channel measures. is_rate: (n_observed,) whether it measures the rate of that state.
+    functionals: (n_windows, n_observed, n_rows, ORDER + 1), from Taylor coefficients in the time
+    scaled by the window to the expected projections; zero rows if a window has few samples.
+    targets: (n_windows, n_observed, n_rows) the projections of the samples, in the state's unit.
+    counts: (n_recordings, n_observed) samples; rows: the same, non-zero rows. remainder:
+    (n_recordings, n_observed) sum of squares of the samples outside the projections. known_noise:
+    (n_recordings, n_observed) deviation of a sample if known, else NaN. inputs: (n_windows,
+    n_powers, n_factors) factors of the inputs over each window (see `Problem.input_factors`),
+    without inputs (n_windows, 1, 0). samples: those behind the projections, kept if the terms of a
+    library have kinks, else None.
     """
 
     step: float
@@ -50,14 +51,18 @@ class Condensed:
     samples: Samples | None = None
 
     def channel_names(self, states: Sequence[str]) -> list[str]:
-        """Name what each channel measures: a state, or d and the name of one."""
+        """Return the channels' names: a state's name, after a d if its rate is measured."""
         pairs = zip(self.observed, self.is_rate, strict=True)
         return [f"d{states[k]}" if rate else states[k] for k, rate in pairs]
 
     def integrate_segments(
         self, compiled: System, first: np.ndarray, starts: np.ndarray, sensitive: bool
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
-        """Integrate, as `taylor.integrate`, between the windows `first` (n_segments + 1,)."""
+        """Integrate the equations over each segment, and project the solution like the samples.
+
+        As `taylor.integrate`. first: (n_segments + 1,) windows at which the segments begin, and the
+        end of the last one.
+        """
         own, samples = slice(first[0], first[-1]), self.samples
         if samples is not None:
             samples = samples._replace(offsets=samples.offsets[first[0] : first[-1] + 1])
@@ -72,19 +77,22 @@ class Condensed:
         return found
 
     def as_rates(self) -> Self:
-        """Replace the functionals by those of the rates of the channels."""
+        """Return a copy that projects time derivatives of the channels instead of values."""
         samples = self.samples and self.samples._replace(order=self.samples.order + 1)
         shifted = rate_functionals(self.functionals, self.step)
         return replace(self, functionals=shifted, samples=samples)
 
     def sum_squares(self, residual: np.ndarray) -> np.ndarray:
-        """Sum squares of residuals, as `targets`, over windows: (n_recordings, n_observed)."""
+        """Sum the squared residuals of the projections for each recording and channel.
+
+        residual: (n_windows, n_observed, n_rows). Returns (n_recordings, n_observed).
+        """
         return np.add.reduceat((residual**2).sum(axis=2), self.first[:-1], axis=0)
 
     def noise_by_state(
         self, states: Sequence[str], noise: np.ndarray
     ) -> tuple[np.ndarray, dict[str, float]]:
-        """Split the noise of a sample of each channel by state and by rate.
+        """Sort the channels' noise standard deviations into those of states and those of rates.
 
         noise: (n_recordings, n_observed). Returns the noise of states, (n_recordings, n_states),
         NaN if not measured, and that of each rate in the last recording, as `noise_` and the rate's
@@ -98,36 +106,49 @@ class Condensed:
 
     @cached_property
     def is_present(self) -> np.ndarray:
-        """Whether a projection contains data, (n_windows, n_observed, n_rows)."""
+        """Whether each projection exists; a window may have too few samples of a channel.
+
+        Shape (n_windows, n_observed, n_rows).
+        """
         return np.asarray(self.functionals.any(axis=3))
 
     @property
     def is_known(self) -> np.ndarray:
-        """Whether the noise of a sample is known, (n_recordings, n_observed)."""
+        """Whether the noise level of each channel is known in advance, for each recording.
+
+        Shape (n_recordings, n_observed).
+        """
         return np.isfinite(self.known_noise) & (self.counts > 0)
 
     @property
     def noise_variance(self) -> np.ndarray:
-        """Noise variance of a sample, known or from `remainder`, (n_recordings, n_observed)."""
+        """Noise variance of each channel in each recording, known or estimated within windows.
+
+        Shape (n_recordings, n_observed); the estimate is from `remainder`.
+        """
         spare = self.counts - self.rows  # where there are none, the remainder is rounding
         inside = np.where(spare > 0, self.remainder, 0.0) / np.maximum(spare, 1)
         return np.where(self.is_known, self.known_noise**2, inside)
 
     @property
     def has_noise_estimate(self) -> np.ndarray:
-        """Whether the noise of a channel is known or can be measured, (n_recordings, n_observed).
+        """Whether the noise of each channel is known or can be estimated, for each recording.
 
-        It can be measured if windows have samples to spare: three tenths of all, as with five
-        samples in a window, of which three make projections, but not with four. With a smaller
-        share a misfit is compared with a rough estimate of the noise, with a larger one more often
-        with none; the number was not calibrated.
+        Shape (n_recordings, n_observed). It can be estimated if windows have samples to spare:
+        three tenths of all, as with five samples in a window, of which three make projections, but
+        not with four. With a smaller share a misfit is compared with a rough estimate of the noise,
+        with a larger one more often with none; the number was not calibrated.
         """
         spare = self.counts - self.rows
         return self.is_known | (spare > 0.3 * np.maximum(self.counts, 1))
 
     @property
     def samplings(self) -> np.ndarray:
-        """Functionals on each channel and its rate, (n_windows, n_observed, n_rows, 2)."""
+        """Projections of a channel that is 1 and of a channel that rises from 0 to 1 in a window.
+
+        Shape (n_windows, n_observed, n_rows, 2): these are the functionals on a channel and on its
+        rate, for the time scaled by the window.
+        """
         own = self.functionals[..., :2].copy()
         rates = np.flatnonzero(self.is_rate)
         own[:, rates] = self.functionals[:, rates, :, 1:3] * (self.step / np.array([1, 2]))
@@ -135,7 +156,7 @@ class Condensed:
 
 
 def rate_functionals(functionals: np.ndarray, step: float) -> np.ndarray:
-    """Convert weights on a state's Taylor coefficients to those that give its rate."""
+    """Convert weights on a signal's Taylor coefficients to weights that act on its derivative."""
     shifted = np.zeros_like(functionals)
     powers = np.arange(1, functionals.shape[-1]) / step
     np.multiply(functionals[..., :-1], powers, out=shifted[..., 1:])
@@ -219,10 +240,11 @@ def condense_recordings(
     known_noise: np.ndarray,
     keep_samples: bool = False,
 ) -> Condensed:
-    """Condense recordings that measure the same channels.
+    """Project the samples of recordings onto three polynomials in each of many short windows.
 
-    times: per recording (n,), s, increasing. values: per recording (n, n_observed), NaN where a
-    sample is missing. keep_samples: whether terms have kinks. The others as in `Condensed`.
+    The recordings measure the same channels. times: per recording (n,), s, increasing. values: per
+    recording (n, n_observed), NaN where a sample is missing. keep_samples: whether terms have
+    kinks. The others as in `Condensed`.
     """
     windows = [max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-6))) for time in times]
     first = np.concatenate([[0], np.cumsum(windows)])

@@ -23,7 +23,7 @@ from galloping.recording.samples import Recording, inputs_at_times
 
 
 def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedModel:
-    """Identify support and coefficients of the unknown equations from measured derivatives.
+    """Fit the unknown equations to measured derivatives by least squares, and select their terms.
 
     The noise of each recording's derivatives is estimated from the residuals of the whole library.
     Rows with a missing value are left out, and recordings with no more complete rows of an equation

@@ -32,7 +32,7 @@ STATE_RIDGE = 1e-12  # of the information about a state, added: a stretch may te
 
 @dataclass(frozen=True)
 class Eliminated:
-    """Linear regression for the coefficients after the segments' states are eliminated.
+    """Normal equations of the coefficients after elimination of the segments' initial states.
 
     information: (n, n), right: (n,) of the coefficients' change. response: (n_segments, n_states, n
     + 1), of each state to the coefficients' change, and constant.
@@ -43,13 +43,16 @@ class Eliminated:
     response: np.ndarray
 
     def move_states(self, change: np.ndarray, starts: np.ndarray | float = 0.0) -> np.ndarray:
-        """Move states, (n_segments, n_states), with a change of the coefficients."""
+        """Compute the segments' best initial states after a change of the coefficients.
+
+        change: (n,). starts: the present states. Returns (n_segments, n_states).
+        """
         return starts + self.response[:, :, :-1] @ change + self.response[:, :, -1]
 
 
 @dataclass(frozen=True)
 class Matched(Eliminated):
-    """Regression of segments that match.
+    """Normal equations of the coefficients if each segment must start where the previous one ends.
 
     gap: (n_states,) largest mismatch between segments of a chain. fall: decrease of chi^2 when the
     states alone are moved to their best.
@@ -61,10 +64,10 @@ class Matched(Eliminated):
 
 @dataclass(frozen=True)
 class Jumping(Eliminated):
-    """Regression of segments between which the state jumps, with the priors of coefficients.
+    """Normal equations of the coefficients if the state may jump between segments.
 
-    variance, covariance: (n_segments, n_states, n_states), of each segment's first state, and of
-    that with the next segment's, at given coefficients.
+    They include the priors of coefficients. variance, covariance: (n_segments, n_states, n_states),
+    of each segment's first state, and of that with the next segment's, at given coefficients.
     """
 
     variance: np.ndarray
@@ -72,13 +75,14 @@ class Jumping(Eliminated):
 
 
 def chain_segments(linearised: Linearised, segments: Segments, longest: float = np.inf) -> Segments:
-    """Join segments to the longest chains whose ends are not too sensitive to their beginnings.
+    """Join consecutive segments into chains whose ends are not too sensitive to their starts.
 
-    longest: how many segments a chain may have; with one, every segment is free. A chain is broken
-    where its end state, in units of a segment's error of it, moves by more than MAX_SEGMENT_GROWTH
-    such units of its first state and the coefficients, as in a chaotic or very long recording. The
-    last stretch of a chaotic recording has most information: of 288 recordings of Lorenz's system
-    with 20 to 40 % of noise, chains that grow by 2,000 lead to 213 exact models, by 1e6 to 246.
+    The chains are as long as possible. longest: how many segments a chain may have; with one, every
+    segment is free. A chain is broken where its end state, in units of a segment's error of it,
+    moves by more than MAX_SEGMENT_GROWTH such units of its first state and the coefficients, as in
+    a chaotic or very long recording. The last stretch of a chaotic recording has most information:
+    of 288 recordings of Lorenz's system with 20 to 40 % of noise, chains that grow by 2,000 lead to
+    213 exact models, by 1e6 to 246.
     """
     n, n_states = len(linearised.right), linearised.ends.shape[1]
     of_states = np.sum(linearised.rows[:, :, n:-1] ** 2, axis=1).mean(axis=0)
@@ -99,9 +103,10 @@ def chain_segments(linearised: Linearised, segments: Segments, longest: float = 
 
 
 def eliminate_states(linearised: Linearised, segments: Segments, starts: np.ndarray) -> Matched:
-    """Match the segments of each chain and eliminate the chain's first state.
+    """Reduce a linearised multiple-shooting fit to normal equations of the coefficients alone.
 
-    starts: (n_segments, n_states), about which the segments are linearised.
+    The segments of each chain match, and the chain's first state is eliminated. starts:
+    (n_segments, n_states), about which the segments are linearised.
     """
     n_segments, n_states = starts.shape
     n = len(linearised.right)
@@ -168,7 +173,7 @@ def eliminate_with_jumps(
     precision: np.ndarray,
     left_out: np.ndarray | None = None,
 ) -> Jumping:
-    """Eliminate the states of segments that follow each other up to a jump.
+    """Eliminate segment states from normal equations that allow state jumps between segments.
 
     precision: (n_segments, n_states, n_states) of the jump from each to the next. left_out:
     (n_segments,) whose data, and whose jumps to and from them, do not count.
@@ -227,10 +232,11 @@ def eliminate_with_jumps(
 def jump_covariance(
     record: Record, linear: NormalEquations, solved: Jumping, change: np.ndarray, at: np.ndarray
 ) -> np.ndarray:
-    """Compute the expected covariance of the states' jumps at full motion, (n_states, n_states).
+    """Estimate the covariance of the state's jumps between segments, given the data.
 
-    It is given the data. change: of coefficients. at: (n,) segments after which the state jumps.
-    The initial state of a segment may have more entries than the states.
+    Returns (n_states, n_states), for segments with motion of average size. change: of coefficients.
+    at: (n,) segments after which the state jumps. The initial state of a segment may have more
+    entries than the states.
     """
     n_states, by_state = record.states.shape[1], linear.by_state[at]
     starts, step = linear.starts, solved.move_states(change)

@@ -35,7 +35,7 @@ from galloping.identification.work import is_exhausted
 
 
 def fit_exact(begun: Start) -> IdentifiedModel | NoModel:
-    """Fit the model that follows the data to the noise; `NoModel` if none of the library does."""
+    """Search for a model that fits the data to the noise; return `NoModel` if none does."""
     problem, penalty, largest = begun.problem, begun.penalty, begun.largest
     joined = _fit_starts(begun, largest)
     if joined is None:

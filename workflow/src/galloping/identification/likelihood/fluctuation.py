@@ -40,18 +40,18 @@ def select_with_input_powers(
     support: np.ndarray,
     price: float,
 ) -> np.ndarray:
-    """Select terms by their penalty, searched from all and from `support` (n,).
+    """Select terms by a penalty, each with all terms that differ only in powers of the inputs.
 
-    With a term all terms of the library with other powers of the inputs are selected: a recording
-    near one mean wind hardly distinguishes these, and to leave one of them out would claim a law
-    for other winds. price: of each term, in units of chi^2.
+    The selection is searched from all terms and from `support` (n,). A recording near one mean wind
+    hardly distinguishes such terms, and to leave one of them out would claim a law for other winds.
+    price: of each term, in units of chi^2.
     """
     tried = [np.ones(len(right), bool), support]
     return problem.same_state_monomial(problem.select_terms(information, right, tried, price))
 
 
 def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray] | None:
-    """Fit means of coefficients that fluctuate, and choose the terms with them.
+    """Fit the means of coefficients that fluctuate in time, and select the terms of the model.
 
     Returns the fit, and the covariance of the means (n_support, n_support).
 

@@ -42,13 +42,14 @@ def approximate_free_runs(
     penalty: float,
     objections: Sequence[Finding],
 ) -> IdentifiedModel:
-    """Make the approximate model whose free runs are the chains of a matched fit.
+    """Make an approximate model from a fit of uninterrupted simulations, with robust errors.
 
-    information: (n_candidates, n_candidates). residual: (n_windows, n_observed, n_rows) of the free
-    runs. The other arguments are as in `model_error.fit_approximation`, and so are the diagnostics,
-    of free runs instead of forecasts. Intervals are valid for residuals of any spectrum: their
-    width is from the differences between the gradients of up to 40 stretches (sandwich; P. J.
-    Huber, 1967), with a factor for an error common to all stretches.
+    The simulations, or free runs, are the chains of `fit`. information: (n_candidates,
+    n_candidates). residual: (n_windows, n_observed, n_rows) of the free runs. The other arguments
+    are as in `model_error.fit_approximation`, and so are the diagnostics, of free runs instead of
+    forecasts. Intervals are valid for residuals of any spectrum: their width is from the
+    differences between the gradients of up to 40 stretches (sandwich; P. J. Huber, 1967), with a
+    factor for an error common to all stretches.
     """
     _, covariance = solve_support(information, np.zeros(len(fit.free)), fit.support)
     covariance = sandwich_covariance(_window_gradients(fit, residual), covariance)
@@ -62,7 +63,7 @@ def approximate_free_runs(
 
 
 def sandwich_covariance(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> np.ndarray:
-    """Compute the covariance of coefficients from their gradients in stretches.
+    """Compute the sandwich covariance of coefficients from gradients in parts of recordings.
 
     pulls: (n, n_support) gradients of chi^2 / 2 of each recording, in the order of time, which are
     summed over 40 stretches of it. covariance: that for white residuals. Returns (n_support,
@@ -85,11 +86,11 @@ def sandwich_covariance(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> 
 def fit_free_runs(
     record: Record, near: IdentifiedModel, penalty: float, objections: Sequence[Finding]
 ) -> IdentifiedModel | NoModel:
-    """Fit the model with the least error of free runs, with the terms of an approximate model.
+    """Refit an approximate model, with its terms, to minimise the error of its simulation.
 
-    Detection limits remain those of `near`, with which the terms were chosen. `NoModel` if the
-    motion depends on its initial state to the end. Raises FloatingPointError if the iteration
-    diverges.
+    The simulation is a free run over each recording. Detection limits remain those of `near`, with
+    which the terms were chosen. `NoModel` if the motion depends on its initial state to the end.
+    Raises FloatingPointError if the iteration diverges.
     """
     condensed, each = record.condensed, np.arange(len(record.condensed.first) - 1)
     record = replace(record, segments=Segments(condensed.first, each, each))
@@ -110,7 +111,7 @@ def fit_free_runs(
 
 
 def has_forgotten_start(fit: ShootingFit) -> bool:
-    """Decide whether a motion is independent of its initial state in the end.
+    """Decide whether the end of a fitted motion is independent of its initial state.
 
     The last tenth of each chain must depend at most a tenth as much on the first state as the first
     tenth does. This applies to a damped system that is driven, not to a limit cycle, whose phase

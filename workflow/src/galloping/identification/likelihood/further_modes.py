@@ -26,7 +26,7 @@ FASTEST = 0.4  # periods in a window: of faster ones a mean tells little
 def find_further_modes(
     states: tuple[str, ...], condensed: Condensed, residual: np.ndarray
 ) -> tuple[FurtherMode, ...]:
-    """Find oscillations in the residual of a model, in each recording and channel separately.
+    """Find oscillations in the residuals of a model, in each recording and channel separately.
 
     residual: (n_windows, n_observed, n_rows) projections of the samples less those of the model,
     not finite if the model diverges. Channels that measure the rate of another are left out.
@@ -53,7 +53,7 @@ def find_further_modes(
 
 
 def further_mode_findings(modes: tuple[FurtherMode, ...]) -> list[Finding]:
-    """Make a finding for each further mode."""
+    """Return a finding, which names the frequency, for each oscillation that a model lacks."""
     return [
         Finding.of(Code.FURTHER_MODE, mode.state, frequency_hz=mode.frequency / (2.0 * np.pi))
         for mode in modes

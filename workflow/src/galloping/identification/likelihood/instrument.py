@@ -36,7 +36,7 @@ FORCES = (Code.FORCES, Code.FORCES_BESIDE_INPUTS)  # without inputs, and beside 
 
 @dataclass(frozen=True)
 class Fault:
-    """A possible fault of a sensor, or an unknown force, and the test of its presence.
+    """A possible sensor fault or unknown force, and the result of the statistical test for it.
 
     cause: finding that names the fault. z: evidence for the fault, in standard deviations.
     or_model: whether a wrong model would show as this fault does. Residuals of a wrong model are
@@ -53,7 +53,7 @@ class Fault:
     is_noise: bool = False
 
     def can_explain(self, excess: float) -> bool:
-        """Decide whether the fault may cause a misfit beyond the noise, in units of chi^2.
+        """Decide whether the fault can explain a given excess of chi^2 over that of the noise.
 
         Either the fault explains most of the misfit, or any misfit of a model shows as this fault.
         """
@@ -62,10 +62,11 @@ class Fault:
 
 
 def find_faults(fit: ShootingFit, penalty: float) -> list[Fault]:
-    """Find the faults that the data show, the clearest first; none if the recording is sound.
+    """Test a fit for sensor faults and unknown forces; return those found, the clearest first.
 
-    fit: converged, in its chains. penalty: 2 ln N of N samples. The false-alarm rate is one sound
-    recording in two hundred. Raises FloatingPointError if the model diverges.
+    The list is empty if the recording is sound. fit: converged, in its chains. penalty: 2 ln N of N
+    samples. The false-alarm rate is one sound recording in two hundred. Raises FloatingPointError
+    if the model diverges.
     """
     problem, condensed, segments = fit.record.problem, fit.record.condensed, fit.record.segments
     residual, _ = segment_residuals(fit.record, fit.free, fit.starts)
@@ -203,7 +204,12 @@ def _fault_parameters(
 
 
 def score_test(information: np.ndarray, right: np.ndarray, mixture: np.ndarray) -> float:
-    """Compute z of a mixture of the last parameters, the others at their best; 0 if collinear."""
+    """Compute z, in standard deviations, of the score test for a combination of parameters.
+
+    information, right: normal equations. mixture: weights of the last parameters in the
+    combination. The other parameters are at their best; 0 if they are collinear with the
+    combination.
+    """
     information, right = _combine_parameters(information, right, mixture)
     change, covariance = solve_support(information, right, np.arange(len(right)) < len(right) - 1)
     cross = information[-1, :-1]

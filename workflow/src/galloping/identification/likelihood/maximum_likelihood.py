@@ -86,7 +86,7 @@ def maximum_likelihood(
     coefficients: Sequence[Coefficient] = (),
     allowed: ArrayLike | None = None,
 ) -> IdentifiedModel:
-    """Identify one model from one or several recordings of a system.
+    """Identify the differential equations of a system from recordings by maximum likelihood.
 
     The noise of each channel is assumed to be white and Gaussian; its size is estimated. If the
     values of all recordings are exact, the equations are fitted to the measured rates.

@@ -36,9 +36,10 @@ EXPLAINED = 0.5
 
 
 def find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
-    """Find the kind of term that explains most of the residual of a fit, if any.
+    """Find a non-polynomial term, such as friction, that would explain most of a fit's residual.
 
-    fit: in its chains. penalty: 2 ln N of N samples. Raises FloatingPointError if the fit diverges.
+    The list is empty if no kind of term explains so much. fit: in its chains. penalty: 2 ln N of N
+    samples. Raises FloatingPointError if the fit diverges.
     """
     record, problem = fit.record, fit.record.problem
     kinds = [kind for kind in _candidate_kinds(problem) if kind[2] not in problem.terms]

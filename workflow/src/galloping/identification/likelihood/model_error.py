@@ -50,7 +50,7 @@ MisfitOf = Callable[[Record, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Approximation:
-    """A compact model that forecasts the data nearly as well as any.
+    """Fit of a compact but imperfect model, with its covariance and cross-validated forecasts.
 
     information, covariance: of the candidates with the disturbance accounted for, and of the
     supported ones by leaving stretches out (delete-a-group jackknife), widened for errors common to
@@ -70,7 +70,10 @@ class Approximation:
 
     @cached_property
     def forecast_squares(self) -> np.ndarray:
-        """Mean squares of data and of the errors of forecasts, (2, n_segments, n_observed)."""
+        """Mean squares of the data and of the forecast errors, for each segment and channel.
+
+        Shape (2, n_segments, n_observed).
+        """
         first = self.fit.record.segments.first
         squares = [
             np.add.reduceat(np.sum(values**2, axis=2), first[:-1]) / np.diff(first)[:, None]
@@ -80,15 +83,16 @@ class Approximation:
 
     @property
     def forecast_r2(self) -> float:
-        """R2 of the forecasts, averaged over the channels; minus infinity if one diverges."""
+        """R2 of the forecasts, averaged over channels; minus infinity if a forecast diverges."""
         data, left = self.forecast_squares.sum(axis=1)
         return float(np.mean(1.0 - left / data)) if np.all(np.isfinite(left)) else -np.inf
 
     @property
     def error_shares(self) -> np.ndarray:
-        """Errors of the forecasts as shares of the motion, (n_observed,).
+        """Root mean square forecast error of each channel, relative to that of its motion.
 
-        They are root mean squares, less the noise, both about their means over a recording.
+        Shape (n_observed,). The noise is subtracted from the errors; errors and motion are about
+        their means over a recording.
         """
         condensed = self.fit.record.condensed
         shares = np.zeros(len(condensed.observed))
@@ -107,7 +111,7 @@ class Approximation:
 def fit_approximation(
     start: ShootingFit, penalty: float, objections: Sequence[Finding]
 ) -> IdentifiedModel | NoModel:
-    """Fit the most compact model whose forecasts are hardly worse than those of the best.
+    """Fit the model with the fewest terms that forecasts left-out data almost as well as the best.
 
     start: in segments of some periods each, or fewer if it diverges sooner. penalty: of a term in
     units of chi^2, if the model were exact. objections: reasons why no model of the library is
@@ -137,7 +141,7 @@ def as_identified(
     objections: Sequence[Finding],
     missed: Finding,
 ) -> IdentifiedModel:
-    """Convert an approximation to an identified model.
+    """Convert an approximate fit to an `IdentifiedModel` with findings on its errors.
 
     residual: (n_windows, n_observed, n_rows) of its motion, in which further modes are searched
     for. noise: (n_recordings, n_observed) of a sample. objections: reasons why no model of the
@@ -355,11 +359,17 @@ def _cross_validate(fit: StretchFit, price: float) -> Approximation:
 
 
 def prior_covariance(problem: Problem, information: np.ndarray, support: np.ndarray) -> np.ndarray:
-    """Compute the covariance of coefficients, (n_support, n_support), by errors of prior means."""
+    """Compute the part of the coefficients' covariance that errors of their prior means cause.
+
+    Returns (n_support, n_support).
+    """
     _, covariance = solve_support(information, np.zeros(len(support)), support)
     return covariance * problem.candidate_values(problem.precision)[support] @ covariance
 
 
 def small_sample_factor(groups: int) -> float:
-    """Compute the factor on a variance from few groups for which normal intervals cover 95 %."""
+    """Compute the factor that corrects normal 95 % intervals for a variance from few groups.
+
+    It is the squared ratio of Student's t to the normal quantile, and multiplies the variance.
+    """
     return float((stdtrit(max(groups - 1, 1), QUANTILES_95[1]) / NORMAL_95) ** 2)

@@ -15,7 +15,7 @@ FINE = 1e-4  # of the step between these samples, to which a delay is told
 
 
 class FollowedRecording(NamedTuple):
-    """A recording that a model follows in segments.
+    """States of a fitted model at the beginning of each segment of a recording.
 
     times: (n_segments,) s, beginning of each, the first at zero. states: (n_segments, n_states) of
     the model there. duration: s, of the recording.
@@ -29,7 +29,7 @@ class FollowedRecording(NamedTuple):
 def is_periodic(
     model: PolynomialModel, followed: Sequence[FollowedRecording], period: float
 ) -> bool:
-    """Decide whether the model's motion in all recordings repeats a single orbit.
+    """Decide whether the model's motion is periodic in every recording.
 
     Two tones without a common period nearly return after some delay, but not after its multiples.
     The motion is that in segments, since an orbit may be unstable, and a free run then leaves the

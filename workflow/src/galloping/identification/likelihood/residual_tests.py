@@ -28,7 +28,7 @@ ROUNDING = 1e-5
 
 @dataclass(frozen=True)
 class ResidualDiagnostics:
-    """Statistics of the residuals of a fit.
+    """Test statistics of the residuals of a fit, with their limits for white noise.
 
     chi2: mean square of the projected residuals, per degree of freedom, against the noise inside
     the windows; NaN if the windows contain too few samples to measure it. chi2_allowed: the largest
@@ -57,11 +57,11 @@ class ResidualDiagnostics:
 
     @property
     def is_coloured(self) -> bool:
-        """Whether the noise is correlated over a few samples, more than a model error explains."""
+        """Whether the residuals show measurement noise that is correlated over a few samples."""
         return not self.noise_known and self.chi2 > max(MOST_COLOUR, self.chi2_allowed)
 
     def find_objections(self, channels: list[str]) -> list[Finding]:
-        """Find reasons not to trust the fit; none if it is reliable.
+        """Return reasons not to trust the fit, such as correlated residuals; empty if reliable.
 
         channels: names of the observed channels. Noise correlated over a few samples may have up to
         twice the power at the motion's frequencies.
@@ -86,10 +86,11 @@ class ResidualDiagnostics:
 def diagnose_residuals(
     condensed: Condensed, residual: np.ndarray, parameters: int, period: float
 ) -> ResidualDiagnostics:
-    """Test the residuals (n_windows, n_observed, n_rows) of a fit.
+    """Test the residuals of a fit for whiteness and for their size against the noise.
 
-    parameters: number of parameters of the fit. period: the shortest of the motion, s. Channels
-    whose residuals are below ROUNDING are left out of the spectra.
+    residual: (n_windows, n_observed, n_rows). parameters: number of parameters of the fit. period:
+    the shortest of the motion, s. Channels whose residuals are below ROUNDING are left out of the
+    spectra.
     """
     limit = 1.5 * condensed.step / period * (1.0 - TIME_ROUNDING)  # which may be at a bin
     low, high, bins = [], [], np.zeros(2)

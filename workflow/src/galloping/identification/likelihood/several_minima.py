@@ -47,7 +47,7 @@ LOWER = 1.0  # of chi^2, by which another minimum must be lower
 
 
 def refine_fit(joined: JoinedFit, price: Price) -> JoinedFit:
-    """Move a fit to the least minimum that is found, with the terms that are best there.
+    """Search several local minima of chi^2 for the lowest, and select the best terms there.
 
     The search is from the joined segments and, if that leads to no fit that follows the data, from
     the free segments. joined: returned unchanged if neither does.

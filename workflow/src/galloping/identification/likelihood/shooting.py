@@ -26,11 +26,11 @@ SEGMENT = 5e-5  # s of work, in which a segment is linearised, or put in a chain
 
 @dataclass(frozen=True)
 class Segments:
-    """Segments of the recordings, each of whole windows.
+    """Division of recordings into segments for multiple shooting, and of these into chains.
 
-    first: (n_segments + 1,) first window of each, and the number of windows. recording:
-    (n_segments,) index of the recording of each. chains: (n_segments,) the chain of each segment,
-    non-decreasing.
+    A segment consists of whole windows, a chain of consecutive segments with joined ends. first:
+    (n_segments + 1,) first window of each, and the number of windows. recording: (n_segments,)
+    index of the recording of each. chains: (n_segments,) the chain of each segment, non-decreasing.
     """
 
     first: np.ndarray
@@ -39,13 +39,16 @@ class Segments:
 
     @property
     def bounds(self) -> np.ndarray:
-        """First segment of each chain, and the number of segments, (n_chains + 1,)."""
+        """Index of the first segment of each chain, and at the end the number of segments.
+
+        Shape (n_chains + 1,).
+        """
         return np.flatnonzero(np.diff(self.chains, prepend=-1, append=-1))
 
 
 @dataclass(frozen=True)
 class Record:
-    """Condensed samples, in segments, and the problem whose equations are fitted to them.
+    """Data of a multiple-shooting fit: projected samples, their segments, and the problem.
 
     states: (n_windows, n_states) smoothed, where the windows begin. floor: (n_recordings,
     n_observed) least standard deviation of the projections' noise.
@@ -69,21 +72,21 @@ class Record:
 
     @cached_property
     def followed_segments(self) -> np.ndarray:
-        """Indices of the segments that another segment of the same recording follows."""
+        """Indices of the segments that are not the last of their recording."""
         return np.flatnonzero(np.diff(self.segments.recording) == 0)
 
     @property
     def stretch(self) -> float:
-        """Length of a segment, s: the median."""
+        """Median length of the segments, s."""
         return float(np.median(np.diff(self.segments.first)) * self.condensed.step)
 
     @cached_property
     def segment_sizes(self) -> np.ndarray:
-        """Relative root mean square of the motion in each segment, (n_segments,).
+        """Root mean square of the motion in each segment, relative to that of all recordings.
 
-        It is relative to the whole record. 3 % is added in squares: jumps are no smaller if the
-        motion rests. With less added, quiet segments constrain the model more, with more less; the
-        number was not calibrated.
+        Shape (n_segments,). 3 % is added in squares: jumps are no smaller if the motion rests. With
+        less added, quiet segments constrain the model more, with more less; the number was not
+        calibrated.
         """
         mean = np.mean(self.states**2, axis=0) + np.finfo(float).tiny
         squares = np.mean(self.states**2 / mean, axis=1)
@@ -93,10 +96,10 @@ class Record:
     def predict_projections(
         self, free: np.ndarray, starts: np.ndarray, segments: slice = slice(None)
     ) -> np.ndarray:
-        """Predict the projections over consecutive segments, (n_windows, n_observed, n_rows).
+        """Simulate consecutive segments, and project the solution like the samples.
 
-        They are not finite where the solution diverges. starts: (n, n_states) first states of the
-        segments.
+        Returns (n_windows, n_observed, n_rows). The projections are not finite where the solution
+        diverges. starts: (n, n_states) first states of the segments.
         """
         first = self.segments.first
         begin, end, _ = segments.indices(len(first) - 1)
@@ -110,11 +113,11 @@ class Record:
 
     @cached_property
     def extent(self) -> np.ndarray:
-        """Largest size of each state, (n_states,)."""
+        """Largest absolute value of each smoothed state, (n_states,)."""
         return np.abs(self.states).max(axis=0) + np.finfo(float).tiny
 
     def derivative_units(self, pairs: np.ndarray) -> np.ndarray:
-        """Choose units in which derivatives of the states are numbers of about one.
+        """Estimate the sizes of the states' derivatives by coefficients and initial states.
 
         Parameters
         ----------
@@ -133,7 +136,7 @@ class Record:
         return self.extent[:, None] * np.append(moved, 1.0 / self.extent)
 
     def jump_precision(self, jump: np.ndarray) -> np.ndarray:
-        """Compute the inverse covariance of the jump after each segment.
+        """Compute the inverse covariance of the state's jump after each segment.
 
         jump: (n_states, n_states) covariance at full motion. Returns (n_segments, n_states,
         n_states).
@@ -143,12 +146,13 @@ class Record:
     def iterate_linearised(
         self, free: np.ndarray, starts: np.ndarray, pairs: np.ndarray, at_once: int
     ) -> Iterator[tuple[slice, slice, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-        """Yield solutions from the `starts` of segments with derivatives, `at_once` at a time.
+        """Yield simulations of groups of segments, with derivatives by coefficients and states.
 
-        pairs: (n_pairs, 2) coefficients (equation, term); derivatives are by these and by the first
-        states. Yields the segments, their windows, the residual (n_windows, n_observed, n_rows),
-        derivatives of the predicted projections (..., n_pairs + n_states), the ends (n, n_states)
-        and derivatives of the ends. Raises FloatingPointError if a solution diverges.
+        A group has `at_once` segments, which begin at `starts`. pairs: (n_pairs, 2) coefficients
+        (equation, term); derivatives are by these and by the first states. Yields the segments,
+        their windows, the residual (n_windows, n_observed, n_rows), derivatives of the predicted
+        projections (..., n_pairs + n_states), the ends (n, n_states) and derivatives of the ends.
+        Raises FloatingPointError if a solution diverges.
         """
         compiled, first = self.problem.compile_system(free, pairs), self.segments.first
         most = HUGE * self.extent, HUGE * self.derivative_units(pairs)
@@ -166,7 +170,7 @@ class Record:
 
 @dataclass(frozen=True)
 class ShootingFit:
-    """Coefficients and first states of an iteration.
+    """Iterate of a multiple-shooting fit: coefficients, segments' initial states, and noise.
 
     free: (n_candidates,) coefficients, zero outside the support (n_candidates,), boolean. starts:
     (n_segments, n_states) first states. sigma: (n_recordings, n_observed) standard deviation of the
@@ -184,17 +188,20 @@ class ShootingFit:
 
     @property
     def misfit(self) -> float:
-        """Misfit chi^2 per row, that is, per projection."""
+        """Misfit per projection of the samples: chi^2 divided by the number of projections."""
         return self.chi2 / float(np.sum(self.record.condensed.rows))
 
     @property
     def n_parameters(self) -> int:
-        """Number of terms, and of entries of the first states of chains."""
+        """Number of fitted parameters: coefficients, and the initial states of all chains."""
         chains = int(self.record.segments.chains[-1]) + 1
         return int(self.support.sum()) + chains * self.starts.shape[1]
 
     def follow_recordings(self, recordings: Sequence[Recording]) -> list[FollowedRecording]:
-        """Describe how the model follows the recordings whose samples were condensed."""
+        """Return the fitted states at the beginnings of the segments, for each recording.
+
+        recordings: those whose samples were condensed.
+        """
         segments, condensed = self.record.segments, self.record.condensed
         owner = segments.recording
         times = condensed.step * (segments.first[:-1] - condensed.first[owner])
@@ -206,7 +213,7 @@ class ShootingFit:
 
 @dataclass(frozen=True)
 class Linearised:
-    """Misfit of every segment, linearised in the coefficients and the segment's state.
+    """Residuals of all segments, linearised in the coefficients and the segments' initial states.
 
     A segment's rows are rotated so that only the first n_states of them contain its state: these
     are `rows`; the others are regressions on the coefficients alone. Otherwise the remainder after
@@ -227,10 +234,11 @@ class Linearised:
 
 
 def cut_segments(condensed: Condensed, windows: int, allowed: np.ndarray) -> Segments:
-    """Divide windows into segments of about `windows` windows, each a chain of its own.
+    """Divide the windows of recordings into segments of about a given number of windows.
 
-    allowed: (n_windows,) whether a segment may start at a window; otherwise it starts at the
-    nearest window that is allowed. One may start at the first window of every recording.
+    Each segment is a chain of its own. allowed: (n_windows,) whether a segment may start at a
+    window; otherwise it starts at the nearest window that is allowed. One may start at the first
+    window of every recording.
     """
     first, recording = [], []
     for r, (a, b) in enumerate(zip(condensed.first[:-1], condensed.first[1:], strict=True)):
@@ -251,7 +259,7 @@ def cut_segments(condensed: Condensed, windows: int, allowed: np.ndarray) -> Seg
 def linearise(
     fit: ShootingFit, pairs: np.ndarray | None = None, columns: np.ndarray | None = None
 ) -> Linearised:
-    """Linearise the misfit of the condensed samples in coefficients and segment states.
+    """Linearise the residuals of a multiple-shooting fit in coefficients and initial states.
 
     pairs: (n_pairs, 2) coefficients (equation, term) to linearise by, by default the candidates.
     columns: (n_windows, n_observed, n_rows, n_columns), derivatives of the predicted projections by
@@ -299,11 +307,11 @@ def linearise(
 def qr_eliminate(
     rows: np.ndarray, residual: np.ndarray, n: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rotate rows so that only the first contain the columns from `n` on, the states.
+    """Transform a least-squares problem by QR so that only its first rows contain the states.
 
-    rows: (n_rows, n + n_states), residual: (n_rows,). Returns the first rows, (n_states, n +
-    n_states + 1), with the residual as last column, and the others' design (n_rows, n) and residual
-    (n_rows,), regressions on the first n columns alone.
+    The states are the columns from `n` on. rows: (n_rows, n + n_states), residual: (n_rows,).
+    Returns the first rows, (n_states, n + n_states + 1), with the residual as last column, and the
+    others' design (n_rows, n) and residual (n_rows,), regressions on the first n columns alone.
     """
     q, r = np.linalg.qr(rows[:, n:])
     design = q.T @ rows[:, :n]
@@ -315,7 +323,7 @@ def qr_eliminate(
 def segment_residuals(
     record: Record, free: np.ndarray, starts: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Compute projections of the samples less those of the solution.
+    """Simulate every segment, and subtract the solution from the projected samples.
 
     Returns the residuals, (n_windows, n_observed, n_rows), and the integrator's relative error.
     Raises FloatingPointError if the solution diverges within a segment.

@@ -26,10 +26,10 @@ TIME_SCALES = (1.0, 1 / 2, 1 / 4)  # of the period that the spectrum shows
 def rescale_start(
     begun: Start, recordings: list[Recording], share: float
 ) -> tuple[Start, dict[str, float]]:
-    """Divide values of unknown scale by their scale, and add the measured rates.
+    """Estimate unknown scales of channels, and rescale the initial guess by them.
 
-    share: of `TIME_SCALES`, for this start. Returns the start in these recordings, and the scales
-    by name.
+    The measured rates are added. share: of `TIME_SCALES`, for this start. Returns the start in
+    these recordings, and the scales by name.
     """
     own = with_scales(recordings, begun.period)
     if any(one is not other for one, other in zip(recordings, own, strict=True)):
@@ -38,7 +38,10 @@ def rescale_start(
 
 
 def rests_at_zero(begun: Start) -> bool:
-    """Decide whether each unknown equation is of the velocity of an unmeasured displacement."""
+    """Decide whether the equilibrium can be set to zero because no displacement is measured.
+
+    That is, whether each unknown equation is of the velocity of an unmeasured displacement.
+    """
     return set(begun.problem.unknown) <= {
         velocity for _, velocity in _unmeasured_displacements(begun)
     }
@@ -52,9 +55,10 @@ def _unmeasured_displacements(begun: Start) -> set[tuple[int, int]]:
 
 
 def positions_of_rest(begun: Start) -> Iterator[tuple[str, Start]]:
-    """Yield starts without constants, by name, at several equilibria.
+    """Yield named initial guesses for several positions of the equilibrium.
 
-    The curves are used as they are, then shifted along each displacement that is not measured.
+    They have no constant terms. The curves are used as they are, then shifted along each
+    displacement that is not measured.
 
     The middle of a motion may be a fifth of the displacement's deviation from the equilibrium. For
     the line of the study it is 0.15 deviations away, and on its accelerations starts that are 0.0
@@ -79,11 +83,12 @@ def positions_of_rest(begun: Start) -> Iterator[tuple[str, Start]]:
 
 
 def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
-    """Yield name and terms of each start, in order, and the initial factor on penalties.
+    """Yield initial sets of terms in the order of trial, with names and penalty factors.
 
-    A start with few terms moves no faster than the samples show: of twenty recordings of the
-    displacements of a line, three samples a second, starts of 25 to 70 terms left fourteen without
-    a model, of 4 to 10 terms none. A start of the second degree diverges less.
+    A factor multiplies the penalties at first. A start with few terms moves no faster than the
+    samples show: of twenty recordings of the displacements of a line, three samples a second,
+    starts of 25 to 70 terms left fourteen without a model, of 4 to 10 terms none. A start of the
+    second degree diverges less.
     """
     rough, problem = rough_fit(begun), begun.problem
 

@@ -13,7 +13,9 @@ from galloping.recording.samples import Recording
 
 
 def shared_evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> dict:
-    """Prepare the data that `weak_gls` and `maximum_likelihood` use in a study.
+    """Prepare recordings, candidate terms and initial guess, which two methods of a study share.
+
+    The methods are `weak_gls` and `maximum_likelihood`.
 
     Returns
     -------
@@ -38,10 +40,10 @@ def shared_evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...
 
 
 def run_weak_gls(evidence: dict) -> IdentifiedModel:
-    """Identify by `weak_gls` as a method of a study."""
+    """Identify a model from the prepared data of a study by the weak form, `weak_gls`."""
     return weak_gls(**evidence)
 
 
 def run_maximum_likelihood(evidence: dict) -> IdentifiedModel:
-    """Identify by `maximum_likelihood` as a method of a study."""
+    """Identify a model from the prepared data of a study by `maximum_likelihood`."""
     return maximum_likelihood(**evidence)

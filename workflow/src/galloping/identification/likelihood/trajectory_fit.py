@@ -43,11 +43,12 @@ CONVERGED = 0.01  # squared length of a step, in standard deviations: errors gro
 
 @dataclass(frozen=True)
 class Step:
-    """A Gauss-Newton step from one fit, `before`, to the next, `fit`, with segments in chains.
+    """Gauss-Newton step of a multiple-shooting fit, with the normal equations after it.
 
-    information: of the regression on all candidates; right: half the decrease of chi^2 with each,
-    at the new fit. decrement: squared length of the step, in units of its covariance. gap: largest
-    mismatch of segments before the step, in units of each state's size.
+    before, fit: the fits before and after it. Segments are in chains. information: of the
+    regression on all candidates; right: half the decrease of chi^2 with each, at the new fit.
+    decrement: squared length of the step, in units of its covariance. gap: largest mismatch of
+    segments before the step, in units of each state's size.
     """
 
     before: ShootingFit
@@ -58,7 +59,10 @@ class Step:
     gap: float
 
     def path(self, period: float) -> Iterator[str]:
-        """Yield windows and segments of the step, in words. period: s, the shortest."""
+        """Yield words on the lengths of windows and segments, such as '6 periods'.
+
+        period: s, the shortest of the motion.
+        """
         record = self.fit.record
         if (finer := round(period / WINDOWS_PER_PERIOD / record.condensed.step)) > 1:
             yield f"windows 1/{finer}"
@@ -70,7 +74,7 @@ class Step:
 
 @dataclass(frozen=True)
 class JoinedFit:
-    """Result of an iteration over joined segments.
+    """Result of a multiple-shooting fit with joined segments, and whether it converged.
 
     free: the last step in free segments. step: the last step of all, with a quadratic model of
     chi^2. path: the stages, in words. settled: whether the iteration converged with the same terms.
@@ -85,12 +89,12 @@ class JoinedFit:
 
     @property
     def misfit(self) -> float:
-        """Misfit chi^2 per row of the last fit."""
+        """Misfit of the last fit: chi^2 divided by the number of projections of the samples."""
         return self.step.fit.misfit
 
 
 def fit_free_segments(begun: Start, start: WeakFit) -> Step | None:
-    """Fit segments that each have a first state of their own.
+    """Fit a model to segments of the recordings, each with an independent initial state.
 
     Segments are halved up to three times, until the fit is close; if it never is, they are as short
     as halving them still halved the misfit. None if all diverge.
@@ -118,9 +122,10 @@ def fit_free_segments(begun: Start, start: WeakFit) -> Step | None:
 
 
 def follows_in_segments(begun: Start) -> bool:
-    """Decide whether a model follows the data to the noise in segments of three periods or more.
+    """Decide whether a model fits the data to the noise in separate segments of several periods.
 
-    The segments are free. No model follows the data if random forces move the system.
+    The segments have three periods or more. Their initial states are free. No model follows the
+    data if random forces move the system.
     """
     try:
         fit = prepare_fit(begun, begun.fit, PERIODS_PER_SEGMENT)
@@ -144,7 +149,7 @@ def _iterate_free_segments(fit: ShootingFit) -> Step:
 
 
 def prepare_fit(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
-    """Set up multiple shooting from an initial guess, in segments of `periods` periods.
+    """Set up a multiple-shooting fit in segments of `periods` periods, from an initial guess.
 
     Windows are halved until the Taylor series is accurate over one, segments until the start does
     not diverge within one. Raises FloatingPointError if neither suffices.
@@ -249,12 +254,12 @@ def _window_states(
 
 
 def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
-    """Iterate Gauss-Newton with segments in chains, choosing terms in all but the last passes.
+    """Join fitted segments into continuous trajectories by Gauss-Newton, and select the terms.
 
-    Chains grow fourfold until the terms are unchanged: about a rough fit, particularly with too
-    many terms, the solution over a long chain is far from linear in the coefficients, and the
-    apparently best terms mislead. If those of the start are the best already, the chains are whole
-    from the first.
+    Terms are selected in all but the last passes. Chains grow fourfold until the terms are
+    unchanged: about a rough fit, particularly with too many terms, the solution over a long chain
+    is far from linear in the coefficients, and the apparently best terms mislead. If those of the
+    start are the best already, the chains are whole from the first.
 
     free: the last step in free segments. price: of the terms. dear: factor on the prices in the
     first two passes; half of it, but at least one, in the next two, and so on. unseen: whether
@@ -297,7 +302,7 @@ def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> Joined
 def take_guarded_step(
     previous: ShootingFit, fit: ShootingFit, longest: float | None, price: Price | None
 ) -> Step:
-    """Take a step from `fit`, or from nearer to `previous` if that fails.
+    """Take a Gauss-Newton step; if it diverges, repeat it from nearer to the previous fit.
 
     A step fails if it diverges, or raises a misfit that is not close by half; then it is taken from
     half as far from `previous`, and so on. The other arguments are as in `_gauss_newton`. Raises
@@ -350,7 +355,10 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
 
 
 def update_noise(fit: ShootingFit, squares: np.ndarray) -> ShootingFit:
-    """Update noise and chi^2 of a fit by sums of squared residuals (n_recordings, n_observed)."""
+    """Update the noise levels and chi^2 of a fit from its sums of squared residuals.
+
+    squares: (n_recordings, n_observed).
+    """
     rows, floor = fit.record.condensed.rows, fit.record.floor
     share = fit.n_parameters / max(int(np.count_nonzero(squares)), 1)
     # a fifth of the rows at least: what many parameters follow exactly would seem to have no noise,

@@ -49,11 +49,12 @@ FOLLOW = ("ok", "not identifiable")  # of models that follow the data to the noi
 
 @dataclass(frozen=True)
 class Regression:
-    """Quadratic form of chi^2 in the candidates' coefficients, about a fit, and the chosen terms.
+    """Quadratic model of chi^2 in all candidate terms' coefficients, and the selected terms.
 
-    information, right: as in `selection.solve_support`. support: (n,) boolean. penalty: 2 ln N of N
-    samples. largest: (n,) coefficients as in `problem.largest_coefficients`. about: (n,)
-    coefficients of the fit, zero outside the support, from which `right` is measured.
+    The model is about a fit. information, right: as in `selection.solve_support`. support: (n,)
+    boolean. penalty: 2 ln N of N samples. largest: (n,) coefficients as in
+    `problem.largest_coefficients`. about: (n,) coefficients of the fit, zero outside the support,
+    from which `right` is measured.
     """
 
     information: np.ndarray
@@ -65,7 +66,7 @@ class Regression:
 
 
 class Fitted(TypedDict, total=False):
-    """Results of a fit for an `IdentifiedModel`, with the names of its fields."""
+    """Fields of an `IdentifiedModel` that a fit provides: initial states, noise, chi^2."""
 
     initial_states: np.ndarray
     sigma: np.ndarray
@@ -75,7 +76,7 @@ class Fitted(TypedDict, total=False):
 
 
 class Rivals(TypedDict, total=False):
-    """Rivals of an `IdentifiedModel`, with the names of its fields."""
+    """Fields of an `IdentifiedModel` for rivals: other models that fit almost as well."""
 
     rivals: np.ndarray
     rival_share: float
@@ -83,11 +84,12 @@ class Rivals(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class ApproximateFit:
-    """Coefficients of a model near the data, if no model of the library is right.
+    """Coefficients and standard errors of a model that only approximates the data.
 
-    free: (n,), zero outside `support` (n,). errors: (n,) standard errors of the present ones, and
-    of each absent one if it alone were added. covariance: (n_support, n_support). price: of a term,
-    in units of chi^2, at which the terms were chosen.
+    It is used if no model of the library is right. free: (n,), zero outside `support` (n,). errors:
+    (n,) standard errors of the present ones, and of each absent one if it alone were added.
+    covariance: (n_support, n_support). price: of a term, in units of chi^2, at which the terms were
+    chosen.
     """
 
     free: np.ndarray
@@ -105,7 +107,7 @@ def assess_fit(
     period: float = np.inf,
     **fitted: Unpack[Fitted],
 ) -> IdentifiedModel:
-    """Make the identified model of a reliable fit, `ok` or `not identifiable`.
+    """Turn a reliable fit into an `IdentifiedModel` with the status `ok` or `not identifiable`.
 
     `ok` claims: the terms are right, every absent term is smaller than its stated limit, and no
     simple term that matters may be undetected. A finding of an `ok` model says if another term may
@@ -166,10 +168,10 @@ def assess_fit(
 def assess_approximation(
     problem: Problem, near: ApproximateFit, findings: Iterable[Finding], **fitted: Unpack[Fitted]
 ) -> IdentifiedModel:
-    """Make the identified model if no model of the library is right, `approximate`.
+    """Turn an approximate fit into an `IdentifiedModel` with the status `approximate`.
 
-    It claims only its distance from the data, which is among the findings. fitted: as of
-    `assess_fit`.
+    It is used if no model of the library is right. The result claims only its distance from the
+    data, which is among the findings. fitted: as of `assess_fit`.
     """
     findings = as_warnings(findings)
     limits = detection_limits(near.errors, near.support, near.price)
@@ -204,7 +206,7 @@ def _draw_rivals(problem: Problem, regression: Regression, believed: Plausible) 
 def find_beyond_bounds(
     problem: Problem, regression: Regression
 ) -> tuple[np.ndarray, list[Finding]]:
-    """Find coefficients that the data would put beyond their bounds.
+    """Find coefficients whose estimates from the data alone would violate their bounds.
 
     Returns the absent terms that would have such a coefficient, (n,) boolean, and findings of the
     coefficients that the recording alone would certainly put there.
@@ -230,7 +232,7 @@ def find_beyond_bounds(
 
 
 def have_same_terms(found: list[IdentifiedModel]) -> bool:
-    """Decide whether the last of several models has the terms of an earlier one.
+    """Decide whether the last model of a list has the same terms as an earlier model.
 
     Both must follow the data.
     """
@@ -239,10 +241,10 @@ def have_same_terms(found: list[IdentifiedModel]) -> bool:
 
 
 def best_of(found: list[IdentifiedModel]) -> IdentifiedModel:
-    """Choose among models from several starts.
+    """Choose the best of several models that were found from different initial guesses.
 
-    It is that of the fewest terms that follow the data, or else of the best forecasts; not `ok` if
-    no other follows the data, since a better one may then be missed.
+    The best is that of the fewest terms that follow the data, or else of the best forecasts; not
+    `ok` if no other follows the data, since a better one may then be missed.
     """
 
     def preference_key(identified: IdentifiedModel) -> tuple[int, float]:
@@ -261,11 +263,11 @@ def best_of(found: list[IdentifiedModel]) -> IdentifiedModel:
 def find_open_questions(
     problem: Problem, whitened: Whitened, plausible: Plausible
 ) -> list[Finding]:
-    """Find reasons why the terms are not certain.
+    """Find reasons why the selected terms are uncertain, such as models that fit equally well.
 
-    They are not if the plausible supports that lack any of them have more total weight than
-    MOST_RIVAL_WEIGHT, or if an absent term, or a pair, improves the fit more than noise does, yet
-    less than selection requires.
+    The terms are uncertain if the plausible supports that lack any of them have more total weight
+    than MOST_RIVAL_WEIGHT, or if an absent term, or a pair, improves the fit more than noise does,
+    yet less than selection requires.
     """
     share, rival = _heaviest_rival(problem, plausible)
     found = [Finding.of(Code.RIVAL_TERMS, share=share, **rival)]
@@ -282,9 +284,10 @@ def find_open_questions(
 
 
 def is_simple(problem: Problem, support: np.ndarray) -> np.ndarray:
-    """Find the terms that a reader of the equation would expect, (n,) boolean.
+    """Decide which candidate terms have no higher degree than the simplest selected term.
 
-    These are as simple as the simplest found in their equation, or of the first degree.
+    Returns (n,) boolean. The comparison is with the selected terms of the same equation; terms of
+    the first degree always count as simple.
     """
     degrees, equations = problem.degrees, problem.candidates[:, 0]
     simplest = [min(degrees[support & (equations == i)], default=1) for i in equations]
@@ -292,10 +295,10 @@ def is_simple(problem: Problem, support: np.ndarray) -> np.ndarray:
 
 
 def find_unseen_mixture(information: np.ndarray, largest: np.ndarray) -> list[Finding]:
-    """Find whether a mixture of terms may be undetected, far larger than its equations.
+    """Check whether a large combination of terms could be present but leave the fit unchanged.
 
-    Nothing is found if rounding errors are too large to decide. Arguments as of
-    `mixture_information`, of all candidates.
+    Returns a finding if so. Nothing is found if rounding errors are too large to decide. Arguments
+    as of `mixture_information`, of all candidates.
     """
     told = mixture_information(information, largest)
     if max(told[0], len(told) * np.finfo(float).eps * told[-1]) * MOST_MIXED**2 > 1.0:
@@ -311,11 +314,11 @@ def find_hidden_term(
     most: np.ndarray | float,
     code: Code,
 ) -> list[Finding]:
-    """Find the absent term that may be present undetected although it matters, if any.
+    """Check whether an absent term could be large enough to matter but remain undetected.
 
-    limits: (n,) of `detection_limits`, including the prior. largest: (n,) as in
-    `problem.largest_coefficients`. most: (n,) share of its equation above which each must be
-    detectable. code: of the finding.
+    Returns a finding on the worst such term, or none. limits: (n,) of `detection_limits`, including
+    the prior. largest: (n,) as in `problem.largest_coefficients`. most: (n,) share of its equation
+    above which each must be detectable. code: of the finding.
     """
     share = np.where(support, 0.0, limits / np.maximum(largest, np.finfo(float).tiny))
     k = int(np.argmax(share / most))

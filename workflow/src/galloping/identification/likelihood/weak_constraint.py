@@ -23,23 +23,26 @@ STRETCH_PERIODS = 10
 
 
 def white_autocovariance(record: Record, variance: np.ndarray) -> np.ndarray:
-    """Make the autocovariance of a white misfit, (n_recordings, 1, n_observed, n_rows).
+    """Arrange noise variances as the autocovariance of white noise, which has only lag zero.
 
-    variance: (n_recordings, n_observed).
+    Returns (n_recordings, 1, n_observed, n_rows). variance: (n_recordings, n_observed).
     """
     return np.repeat(variance[:, None, :, None], record.condensed.targets.shape[2], axis=3)
 
 
 def white_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
-    """Estimate a white misfit, as `white_autocovariance`, not below the floor's square."""
+    """Estimate the variance of residuals that are treated as white noise.
+
+    Returns an array as of `white_autocovariance`, not below the floor's square.
+    """
     squares = record.condensed.sum_squares(residual) / np.maximum(record.condensed.rows, 1)
     return white_autocovariance(record, np.maximum(squares, record.floor**2))
 
 
 def coloured_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
-    """Estimate the autocovariance of a residual and of noise at the floor.
+    """Estimate the autocovariance of residuals that are treated as coloured noise.
 
-    Returns (n_recordings, n_lags, n_observed, n_rows).
+    The result includes noise at the floor. Returns (n_recordings, n_lags, n_observed, n_rows).
 
     The autocovariance falls to zero over the longest segment, by a Parzen window, which makes its
     spectrum smooth. Errors of a model recur with the motion: as white noise, they would count as
@@ -63,12 +66,13 @@ def coloured_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """Normal equations of every segment in m unknowns, n coefficients and the segment's state.
+    """Normal equations of each segment, in the coefficients and the segment's initial state.
 
-    free, starts: (n,), (n_segments, n_states), about which the equations are linearised.
-    information: (n_segments, m, m); right: (n_segments, m). residual: (n_windows, n_observed,
-    n_rows), not whitened. ends: (n_segments, n_states) last states, and derivatives of these:
-    by_coefficients (n_segments, n_states, n), by_state (n_segments, n_states, n_states).
+    There are m unknowns, n coefficients and the state. free, starts: (n,), (n_segments, n_states),
+    about which the equations are linearised. information: (n_segments, m, m); right: (n_segments,
+    m). residual: (n_windows, n_observed, n_rows), not whitened. ends: (n_segments, n_states) last
+    states, and derivatives of these: by_coefficients (n_segments, n_states, n), by_state
+    (n_segments, n_states, n_states).
     """
 
     free: np.ndarray
@@ -83,7 +87,7 @@ class NormalEquations:
 
 @dataclass(frozen=True)
 class StretchFit:
-    """Values of an iteration over segments with jumps between them.
+    """Iterate of a fit whose state may jump between segments: coefficients, states, noise.
 
     free, support: (n_candidates,) coefficients and which are present. starts: (n_segments,
     n_states) first states. misfit: (n_recordings, n_lags, n_observed, n_rows) autocovariance of the
@@ -100,7 +104,10 @@ class StretchFit:
 
     @cached_property
     def normal_equations(self) -> NormalEquations:
-        """Normal equations about the fit. Raises FloatingPointError if it diverges."""
+        """Normal equations of all segments, linearised about the present fit.
+
+        Raises FloatingPointError if the fit diverges.
+        """
         record, count, n = self.record, len(self.starts), len(self.free)
         m = n + self.starts.shape[1]
         information, right = np.empty((count, m, m)), np.empty((count, m))
@@ -157,7 +164,7 @@ class StretchFit:
 
 
 def make_integrable(fit: StretchFit, following: StretchFit) -> StretchFit:
-    """Shorten the step to `following` until every segment can be integrated."""
+    """Shorten the step from one fit to the next until every segment can be integrated."""
     for _ in range(MOST_HALVINGS):
         try:
             following.normal_equations  # noqa: B018 - which the next step needs

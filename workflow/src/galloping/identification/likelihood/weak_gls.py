@@ -33,9 +33,10 @@ def weak_gls(
     known_states: tuple[str, ...] = (),
     start: Start | None = None,
 ) -> IdentifiedModel:
-    """Identify one model from noisy states by the weak form, in generalised least squares.
+    """Identify the equations of a system by generalised least squares on their weak form.
 
-    It is faster and less accurate than `maximum_likelihood`.
+    The states are measured with noise. The method is faster and less accurate than
+    `maximum_likelihood`.
 
     Parameters
     ----------

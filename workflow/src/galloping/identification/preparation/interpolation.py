@@ -29,7 +29,9 @@ FINER = 8  # steps, in a step of the grid, over which inputs are averaged exactl
 
 
 def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> dict[str, str]:
-    """Choose the interpolation of each input between its samples, as in `Input.between`.
+    """Choose by the data how each input is interpolated between samples: held, linear or cubic.
+
+    The names are those of `Input.between`.
 
     Parameters
     ----------
@@ -78,7 +80,7 @@ def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> di
 
 
 def held_inputs(problem: Problem, recordings: Sequence[Recording]) -> list[str]:
-    """List the inputs that are held between their samples, contrary to their specification."""
+    """List inputs that the data show to be constant between samples, though specified otherwise."""
     if all(one.inputs[name].between == "zero" for one in recordings for name in problem.inputs):
         return []
     asked = []
@@ -99,13 +101,13 @@ def _alternative_kinds(recordings: Sequence[Recording], name: str) -> list[str]:
 
 
 def decide_kind(one: Input, kind: str) -> Input:
-    """Set the interpolation of an input."""
+    """Return an input with the given interpolation between its samples."""
     found = {each.between: each for each in (*one.alternatives, one)}
     return replace(found.get(kind, one), alternatives=())
 
 
 def with_interpolants(recording: Recording, kinds: Mapping[str, str]) -> Recording:
-    """Set the interpolation of a recording's inputs, by name."""
+    """Return a recording whose inputs have the given interpolations, by input name."""
     inputs = {
         name: decide_kind(one, kinds[name]) if name in kinds else one
         for name, one in recording.inputs.items()

@@ -25,15 +25,18 @@ from galloping.recording.samples import Recording
 
 
 def stack_channels(recording: Recording) -> np.ndarray:
-    """Stack the samples of states and of their rates, (n, 2 n_states), NaN where there are none."""
+    """Stack the samples of all states and of their measured time derivatives in one array.
+
+    Shape (n, 2 n_states), NaN where there are none.
+    """
     return np.hstack([recording.values, sampled_rates(recording)])
 
 
 def channel_noise(recording: Recording, smoothed: Smooth) -> tuple[np.ndarray, np.ndarray]:
-    """Estimate the noise of a sample of each channel, as a first guess.
+    """Estimate the noise standard deviation of each channel, as a first guess.
 
-    Returns it, (2 n_states,), in the order of `stack_channels`, and the known noise, NaN if
-    unknown.
+    Returns the estimate, (2 n_states,), in the order of `stack_channels`, and the known noise, NaN
+    if unknown.
     """
     about = _robust_deviation(sampled_rates(recording) - _curve_slopes(recording, smoothed))
     told, known = np.append(smoothed.noise, about), recording.known_noise
@@ -41,7 +44,7 @@ def channel_noise(recording: Recording, smoothed: Smooth) -> tuple[np.ndarray, n
 
 
 def with_scales(recordings: list[Recording], period: float) -> list[Recording]:
-    """Divide values of unknown scale by their scale, which the rates beside them determine.
+    """Divide channels by their unknown scales, found by comparison with measured derivatives.
 
     period: s, the shortest of the motion. Raises IdentificationError if no channel determines a
     scale.
@@ -50,7 +53,10 @@ def with_scales(recordings: list[Recording], period: float) -> list[Recording]:
 
 
 def estimate_scales(recordings: list[Recording], scaled: list[Recording]) -> dict[str, float]:
-    """Average the unknown scales, by name, from recordings and those of `with_scales`."""
+    """Return the scales by which `with_scales` divided channels, averaged over recordings.
+
+    They are by name, such as `scale_X`. scaled: the recordings of `with_scales`.
+    """
     told: dict[str, list[float]] = {}
     for recording, own in zip(recordings, scaled, strict=True):
         if own is not recording:
@@ -84,10 +90,10 @@ def _robust_deviation(values: np.ndarray) -> np.ndarray:
 def without_offsets(
     recording: Recording, given: Recording, smoothed: Smooth, period: float
 ) -> Recording:
-    """Replace the rates of a recording by given ones, without their offsets and outliers.
+    """Add measured time derivatives to a recording, with offsets and outliers removed.
 
-    period: s, the shortest of the motion. Raises IdentificationError if an offset cannot be
-    determined.
+    given: the recording with these rates. period: s, the shortest of the motion. Raises
+    IdentificationError if an offset cannot be determined.
     """
     if given.rates is None:
         return recording

@@ -26,7 +26,7 @@ from galloping.recording.samples import Recording
 def prepare_recordings(
     recordings: list[Recording], share: float = 1.0
 ) -> tuple[list[Recording], list[Smooth], float]:
-    """Remove faults and outliers from recordings, and smooth them.
+    """Remove sensor faults and outliers from recordings, and fit smooth curves to the states.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def prepare_recordings(
 
 
 def without_faults(recording: Recording, period: float) -> Recording:
-    """Remove constant channels and saturated stretches from a recording.
+    """Remove the samples of stuck or saturated sensors from a recording.
 
     A channel is saturated where many samples equal its largest or its smallest value exactly; those
     samples are removed, with their neighbours within a grid step (period/24), whose noise the limit
@@ -84,9 +84,10 @@ def without_faults(recording: Recording, period: float) -> Recording:
 
 
 def find_saturated_values(values: np.ndarray) -> list[float]:
-    """Find the least and greatest of values (n,), if far more samples have it than the next.
+    """Find extreme values that a channel takes unusually often, as a saturated sensor does.
 
-    With a coarse resolution many samples have each value.
+    values: (n,). An extreme counts if far more samples have it than the next value. With a coarse
+    resolution many samples have each value.
     """
     different, counts = np.unique(values, return_counts=True)
     ends = ((0, 1), (-1, -2)) if len(different) > 1 else ()
@@ -95,7 +96,7 @@ def find_saturated_values(values: np.ndarray) -> list[float]:
 
 
 def smooth_without_outliers(recording: Recording, period: float) -> tuple[Recording, Smooth]:
-    """Remove samples far from a smooth curve, and return recording and curve.
+    """Smooth a recording, remove samples far from the smooth curves, and return both.
 
     Far is 5.5 robust standard deviations, which Gaussian noise exceeds once in 30 million samples,
     and well above the accuracy of the curve itself; the curve is fitted again until none is left.

@@ -49,7 +49,7 @@ def _spline_basis() -> np.ndarray:
 
 @dataclass(frozen=True)
 class Smooth:
-    """Smoothed states of one recording on a uniform grid.
+    """Smooth curves fitted to all states of a recording, evaluated on a uniform time grid.
 
     time: (n_grid,), s. states: (n_grid, n_states). sigma: (n_states,) standard deviation of white
     noise on the grid with the density of the measurement noise, at least the accuracy of a spline;
@@ -71,12 +71,12 @@ class Smooth:
 
     @property
     def values(self) -> np.ndarray:
-        """States and inputs, (n_grid, n_states + n_inputs)."""
+        """Smoothed states and inputs side by side, (n_grid, n_states + n_inputs)."""
         return np.hstack([self.states, self.inputs]) if self.inputs.size else self.states
 
 
 def shortest_period(recordings: list[Recording]) -> float:
-    """Determine the shortest relevant period, s: each channel has 95 % of its power at longer ones.
+    """Find the period, in s, above which every channel has at least 95 % of its power.
 
     Only power well above the noise floor (the median of the spectrum) counts. Raises
     IdentificationError if no channel varies.
@@ -104,9 +104,10 @@ def shortest_period(recordings: list[Recording]) -> float:
 
 
 def smooth(recording: Recording, period: float) -> Smooth:
-    """Estimate all states of a recording by splines, `period` being its shortest period, s.
+    """Fit smoothing splines to all states of a recording, with knots by its shortest period.
 
-    Raises IdentificationError if a state is neither measured nor the derivative of a measured one.
+    period: the shortest period, s. Raises IdentificationError if a state is neither measured nor
+    the derivative of a measured one.
     """
     n_states = len(recording.states)
     counts = np.isfinite(recording.values).sum(axis=0)
@@ -215,7 +216,10 @@ def _is_near_samples(
 
 
 def distance_to(nearest: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Compute the distance, (n,), from each `time` to the nearest of `nearest` (m,), increasing."""
+    """Compute the distance from each time to the nearest of other times.
+
+    nearest: (m,) the other times, increasing. Returns (n,).
+    """
     after = np.searchsorted(nearest, time)
     to_next = nearest[np.minimum(after, len(nearest) - 1)] - time
     return np.minimum(np.abs(to_next), np.abs(time - nearest[np.maximum(after - 1, 0)]))
@@ -295,21 +299,24 @@ def _add_roughness(bands: np.ndarray, weight: float) -> None:
 
 
 def sampled_rates(recording: Recording) -> np.ndarray:
-    """Return the rates of a recording, (n, n_states), NaN where it has none."""
+    """Return the measured time derivatives of the states, NaN where there are none.
+
+    Shape (n, n_states).
+    """
     return np.full(recording.values.shape, np.nan) if recording.rates is None else recording.rates
 
 
 def unmeasured_displacements(recording: Recording) -> dict[int, int]:
-    """Map the index of each state X without values to that of its velocity dX, a state too."""
+    """Map the index of each displacement without samples to the index of its velocity."""
     measured = np.any(np.isfinite(recording.values), axis=0).tolist()
     return {x: v for x, v in velocity_pairs(recording.states).items() if not measured[x]}
 
 
 def with_integrals(recording: Recording) -> Recording:
-    """Add values of each state X that has none to a recording, by integration.
+    """Fill in unmeasured displacements of a recording by integrating velocities or accelerations.
 
-    They are the values of dX integrated, else the rate of X, else the rate of dX integrated twice.
-    The recording itself is returned if every state has values.
+    A displacement X is the integral of dX, else of the rate of X, else the double integral of the
+    rate of dX. The recording itself is returned if every state has values.
     """
     missing = unmeasured_displacements(recording)
     if not missing:
@@ -324,10 +331,10 @@ def with_integrals(recording: Recording) -> Recording:
 
 
 def without_drift(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Remove offset and slow drift, a cubic, from samples (n,), NaN where missing.
+    """Subtract the offset and slow drift, a cubic polynomial in time, from samples.
 
-    The cubic is fitted with little weight at the ends, where incomplete periods would count as
-    drift.
+    values: (n,), NaN where missing. The cubic is fitted with little weight at the ends, where
+    incomplete periods would count as drift.
     """
     known = np.isfinite(values)
     place = 2.0 * (time - time[0]) / (time[-1] - time[0]) - 1.0

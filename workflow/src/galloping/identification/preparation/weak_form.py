@@ -35,7 +35,7 @@ MOST_MISFIT = 3.0  # chi^2 per row of the weak form: linearised errors explain n
 def whitened_weak_form(
     problem: Problem, smooth: Smooth, coefficients: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute design and right-hand side of the weak form, with errors of unit variance.
+    """Compute design matrix and right-hand side of the weak form, with errors of unit variance.
 
     The test functions have a radius of half the shortest period and are TEST_STRIDE steps of the
     grid apart; those that reach into a gap give zero rows. coefficients: (n_states, n_terms), about
@@ -171,7 +171,7 @@ def _noise_influence(
 
 @dataclass(frozen=True)
 class WeakFit:
-    """A fit of the weak form.
+    """Result of a fit of the equations in weak form: terms, coefficients and misfit.
 
     free, support: (n,) candidates' coefficients and which are present. information: (n, n), right:
     (n,) of the normal equations, in units of the noise. misfit: chi^2 per row, of which there are
@@ -187,10 +187,10 @@ class WeakFit:
 
 
 def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFit:
-    """Fit support and coefficients of the weak form, with errors linearised about the last fit.
+    """Select terms and fit coefficients in weak form by iterated generalised least squares.
 
-    penalty: of a term in units of chi^2. Raises IdentificationError if the covariance of the rows
-    is singular, or gaps leave no row.
+    The errors are linearised about the last fit. penalty: of a term in units of chi^2. Raises
+    IdentificationError if the covariance of the rows is singular, or gaps leave no row.
     """
     n = len(problem.candidates)
     support = every = np.ones(n, bool)
@@ -227,10 +227,10 @@ def _normal_equations(
 
 @dataclass(frozen=True)
 class Start:
-    """Starting point of methods: recordings and curves of `prepare_recordings`, and the weak fit.
+    """Starting point of all methods: cleaned recordings, smooth curves and a fit in weak form.
 
-    period: the shortest of the motion, s. penalty: 2 ln N of N samples. samples: their number in
-    the original recordings.
+    Recordings and curves are those of `prepare_recordings`. period: the shortest of the motion, s.
+    penalty: 2 ln N of N samples. samples: their number in the original recordings.
     """
 
     problem: Problem
@@ -242,15 +242,19 @@ class Start:
     samples: int
 
     def with_rates(self, given: Sequence[Recording]) -> Self:
-        """Add the rates of the given recordings to the start, as `without_offsets`."""
+        """Return a copy whose recordings also have the measured time derivatives.
+
+        They are without the offsets that `without_offsets` removes.
+        """
         pairs = zip(self.recordings, given, self.smoothed, strict=True)
         return replace(self, recordings=[without_offsets(*each, self.period) for each in pairs])
 
     @cached_property
     def price(self) -> Price:
-        """Penalties of the terms, by the rates in the equations of the weak fit.
+        """Penalty that each candidate term must outweigh in chi^2 to be selected.
 
-        The slopes of the curves contain noise, which increases with its frequency.
+        Terms are compared with the rates in the equations of the weak fit. The slopes of the curves
+        contain noise, which increases with its frequency.
         """
         rates = design_matrix(self._values, self.problem.terms)
         rates = rates @ self.problem.coefficients(self.fit.free).T
@@ -260,7 +264,10 @@ class Start:
 
     @property
     def largest(self) -> np.ndarray:
-        """Coefficients, (n_candidates,), of `problem.largest_coefficients` of the curves."""
+        """Coefficient with which each term alone would be as large as the slope of the curves.
+
+        Those of `problem.largest_coefficients`, (n_candidates,).
+        """
         rates = [np.gradient(one.states, one.time, axis=0)[one.valid] for one in self.smoothed]
         return largest_coefficients(self.problem, self._values, np.concatenate(rates))
 
@@ -271,10 +278,10 @@ class Start:
 
 
 def make_start(problem: Problem, recordings: list[Recording], share: float = 1.0) -> Start:
-    """Make the starting point of an identification from recordings.
+    """Clean and smooth recordings and fit the weak form, as starting point of all methods.
 
     share: of their shortest period, as in `prepare_recordings`. Raises IdentificationError if there
-    is none, or a term is not finite along the motion.
+    is no such starting point, or a term is not finite along the motion.
     """
     cleaned, smoothed, period = prepare_recordings(recordings, share)
     _check_functions(problem, smoothed)
@@ -299,7 +306,7 @@ def _check_functions(problem: Problem, smoothed: list[Smooth]) -> None:
 
 
 def rough_fit(start: Start) -> WeakFit:
-    """Return the weak fit of the start, or of the most informative stretches of long recordings.
+    """Return a fit in weak form; of long recordings, only informative stretches are fitted.
 
     The longer a motion is in its final state, the more the errors of the weak form, small but the
     same in every period, outweigh the information of the rest of a recording on other motions.
@@ -335,9 +342,9 @@ def _most_informative_stretch(problem: Problem, smooth: Smooth, period: float) -
 
 
 def delayed_inputs(start: Start) -> dict[str, float]:
-    """Find inputs whose times differ from those at which they move the system.
+    """Find inputs recorded too early or too late relative to the motion, and their delays in s.
 
-    Returns the delays by name, s, negative if early.
+    Returns the delays by input name, negative if early.
 
     Delays within four of the shortest periods are tried, with all candidates, so that no nearly
     correct model is needed. A delay counts if it removes most of the misfit of the weak form beyond

@@ -18,7 +18,7 @@ ADJACENT = 1.5
 
 @dataclass(frozen=True)
 class Channels:
-    """Channels of recordings of a system, as rows of its states.
+    """Measured channels of a system: which states, and which rates of states, are recorded.
 
     states: names of the n_states states. values, rates: indices of those that are measured, and of
     those whose rate is; the n_channels are in this order. averaged: whether a rate is the mean
@@ -33,7 +33,7 @@ class Channels:
 
     @classmethod
     def from_recordings(cls, recordings: Sequence[Recording]) -> "Channels":
-        """Determine the channels of recordings of one system."""
+        """Determine which states and rates the recordings of one system measure."""
 
         def measured(name: str) -> tuple[int, ...]:
             given = [getattr(each, name) for each in recordings]
@@ -44,25 +44,25 @@ class Channels:
 
     @property
     def pairs(self) -> dict[int, int]:
-        """Velocity of each coordinate, as indices of states."""
+        """Dictionary from the index of each coordinate to the index of its velocity."""
         return velocity_pairs(self.states)
 
     @property
     def kept(self) -> tuple[int, ...]:
-        """States whose values at the last sample a filter keeps."""
+        """Indices of states whose values at the previous sample the Kalman filter stores."""
         return self.rates if self.averaged else ()
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the channels, (n_channels,): those of states, and of rates with a d before."""
+        """Names of the channels: a state's name, after a d if its rate is measured."""
         rates = (f"d{self.states[i]}" for i in self.rates)
         return (*(self.states[i] for i in self.values), *rates)
 
     def samples(self, recording: Recording) -> np.ndarray:
-        """Extract the samples (n, n_channels) of a recording, NaN where missing.
+        """Extract the samples of all channels from a recording, (n_samples, n_channels).
 
-        Rates are without their unknown offsets. A mean since the last sample is missing if there is
-        no last sample, or a gap.
+        Missing samples are NaN. Rates are without their unknown offsets. A mean since the last
+        sample is missing if there is no last sample, or a gap.
         """
         columns = [recording.values[:, i] for i in self.values]
         steps = np.diff(recording.time, prepend=-np.inf)
@@ -78,16 +78,18 @@ class Channels:
         return np.array(columns).T
 
     def sensing(self, system: np.ndarray) -> np.ndarray:
-        """Compute the channels of a linear system, (n_channels, n_states), rates at the sample.
+        """Compute the measurement matrix of the channels for a linear system dx/dt = A x.
 
-        system: (n_states, n_states).
+        Returns (n_channels, n_states); rates are those at the sample. system: (n_states, n_states),
+        A.
         """
         return np.vstack([np.eye(len(system))[list(self.values)], system[list(self.rates)]])
 
     def response(self, system: np.ndarray, omega: np.ndarray) -> np.ndarray:
-        """Compute the response of the channels to forces on the states, (n, n_channels, n_states).
+        """Compute the frequency response of the channels to forces on the states.
 
-        system: (n_states, n_states), of the states first. omega: (n,), rad/s.
+        Returns (n, n_channels, n_states). system: (n_states, n_states), of the states first. omega:
+        (n,), rad/s.
         """
         unit = np.eye(len(system))
         at = 1j * omega[:, np.newaxis, np.newaxis]
@@ -98,10 +100,11 @@ class Channels:
         return sensed @ np.linalg.inv(at * unit - system)
 
     def displacement(self, i: int, rates: np.ndarray, seen: np.ndarray) -> np.ndarray:
-        """Compute the mode shapes of the coordinate `i`, (n_modes,).
+        """Compute a coordinate's displacement in each mode from the mode shapes of the channels.
 
-        rates: (n_modes,) eigenvalues, 1/s. seen: (n_channels, n_modes) shapes of the channels.
-        Raises IdentificationError if no channel measures this coordinate.
+        i: index of the coordinate. Returns (n_modes,). rates: (n_modes,) eigenvalues, 1/s. seen:
+        (n_channels, n_modes) shapes of the channels. Raises IdentificationError if no channel
+        measures this coordinate.
         """
         velocity = self.pairs[i]
         of = [

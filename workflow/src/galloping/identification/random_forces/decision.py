@@ -51,7 +51,7 @@ Fit = Callable[[ModeSelection], Outcome]
 def fit_random_forces(
     problem: Problem, given: list[Recording], forced: Sequence[str]
 ) -> IdentifiedModel:
-    """Identify the model of a system under random forces.
+    """Identify the equations of a system that is driven by unmeasured random forces.
 
     Parameters
     ----------
@@ -184,7 +184,10 @@ def _best_model(models: Iterable[IdentifiedModel]) -> IdentifiedModel | None:
 
 @one_thread
 def identify_if_ambient(problem: Problem, recordings: list[Recording]) -> IdentifiedModel | None:
-    """Identify a model with random forces in all equations, None if the motion may be another."""
+    """Identify a model under random forces; return None if the motion may have another cause.
+
+    Forces act in all equations.
+    """
 
     def search() -> IdentifiedModel | None:
         with limit_work(recordings) as work:
@@ -199,10 +202,11 @@ def identify_if_ambient(problem: Problem, recordings: list[Recording]) -> Identi
 def try_random_forces(
     problem: Problem, recordings: list[Recording], period: float
 ) -> tuple[IdentifiedModel | None, bool]:
-    """Identify a model with random forces in all equations, if they moved the recordings.
+    """Identify a model under random forces if these may have caused the recorded motion.
 
-    The order of the searches: the slowest modes, if there are more of them than coordinates; the
-    whole recordings; more modes than coordinates; the slowest modes, though the next one is close.
+    Forces act in all equations. The order of the searches: the slowest modes, if there are more of
+    them than coordinates; the whole recordings; more modes than coordinates; the slowest modes,
+    though the next one is close.
 
     Parameters
     ----------
@@ -269,9 +273,10 @@ def _fit_on_trial(problem: Problem, selection: ModeSelection, as_fallback: bool 
 
 
 def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]:
-    """Find the indices of the equations of `forced` coordinates or states, of all if none.
+    """Return the indices of the equations in which forces on the named coordinates act.
 
-    Raises ValueError for an unknown name.
+    forced: names of coordinates or states; if empty, all equations that are sought. Raises
+    ValueError for an unknown name.
     """
     pairs, states = velocity_pairs(problem.states), problem.states
     places = []

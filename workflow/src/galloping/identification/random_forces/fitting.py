@@ -44,9 +44,10 @@ FIRST_DAMPING = 1e-4  # of the steps (K. Levenberg, 1944), in units of the infor
 
 
 def fisher_information(slopes: np.ndarray) -> np.ndarray:
-    """Compute the Fisher information, (n_parameters, n_parameters), of slopes of innovations.
+    """Compute the Fisher information of the parameters from derivatives of the innovations.
 
-    It is one for parameters that the data do not determine, such as the noise of exact samples.
+    Returns (n_parameters, n_parameters). Its diagonal is one for parameters that the data do not
+    determine, such as the noise of exact samples.
     """
     flat = slopes.reshape(len(slopes), -1)
     known = flat @ flat.T
@@ -55,7 +56,7 @@ def fisher_information(slopes: np.ndarray) -> np.ndarray:
 
 
 def likelihood_score(slopes: np.ndarray, filtered: Innovations) -> np.ndarray:
-    """Compute the derivative of the log-likelihood."""
+    """Compute the gradient of the log-likelihood from the innovations and their derivatives."""
     error = filtered.standardised
     error = error[np.isfinite(error)]
     left = np.concatenate([-error, (error**2 - 1.0) / np.sqrt(2.0)])
@@ -64,7 +65,7 @@ def likelihood_score(slopes: np.ndarray, filtered: Innovations) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Parameters:
-    """Map between models with some terms and vectors of parameters.
+    """Conversion between a model under random forces and the vector of its fit parameters.
 
     Parameters are the centred coefficients of the support, roots of the forces, and noise.
     correlated: whether the forces of two equations may be correlated. start: a model with the slow
@@ -78,18 +79,18 @@ class Parameters:
 
     @cached_property
     def centring(self) -> np.ndarray:
-        """Matrix that centres coefficients, as of `ForcedProblem`."""
+        """Matrix that refers constant terms to the middle of the motion instead of to zero."""
         return self.posed.centring(self.support)
 
     @cached_property
     def lower(self) -> tuple[np.ndarray, np.ndarray]:
-        """Indices of the entries of the root that correlate forces."""
+        """Indices of the off-diagonal entries of the forces' Cholesky factor that are fitted."""
         n = len(self.start.root)
         return np.tril_indices(n, -1 if self.correlated else -n)
 
     @cached_property
     def places(self) -> dict[str, slice]:
-        """Slice of each kind of parameter in a vector."""
+        """Slice of the parameter vector for each kind of parameter, such as 'noise'."""
         start = self.start
         counts = {
             "coefficients": self.support.sum(), "strengths": len(start.root),
@@ -101,7 +102,7 @@ class Parameters:
         return dict(zip(counts, map(slice, ends[:-1], ends[1:]), strict=True))
 
     def to_vector(self, model: ForcedModel) -> np.ndarray:
-        """Convert a model to the vector of its parameters, (n_parameters,)."""
+        """Convert a model to the vector of its fit parameters, (n_parameters,)."""
         scaled = self.centring @ (model.coefficients / self.posed.unit)[self.support]
         diagonal, swings = np.diag(model.root), model.extra_modes
         least = self.posed.least_noise
@@ -113,7 +114,7 @@ class Parameters:
         ])  # fmt: skip
 
     def to_model(self, vector: np.ndarray) -> ForcedModel:
-        """Convert parameters (n_parameters,) to a model."""
+        """Convert a vector of fit parameters, (n_parameters,), to a model."""
         of = {name: vector[own] for name, own in self.places.items()}
         coefficients, root = np.zeros(len(self.support)), np.eye(len(self.start.root))
         scaled = np.linalg.solve(self.centring, of["coefficients"])
@@ -131,7 +132,7 @@ class Parameters:
 
 @dataclass(frozen=True)
 class ForcedFit:
-    """The most likely model of its terms, those of the parameters' support.
+    """Maximum-likelihood fit of a model with given terms under random forces.
 
     filtered: innovations of the model. slopes: (n_parameters, 2, n_samples) derivatives of the
     standardised innovations, and of half the logarithms of their variances times the root of two.
@@ -144,45 +145,57 @@ class ForcedFit:
 
     @property
     def posed(self) -> ForcedProblem:
-        """The problem that was fitted."""
+        """The identification problem that was fitted."""
         return self.parameters.posed
 
     @property
     def support(self) -> np.ndarray:
-        """Terms that were free, (n_candidates,)."""
+        """Whether each candidate term was in the fitted model, (n_candidates,) boolean."""
         return self.parameters.support
 
     @cached_property
     def modes(self) -> Modes:
-        """Modes of the linear part of the equations."""
+        """Modes of the linear part of the fitted equations."""
         return self.posed.state_space_model(self.model).modes
 
     @cached_property
     def normal_equations(self) -> tuple[np.ndarray, np.ndarray]:
-        """Normal equations as of `ForcedProblem`, at the model, and with the same errors."""
+        """Normal equations for the coefficients of all candidate terms, at the fitted model.
+
+        As of `ForcedProblem.normal_equations`, with the same exceptions.
+        """
         return self.posed.normal_equations(self.model)
 
     def covariance(self, kind: str) -> np.ndarray:
-        """Compute the covariance of the parameters of a kind, as of `Parameters.places`."""
+        """Compute the covariance of the parameters of one kind, such as 'coefficients'.
+
+        kind: a key of `Parameters.places`.
+        """
         own = self.parameters.places[kind]
         return np.linalg.inv(fisher_information(self.slopes))[own, own]
 
     @property
     def swing_errors(self) -> np.ndarray:
-        """Standard errors of the resonances, (n_resonances, 2): frequency, rad/s, damping ratio."""
+        """Standard errors of the frequency, rad/s, and damping ratio of each resonance.
+
+        Shape (n_resonances, 2).
+        """
         own = self.model.extra_modes.own
         variances = np.diag(self.covariance("swings"))  # of logarithms
         return own * np.sqrt(variances).reshape(own.shape)
 
     @property
     def coefficient_covariance(self) -> np.ndarray:
-        """Covariance of the coefficients, (n_support, n_support), in their units."""
+        """Covariance of the fitted coefficients, each divided by its unit `posed.unit`.
+
+        Shape (n_support, n_support).
+        """
         away = np.linalg.inv(self.parameters.centring)
         return away @ self.covariance("coefficients") @ away.T
 
     @cached_property
     def whiteness(self) -> Whiteness:
-        """Result of the whiteness test of the innovations."""
+        """Results of the whiteness tests of the fit's innovations."""
         recordings, begin = self.posed.recordings, 2 * len(self.posed.size)
         step = typical_step(recordings)
         parts = list(zip(self.filtered.parts, recordings, strict=False))  # priors are parts, too
@@ -206,10 +219,11 @@ class ForcedFit:
 def maximise_likelihood(
     posed: ForcedProblem, model: ForcedModel, support: np.ndarray, correlated: bool
 ) -> ForcedFit:
-    """Find the most likely model of the terms `support` (n_candidates,), from one near it.
+    """Fit a model with given terms under random forces by maximum likelihood.
 
-    correlated: whether the forces of two equations may be correlated. Terms that the data do not
-    determine are left out. Raises FloatingPointError if the filter of the start fails.
+    support: (n_candidates,) the terms. model: the initial guess. correlated: whether the forces of
+    two equations may be correlated. Terms that the data do not determine are left out. Raises
+    FloatingPointError if the filter of the start fails.
     """
     parameters = Parameters(posed, support, correlated, model)
 
@@ -276,7 +290,7 @@ def _difference_innovations(
 
 
 def forces_are_needed(fit: ForcedFit, penalty: float) -> bool:
-    """Decide whether a model without its forces misses the samples by more than noise."""
+    """Decide whether random forces improve the likelihood of a fit by more than their penalty."""
     model = fit.model
     still = replace(model, root=FAINT * model.root, slow=tuple(FAINT * np.array(model.slow)))
     lost = fit.filtered.log_likelihood - fit.posed.filter_recordings(still).log_likelihood
@@ -284,7 +298,7 @@ def forces_are_needed(fit: ForcedFit, penalty: float) -> bool:
 
 
 def forces_are_correlated(fit: ForcedFit, penalty: float) -> bool:
-    """Decide whether the forces are correlated, by a Wald test."""
+    """Decide whether the random forces on different equations are correlated, by a Wald test."""
     if fit.model.extra_modes.hosts:  # which the same forces move
         return True
     root = fit.model.root

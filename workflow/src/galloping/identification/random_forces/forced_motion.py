@@ -26,9 +26,10 @@ MOST_MISFIT = 1.5  # mean square of standardised innovations: that of another li
 
 
 def state_space_model(found: IdentifiedModel, recording: Recording) -> tuple[StateSpaceModel, Data]:
-    """Make the state-space model of a model in random forces, and the data of a recording.
+    """Make the state-space model of an identified model, and extract a recording's data for it.
 
-    Raises ValueError if the model does not know the noise of a channel.
+    The model has random forces. Raises ValueError if the model does not know the noise of a
+    channel.
     """
     channels, states = Channels.from_recordings([recording]), found.model.states
     averaged = bool(found.diagnostics.get("rates_averaged", False))
@@ -57,10 +58,11 @@ def simulate_motions(
     time: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Simulate models at `time` (n,), s, in drawn forces: (n_models, n, n_states).
+    """Simulate models under random forces beyond the end of a recording, at given times.
 
-    found: whose forces and noise they share. Each begins at a state drawn from the filter's
-    distribution at the end of the recording.
+    time: (n,) s. Returns (n_models, n, n_states). found: the model whose forces and noise they
+    share. Each simulation begins at a state drawn from the filter's distribution at the end of the
+    recording.
     """
     recording = recording_end(found, recording)
     inputs = [recording.inputs[name] for name in found.model.inputs]
@@ -76,7 +78,10 @@ def simulate_motions(
 def noise_of_means(
     found: IdentifiedModel, recording: Recording, rates: Sequence[int], sigma: np.ndarray
 ) -> np.ndarray:
-    """Add the white forces to the noise `sigma` (n,) of mean rates of states, `rates`, its last."""
+    """Add the effect of random forces to the noise of rates that are means between samples.
+
+    sigma: (n,) noise of channels, of which the last are the mean rates of the states `rates`.
+    """
     noise = sigma.copy()
     if rates and found.diagnostics.get("rates_averaged"):
         noise[-len(rates) :] = np.hypot(
@@ -86,7 +91,7 @@ def noise_of_means(
 
 
 def recording_end(found: IdentifiedModel, recording: Recording) -> Recording:
-    """Cut a recording to its end, as long as its last state depends on it."""
+    """Return the last part of a recording, just long enough to determine its final state."""
     slowest = state_space_model(found, recording)[0].modes.omega.min()
     begin = recording.time[-1] - WITHIN * 2.0 * np.pi / slowest
     first = int(np.searchsorted(recording.time, begin))
@@ -94,7 +99,7 @@ def recording_end(found: IdentifiedModel, recording: Recording) -> Recording:
 
 
 def check_followed(found: IdentifiedModel, recording: Recording) -> None:
-    """Raise ValueError, in one line, if a model does not follow the end of a recording."""
+    """Raise ValueError if a model predicts the end of a recording worse than its noise allows."""
     system_model, data = state_space_model(found, recording_end(found, recording))
     end = system_model.filter(data)
     square = (end.innovations**2 / end.variances)[2 * len(end.mean) :]
@@ -108,7 +113,10 @@ def check_followed(found: IdentifiedModel, recording: Recording) -> None:
 
 
 def filter_states(found: IdentifiedModel, recording: Recording) -> np.ndarray:
-    """Estimate the states, (n, n_states), from the samples until each."""
+    """Estimate the states at each sample from the samples up to it, by a Kalman filter.
+
+    Returns (n, n_states).
+    """
     system_model, data = state_space_model(found, recording)
     return system_model.filter(data).means
 
@@ -116,10 +124,11 @@ def filter_states(found: IdentifiedModel, recording: Recording) -> np.ndarray:
 def model_spectra(
     found: IdentifiedModel, recording: Recording, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute frequencies (n,), Hz, and one-sided spectra (n, n_channels) of the channels.
+    """Compute the power spectra of the channels that a model under random forces predicts.
 
-    They are in squares of the channels' units per Hz, noise included. Those of a linear model are
-    exact; others are means over motions in forces drawn for each.
+    Returns frequencies (n,), Hz, and one-sided spectra (n, n_channels). The spectra are in squares
+    of the channels' units per Hz, noise included. Those of a linear model are exact; others are
+    means over motions in forces drawn for each.
     """
     from scipy.signal import welch  # slow to import
 

@@ -45,7 +45,7 @@ STEADY = 0.5  # mean of a factor of inputs, in its root mean square, from which 
 
 @dataclass(frozen=True)
 class ForcedModel:
-    """A model with its forces and noise.
+    """Coefficients, random forces and measurement noise of a model.
 
     coefficients: (n_candidates,). root: lower triangular, of the equations with a force and then of
     the resonances; root root' is the covariance of the white forces per second. noise:
@@ -63,7 +63,7 @@ class ForcedModel:
 
 @dataclass(frozen=True)
 class Innovations:
-    """The innovations of all recordings.
+    """Innovations of all recordings: samples minus their predictions by the Kalman filter.
 
     parts: the filter over each recording, and expectations of priors, as samples of coefficients;
     empty if the filter fails, for which `objection` gives the reason.
@@ -74,12 +74,12 @@ class Innovations:
 
     @cached_property
     def innovations(self) -> np.ndarray:
-        """Innovations of the samples of all parts."""
+        """Innovations of all recordings and priors, in one array."""
         return np.concatenate([part.innovations for part in self.parts])
 
     @cached_property
     def variances(self) -> np.ndarray:
-        """Variances of the innovations of all parts."""
+        """Variances of the innovations of all recordings and priors, in one array."""
         return np.concatenate([part.variances for part in self.parts])
 
     @cached_property
@@ -101,7 +101,7 @@ class Innovations:
 
 @dataclass(frozen=True)
 class ForcedProblem:
-    """Identification problem of recordings under random forces.
+    """Problem of identifying equations from recordings of a motion under random forces.
 
     forced: indices of the equations that have a force. size: (n_states,) of the motion. unit:
     (n_candidates,) of the coefficients. always: (n_candidates,) those of the linear equations that
@@ -122,19 +122,20 @@ class ForcedProblem:
 
     @cached_property
     def data(self) -> tuple[Data, ...]:
-        """Samples of the channels of each recording."""
+        """Samples of each recording, and the time steps between them."""
         return tuple(Data.from_recording(each, self.channels) for each in self.recordings)
 
     @property
     def penalty(self) -> float:
-        """Penalty of a term, 2 ln N of N samples."""
+        """Penalty of a term on twice the log-likelihood: 2 ln N for N samples."""
         return 2.0 * np.log(sum(int(np.isfinite(one.samples).sum()) for one in self.data))
 
     def centring(self, support: np.ndarray) -> np.ndarray:
-        """Compute the matrix (n_support, n_support) that centres coefficients, in their units.
+        """Compute the matrix that refers constant terms to the middle of the motion.
 
-        A constant becomes the residual of its equation in the middle of the motion: otherwise, if
-        the motion is far from zero, the stiffness alone would determine a constant.
+        Returns (n_support, n_support), for coefficients in their units. A constant becomes the
+        residual of its equation in the middle of the motion: otherwise, if the motion is far from
+        zero, the stiffness alone would determine a constant.
         """
         places, terms = np.flatnonzero(support), self.problem.state_exponents
         centring, equations = np.eye(len(places)), self.problem.candidates[places, 0]
@@ -146,7 +147,10 @@ class ForcedProblem:
         return centring
 
     def restrict(self, model: ForcedModel, support: np.ndarray) -> ForcedModel:
-        """Restrict a model to a support, with the same rates in the middle of the motion."""
+        """Remove terms from a model, with the states' rates unchanged in the middle of the motion.
+
+        support: the terms that remain.
+        """
         present = model.coefficients != 0.0
         scaled, kept = np.zeros((2, len(present)))
         scaled[present] = self.centring(present) @ (model.coefficients / self.unit)[present]
@@ -155,7 +159,7 @@ class ForcedProblem:
         return replace(model, coefficients=kept)
 
     def state_space_model(self, model: ForcedModel) -> StateSpaceModel:
-        """Make the state-space model of a model, for its filter."""
+        """Convert a model to the state-space form that the Kalman filter uses."""
         problem, n = self.problem, len(self.size)
         white, slow = np.zeros((2, n, n))
         rates, drives = np.ones(n), model.root @ model.root.T
@@ -170,7 +174,10 @@ class ForcedProblem:
     def resonances(
         self, model: ForcedModel, errors: np.ndarray | None = None
     ) -> tuple[Resonance, ...]:
-        """List the resonances of a model. errors: (n_resonances, 2), as `Resonance`."""
+        """Return the resonances of a model: modes for which it has no coordinate.
+
+        errors: (n_resonances, 2) standard errors, as in `Resonance`.
+        """
         n, f, drives = len(self.size), len(self.forced), model.root @ model.root.T
         swings, found = model.extra_modes, []
         errors = np.full(swings.own.shape, np.nan) if errors is None else errors
@@ -184,11 +191,11 @@ class ForcedProblem:
         return tuple(found)
 
     def normal_equations(self, model: ForcedModel) -> tuple[np.ndarray, np.ndarray]:
-        """Compute the normal equations of changes of the coefficients, in their units.
+        """Compute normal equations for changes of the coefficients from the innovations.
 
-        Information (n_candidates, n_candidates), and half the decrease of chi^2 with each,
-        (n_candidates,), by the slopes of the innovations of a model. Raises FloatingPointError if
-        the slopes diverge.
+        The coefficients are in their units. Returns the information (n_candidates, n_candidates),
+        and half the decrease of chi^2 with each, (n_candidates,), by the slopes of the innovations
+        of a model. Raises FloatingPointError if the slopes diverge.
         """
         terms, places = np.unique(self.problem.candidates[:, 1], return_inverse=True)
         candidates = np.column_stack([self.problem.candidates[:, 0], places])
@@ -210,7 +217,7 @@ class ForcedProblem:
         return known + prior * np.outer(self.unit, self.unit), right + pull * self.unit
 
     def filter_recordings(self, model: ForcedModel) -> Innovations:
-        """Compute the innovations of all recordings by a model."""
+        """Run the Kalman filter of a model over all recordings, and return the innovations."""
         system_model = self.state_space_model(model)
         parts = attempt(lambda: [system_model.filter(one) for one in self.data])
         if isinstance(parts, NoModel):
@@ -230,10 +237,11 @@ class ForcedProblem:
 def make_forced_problem(
     problem: Problem, recordings: list[Recording], forced: tuple[int, ...], besides: int
 ) -> tuple[ForcedProblem, list[ForcedModel]]:
-    """Make the problem in units of the motion, and initial models, the likeliest first.
+    """Set up a fit under random forces: the scaled problem, and initial guesses of the model.
 
-    Rates are modelled as measured at the sample or as means since the last one, whichever is
-    likelier. Raises IdentificationError if there is no initial model.
+    The likeliest initial guess is the first. Rates are modelled as measured at the sample or as
+    means since the last one, whichever is likelier. Raises IdentificationError if there is no
+    initial model.
     """
     passing("modes from correlations")
     channels = Channels.from_recordings(recordings)

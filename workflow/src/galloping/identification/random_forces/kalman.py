@@ -68,7 +68,7 @@ def _update_covariance(p, row, noise, gain):
 
 @njit(cache=True, error_model="numpy")
 def kalman_filter(samples, step_of, transitions, disturbances, sensing, noise, x, p):
-    """Filter samples by a linear system.
+    """Run the Kalman filter of a linear system over samples, some of which may be missing.
 
     Returns innovations and their variances, (n, n_channels) each, NaN where samples are missing,
     and the means of the states (n, n_states) after each sample.
@@ -149,10 +149,10 @@ def _evaluate_rates(x, exponents, coefficients, terms, out):
 
 
 def lowered_terms(exponents: np.ndarray, n_states: int) -> np.ndarray:
-    """Tabulate the derivatives of terms by states, (n_slopes, 3 + n_signals).
+    """Tabulate the derivatives of monomials by the states, one derivative in each row.
 
-    As of `polynomial.differentiate_terms`, one a row: term, state, exponent, and the remaining
-    exponents. exponents: (n_terms, n_signals).
+    Returns (n_slopes, 3 + n_signals). As of `polynomial.differentiate_terms`, a row is: term,
+    state, exponent, and the remaining exponents. exponents: (n_terms, n_signals).
     """
     by_state = differentiate_terms(tuple(map(tuple, exponents.tolist())), n_states)
     rows = [
@@ -215,7 +215,7 @@ def extended_filter(
     samples, step_of, lengths, substeps, driven, exponents, lowered, coefficients, white, sensed,
     is_rate, kept, noise, x, p, candidates,
 ):  # fmt: skip
-    """Filter samples by a polynomial system.
+    """Run the extended Kalman filter of a system of polynomial equations over samples.
 
     Returns innovations and their variances, (n, n_channels) each, NaN where samples are missing or
     the filter fails; the means of the states (n, n_states) after each sample; and the slopes of the
@@ -318,10 +318,11 @@ def extended_filter(
 
 @njit(cache=True, error_model="numpy")
 def random_motion(x, step_of, lengths, substeps, driven, exponents, coefficients, root, noise):
-    """Simulate states, (n, n_states), from `x`, in forces with covariance root root' per second.
+    """Simulate a system of polynomial equations under white random forces.
 
-    All until `coefficients`: as of `extended_filter`. noise: (n_substeps of all steps, n_states) of
-    unit variance.
+    Returns the states, (n, n_states), from `x` on. root root' is the covariance of the forces per
+    second. All until `coefficients`: as of `extended_filter`. noise: (n_substeps of all steps,
+    n_states) of unit variance.
     """
     d, place = len(x), 0
     states = np.empty((len(step_of), d))

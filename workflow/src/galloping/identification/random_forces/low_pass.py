@@ -19,7 +19,10 @@ SAME = 1e-3  # of a step between samples, that rounding makes of it
 
 
 def as_modelled(found: IdentifiedModel, recordings: list[Recording]) -> list[Recording]:
-    """Filter recordings as those of a model were filtered. Raises as `low_pass_recording`."""
+    """Apply to recordings the low-pass filter with which a model was identified.
+
+    Recordings are unchanged if there was no filter. Raises as `low_pass_recording`.
+    """
     below = float(found.diagnostics.get("below", 0.0))
     if not below:
         return recordings
@@ -30,9 +33,9 @@ def as_modelled(found: IdentifiedModel, recordings: list[Recording]) -> list[Rec
 
 
 def low_pass_recordings(recordings: list[Recording], below: float) -> list[Recording]:
-    """Apply `low_pass_recording`, and return the recordings with remaining samples.
+    """Low-pass filter recordings, and omit those of which no samples remain.
 
-    Raises IdentificationError if there are none.
+    below: cut-off frequency, Hz. Raises IdentificationError if no recording remains.
     """
     left, errors = [], []
     for each in recordings:
@@ -51,7 +54,7 @@ def _filtered_step(below: float) -> float:
 
 
 def low_pass_recording(recording: Recording, below: float) -> Recording:
-    """Remove components above `below`, Hz, and reduce the samples accordingly.
+    """Low-pass filter a recording at the frequency `below`, Hz, and lower its sampling rate.
 
     Components slower than FLAT of it are unchanged, and white noise stays white: the filter is a
     root raised cosine, and a step is half a period of the frequency in the middle of its edge (J.

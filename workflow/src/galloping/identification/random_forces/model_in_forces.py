@@ -53,12 +53,13 @@ def fit_in_forces(
     may_be_slow: bool = True,
     doubts: Callable[[ForcedFit], Sequence[Finding]] = lambda fit: (),
 ) -> FinalFit | NoModel:
-    """Fit a model in random forces to recordings without outliers. period: s, the shortest.
+    """Fit a model under random forces to recordings, and select its terms.
 
-    forced: indices of the equations with a force. besides: number of modes beyond the coordinates.
-    may_be_slow: whether forces may be slow; otherwise a model with white ones and clearly
-    correlated innovations is refused. doubts: why a fit, first to some of the samples and then to
-    all, is refused, none if it is accepted.
+    The recordings have no outliers. period: s, the shortest of the motion. forced: indices of the
+    equations with a force. besides: number of modes beyond the coordinates. may_be_slow: whether
+    forces may be slow; otherwise a model with white ones and clearly correlated innovations is
+    refused. doubts: why a fit, first to some of the samples and then to all, is refused, none if it
+    is accepted.
     """
     rescaled = with_scales(recordings, period)
     some = _fit_some_samples(problem, rescaled, forced, may_be_slow, besides)

@@ -43,7 +43,7 @@ BROAD, LESS_WHITE, LIKELIER = 0.02, 0.75, 1e-7
 
 @dataclass(frozen=True)
 class ModeSelection:
-    """Recordings filtered to some of their modes.
+    """Recordings, low-pass filtered to a selection of modes, and the frequencies of these modes.
 
     recordings, period: as of `prepare_recordings`, s. n_further: number of modes beyond the
     coordinates. modes: Hz, of the model; None if any are allowed. faster: Hz, modes that are left
@@ -58,7 +58,7 @@ class ModeSelection:
     below: float | None = None
 
     def has_modes_of(self, found: IdentifiedModel) -> bool:
-        """Decide whether each oscillation of the linear part of a model is at a selected mode."""
+        """Decide whether every mode of a model is near the frequency of a selected mode."""
         if self.modes is None:
             return True
         beside = (each.frequency for each in found.resonances if each.is_mode)
@@ -67,7 +67,10 @@ class ModeSelection:
         return bool(np.all(np.abs(np.log(ratios)).min(axis=1) < 1.5 * np.log(APART)))
 
     def with_omissions(self, found: IdentifiedModel) -> IdentifiedModel:
-        """Add a finding on what is left out to a model, and `below` to its diagnostics."""
+        """Add to a model a finding that names the frequencies removed by the filter.
+
+        The cut-off frequency is added to its diagnostics as `below`.
+        """
         if self.below is None:
             return found
         if self.faster:
@@ -81,9 +84,10 @@ class ModeSelection:
 
 @dataclass(frozen=True)
 class SeveralModes:
-    """Recordings, as of `prepare_recordings`, that may have more modes than coordinates.
+    """Recordings with possibly more modes than coordinates, and selections of these modes.
 
-    Nothing is selected if there are inputs, or if random forces need not have moved the recordings.
+    The recordings are those of `prepare_recordings`. Nothing is selected if there are inputs, or if
+    random forces need not have moved the recordings.
     """
 
     recordings: list[Recording]
@@ -91,33 +95,38 @@ class SeveralModes:
 
     @property
     def whole(self) -> ModeSelection:
-        """The recordings without a filter."""
+        """Selection of all modes: the recordings without a filter."""
         return ModeSelection(self.recordings, self.period)
 
     @cached_property
     def modes(self) -> list[float]:
-        """Modes, Hz, the slowest first; none with inputs, whose frequencies are no modes."""
+        """Frequencies of the modes in the recordings, Hz, the lowest first.
+
+        The list is empty with inputs, whose frequencies are no modes.
+        """
         return [] if self.recordings[0].inputs else _find_modes(self.recordings)
 
     @cached_property
     def channels(self) -> Channels:
-        """Channels of the recordings."""
+        """Measured states and rates of the recordings."""
         return Channels.from_recordings(self.recordings)
 
     def slowest(self, apart: tuple[float, float] = FAR_APART) -> Iterator[ModeSelection]:
-        """Select the slowest modes, one per coordinate, if there are more modes than coordinates.
+        """Yield recordings filtered to the slowest modes, as many as there are coordinates.
 
-        apart: limits of the next mode, as multiples of the last of these modes.
+        Nothing is yielded if there are no more modes than coordinates. apart: limits of the next
+        mode, as multiples of the last of these modes.
         """
         own = len(self.channels.pairs)
         return self._selections([own] if len(self.modes) > own else [], apart)
 
     def more(self) -> Iterator[ModeSelection]:
-        """Select more modes than coordinates: all, also one more than visible, or the slowest.
+        """Yield recordings filtered to more modes than there are coordinates, all modes first.
 
-        Accelerations show forces beyond all modes, where these are no longer white. Frequencies far
-        beyond are removed, also if there are no more modes than coordinates, and if samples are
-        many times as fast as the modes.
+        After all modes come one more than visible, then the slowest. Accelerations show forces
+        beyond all modes, where these are no longer white. Frequencies far beyond are removed, also
+        if there are no more modes than coordinates, and if samples are many times as fast as the
+        modes.
         """
         own, every = len(self.channels.pairs), len(self.modes)
         more = range(own + 1, min(own + BESIDES, every + 1) + 1)
@@ -153,7 +162,7 @@ class SeveralModes:
 
 
 def may_have_split_mode(found: IdentifiedModel) -> bool:
-    """Decide whether a mode of a model is so broad that it may be two.
+    """Decide whether a mode of a model is so heavily damped that it may be two close modes.
 
     The innovations then are less white than those of most sound models. With inputs no further mode
     is sought.
@@ -173,7 +182,7 @@ def may_have_split_mode(found: IdentifiedModel) -> bool:
 
 
 def splits_mode(split: IdentifiedModel, found: IdentifiedModel) -> bool:
-    """Decide whether a model with one mode more shows that a mode of another model is two.
+    """Decide whether splitting a mode into two close modes makes a model clearly more likely.
 
     Of two modes that overlap, a broad one in their middle leaves innovations that are nearly white;
     the model of both is clearly likelier.

@@ -46,7 +46,10 @@ NOISY = 0.2
 
 
 def on_grid(time: np.ndarray, samples: np.ndarray, step: float) -> np.ndarray:
-    """Take the samples (n, n_channels) nearest to uniform steps, s, NaN where there is none."""
+    """Place samples on the nearest points of a uniform time grid, NaN where there is no sample.
+
+    samples: (n, n_channels). step: s.
+    """
     place = np.round((time - time[0]) / step).astype(np.int64)
     grid = np.full((place[-1] + 1, samples.shape[1]), np.nan)
     grid[place] = samples
@@ -54,12 +57,15 @@ def on_grid(time: np.ndarray, samples: np.ndarray, step: float) -> np.ndarray:
 
 
 def typical_step(recordings: Sequence[Recording]) -> float:
-    """Compute the median step between the samples of all recordings, s."""
+    """Compute the median time step between the samples of all recordings, s."""
     return float(np.median(np.concatenate([np.diff(each.time) for each in recordings])))
 
 
 def on_grids(recordings: Sequence[Recording]) -> tuple[float, list[np.ndarray]]:
-    """Compute the step, s, of all recordings, and their samples on it without their means."""
+    """Place the samples of all recordings, less their means, on time grids with a common step.
+
+    Returns the step, s, and the samples of each recording.
+    """
     channels, step = Channels.from_recordings(recordings), typical_step(recordings)
     samples = [channels.samples(each) for each in recordings]
     return step, [
@@ -69,7 +75,11 @@ def on_grids(recordings: Sequence[Recording]) -> tuple[float, list[np.ndarray]]:
 
 
 def sample_correlations(grids: list[np.ndarray], lags: int) -> np.ndarray:
-    """Average y(t + lag) y(t)' over the available samples, (lags + 1, n_channels, n_channels)."""
+    """Estimate the correlation matrices of the channels at each time lag.
+
+    They are means of y(t + lag) y(t)' over the available samples, (lags + 1, n_channels,
+    n_channels).
+    """
     total = sum(_sum_lagged_products(np.nan_to_num(grid), lags) for grid in grids)
     count = sum(_sum_lagged_products(np.isfinite(grid).astype(float), lags) for grid in grids)
     return total / np.maximum(count, 1.0)
@@ -85,8 +95,9 @@ def _sum_lagged_products(samples: np.ndarray, lags: int) -> np.ndarray:
 def modes_from_correlations(
     correlation: np.ndarray, step: float, stride: int, count: int, further: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Find eigenvalues (count,), 1/s, and shapes (n_channels, count) of `count` oscillations.
+    """Identify modes from correlation matrices by stochastic subspace identification.
 
+    Returns eigenvalues (count,), 1/s, and shapes (n_channels, count) of `count` oscillations.
     correlation: (n_lags, n_channels, n_channels), of lags that are multiples of `stride` steps, s.
     further: number of additional states of the correlations; the strongest oscillations are
     returned. Raises IdentificationError if there are fewer.
@@ -116,7 +127,7 @@ def modes_from_correlations(
 
 @dataclass(frozen=True)
 class ExtraModes:
-    """Resonances: modes for which the model has no coordinate.
+    """Modes for which the model has no coordinate, which act on it as oscillating forces.
 
     own: (n_resonances, 2) frequencies, rad/s, and damping ratios. onto: (n_resonances, n_forced)
     what each adds to the equations with a force; hosts: (n_resonances,) those in which this is one.
@@ -128,7 +139,10 @@ class ExtraModes:
 
     @property
     def is_shared(self) -> np.ndarray:
-        """Entries of `onto` that are not one by definition, (n_resonances, n_forced)."""
+        """Whether entries of `onto` are free parameters rather than one by definition.
+
+        Shape (n_resonances, n_forced).
+        """
         shared = np.ones(self.onto.shape, bool)
         shared[np.arange(len(self.hosts)), list(self.hosts)] = False
         return shared
@@ -136,7 +150,7 @@ class ExtraModes:
 
 @dataclass(frozen=True)
 class LinearStart:
-    """Linear system (n_states, n_states), and resonances besides its modes."""
+    """Initial guess of a fit: matrix of a linear system, and modes without a coordinate."""
 
     system: np.ndarray
     extra_modes: ExtraModes
@@ -145,11 +159,12 @@ class LinearStart:
 def find_linear_systems(
     channels: Channels, grids: list[np.ndarray], step: float, period: float, besides: int
 ) -> Iterator[LinearStart]:
-    """Yield linear systems that may explain the motion, with `besides` additional modes.
+    """Yield linear systems as initial guesses, from the correlations of recorded motion.
 
-    grids: samples on uniform steps, s, without their means. period: s, the shortest of the motion.
-    Each is from correlations of another length, of the samples or of their differences, which have
-    the same modes and weaker slow components.
+    They have `besides` modes more than coordinates. grids: samples on uniform steps, s, without
+    their means. period: s, the shortest of the motion. Each system is from correlations of another
+    length, of the samples or of their differences, which have the same modes and weaker slow
+    components.
     """
     pairs = channels.pairs
     size = np.nanstd(np.concatenate(grids), axis=0)
@@ -218,7 +233,11 @@ def _system_with_modes(
 
 
 def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Estimate frequencies (n,), rad/s, and two-sided spectra (n, n_channels), in means of BINS."""
+    """Estimate the power spectra of all channels of each record, averaged over adjacent bins.
+
+    Returns frequencies (n,), rad/s, and two-sided spectra (n, n_channels), of one record after the
+    other. BINS bins are averaged.
+    """
     frequencies, powers = [], []
     for grid in grids:
         known = np.isfinite(grid)
@@ -233,9 +252,9 @@ def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, 
 
 
 def shortest_velocity_period(recordings: Sequence[Recording]) -> float:
-    """Find the shortest period of the motion's velocities, s, after subtraction of white noise.
+    """Estimate the shortest period of a motion, s, from the spectra of its velocities.
 
-    Raises IdentificationError if the recordings show none.
+    White noise is subtracted. Raises IdentificationError if the recordings show no motion.
     """
     step, grids = on_grids(recordings)
     omega, power = estimate_spectra(grids, step)
@@ -260,7 +279,7 @@ def estimate_strengths(
     power: np.ndarray,
     slow: float | None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Estimate the strengths of forces and noise whose sum is nearest to spectra.
+    """Estimate the strengths of random forces and noise that best explain measured spectra.
 
     Returns covariances per second of white forces, in the equations (n_forced,) and then on the
     resonances, and of the drive of slow ones, (n_forced,), and spectra (n_channels,) of noise.
@@ -293,7 +312,7 @@ STEADY, WAVERING, TREND = 5.0, 0.12, 3
 
 
 def amplitude_fluctuates(recordings: Sequence[Recording], period: float) -> bool:
-    """Decide whether the size of the motion in every channel fluctuates about a constant.
+    """Decide whether the amplitude of the motion fluctuates irregularly in every channel.
 
     Random forces cause this; a motion that grows, decays or repeats does not fluctuate. period: s.
     Parts of less than half the longest recording are ignored: a few periods follow any trend.
@@ -317,7 +336,7 @@ def amplitude_fluctuates(recordings: Sequence[Recording], period: float) -> bool
 
 
 def is_ambient_candidate(start: Start) -> bool:
-    """Decide whether random forces may have moved a recording.
+    """Decide whether random forces may have caused the recorded motion.
 
     The weak form of a motion that follows from its initial state has small residuals, if noise does
     not hide them and the start follows the oscillations, not slower components.

@@ -20,7 +20,7 @@ FEWEST = 1e-10  # relative determinant of the eigenvectors: fewer than n of them
 
 @dataclass(frozen=True)
 class Steps:
-    """The steps between samples.
+    """Time steps between samples, with each distinct length stored once.
 
     lengths: (n_steps,) s, distinct lengths. of: (n,) index of the step before each sample, -1
     before the first. time: (n,) s. inputs: those of the recording.
@@ -33,18 +33,18 @@ class Steps:
 
     @classmethod
     def from_times(cls, time: np.ndarray, inputs: Sequence[Input] = ()) -> "Steps":
-        """Make the steps of times (n,) s, increasing."""
+        """Compute the time steps between increasing sample times (n,), s."""
         tick = np.median(np.diff(time)) / TICKS
         counts = np.diff(np.round((time - time[0]) / tick).astype(np.int64))
         occurring, index = np.unique(np.maximum(counts, 1), return_inverse=True)
         return cls(occurring * tick, np.append(-1, index), time, tuple(inputs))
 
     def input_factors(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
-        """Compute the factors of the inputs, (3 n_substeps + 1, n_factors).
+        """Evaluate products of powers of the inputs at three times in each integration substep.
 
-        They are at the beginning, half way and just before the end of each of the substeps,
-        (n_steps,) of a step, of all steps, and at the last time. The last result is cached, since a
-        fit needs the same for nearly every model.
+        Returns (3 n_substeps + 1, n_factors). The times are the beginning, half way and just before
+        the end of each of the substeps, (n_steps,) of a step, of all steps, and at the last time.
+        The last result is cached, since a fit needs the same for nearly every model.
         """
         asked = substeps.tobytes(), tuple(factors)
         if asked not in self._factor_cache:
@@ -77,10 +77,10 @@ class Steps:
 def discretise(
     system: np.ndarray, forces: np.ndarray, lengths: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute transitions and covariances (n_steps, n, n) over steps of `lengths`, s.
+    """Compute transition matrices and noise covariances of a linear system over time steps.
 
-    system: (n, n), A; forces: (n, n), G. Raises IdentificationError if A has too few eigenvectors,
-    as at critical damping.
+    Both are (n_steps, n, n). lengths: (n_steps,) of the steps, s. system: (n, n), A; forces: (n,
+    n), G. Raises IdentificationError if A has too few eigenvectors, as at critical damping.
     """
     values, vectors = np.linalg.eig(system)
     alike = vectors / np.linalg.norm(vectors, axis=1)[:, np.newaxis]  # whatever the states' units
@@ -102,7 +102,10 @@ def discretise(
 def append_mean_rates(
     transitions: np.ndarray, disturbances: np.ndarray, lengths: np.ndarray, of: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Append the mean rates of the states `of` over a step to transitions and covariances."""
+    """Add the mean rates of some states over each step to a discretised linear system.
+
+    of: indices of the states. Returns transitions and covariances with these rates appended.
+    """
     unit, length = np.eye(transitions.shape[1]), lengths[:, np.newaxis, np.newaxis]
     rates = (transitions[:, of] - unit[of]) / length
     moved = np.concatenate([transitions, rates], axis=1)

@@ -39,21 +39,24 @@ FILTER, OF_STATE, OF_STEP, OF_TERM, OF_SLOPE = 3e-4, 6e-8, 8e-7, 1.2e-8, 4e-9
 
 @dataclass(frozen=True)
 class Data:
-    """Samples (n, n_channels) of a recording, NaN where missing, and the steps between them."""
+    """Samples of the channels of a recording, NaN where missing, and their time steps.
+
+    samples: (n, n_channels).
+    """
 
     samples: np.ndarray
     steps: Steps
 
     @classmethod
     def from_recording(cls, recording: Recording, channels: Channels) -> "Data":
-        """Extract the samples of channels from a recording."""
+        """Extract the samples of given channels, and their time steps, from a recording."""
         steps = Steps.from_times(recording.time, tuple(recording.inputs.values()))
         return cls(channels.samples(recording), steps)
 
 
 @dataclass(frozen=True)
 class FilterResult:
-    """Result of a filter over a recording.
+    """Result of a Kalman filter over a recording: innovations and estimates of the states.
 
     innovations, variances: (n, n_channels) of samples, NaN where missing. means: (n, n_states)
     after each. mean, covariance: of the states, and of slow forces, after the last. count: of the
@@ -69,13 +72,13 @@ class FilterResult:
 
     @property
     def standardised(self) -> np.ndarray:
-        """Innovations over their standard deviations, (n, n_channels)."""
+        """Innovations divided by their standard deviations, (n_samples, n_channels)."""
         return self.innovations / np.sqrt(self.variances)
 
 
 @dataclass(frozen=True)
 class Forces:
-    """The random forces of a model.
+    """Random forces in the equations of a model: white, slowly varying and oscillating.
 
     white: (n_states, n_states) covariance per second of white forces in the equations. slow:
     (n_states, n_states) of the drive of forces that decay at `rates` (n_states,), 1/s, as those of
@@ -89,26 +92,27 @@ class Forces:
 
     @cached_property
     def places(self) -> np.ndarray:
-        """Indices of the equations with a slow force, (n_slow,)."""
+        """Indices of the equations with a slowly varying force, (n_slow,)."""
         return np.flatnonzero(np.diag(self.slow))
 
     @classmethod
     def from_model(cls, found: IdentifiedModel) -> "Forces":
-        """Extract the forces of an identified model."""
+        """Extract the random forces of an identified model."""
         rates = [found.diagnostics.get(f"slow_rate_{s}", 1.0) for s in found.model.states]
         return cls(found.forces, found.slow_forces, np.array(rates), found.resonances)
 
     def density(self, omega: float) -> np.ndarray:
-        """Compute the two-sided density (n_states, n_states) of the forces at a frequency, rad/s.
+        """Compute the two-sided spectral density of the forces at a frequency in rad/s.
 
-        It is the covariance per second of white forces with the same effect on a mode there.
+        Returns (n_states, n_states). It is the covariance per second of white forces with the same
+        effect on a mode there.
         """
         return self.white + self.slow / (self.rates**2 + omega**2)
 
 
 @dataclass(frozen=True)
 class StateSpaceModel:
-    """A model, its forces and the noise of its sensors.
+    """Equations of motion with random forces and sensor noise, as used by the Kalman filter.
 
     noise: (n_channels,) deviations of a sample. size: (n_states,) of the motion. held: means of the
     inputs, at which the linear part is computed. With slow forces, the filter includes these.
@@ -124,29 +128,32 @@ class StateSpaceModel:
 
     @cached_property
     def steady(self) -> PolynomialModel:
-        """The model at the means of its inputs."""
+        """The equations of motion with all inputs fixed at their means."""
         return self.model.at(self.held) if self.held else self.model
 
     @cached_property
     def system(self) -> np.ndarray:
-        """Linear part of the equations, (n_states, n_states)."""
+        """Matrix of the linear part of the equations, (n_states, n_states)."""
         return self.steady.jacobian(np.zeros((1, len(self.size))))[0]
 
     @cached_property
     def modes(self) -> Modes:
-        """Modes of the linear part."""
+        """Modes of the linear part of the equations."""
         return self.steady.small_motions(np.zeros(len(self.size)))
 
     @cached_property
     def rest(self) -> np.ndarray:
-        """Equilibrium of the linear part, (n_states,)."""
+        """Equilibrium of the linear part of the equations, (n_states,)."""
         if np.linalg.det(self.system) == 0.0:
             raise IdentificationError(Code.STIFFNESS_UNDETERMINED)
         return -np.linalg.solve(self.system, self.steady(np.zeros((1, len(self.size))))[0])
 
     @cached_property
     def augmented_system(self) -> tuple[np.ndarray, np.ndarray]:
-        """Linear system, with slow and oscillating forces, and its white forces, (m, m)."""
+        """Linear system matrix with slow and oscillating forces as states, and force covariance.
+
+        Both are (m, m); the covariance per second is that of the white forces.
+        """
         n, places, swings = len(self.rest), self.forces.places, self.forces.resonances
         p, r = n + len(places), len(swings)
         m = p + 2 * r
@@ -174,12 +181,18 @@ class StateSpaceModel:
 
     @property
     def first_mean(self) -> np.ndarray:
-        """Mean of the states before any measurement, (m,)."""
+        """Mean of the states and slow forces before the first sample.
+
+        Shape (m,), as of `augmented_system`.
+        """
         return np.append(self.rest, np.zeros(len(self.augmented_system[0]) - len(self.rest)))
 
     @property
     def first_covariance(self) -> np.ndarray:
-        """Covariance of the states before any measurement, (m, m)."""
+        """Covariance of the states and slow forces before the first sample.
+
+        Shape (m, m), as of `augmented_system`.
+        """
         slow = np.diag(self.forces.slow) / (2.0 * self.forces.rates)
         within = (DIFFUSE if self.is_linear else NEAR) * self.size
         p, swings = len(self.size) + len(self.forces.places), self.forces.resonances
@@ -193,10 +206,11 @@ class StateSpaceModel:
         return make_tables(self.model.terms, len(self.size))
 
     def equations(self, terms: Sequence[int] | np.ndarray = ()) -> tuple[np.ndarray, np.ndarray]:
-        """Return exponents (n_terms, m + n_factors) and coefficients (m, n_terms) of the equations.
+        """Return the polynomial equations as exponents of monomials and their coefficients.
 
-        They are of the states and slow forces, and have the terms of the model that are present,
-        after `terms`, indices that come first.
+        Shapes (n_terms, m + n_factors) and (m, n_terms). The equations are those of the states and
+        slow forces, and have the terms of the model that are present, after `terms`, indices that
+        come first.
         """
         n, m, known = len(self.size), len(self.augmented_system[0]), self._tables
         others = np.flatnonzero(self.model.coefficients.any(axis=0))
@@ -211,14 +225,17 @@ class StateSpaceModel:
         return exponents, coefficients
 
     def substeps(self, lengths: np.ndarray) -> np.ndarray:
-        """Compute the number of substeps of each step, (n_steps,), by its length, s."""
+        """Compute how many integration substeps time steps of given lengths, s, need.
+
+        Returns (n_steps,).
+        """
         fastest = self.modes.omega.max()
         return np.ceil(lengths * fastest * SUBSTEPS / (2.0 * np.pi)).astype(np.int64)
 
     def filter_extended(
         self, data: Data, candidates: np.ndarray, terms: Sequence[int] | np.ndarray = ()
     ) -> tuple[FilterResult, np.ndarray]:
-        """Filter samples by a nonlinear system, with slopes of innovations with coefficients.
+        """Run the extended Kalman filter, with derivatives of the innovations by coefficients.
 
         The arguments are as of `extended_filter`. candidates: (n_candidates, 2), of equations and
         of `terms`. Raises IdentificationError if a pass takes more than all the work of a search,
@@ -265,7 +282,10 @@ class StateSpaceModel:
         )  # fmt: skip
 
     def simulate(self, x: np.ndarray, steps: Steps, rng: np.random.Generator) -> np.ndarray:
-        """Simulate states, (n, n_states), from states and slow forces `x` (m,), in drawn forces."""
+        """Simulate the states under random forces from given initial values.
+
+        x: (m,) initial states and slow forces. Returns (n, n_states).
+        """
         counts = self.substeps(steps.lengths)
         noise = rng.standard_normal((counts[steps.of[1:]].sum(), len(x)))
         driven, root = (
@@ -276,7 +296,10 @@ class StateSpaceModel:
         return random_motion(x, *own)[:, : len(self.size)]
 
     def filter(self, data: Data) -> FilterResult:
-        """Filter all samples. Raises IdentificationError if the filter fails."""
+        """Run the Kalman filter, extended if the equations are nonlinear, over a recording.
+
+        Raises IdentificationError if the filter fails.
+        """
         if not self.is_linear:
             return self.filter_extended(data, np.zeros((0, 2), np.int64))[0]
         transitions, disturbances = discretise(*self.augmented_system, data.steps.lengths)
@@ -304,10 +327,11 @@ class StateSpaceModel:
         return self._make_result(data, innovations, variances, means, x, p)
 
     def first_state(self, data: Data, count: int) -> np.ndarray:
-        """Estimate the states, (n_states,), at the first sample from `count` samples.
+        """Estimate the states at the first sample from the first `count` samples.
 
-        The filter is of the states together with their first values, which are constant, and of
-        rates at the sample, which mean rates approximate except for the forces in them.
+        Returns (n_states,). The filter is of the states together with their first values, which are
+        constant, and of rates at the sample, which mean rates approximate except for the forces in
+        them.
         """
         if self.channels.averaged:
             force = (
@@ -336,9 +360,10 @@ class StateSpaceModel:
 def motion_sizes(
     recordings: list[Recording], channels: Channels, period: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Compute deviations (n_states,) of the states, and means and deviations of the channels.
+    """Compute standard deviations of the states, and means and deviations of the channels.
 
-    Deviations of the channels determine those of the states at a period, s.
+    Those of the states are (n_states,). They follow from those of the channels for a motion of the
+    given period, s.
     """
     together = np.concatenate([channels.samples(each) for each in recordings])
     mean, deviation = np.nanmean(together, axis=0), np.nanstd(together, axis=0)

@@ -25,7 +25,7 @@ NAMED, APART = 3, 0.5  # frequencies that are named, and how far apart, in that 
 
 
 def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
-    """Find coordinates with a fast mode besides their own, a finding for each frequency."""
+    """Find fast modes for which recordings have no coordinate, and return a finding for each."""
     channels, found = Channels.from_recordings(recordings), []
     names = channels.names
     if not names:  # a line that diverged has no motion

@@ -14,7 +14,7 @@ from galloping.identification.status import status_of
 
 @dataclass(frozen=True)
 class FinalFit:
-    """A fit to all samples.
+    """Fit under random forces to all samples, with initial states and errors of absent terms.
 
     absent: (n_candidates,) standard errors of absent terms, if they were present. penalty: of a
     term. initial_states: (n_recordings, n_states). scales: of values that were in unknown units, by
@@ -29,9 +29,9 @@ class FinalFit:
 
 
 def assess_forced_fit(found: FinalFit) -> IdentifiedModel:
-    """Make the identified model of a fit with its status.
+    """Turn a fit under random forces into an `IdentifiedModel`, and decide its status.
 
-    It is `ok`, or `approximate` if the innovations are not white and that matters.
+    The status is `ok`, or `approximate` if the innovations are not white and that matters.
     """
     fit, posed, support = found.fit, found.fit.posed, found.fit.support
     problem, channels, recordings = posed.problem, posed.channels, posed.recordings

@@ -31,7 +31,7 @@ JUMP = 10.0
 
 @dataclass(frozen=True)
 class Whiteness:
-    """Tests of standardised innovations for whiteness.
+    """Results of tests whether standardised innovations are white noise.
 
     statistic, allowed: of the correlations of innovations, over their degrees of freedom. told:
     share of their power that their past predicts. frequency: Hz, of the highest peak of their
@@ -56,7 +56,10 @@ class Whiteness:
     goes_with: str = ""
 
     def to_finding(self, channels: Sequence[str]) -> Finding:
-        """Make the finding on innovations that are not white. channels: their names."""
+        """Return a finding that names the main deviation of the innovations from white noise.
+
+        channels: their names.
+        """
         if self.goes_with:
             return Finding.of(Code.FORCE_MISSING, self.goes_with)
         if self.has_jump:
@@ -70,7 +73,7 @@ class Whiteness:
 
     @property
     def shows_line(self) -> bool:
-        """Whether the spectrum has a higher peak than by chance."""
+        """Whether the spectrum of the innovations has a higher peak than chance allows."""
         return self.peak > (1.0 if self.swings else APART) * self.peak_allowed
 
     @property
@@ -86,29 +89,30 @@ class Whiteness:
 
     @property
     def is_nearly_white(self) -> bool:
-        """Whether the innovations at least exclude another kind of motion."""
+        """Whether the innovations are white enough to exclude causes other than random forces."""
         return not self.is_relevant or (
             self.peak < MOST_LINE * self.peak_allowed and self.told < MOST_TOLD
         )
 
     @property
     def explains_most(self) -> bool:
-        """Whether random forces explain most of the motion, and nothing else a clear part."""
+        """Whether random forces explain most of the motion, without a clear other cause."""
         few = self.peak < MOST_LINE * self.peak_allowed and self.told < PARTLY_TOLD
         return few and not self.goes_with
 
     @property
     def is_relevant(self) -> bool:
-        """Whether deviations from white noise affect the model."""
+        """Whether the deviations from white noise are large enough to affect the model."""
         apart = self.shows_line or self.has_jump or self.goes_with
         return self.told > RELEVANT or bool(apart)
 
 
 def assess_whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Whiteness:
-    """Test standardised innovations (n, n_channels) on uniform steps, s, NaN where missing.
+    """Test whether standardised innovations on a uniform time grid are white noise.
 
-    modes: Hz, of the model. With many samples in a period each shows mostly the noise of the sensor
-    and hardly any force: sums of several are tested as well, which are as white.
+    grids: (n, n_channels) each, NaN where missing. step: s. modes: Hz, of the model. With many
+    samples in a period each shows mostly the noise of the sensor and hardly any force: sums of
+    several are tested as well, which are as white.
     """
     found = _assess_grids(grids, step, modes)
     many = int(1.0 / (modes.max() * step * SAMPLES))
@@ -160,10 +164,11 @@ def _assess_grids(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Wh
 
 
 def find_dependence(errors: np.ndarray, before: np.ndarray) -> int | None:
-    """Find the column of `before` (n, m) on which innovations clearly depend.
+    """Find the known quantity on which innovations significantly depend, as a column index.
 
-    Standardised innovations (n, n_channels) of a right model are independent of everything known
-    before each. The test is on their means in GROUPS of equally many values. None if there is none.
+    before: (n, m) quantities known before each innovation. Standardised innovations (n, n_channels)
+    of a right model are independent of everything known before each. The test is on their means in
+    GROUPS of equally many values. None if innovations depend on no column.
     """
     tests, most, found = errors.shape[1] * before.shape[1], 0.0, None
     for k, column in enumerate(before.T):

@@ -39,7 +39,7 @@ ENOUGH = 1.05  # the scan stops once every channel's score is this much above it
 def differentiate(
     time: np.ndarray, values: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Compute smoothed states, their derivatives, and the effective number of observations.
+    """Smooth channels by splines; return them, their derivatives and effective sample counts.
 
     time: (n,) s, increasing, regular or not; values: (n, n_channels). Returns two (n, n_channels)
     arrays and (n_channels,) counts of spline coefficients, the numbers of independent values in
@@ -51,7 +51,7 @@ def differentiate(
 
 
 def with_missing_samples(recording: Recording) -> Recording:
-    """Complete a recording whose times are part of an equally spaced grid.
+    """Interpolate the missing samples of a recording whose times are part of a uniform grid.
 
     Values between the samples are from smoothing splines, so that one algorithm serves all samples
     of a recording and a random subset of them. A recording is unchanged if its times are on no
@@ -124,11 +124,12 @@ def _spline_basis(time: bytes, every: int) -> tuple[csr_array, np.ndarray]:
 
 @dataclass(frozen=True)
 class Regressions:
-    """Regression problems of the recordings of one noise realisation.
+    """Regressions of state derivatives on candidate terms, with default and tuned smoothing.
 
-    plain: derivatives as measured, or those of a spline whose smoothness generalised
-    cross-validation chooses for each channel. tuned: by the smoothing that predicts held-out
-    stretches best, or `plain` if there is none to choose. filters: all that were tried.
+    They are of the recordings of one noise realisation. plain: derivatives as measured, or those of
+    a spline whose smoothness generalised cross-validation chooses for each channel. tuned: by the
+    smoothing that predicts held-out stretches best, or `plain` if there is none to choose. filters:
+    all that were tried.
     """
 
     plain: ReducedRegression
@@ -137,7 +138,7 @@ class Regressions:
 
 
 def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regressions:
-    """Reduce recordings of one system to regressions on the candidate library `terms`.
+    """Reduce recordings of one system to regressions of state derivatives on candidate terms.
 
     Derivatives that were not measured come from smoothing, and so do the states: it is chosen if
     the samples are equally spaced, or part of equally spaced ones. Raises IdentificationError if a
@@ -170,7 +171,7 @@ def _check_complete(recordings: Sequence[Recording]) -> None:
 
 
 def reduce_weakly(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regressions:
-    """Reduce recordings of one system to weak forms: integrals against test functions.
+    """Reduce recordings of one system to weak-form regressions: integrals with test functions.
 
     Weak SINDy (Messenger and Bortz 2021; Reinbold et al. 2020) with pysindy's test functions.
     Raises ValueError for irregular, short or missing samples.

@@ -21,9 +21,10 @@ STEPS = 20  # the largest model of an equation
 
 
 def fit_frols(evidence: Regressions) -> IdentifiedModel:
-    """Add the most explanatory terms as long as held-out stretches, or EBIC, require more.
+    """Identify a model by greedy forward regression (FROLS), stopped by validation or EBIC.
 
-    Terms that their successors have made NEGLIGIBLE are dropped.
+    The most explanatory terms are added as long as held-out stretches, or EBIC, require more. Terms
+    that their successors have made NEGLIGIBLE are dropped.
     """
     problem = evidence.tuned
     scaled = Scaled(*problem.triangle)
@@ -40,6 +41,9 @@ def fit_frols(evidence: Regressions) -> IdentifiedModel:
 
 
 def models_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
-    """Compute models (f, m, k, p) of 0 to STEPS terms; columns and targets have unit length."""
+    """Compute greedy models of 0 to STEPS terms for each target and training set.
+
+    Returns (f, m, k, p). Columns and targets have unit length.
+    """
     shares = forward_models(grams, moments, min(STEPS, grams.shape[1]))
     return solve(grams, moments, np.abs(shares) >= NEGLIGIBLE)

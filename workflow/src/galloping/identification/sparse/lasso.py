@@ -13,10 +13,11 @@ PENALTIES = np.geomspace(1, 1e-6, 45)  # of unit columns and targets, as sums ov
 
 
 def fit_lasso(evidence: Regressions, *, threshold: float | None) -> IdentifiedModel:
-    """Fit each equation with its own l1 penalty: cross-validated, or the kink with the best EBIC.
+    """Identify a model by LASSO, with the penalty of each equation from validation or EBIC.
 
-    threshold: penalty alpha on unit columns and targets, or None to choose it. Terms whose refitted
-    share is NEGLIGIBLE are dropped.
+    Without held-out stretches the kink of the path with the best EBIC is chosen. threshold: penalty
+    alpha on unit columns and targets, or None to choose it. Terms whose refitted share is
+    NEGLIGIBLE are dropped.
     """
     problem = evidence.tuned
     scaled = Scaled(*problem.triangle)
@@ -37,7 +38,10 @@ def fit_lasso(evidence: Regressions, *, threshold: float | None) -> IdentifiedMo
 
 
 def models_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
-    """Compute models (f, m, k, p) at PENALTIES, of problems with unit columns and targets."""
+    """Compute LASSO models at each of PENALTIES for each target and training set.
+
+    Returns (f, m, k, p). Columns and targets have unit length.
+    """
     supports = np.zeros((*moments.shape[:2], len(PENALTIES), moments.shape[2]), dtype=bool)
     for f, m in np.ndindex(moments.shape[:2]):
         kinks, _, path = lars_path_gram(

@@ -29,14 +29,14 @@ Path = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, eq=False)  # itself alone, so that what was made of it can be kept
 class ReducedRegression:
-    """A regression dX/dt = Theta c.
+    """Regression of state derivatives on library terms, reduced by QR to few equivalent rows.
 
-    library: (rows, n_terms), targets: (rows, n_states), rows of the stacked block factors, each
-    with as many rows as columns. observations: (n_states,) effective number of independent
-    observations of each target. held_out: (blocks, n_terms + n_states, n_terms + n_states), inner
-    products of [library | derivatives] in the weak form on each stretch, which validate fits to the
-    others; None if thresholds are chosen by an information criterion instead. states, terms: names
-    of the targets' states, and the candidate library.
+    The equations are dX/dt = Theta c. library: (rows, n_terms), targets: (rows, n_states), rows of
+    the stacked block factors, each with as many rows as columns. observations: (n_states,)
+    effective number of independent observations of each target. held_out: (blocks, n_terms +
+    n_states, n_terms + n_states), inner products of [library | derivatives] in the weak form on
+    each stretch, which validate fits to the others; None if thresholds are chosen by an information
+    criterion instead. states, terms: names of the targets' states, and the candidate library.
     """
 
     library: np.ndarray
@@ -47,22 +47,29 @@ class ReducedRegression:
     held_out: np.ndarray | None = None
 
     def model(self, coefficients: np.ndarray, thresholds: np.ndarray = UNSTATED) -> IdentifiedModel:
-        """Make the model of a method, without a status: (n_states, n_terms) coefficients."""
+        """Make the identified model, with the status `unjudged`, of given coefficients.
+
+        coefficients: (n_states, n_terms).
+        """
         model = PolynomialModel(self.states, self.terms, coefficients)
         return IdentifiedModel(model, "unjudged", thresholds=thresholds)
 
     @property
     def products(self) -> np.ndarray:
-        """Inner products of [library | targets] on each block, shaped as `held_out`."""
+        """Inner products of all library and target columns within each block of rows.
+
+        Shaped as `held_out`.
+        """
         factors = np.hstack([self.library, self.targets])
         factors = factors.reshape(-1, factors.shape[1], factors.shape[1])
         return factors.mT @ factors
 
     @property
     def triangle(self) -> tuple[np.ndarray, np.ndarray]:
-        """Library and targets as the rows of one triangle, (p + m, p) and (p + m, m).
+        """Library and targets as columns of one triangular QR factor of all rows.
 
-        Raises IdentificationError if a column is zero.
+        Shapes (p + m, p) and (p + m, m), of p terms and m states. Raises IdentificationError if a
+        column is zero.
         """
         triangle = np.linalg.qr(np.hstack([self.library, self.targets]), mode="r")
         check_nonzero(np.linalg.norm(triangle, axis=0))
@@ -71,17 +78,17 @@ class ReducedRegression:
 
 
 def check_nonzero(lengths: np.ndarray) -> np.ndarray:
-    """Return the lengths of columns. Raises IdentificationError if one is zero."""
+    """Return the column lengths unchanged, or raise IdentificationError if a length is zero."""
     if not np.all(lengths > 0):
         raise IdentificationError(Code.STATE_ZERO)
     return lengths
 
 
 class Scaled:
-    """Columns of unit length.
+    """Library and target columns of a regression, scaled to unit length.
 
-    library (rows, p) and targets (rows, m) are those over their `lengths` (p,) and `scale` (m,).
-    Raises IdentificationError if a column is zero.
+    library (rows, p) and targets (rows, m) are the columns over their `lengths` (p,) and `scale`
+    (m,). Raises IdentificationError if a column is zero.
     """
 
     def __init__(self, library: np.ndarray, targets: np.ndarray) -> None:
@@ -91,12 +98,15 @@ class Scaled:
         self.library, self.targets = library / self.lengths, targets / self.scale
 
     def unscale(self, shares: np.ndarray) -> np.ndarray:
-        """Compute coefficients (m, p) from those of the scaled columns."""
+        """Convert coefficients of the scaled columns to coefficients of the original columns.
+
+        Both are (m, p).
+        """
         return shares * self.scale[:, np.newaxis] / self.lengths
 
 
 def block_slices(n: int) -> list[slice]:
-    """Divide n rows into at most BLOCKS contiguous slices."""
+    """Divide n rows into contiguous slices of nearly equal length, at most BLOCKS of them."""
     edges = np.linspace(0, n, min(BLOCKS, n) + 1).astype(int)
     return [slice(a, b) for a, b in pairwise(edges)]
 
@@ -108,7 +118,10 @@ def reduce_blocks(
     terms: tuple[Exponents, ...],
     held_out: np.ndarray | None = None,
 ) -> ReducedRegression:
-    """Reduce blocks of rows, each a library (n, n_terms) and targets (n, n_states)."""
+    """Reduce each block of regression rows to a triangular QR factor, and stack the factors.
+
+    A block is a library (n, n_terms) and targets (n, n_states).
+    """
     factors = np.concatenate([_triangular_factor(np.column_stack(block)) for block in blocks])
     library, targets = map(np.ascontiguousarray, np.hsplit(factors, [len(terms)]))
     return ReducedRegression(library, targets, observations, states, terms, held_out)
@@ -129,10 +142,11 @@ def _triangular_factor(rows: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class HeldOutErrors:
-    """Models along a path, fitted to all stretches, with errors of the same fits on held-out ones.
+    """Cross-validation errors of candidate models, and the terms that each model contains.
 
-    supports: (m, k, p) of the m state derivatives. errors: (FOLDS, m, k) squared errors on held-out
-    stretches.
+    The models along a path are fitted to all stretches; the errors are of the same fits on held-out
+    stretches. supports: (m, k, p) of the m state derivatives. errors: (FOLDS, m, k) squared errors
+    on held-out stretches.
     """
 
     supports: np.ndarray
@@ -140,14 +154,17 @@ class HeldOutErrors:
 
     @property
     def best(self) -> np.ndarray:
-        """Lowest error of each state derivative, (m,)."""
+        """Lowest cross-validation error of all candidate models, for each state derivative.
+
+        Shape (m,).
+        """
         return self.errors.sum(axis=0).min(axis=1)
 
     def choose_sparsest(self) -> np.ndarray:
-        """Choose a model for each state derivative by the index on its path, (m,).
+        """Choose a model for each state derivative by the one-standard-error rule.
 
-        It is the sparsest of all within one standard error of the best (the one-standard-error
-        rule; Breiman et al. 1984).
+        Returns its index on the path, (m,). It is the sparsest of all within one standard error of
+        the best (Breiman et al. 1984).
         """
         total, sizes = self.errors.sum(axis=0), self.supports.sum(axis=2)
         rows = np.arange(len(total))
@@ -162,7 +179,7 @@ class HeldOutErrors:
 def judge_path(
     products: np.ndarray, held_out: np.ndarray, n_states: int, path: Path
 ) -> HeldOutErrors:
-    """Compute errors of the models along a path on stretches that they are not fitted to.
+    """Compute the cross-validation errors of the candidate models that a method generates.
 
     Parameters
     ----------

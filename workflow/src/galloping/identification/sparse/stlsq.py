@@ -33,10 +33,11 @@ RIDGES = (0.0, 1e-4)
 def fit_normalised(
     evidence: Regressions, *, threshold: float | None, path_length: int
 ) -> IdentifiedModel:
-    """Fit STLSQ with thresholds on each term's share of the state derivative.
+    """Identify a model by thresholded least squares (STLSQ) on columns of unit length.
 
-    threshold: share in (0, 1), or None to choose one for each equation out of `path_length` between
-    NEGLIGIBLE and 1: by cross-validation, or by EBIC if nothing is held out.
+    The thresholds are on the share of each term in the state derivative. threshold: share in (0,
+    1), or None to choose one for each equation out of `path_length` between NEGLIGIBLE and 1: by
+    cross-validation, or by EBIC if nothing is held out.
     """
     problem = evidence.tuned
     scaled = Scaled(*problem.triangle)
@@ -55,11 +56,11 @@ def fit_raw(
     path_length: int,
     kinematics: str = IDENTIFIED,
 ) -> IdentifiedModel:
-    """Fit STLSQ with thresholds on the coefficients in SI units, as the paper did.
+    """Identify a model by thresholded least squares (STLSQ), with thresholds in SI units.
 
-    threshold: in the coefficients' units, or None to choose one for each equation by EBIC out of
-    `path_length` from NEGLIGIBLE times the largest coefficient of least squares up to it.
-    kinematics: KNOWN replaces an identified rate of a displacement by its velocity.
+    The paper did so. threshold: in the coefficients' units, or None to choose one for each equation
+    by EBIC out of `path_length` from NEGLIGIBLE times the largest coefficient of least squares up
+    to it. kinematics: KNOWN replaces an identified rate of a displacement by its velocity.
     """
     library, targets = evidence.plain.triangle
     if threshold is None:
@@ -79,7 +80,10 @@ def fit_raw(
 
 
 def models_along(path: np.ndarray, grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
-    """Compute models (f, m, k, p) at all RIDGES and thresholds (path); columns have unit length."""
+    """Compute STLSQ models at all thresholds and ridges, for each target and training set.
+
+    path: the thresholds. Returns (f, m, k, p). Columns have unit length.
+    """
     ridges = np.multiply.outer(RIDGES, np.eye(grams.shape[1]))[:, np.newaxis]
     each = np.broadcast_to(moments, (len(RIDGES), *moments.shape))
     supports = thresholded_supports(grams + ridges, each, path)
@@ -90,7 +94,10 @@ def models_along(path: np.ndarray, grams: np.ndarray, moments: np.ndarray) -> np
 def choose_thresholds(
     problem: ReducedRegression, threshold: float | None, path_length: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Choose the threshold and the ridge of each equation, as `fit_normalised` does."""
+    """Choose the STLSQ threshold and ridge of each equation, by cross-validation or EBIC.
+
+    The arguments are those of `fit_normalised`.
+    """
     path, ridges = threshold_path(path_length), np.zeros(len(problem.states))
     if threshold is not None:
         return np.full(len(ridges), threshold), ridges
@@ -124,10 +131,10 @@ def _scan_thresholds(
 def fit(
     library: np.ndarray, targets: np.ndarray, thresholds: np.ndarray, ridge: float = 0
 ) -> np.ndarray:
-    """Fit pysindy's STLSQ to each target at its own threshold: (m, p) coefficients.
+    """Fit each target by pysindy's STLSQ with its own threshold; return the coefficients.
 
-    Targets in units of their threshold allow a common threshold of 1. Without a ridge STLSQ's last
-    step is least squares already, there is no bias to remove.
+    Returns (m, p). Targets in units of their threshold allow a common threshold of 1. Without a
+    ridge STLSQ's last step is least squares already, there is no bias to remove.
     """
     optimizer = ps.STLSQ(threshold=1, alpha=ridge, unbias=ridge > 0)
     with config_context(assume_finite=True, skip_parameter_validation=True):
@@ -143,11 +150,12 @@ def fit_ensemble(
     models: int,
     rng: np.random.Generator,
 ) -> IdentifiedModel:
-    """Fit ensemble SINDy (Fasel et al. 2022): the median of models of bootstrapped rows.
+    """Identify a model by ensemble SINDy: the median of STLSQ fits to bootstrapped rows.
 
-    They are all fitted at once, as pysindy's EnsembleOptimizer does; a term stays if most of
-    `models` have it. threshold: share, or None for the choice of STLSQ for each equation. The rows
-    of a block's factor are exchangeable after an orthogonal transform has mixed them.
+    The method is that of Fasel et al. 2022. The models are all fitted at once, as pysindy's
+    EnsembleOptimizer does; a term stays if most of `models` have it. threshold: share, or None for
+    the choice of STLSQ for each equation. The rows of a block's factor are exchangeable after an
+    orthogonal transform has mixed them.
     """
     problem = evidence.tuned
     scaled = Scaled(problem.library, problem.targets)
@@ -172,10 +180,11 @@ def _mix_rows(rows: np.ndarray, size: int) -> np.ndarray:
 def bagged_medians(
     library: np.ndarray, targets: np.ndarray, models: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Compute medians (n_targets, n_terms) over models whose terms stay while |coefficient| >= 1.
+    """Compute the median of each coefficient over STLSQ fits to bootstrapped rows.
 
-    library: (rows, n_terms); targets: (rows, n_targets), in units of their threshold. The rows are
-    those that pysindy draws with NumPy's global generator seeded by `rng`.
+    Terms stay while |coefficient| >= 1. Returns (n_targets, n_terms). library: (rows, n_terms);
+    targets: (rows, n_targets), in units of their threshold. The rows are those that pysindy draws
+    with NumPy's global generator seeded by `rng`.
     """
     draws = np.random.RandomState(rng.integers(2**32))
     samples = [draws.choice(len(library), len(library)) for _ in range(models)]

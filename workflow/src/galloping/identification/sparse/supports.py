@@ -7,23 +7,24 @@ COLLINEAR = 1e-12  # of a unit column's square: what rounding leaves of one that
 
 
 def threshold_path(length: int) -> np.ndarray:
-    """Make (length,) thresholds in equal ratios, as shares of the largest coefficient."""
+    """Return `length` thresholds in geometric sequence, relative to the largest coefficient."""
     return np.geomspace(NEGLIGIBLE, 1, length)
 
 
 def ebic(
     rss: np.ndarray, terms: np.ndarray, observations: np.ndarray | int, candidates: int
 ) -> np.ndarray:
-    """Compute the extended Bayesian information criterion with gamma = 1 (Chen and Chen 2008).
+    """Compute the extended Bayesian information criterion (EBIC) of least-squares fits.
 
-    rss: residual sums of squares, terms: numbers of terms, of `candidates` in the library.
+    Its parameter gamma is 1 (Chen and Chen 2008). rss: residual sums of squares, terms: numbers of
+    terms, of `candidates` in the library.
     """
     rss = np.maximum(rss, np.finfo(float).tiny)
     return observations * np.log(rss) + terms * (np.log(observations) + 2 * np.log(candidates))
 
 
 def solve(gram: np.ndarray, moments: np.ndarray, supports: np.ndarray) -> np.ndarray:
-    """Solve normal equations on many supports at once.
+    """Solve least-squares normal equations for many sets of terms (supports) at once.
 
     gram: (..., p, p) of columns of similar length; moments: (..., m, p); supports: (..., m, k, p)
     boolean. Returns (..., m, k, p) coefficients, zero off the support.
@@ -58,18 +59,22 @@ def _solve(
 
 
 def refit(library: np.ndarray, targets: np.ndarray, supports: np.ndarray) -> np.ndarray:
-    """Fit least squares on many supports: library (rows, p), targets (rows, m), else as `solve`."""
+    """Fit targets by least squares on many sets of library columns (supports) at once.
+
+    library: (rows, p), targets: (rows, m), else as `solve`.
+    """
     return solve(library.T @ library, targets.T @ library, supports)
 
 
 def thresholded_supports(
     gram: np.ndarray, moments: np.ndarray, thresholds: np.ndarray, weights: np.ndarray | float = 1
 ) -> np.ndarray:
-    """Find fixed points of sequentially thresholded least squares (Brunton et al. 2016).
+    """Find the terms that remain after sequentially thresholded least squares.
 
-    gram (..., p, p) and moments (..., m, p) as in `solve`, a ridge on the diagonal if there is one.
-    thresholds: (m, k), or (k,) for all targets; weights: (p,), a term stays while |coefficient| *
-    weight >= threshold. Returns (..., m, k, p) supports.
+    They are fixed points of the iteration (Brunton et al. 2016). gram (..., p, p) and moments (...,
+    m, p) as in `solve`, a ridge on the diagonal if there is one. thresholds: (m, k), or (k,) for
+    all targets; weights: (p,), a term stays while |coefficient| * weight >= threshold. Returns
+    (..., m, k, p) supports.
     """
     shape = (*moments.shape[:-1], thresholds.shape[-1])
     least = np.broadcast_to(thresholds, shape).reshape(-1, 1)
@@ -85,10 +90,11 @@ def thresholded_supports(
 
 
 def forward_models(grams: np.ndarray, moments: np.ndarray, steps: int) -> np.ndarray:
-    """Fit greedy models by orthogonal least squares (FROLS; Billings 2013).
+    """Fit models that grow by the most explanatory term, by orthogonal least squares (FROLS).
 
-    grams: (f, p, p), moments: (f, m, p). Returns (f, m, steps + 1, p) least squares coefficients of
-    0 to `steps` terms, each with the term that explains most of the residual of its predecessor.
+    The method is that of Billings 2013. grams: (f, p, p), moments: (f, m, p). Returns (f, m, steps
+    + 1, p) least squares coefficients of 0 to `steps` terms, each with the term that explains most
+    of the residual of its predecessor.
     """
     f, m, p = moments.shape
     models = np.zeros((f, m, steps + 1, p))
@@ -118,7 +124,10 @@ def forward_models(grams: np.ndarray, moments: np.ndarray, steps: int) -> np.nda
 def ebic_scores(
     library: np.ndarray, targets: np.ndarray, supports: np.ndarray, observations: np.ndarray
 ) -> np.ndarray:
-    """Compute the EBIC of supports (m, k, p) of the m targets: (m, k)."""
+    """Compute the EBIC (Bayesian information criterion) of least-squares fits to sets of terms.
+
+    supports: (m, k, p), k sets for each of m targets. Returns (m, k).
+    """
     coefficients = refit(library, targets, supports)
     residuals = targets.T[:, np.newaxis, :] - coefficients @ library.T
     rss = np.sum(residuals**2, axis=-1)
@@ -126,10 +135,11 @@ def ebic_scores(
 
 
 def best_threshold(thresholds: np.ndarray, supports: np.ndarray, place: int) -> float:
-    """Compute the geometric mean of the thresholds that give the same support as that at `place`.
+    """Return the geometric middle of the thresholds that select the same set of terms.
 
-    thresholds: (k,), supports: (k, p). The middle, because at either end of the range a rounding
-    error or a resampled row changes the support.
+    The set is that of the threshold at the index `place`. thresholds: (k,), supports: (k, p). The
+    middle, because at either end of the range a rounding error or a resampled row changes the
+    support.
     """
     same = np.all(supports == supports[place], axis=1)
     return float(np.sqrt(thresholds[same].min() * thresholds[same].max()))

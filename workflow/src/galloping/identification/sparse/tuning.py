@@ -38,7 +38,7 @@ Block = tuple[np.ndarray, np.ndarray]  # rows of a library (r, p) and of targets
 
 @dataclass(frozen=True)
 class TriedFilter:
-    """A filter tried on recordings: data for its comparison with others, and for its reduction.
+    """Result of applying a filter to recordings: data to fit models and to validate the filter.
 
     states, terms, products, held_out: as of `ReducedRegression`. blocks: library and targets of
     each stretch.
@@ -52,13 +52,13 @@ class TriedFilter:
 
     @cached_property
     def reduced(self) -> ReducedRegression:
-        """Least-squares problem with this filter."""
+        """Regression on the filtered recordings, reduced to few rows."""
         observations = np.full(len(self.states), sum(len(library) for library, _ in self.blocks))
         return reduce_blocks(self.blocks, observations, self.states, self.terms, self.held_out)
 
 
 def best_filter(tried: Sequence[TriedFilter]) -> TriedFilter:
-    """Choose the filter whose models, grown term by term, err least on held-out stretches.
+    """Choose the filter whose greedily grown models have the least error on held-out data.
 
     Errors of each state derivative, over the least of all filters, are added.
     """
@@ -71,10 +71,11 @@ def best_filter(tried: Sequence[TriedFilter]) -> TriedFilter:
 
 @lru_cache(maxsize=64)
 def savitzky_golay(window: int, order: int, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Compute kernels (window,) of the smoothed state and of its slope.
+    """Compute the Savitzky-Golay convolution kernels of a smoothed state and of its derivative.
 
     window: odd number of samples, order: of the local polynomial, step: between samples, s.
-    The state is that of SmoothedFiniteDifference, the slope that of SINDyDerivative.
+    Returns two kernels (window,): that of the state from SmoothedFiniteDifference, that of the
+    slope from SINDyDerivative.
     """
     half = window // 2
     impulse = np.zeros((4 * half + 1, 1))
@@ -95,10 +96,11 @@ def savitzky_golay(window: int, order: int, step: float) -> tuple[np.ndarray, np
 
 @lru_cache(maxsize=64)
 def weak_form(half: int, order: int, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Compute kernels (2 half + 1,) of the integrals of a library and of a state's derivative.
+    """Compute the convolution kernels of the weak form, for terms and for state derivatives.
 
-    half: half length of the test function, in samples; order: of its ends. Both are
-    WeakPDELibrary's weights of one test function, which are the same at any place.
+    half: half length of the test function, in samples; order: of its ends. Returns
+    two kernels (2 half + 1,): WeakPDELibrary's weights of one test function, which are the same at
+    any place.
     """
     drawn_from = np.random.get_state()
     # the cell holds these 2 half + 1 samples wherever its centre is drawn
@@ -114,9 +116,9 @@ def weak_form(half: int, order: int, step: float) -> tuple[np.ndarray, np.ndarra
 
 
 class Convolution:
-    """Columns (n, m) for convolution with many kernels.
+    """Fourier transform of data columns, stored to convolve them with many kernels.
 
-    longest: samples of the longest kernel.
+    columns: (n, m). longest: samples of the longest kernel.
     """
 
     def __init__(self, columns: np.ndarray, longest: int) -> None:
@@ -177,7 +179,7 @@ def tried_filters(
     terms: tuple[Exponents, ...],
     applied: Callable[[_Frame], Iterator[TriedFilter]],
 ) -> list[TriedFilter]:
-    """Try filters on all recordings together.
+    """Apply candidate filters to all recordings; return the data to compare the filters.
 
     applied: `smoothing_filters` or `weak_form_filters`. Empty if derivatives were measured, samples
     are not equally spaced, or the stretches of a recording are too short to be held out.
@@ -192,7 +194,7 @@ def tried_filters(
 
 
 def smoothing_filters(frame: _Frame) -> Iterator[TriedFilter]:
-    """Yield a filter for each window and order of Savitzky and Golay, of states and slopes."""
+    """Yield a Savitzky-Golay filter for each window length and polynomial order."""
     windows = 2 * (np.geomspace(SMALLEST, frame.samples, WINDOWS) / 2).astype(int) + 1
     filtered = Convolution(frame.values, windows[-1])
     for window, order in product(windows.tolist(), ORDERS):
@@ -202,7 +204,7 @@ def smoothing_filters(frame: _Frame) -> Iterator[TriedFilter]:
 
 
 def weak_form_filters(frame: _Frame) -> Iterator[TriedFilter]:
-    """Yield a filter for each length and order of the weak form's test functions."""
+    """Yield a weak-form filter for each length and order of the test functions."""
     raw = design_matrix(frame.values, frame.terms)
     halves = [max(2, int(share * frame.samples)) for share in HALF_WIDTHS]
     longest = 2 * halves[-1] + 1
