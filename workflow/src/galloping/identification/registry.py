@@ -28,11 +28,11 @@ else:
 
 
 class NoOptions(Section):
-    """Settings of a method without any."""
+    """Settings of an identification method that has no options."""
 
 
 class Thresholded(Section):
-    """Settings of a method with a threshold on terms."""
+    """Settings of a method that drops terms below a threshold."""
 
     threshold: Positive | None = setting(
         None, "in the method's unit; null: chosen from the data for each equation", "1"
@@ -40,13 +40,13 @@ class Thresholded(Section):
 
 
 class Scanned(Thresholded):
-    """Settings of a method with a threshold, chosen from several."""
+    """Settings of a method whose threshold is given, or chosen from several candidates."""
 
     path_length: Length = setting(30, "number of candidate thresholds, if the data choose", "1")
 
 
 class Paper(Scanned):
-    """Settings of the paper's method."""
+    """Settings of the identification method that the paper used."""
 
     kinematics: Kinematics = setting(
         IDENTIFIED,
@@ -55,7 +55,7 @@ class Paper(Scanned):
 
 
 class Ensemble(Scanned):
-    """Settings of an ensemble."""
+    """Settings of ensemble SINDy, which takes the median of many bagged models."""
 
     models: Count = setting(20, "number of bagged models in the ensemble", "1")
 
