@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 import galloping
 from galloping.configuration.load import load, plain
 from galloping.line.galerkin import coefficients
-from galloping.line.galerkin import model as equations_of
+from galloping.line.galerkin import make_model as equations_of
 
 ROOT = Path(__file__).resolve().parents[1]
 REFERENCE = ROOT / "results" / "reference"

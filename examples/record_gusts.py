@@ -8,7 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from galloping.configuration.load import load, plain
-from galloping.line.continuous import continuous_line, release, sensor_readings, simulate, wind
+from galloping.line.continuous import (
+    continuous_line,
+    displaced_state,
+    draw_wind,
+    sensor_readings,
+    simulate,
+)
 
 RATE, END = 12.5, 300.0  # Hz, s
 GUSTS = {"intensity": 0.12, "length_scale": 100.0, "spectrum": "von_karman"}  # m
@@ -18,8 +24,8 @@ case = plain(load({"cases": {"span": {}}}))["cases"]["span"]
 line = continuous_line(case, sines=0)
 time = np.arange(0.0, END, 1 / RATE)
 rng = np.random.default_rng(30)
-speed = wind(line, GUSTS, time, rng)
-states = simulate(line, release(line, [0.2, 0.1]), time, speed)
+speed = draw_wind(line, GUSTS, time, rng)
+states = simulate(line, displaced_state(line, [0.2, 0.1]), time, speed)
 displacement = 1e3 * sensor_readings(line, states, [0.5])[:, 0, :2]
 displacement += NOISE * rng.standard_normal(displacement.shape)
 measured = speed + OF_WIND * rng.standard_normal(len(time))

@@ -8,7 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from galloping.configuration.load import load, plain
-from galloping.line.continuous import QUARTERS, continuous_line, release, sensor_readings, simulate
+from galloping.line.continuous import (
+    QUARTERS,
+    continuous_line,
+    displaced_state,
+    sensor_readings,
+    simulate,
+)
 
 RATE, BEGIN, END = 25.0, 20.0, 220.0  # Hz, s
 NOISE, SHAKE, BIAS, DRIFT = 20.0, 0.06, (0.31, -0.12), 0.05  # mm, m/s^2 and m/s^2, in all
@@ -16,7 +22,7 @@ NOISE, SHAKE, BIAS, DRIFT = 20.0, 0.06, (0.31, -0.12), 0.05  # mm, m/s^2 and m/s
 line = continuous_line(plain(load({"cases": {"span": {}}}))["cases"]["span"], sines=7)
 places = [share * line.line.span for share in QUARTERS]
 time = np.arange(0.0, END, 1 / RATE)
-states = simulate(line, release(line, [0.2, 0.1]), time)
+states = simulate(line, displaced_state(line, [0.2, 0.1]), time)
 seen = time >= BEGIN
 time, states = time[seen] - BEGIN, states[seen]
 

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from galloping.configuration.load import load, plain
-from galloping.line.galerkin import STATES, coefficients, model
+from galloping.line.galerkin import STATES, coefficients, make_model
 from galloping.model.polynomial import polynomial_library
 from galloping.recording.measurement import Motion, recordings_of
 from galloping.trajectory.simulation import Simulator, time_grid
@@ -30,7 +30,7 @@ def edited(case=RESONANT, **keys):
 def simulate(name):
     """(model, trajectory of 300 s at 100 Hz) of a default case."""
     case = CASES[name]
-    line = model(coefficients(case))
+    line = make_model(coefficients(case))
     start = np.array([case["initial_state"][state] for state in STATES])
     trajectory = Simulator(line.states, line.terms)(line, start, time_grid(300, 100))
     assert trajectory.status == "ok"

@@ -15,7 +15,7 @@ from jsonschema import Draft202012Validator
 from snakemake.utils import update_config
 
 from galloping.configuration.keys import RENAMED
-from galloping.configuration.load import configured, load, merged, ordered, plain
+from galloping.configuration.load import clean_merged, load, load_files, plain, sort_keys
 from galloping.configuration.schema import (
     BEGIN,
     END,
@@ -362,20 +362,20 @@ def test_an_overriding_file_does_not_reorder_cases():
         "cases": {"third": {}, "second": {"initial_states": {"three": {}, "one": {}}, "gravity": 9}}
     }
     whole = over(own, ours)
-    found = ordered(whole, [own, ours])
-    assert found == ordered(whole, []) == whole
+    found = sort_keys(whole, [own, ours])
+    assert found == sort_keys(whole, []) == whole
     assert list(found["cases"]) == ["first", "second", "third"] != list(whole["cases"])
     assert list(found["cases"]["second"]["initial_states"]) == ["one", "two", "three"]
 
 
 def test_a_case_set_to_null_is_removed():
-    alone = merged({"cases": {"first": {}, "forth": None}}, [{"cases": {"forth": None}}])
+    alone = clean_merged({"cases": {"first": {}, "forth": None}}, [{"cases": {"forth": None}}])
     assert list(load(alone).cases) == ["first"]  # also where no other file describes it
 
 
 def test_a_line_of_ones_own_is_studied_alone():
     files = [read(ROOT / f"config/{name}.yaml") for name in ("config", "own_line")]
-    settings = load(merged(over(*files), files))
+    settings = load(clean_merged(over(*files), files))
     assert list(settings.cases) == ["my_line"]
     assert set(departures(settings).values()) == {"the study does not have it"}
 
@@ -401,11 +401,11 @@ def test_files_are_judged_together_before_anything_is_written(tmp_path):
     files = ROOT / "config/config.yaml", tmp_path / "a.yaml", tmp_path / "b.yaml"
     files[1].write_text("reference: kept\ncases: {non_resonant: null}\n")
     files[2].write_text("results: mine\ncases: {internal_resonance: {wind: {speed: 14}}}\n")
-    settings = configured(files)
+    settings = load_files(files)
     assert settings.results == "mine" and list(settings.cases) == ["internal_resonance"]
     files[2].write_text("results: kept/new\n")
     with pytest.raises(ConfigurationError, match="'kept'"):
-        configured(files)
+        load_files(files)
 
 
 def test_settings_are_plain_values_that_give_the_same_study():

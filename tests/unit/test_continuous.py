@@ -11,8 +11,8 @@ from galloping.evaluation import reduction as trial
 from galloping.evaluation.score import Truth, evaluate
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line import continuous
-from galloping.line.continuous import continuous_line, release, sensor_readings, simulate
-from galloping.line.galerkin import STATES, coefficients, model
+from galloping.line.continuous import continuous_line, displaced_state, sensor_readings, simulate
+from galloping.line.galerkin import STATES, coefficients, make_model
 from galloping.line.gusts import SPECTRA, wind_speed
 
 TIME = np.arange(30001) / 100
@@ -33,7 +33,7 @@ BARE = {"reading": "custom", "vertical": [0.0, 0.0, 0.0], "horizontal": [0.0, 0.
 def test_line_on_more_and_more_modes(modes, aerodynamic, frequency, v, w):
     line = continuous_line(RESONANT, modes, aerodynamic=aerodynamic)
     assert continuous.natural_modes(line)[0][0, 0] == pytest.approx(frequency, abs=6e-5)
-    states = simulate(line, release(line, (0.1, 0.1)), TIME)
+    states = simulate(line, displaced_state(line, (0.1, 0.1)), TIME)
     middle = sensor_readings(line, states[20000:], [0.5])[:, 0, :2]
     assert np.ptp(middle, axis=0) / 2 == pytest.approx([v, w], abs=6e-4)
 
@@ -48,7 +48,7 @@ def test_one_pair_of_shapes_is_the_model_of_the_paper():
 
 def test_second_integrator_confirms():
     line = continuous_line(RESONANT, 9, aerodynamic="relative", drag=0.05)
-    start = release(line, (0.5, 0.5), antisymmetric=0.1)
+    start = displaced_state(line, (0.5, 0.5), antisymmetric=0.1)
     time = TIME[:6001]
 
     def wind(t):
@@ -72,7 +72,7 @@ def test_energy_is_kept_without_wind_and_damping():
     case = RESONANT | {"damping": {"vertical": 0.0, "horizontal": 0.0}}
     case["ice"] = BARE
     line = continuous_line(case, 5)
-    states = simulate(line, release(line, (1.0, 2.0), antisymmetric=0.5), TIME[:3001])
+    states = simulate(line, displaced_state(line, (1.0, 2.0), antisymmetric=0.5), TIME[:3001])
     q, p, dq, dp = states.reshape(len(states), 4, -1).transpose(1, 0, 2)
     k = np.pi * np.arange(1, 6) / line.line.span
     length, tension, bending = line.line.span, line.line.tension, line.line.bending_stiffness
@@ -86,8 +86,8 @@ def test_energy_is_kept_without_wind_and_damping():
 
 def test_antisymmetric_mode_gallops_once_disturbed():
     line = continuous_line(RESONANT, 9)
-    quiet = simulate(line, release(line, (0.1, 0.1)), TIME)
-    disturbed = simulate(line, release(line, (0.1, 0.1), antisymmetric=0.01), TIME)
+    quiet = simulate(line, displaced_state(line, (0.1, 0.1)), TIME)
+    disturbed = simulate(line, displaced_state(line, (0.1, 0.1), antisymmetric=0.01), TIME)
     assert np.abs(quiet[:, 1]).max() < 1e-6
     assert np.ptp(disturbed[25000:, 1]) > 10 * np.ptp(disturbed[:2500, 1])
 
@@ -107,7 +107,7 @@ def test_static_drag_displaces_and_damps():
 
 def test_sensors_read_the_line_and_tell_the_first_modes_apart():
     line = continuous_line(RESONANT, 3)
-    states = simulate(line, release(line, (0.5, 0.5), antisymmetric=0.2), TIME[:2001])
+    states = simulate(line, displaced_state(line, (0.5, 0.5), antisymmetric=0.2), TIME[:2001])
     read = sensor_readings(line, states, continuous.QUARTERS)
     modal = continuous.first_modes(line, read, continuous.QUARTERS)
     assert modal == pytest.approx(states.reshape(-1, 4, 3).transpose(0, 2, 1), abs=1e-10)
@@ -180,7 +180,9 @@ def seen(**truth):
     settings = load({"cases": {"line": {"truth": {"model": "continuous", **truth}}}})
     case = plain(settings)["cases"]["line"]
     start = {"q_v": 0.5, "q_w": 0.5, "dq_v": 0.0, "dq_w": 0.2}
-    return continuous.observed(case, case["truth"], start, SHORT, np.random.default_rng(1))
+    return continuous.simulate_at_sensors(
+        case, case["truth"], start, SHORT, np.random.default_rng(1)
+    )
 
 
 def test_first_modes_of_the_line_as_three_sensors_see_them():
@@ -199,7 +201,7 @@ def test_first_modes_of_the_line_as_three_sensors_see_them():
 
 
 def test_no_coefficient_is_true_but_the_motion_is_judged():
-    line = model(coefficients(RESONANT))
+    line = make_model(coefficients(RESONANT))
     found = seen(modes=3)
     truth = Truth(line, SHORT, found.states, (20.0, 30.0), is_own_model=False)
     unbounded = np.full((1, *line.coefficients.shape), np.nan)

@@ -13,7 +13,7 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code, Finding
 from galloping.identification.sparse.evidence import reduce
-from galloping.line.galerkin import coefficients, model
+from galloping.line.galerkin import coefficients, make_model
 from galloping.model.polynomial import PolynomialModel, extend_library, polynomial_library
 from galloping.recording.measurement import Motion
 from galloping.tables.table3 import identified_terms
@@ -172,7 +172,7 @@ def test_failures_are_rows_of_worst_values(truth, failure):
 
 
 def test_a_term_that_the_library_lacks_is_missing():
-    line = model(coefficients(RESONANT))
+    line = make_model(coefficients(RESONANT))
     terms = polynomial_library(4, 2)
     union = extend_library(terms, line)
     assert union[: len(terms)] == terms
@@ -193,8 +193,8 @@ def test_a_term_that_the_library_lacks_is_missing():
 
 def test_a_line_that_does_not_gallop_has_no_amplitude_to_miss():
     calm = edited(wind__speed=0.5)
-    line = model(coefficients(calm))
-    assert gallops(model(coefficients(RESONANT)))
+    line = make_model(coefficients(calm))
+    assert gallops(make_model(coefficients(RESONANT)))
     assert not gallops(line)
     truth, other = short_truth(line), unjudged(line, 1.01 * line.coefficients)
     (motion,) = reconstruct(truth, [other])
@@ -206,7 +206,7 @@ def test_a_line_that_does_not_gallop_has_no_amplitude_to_miss():
 
 
 def test_a_line_that_diverges_is_a_row_with_its_reason():
-    line = model(coefficients(RESONANT))
+    line = make_model(coefficients(RESONANT))
     time, states = np.arange(2001) / 100, np.full((2001, 4), np.nan)
     truth = Truth(line, time, states, (10, 20), "diverged: |x| exceeded 1000 at t = 3 s")
     with np.errstate(invalid="raise"):

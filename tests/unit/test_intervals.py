@@ -8,10 +8,10 @@ import pytest
 from galloping import IdentifiedModel
 from galloping.arrays import first_from, round_down, round_up
 from galloping.model.intervals import (
+    add_higher_degree_effects,
     covariance_root,
     draw_models_and_rivals,
     draw_normal,
-    extrapolate,
 )
 from galloping.model.polynomial import PolynomialModel
 
@@ -52,12 +52,12 @@ def test_rivals_are_extrapolated_as_the_model_is_in_the_terms_that_they_have():
         rivals=rival[np.newaxis], rival_share=0.5,
     )  # fmt: skip
     models = draw_models_and_rivals(found, np.random.default_rng(0))
-    assert extrapolate(models, found, np.random.default_rng(1)) == models
+    assert add_higher_degree_effects(models, found, np.random.default_rng(1)) == models
     stated = replace(
         found, extrapolation_shift=np.array([0.2, 0.3, 0.0]),
         extrapolation_covariance=np.zeros((3, 3)),
     )  # fmt: skip
-    changed = extrapolate(models, stated, np.random.default_rng(1))
+    changed = add_higher_degree_effects(models, stated, np.random.default_rng(1))
     each = np.array([one.coefficients[1] for one in changed])
     assert {tuple(one) for one in each.round(12)} == {(-3.8, 0.2, 0.5), (-3.9, 0.0, 0.6)}
 

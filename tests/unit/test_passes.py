@@ -62,7 +62,7 @@ def clock(monkeypatch):
 
 @pytest.mark.parametrize(("step", "at"), [(0.25, ["2 s", "12 s", "22 s"]), (0.015, [])])
 def test_off_a_terminal_there_is_a_line_now_and_then(clock, capsys, step, at):
-    with terminal.shown():
+    with terminal.show_progress():
         for _ in range(100):
             passing("join segments")
             clock[0] += step
@@ -72,7 +72,7 @@ def test_off_a_terminal_there_is_a_line_now_and_then(clock, capsys, step, at):
 
 
 def test_a_search_with_a_limit_tells_what_is_left_at_most_once_it_computes(clock, capsys):
-    with limit_work([RECORDING], 10.0), sub_budget(0.5), terminal.shown():
+    with limit_work([RECORDING], 10.0), sub_budget(0.5), terminal.show_progress():
         for spent, took in ((0.0, 100.0), (0.6, 10.0), (4.0, 10.0), (0.1, 10.0)):
             count_work(spent)
             passing("join segments")
@@ -88,7 +88,7 @@ def test_a_search_with_a_limit_tells_what_is_left_at_most_once_it_computes(clock
 
 def test_on_a_terminal_a_bar_names_what_runs_and_moves(monkeypatch):
     monkeypatch.setattr(sys, "stderr", Terminal())
-    with terminal.shown():
+    with terminal.show_progress():
         assert sys.stderr.getvalue() == ""
         for what in ("join segments", "draw limit cycles"):
             passing(what)

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 from galloping.evaluation.bounds import sensitivities
 from galloping.evaluation.motion import steady_amplitude
-from galloping.line.galerkin import coefficients, model
+from galloping.line.galerkin import coefficients, make_model
 from galloping.model.polynomial import PolynomialModel, design_matrix
 from galloping.trajectory.simulation import Simulator, time_grid
 from galloping.trajectory.taylor import Ending, solve
@@ -24,7 +24,7 @@ PRINTED = {
 @pytest.mark.parametrize("name", PRINTED)
 def test_printed_motion_on_any_grid(name):
     end, amplitudes = PRINTED[name]
-    line = model(coefficients(VARIANTS[name]))
+    line = make_model(coefficients(VARIANTS[name]))
     simulator = Simulator(line.states, line.terms)
     trajectory = simulator(line, START, TIME)
     assert trajectory.status == "ok"
@@ -37,7 +37,7 @@ def test_printed_motion_on_any_grid(name):
 
 @pytest.mark.parametrize("name", PRINTED)
 def test_states_and_derivatives_of_another_integrator(name):
-    line = model(coefficients(VARIANTS[name]))
+    line = make_model(coefficients(VARIANTS[name]))
     free, time = np.argwhere(line.support)[:6], time_grid(20, 10)
 
     def rates(_, both):
@@ -101,7 +101,7 @@ def test_motions_in_small_units_do_not_count_as_diverged(inputs):
 def test_a_model_that_diverges_ends_early_and_leaves_the_simulator_usable(resonant, values, reason):
     line, trajectory = resonant
     simulator = Simulator(line.states, line.terms)
-    ended = simulator(model(coefficients(RESONANT) | values), START, TIME)
+    ended = simulator(make_model(coefficients(RESONANT) | values), START, TIME)
     assert ended.status.startswith(reason)
     first = np.argmax(np.isnan(ended.states).any(axis=1))
     assert np.isnan(ended.states[first:]).all()

@@ -10,7 +10,7 @@ from galloping.configuration.kinds import EXAMPLES, KINDS
 from galloping.figures.verdicts import draw_published_intervals, draw_published_terms
 from galloping.identification import registry
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.line.galerkin import coefficients, model
+from galloping.line.galerkin import coefficients, make_model
 from galloping.model.polynomial import polynomial_library
 from galloping.report.results_in_words import verdicts
 from galloping.streams import make_generator
@@ -57,7 +57,7 @@ def test_a_line_is_drawn_by_its_number_and_gallops():
 
 @pytest.fixture
 def result():
-    true = model(coefficients(drawn(3)[0])).on_library(TERMS)
+    true = make_model(coefficients(drawn(3)[0])).on_library(TERMS)
     present = np.where(true.support, np.abs(true.coefficients) / 100, np.nan)
     errors = np.where(true.support, present, 1e-3)
     sure = IdentifiedModel(

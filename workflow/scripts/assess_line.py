@@ -6,11 +6,11 @@ import numpy as np
 
 from galloping.cycles.family import LIBRARY, initial_state, line_family
 from galloping.cycles.prediction import split
-from galloping.cycles.ranking import Design, damping_ratios, derived, places, ranked
+from galloping.cycles.ranking import Design, damping_ratios, derive_parts, places, rank_measures
 from galloping.cycles.rows import clearance_rows
 from galloping.cycles.settling import settle
 from galloping.line.galerkin import STATES
-from galloping.line.measures import KINDS, usual
+from galloping.line.measures import KINDS, typical_measures
 from galloping.reproducibility.job import run
 from galloping.results import OURS
 from galloping.storage import write_rows
@@ -31,7 +31,7 @@ def assess_line(
     write_rows(clearance, clearance_rows(case, line, settled, distance, limit))
     cycles = {wind: motion.states for wind, motion in settled.items() if motion.kind == "cycle"}
     write_orbits(orbits, {wind: places(states) for wind, states in cycles.items()})
-    parts = derived(line)
+    parts = derive_parts(line)
     draws = np.zeros((0, len(parts.values)))
     for model in read_families(identified).get(OURS, [])[:1]:  # of the first replicate
         if not len(model.covariance):
@@ -41,9 +41,9 @@ def assess_line(
             draws = told.sampled(make_generator(seed, "measures", case))
             parts = told
     given = ({k: v for k, v in each.items() if v is not None} for each in chosen.values())
-    asked = [KINDS[each.pop("kind")](**each) for each in given] or usual(line)
+    asked = [KINDS[each.pop("kind")](**each) for each in given] or typical_measures(line)
     design = Design(design_wind, start, distance, limit)
-    found = ranked(parts, line, asked, design, simulator, draws)
+    found = rank_measures(parts, line, asked, design, simulator, draws)
     write_rows(measures, [{"case": case, **row} for row in found])
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from galloping.configuration.load import configured, plain
+from galloping.configuration.load import load_files, plain
 from galloping.configuration.yaml_file import ConfigurationError
 from galloping.publication.archive import (
     NotRestorable,
@@ -61,7 +61,7 @@ def main() -> None:
         command.add_argument("--configfile", nargs="+", default=[])
     given = vars(parser.parse_args())
     try:
-        settings = configured(["config/config.yaml", *given["configfile"]])
+        settings = load_files(["config/config.yaml", *given["configfile"]])
         check_places(settings.results)  # Snakemake would say less of both
         given.pop("run")(**given)
     except (ConfigurationError, Obstacle) as error:
@@ -106,7 +106,7 @@ def verify_archive(archive, sha256, configfile):
             print(f"{archive}: every file is as in its manifest; SHA-256 {present}")
             if not sha256:
                 print("Compare it with the published SHA-256, or give that: SHA256=...")
-            compare(Path(folder), plain(configured(["config/config.yaml", *configfile])))
+            compare(Path(folder), plain(load_files(["config/config.yaml", *configfile])))
     except (NotRestorable, ConfigurationError, OSError) as error:
         sys.exit(f"{error}\n{archive}: not as it was published")
 

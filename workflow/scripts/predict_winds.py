@@ -7,7 +7,7 @@ import numpy as np
 from galloping.cycles.family import LIBRARY, initial_state
 from galloping.cycles.prediction import Prediction, draw_splits, predict, split
 from galloping.cycles.ranking import damping_ratios
-from galloping.cycles.rows import prediction_rows, steady_truth
+from galloping.cycles.rows import prediction_rows, simulate_true_amplitudes
 from galloping.line.galerkin import STATES
 from galloping.reproducibility.job import run
 from galloping.storage import write_rows
@@ -34,7 +34,7 @@ def _predicted(identified, case, winds, rng) -> Prediction:
 def predict_winds(case, protocol, identified, prediction, line, winds, methods, seed):
     """Write the predicted and the true limit cycles."""
     models = read_families(identified)
-    true = steady_truth(line, winds, Simulator(STATES, LIBRARY))
+    true = simulate_true_amplitudes(line, winds, Simulator(STATES, LIBRARY))
     rows = []
     for method in methods:
         for k, model in enumerate(models[method]):

@@ -17,7 +17,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from galloping.configuration.load import configured
+from galloping.configuration.load import load_files
 from galloping.configuration.settings import Settings
 from galloping.configuration.yaml_file import ConfigurationError
 from galloping.reproducibility.job import failures
@@ -57,7 +57,7 @@ def main(*arguments: str) -> int:
     files, repair = known.configfile, make_command(known.configfile, "repair")
     results = "results"
     try:
-        settings = configured(["config/config.yaml", *files])
+        settings = load_files(["config/config.yaml", *files])
         results = settings.results
         with locked(results, repair, repairing=own.repair) as began:
             targets = mend(results, files) if own.repair else check(results, files, repair)

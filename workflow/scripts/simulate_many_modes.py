@@ -1,6 +1,6 @@
 """Trajectories of a line with many modes at the sensors of its span, by initial displacement."""
 
-from galloping.line.continuous import observed
+from galloping.line.continuous import simulate_at_sensors
 from galloping.reproducibility.job import run
 from galloping.streams import make_generator
 from galloping.study.files import write_trajectories
@@ -11,7 +11,7 @@ def simulate_many_modes(case, trajectory, line, truth, releases, duration, sampl
     """Write the motions that the sensors see, without noise."""
     time = time_grid(duration, sampling_rate)
     motions = [
-        observed(line, truth, release, time, make_generator(seed, "gusts", case, k))
+        simulate_at_sensors(line, truth, release, time, make_generator(seed, "gusts", case, k))
         for k, release in enumerate(releases)
     ]
     write_trajectories(trajectory, motions)

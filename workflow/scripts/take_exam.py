@@ -15,7 +15,7 @@ from pathlib import Path
 import pandas as pd
 from run_study import main as run_study
 
-from galloping.configuration.load import configured
+from galloping.configuration.load import load_files
 from galloping.configuration.yaml_file import ConfigurationError
 from galloping.study.cells import Study, Trial
 from galloping.study.files import read_table
@@ -34,7 +34,7 @@ def main(*arguments: str) -> int:
     parser.add_argument("--configfile", nargs="+", default=["config/exam.yaml"])
     given, options = parser.parse_known_args(arguments)
     try:
-        study = Study(configured(["config/config.yaml", *given.configfile]))
+        study = Study(load_files(["config/config.yaml", *given.configfile]))
         trials = select_trials(study, given.stratum)
         before = read_before(study, given.before)
     except (ConfigurationError, ValueError) as error:

@@ -12,7 +12,7 @@ from PIL import Image
 from galloping.cycles import rows
 from galloping.cycles.family import line_family
 from galloping.cycles.prediction import Prediction
-from galloping.cycles.ranking import Design, derived, ranked
+from galloping.cycles.ranking import Design, derive_parts, rank_measures
 from galloping.cycles.settling import settle
 from galloping.figures.engineering import draw_measures, draw_orbits, write_animation
 from galloping.figures.motions import draw_limit_cycles, draw_prediction, draw_resonance_map
@@ -107,9 +107,9 @@ def test_clearance_and_measures():
     irregular = replace(motion, kind="irregular", states=growing)
     *_, last = rows.clearance_rows("line", RESONANT, {12.0: irregular}, (0.0, 8.0), 3.0)
     assert last["height_m"] == pytest.approx(2 * told[-1]["height_m"], rel=0.01)  # its last swings
-    design, parts = Design(12.0, START, (0.0, 8.0), 3.0), derived(RESONANT)
+    design, parts = Design(12.0, START, (0.0, 8.0), 3.0), derive_parts(RESONANT)
     tried, no_draws = [ice_removal(), pendulum(20.0, (100.0,))], np.zeros((0, len(parts.values)))
-    found = ranked(parts, RESONANT, tried, design, simulator(), no_draws)
+    found = rank_measures(parts, RESONANT, tried, design, simulator(), no_draws)
     table = pd.DataFrame(found).assign(case="line")
     assert table["measure"][0] == "ice removed" and "torsion" in " ".join(table["note"])
     figure = draw_measures(table, {"cases": ["line"]})
@@ -126,7 +126,7 @@ def test_clearance_and_measures():
 
 
 def test_prediction():
-    true = rows.steady_truth(RESONANT, [8.0, 12.0], simulator())
+    true = rows.simulate_true_amplitudes(RESONANT, [8.0, 12.0], simulator())
     near = np.column_stack([true, true])
     wide = Prediction(np.array([8.0, 12.0]), near, 0.9 * near, 1.1 * near, np.zeros(2))
     cell = {"case": "line", "protocol": "state", "method": "maximum_likelihood", "replicate": 0}

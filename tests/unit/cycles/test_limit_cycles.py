@@ -7,7 +7,13 @@ from scipy.integrate import quad_vec, solve_ivp
 from galloping.cycles.continuation import Range
 from galloping.cycles.diagram import equilibrium_branch, hopf_points
 from galloping.cycles.family import Family
-from galloping.cycles.limit_cycles import circle, from_branching, from_hopf, from_motion, settled
+from galloping.cycles.limit_cycles import (
+    circle,
+    cycle_from_motion,
+    from_branching,
+    from_hopf,
+    from_motion,
+)
 from galloping.model.polynomial import PolynomialModel
 
 
@@ -63,7 +69,7 @@ def test_turns_that_samples_pass_too_far_from_its_end_make_no_longer_period():
         lambda _, x: model(x[np.newaxis])[0], (0, time[-1]), [2, 0], t_eval=time, rtol=1e-9,
         atol=1e-9,
     )  # fmt: skip
-    found = settled(VAN_DER_POL, 1.0, time, motion.y.T, 0.5)
+    found = cycle_from_motion(VAN_DER_POL, 1.0, time, motion.y.T, 0.5)
     assert found.solution.period == pytest.approx(period, rel=2e-9)
 
 

@@ -9,11 +9,18 @@ from lines import RESONANT, START, edited, moved, simulate, simulator
 
 from galloping.cycles.family import LIBRARY, critical_wind
 from galloping.cycles.prediction import draw_splits, limit_cycle_ahead, predict, split
-from galloping.cycles.ranking import Design, changed, critical_winds, derived, ranked, with_measure
+from galloping.cycles.ranking import (
+    Design,
+    apply_measure,
+    critical_winds,
+    derive_parts,
+    rank_measures,
+    with_measure,
+)
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.line.galerkin import STATES, Derived, coefficients, model
-from galloping.line.measures import NOTHING, damper, pendulum, tension, usual
+from galloping.line.galerkin import STATES, Derived, coefficients, make_model
+from galloping.line.measures import NOTHING, damper, pendulum, tension, typical_measures
 from galloping.model.intervals import DRAWS, interval_of_draws
 from galloping.model.polynomial import polynomial_library
 from galloping.recording.samples import Recording
@@ -31,7 +38,7 @@ def stated(line, relative, terms=LIBRARY):
 
 
 def exact(speed):
-    return stated(model(coefficients(edited(wind__speed=speed))), 1e-4)
+    return stated(make_model(coefficients(edited(wind__speed=speed))), 1e-4)
 
 
 @pytest.mark.parametrize(
@@ -60,7 +67,7 @@ def test_what_cannot_be_split_or_placed():
     with pytest.raises(ValueError, match="q_x"):
         split([exact(12.0)], [12.0], {"q_x": 0.1})
     with pytest.raises(ValueError, match="position 400 m"):
-        changed(derived(RESONANT), RESONANT, damper(400.0, 100.0))
+        apply_measure(derive_parts(RESONANT), RESONANT, damper(400.0, 100.0))
 
 
 @pytest.mark.parametrize("protocol", ["state", "displacement"])
@@ -108,7 +115,7 @@ def test_a_model_without_uncertainty_or_without_a_cycle():
 
 
 def test_measures_change_the_line_as_the_derivation_does():
-    parts = derived(RESONANT)
+    parts = derive_parts(RESONANT)
 
     def at(of):
         return of.model(12.0).on_library(LIBRARY).coefficients
@@ -116,13 +123,13 @@ def test_measures_change_the_line_as_the_derivation_does():
     def critical(of):
         return critical_winds(of, of.values[np.newaxis])[0]
 
-    for applied in (NOTHING, tension(1.2), *usual(RESONANT)[3:5]):
-        true = model(coefficients(applied.change(RESONANT))).on_library(LIBRARY)
-        line = changed(parts, RESONANT, applied)
+    for applied in (NOTHING, tension(1.2), *typical_measures(RESONANT)[3:5]):
+        true = make_model(coefficients(applied.change(RESONANT))).on_library(LIBRARY)
+        line = apply_measure(parts, RESONANT, applied)
         assert at(line) == pytest.approx(true.coefficients, rel=1e-9)
     assert critical(parts) == pytest.approx(critical_wind(RESONANT))
-    assert critical(changed(parts, RESONANT, damper(30.0, 200.0))) > 1.1 * critical(parts)
-    heavier = changed(parts, RESONANT, pendulum(20.0, (150.0,)))
+    assert critical(apply_measure(parts, RESONANT, damper(30.0, 200.0))) > 1.1 * critical(parts)
+    heavier = apply_measure(parts, RESONANT, pendulum(20.0, (150.0,)))
     stiffness = 2, LIBRARY.index((1, 0, 0, 0))
     ratio = at(heavier)[stiffness] / at(parts)[stiffness]
     assert 0.95 < ratio < 1.0  # 20 kg beside a modal mass of about a ton
@@ -130,12 +137,12 @@ def test_measures_change_the_line_as_the_derivation_does():
 
 def test_ranking():
     design = Design(12.0, START, (0.0, 8.0), limit=3.0)
-    parts = derived(RESONANT)
+    parts = derive_parts(RESONANT)
     draws = parts.values * (1 + 0.002 * np.random.default_rng(3).normal(size=(19, 1)))
     bare = edited(spacers__mass=0.0, spacers__positions=[])
-    assert len(usual(bare)) == len(usual(RESONANT)) - 2
-    chosen = [m for m in usual(RESONANT) if "ice" in m.label or "damper" in m.label]
-    order = ranked(parts, RESONANT, chosen, design, simulator(), draws)
+    assert len(typical_measures(bare)) == len(typical_measures(RESONANT)) - 2
+    chosen = [m for m in typical_measures(RESONANT) if "ice" in m.label or "damper" in m.label]
+    order = rank_measures(parts, RESONANT, chosen, design, simulator(), draws)
     assert [row["measure"] for row in order] == [
         "ice removed", "damper of 200 N s/m at 30 m", "as it is",
     ]  # fmt: skip

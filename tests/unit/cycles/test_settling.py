@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from galloping import parse_model
-from galloping.cycles.settling import Pace, filled, settle_in_periods
+from galloping.cycles.settling import Pace, estimate_missing_sizes, settle_in_periods
 from galloping.model.polynomial import PolynomialModel
 from galloping.trajectory.simulation import Simulator
 
@@ -71,6 +71,6 @@ def test_the_pace_is_that_of_oscillations_where_there_are_any():
 
 def test_sizes_that_are_not_known_follow_from_others():
     model = oscillator(0.0, frequency=3.0)
-    assert filled(np.array([2.0, 0.0]), model, REST) == pytest.approx([2.0, 6.0])
-    assert filled(np.array([0.0, 6.0]), model, REST) == pytest.approx([2.0, 6.0])
-    assert filled(np.zeros(2), model, REST) == pytest.approx([1.0, 1.0])
+    assert estimate_missing_sizes(np.array([2.0, 0.0]), model, REST) == pytest.approx([2.0, 6.0])
+    assert estimate_missing_sizes(np.array([0.0, 6.0]), model, REST) == pytest.approx([2.0, 6.0])
+    assert estimate_missing_sizes(np.zeros(2), model, REST) == pytest.approx([1.0, 1.0])

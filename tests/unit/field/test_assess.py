@@ -11,7 +11,7 @@ from field_files import run as command
 from galloping import IdentifiedModel, PolynomialModel, assess, derive
 from galloping.behaviour.assess import list_extrapolations
 from galloping.model.terms import parse_library
-from galloping.summary.driving import held_at
+from galloping.summary.driving import parse_input_values
 
 A, B = 0.02, 0.05  # net damping 0.1 - A U, cubic damping B: onset at U = 5, A^2 = 4 (A U - 0.1)/3 B
 ERROR = 0.001  # of A
@@ -135,7 +135,7 @@ def test_a_force_may_be_below_zero_and_a_little_outside_of_what_was_recorded():
 
 def test_a_range_ends_where_it_is_said_to():
     for text, values in (("U=8:16:3", [8.0, 11.0, 14.0]), ("U=0:0.3:0.1", [0.0, 0.1, 0.2, 0.3])):
-        assert held_at([text], ["U"])["U"] == pytest.approx(values)
+        assert parse_input_values([text], ["U"])["U"] == pytest.approx(values)
 
 
 def test_the_command_says_the_same_in_words_and_rows(tmp_path):

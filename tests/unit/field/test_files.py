@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 from scipy.signal import StateSpace, lfilter, lsim
 
-from galloping.inspection.quality import quality
+from galloping.inspection.quality import inspect_recording
 from galloping.readers import FileError
 from galloping.readers.mapping import MappingError, channel_of, validate_mapping
-from galloping.readers.recordings import recording
+from galloping.readers.recordings import make_recording
 from galloping.readers.series import read_series
 
 TIME = np.arange(500) * 0.04
@@ -36,13 +36,13 @@ def write(path, frame):
 def recorded(path, frame, **more):
     """The recording of a file of a frame, by the mapping with other keys."""
     mapping = validate_mapping({**MAPPING, **more})
-    return recording(read_series(write(path, frame), mapping), mapping)
+    return make_recording(read_series(write(path, frame), mapping), mapping)
 
 
 def questioned(path, frame):
     """What is said of the quality of a file of a frame."""
     mapping = validate_mapping(MAPPING)
-    return quality(read_series(write(path, frame), mapping), mapping)
+    return inspect_recording(read_series(write(path, frame), mapping), mapping)
 
 
 def test_states_of_another_system_are_taken_in_si_whatever_unit_they_have(tmp_path):
@@ -215,6 +215,9 @@ def test_a_random_force_in_an_accelerometer_is_no_noise(tmp_path):
 
     def said(values):
         path = write(tmp_path / "a.csv", pd.DataFrame({"t": time, "v": values}))
-        return [each["code"] for each in quality(read_series(path, mapping), mapping)["problems"]]
+        return [
+            each["code"]
+            for each in inspect_recording(read_series(path, mapping), mapping)["problems"]
+        ]
 
     assert said(moved) == [] and said(force) == ["mostly_noise"]

@@ -14,7 +14,7 @@ from galloping import polynomial_library as library
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.smoothing import shortest_period
 from galloping.inspection.excerpts import PERIODS, STRETCHES, excerpts
-from galloping.line.galerkin import coefficients, model
+from galloping.line.galerkin import coefficients, make_model
 from galloping.streams import make_generator
 from galloping.summary.advice import advice
 from galloping.summary.summarise import hold_out, longest_period
@@ -97,7 +97,7 @@ def test_the_band_of_a_forecast_holds_what_is_held_out(tmp_path):
     held = []
     for number in (0, 1, 2):  # motions of the first one part within seconds
         case, (start, _) = draw(make_generator(771203, "random line", number))
-        line = model(coefficients(case)).on_library(TERMS)
+        line = make_model(coefficients(case)).on_library(TERMS)
         time = np.arange(7501) / 25.0
         states = Simulator(STATES, TERMS)(line, start, time).states
         path = recorded(tmp_path / "a.csv", time, states)

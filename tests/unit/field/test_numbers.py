@@ -9,10 +9,10 @@ import pytest
 
 from galloping import IdentifiedModel, Recording
 from galloping.behaviour.dynamics import Surroundings, dynamics
-from galloping.behaviour.forecast import check_followed, forecast, held_out, with_factors
+from galloping.behaviour.forecast import check_followed, forecast, score_forecast, with_factors
 from galloping.behaviour.objections import (
     difference,
-    kept_up,
+    recording_outlasts_model,
     unaccelerated_coordinates,
     with_objections,
 )
@@ -180,11 +180,11 @@ def test_a_band_that_did_not_hold_is_widened_to_what_was_seen_or_gives_no_foreca
     ahead = ahead_of(recording[:cut], identified, recording.time[cut:])
     samples = np.column_stack([seen, np.full((len(seen), 2), np.nan)])
     size, noise = samples.std(axis=0), identified.sigma[-1]
-    right = held_out(ahead, samples[cut:], size, noise)
+    right = score_forecast(ahead, samples[cut:], size, noise)
     assert right.factors == pytest.approx(1.0) and right.held[:2] == pytest.approx(0.9, abs=0.04)
-    narrow = held_out(ahead.widened(np.full(4, 0.4)), samples[cut:], size, noise)
+    narrow = score_forecast(ahead.widened(np.full(4, 0.4)), samples[cut:], size, noise)
     wide = narrow.forecast.widened(narrow.factors)
-    again = held_out(wide, samples[cut:], size, noise)
+    again = score_forecast(wide, samples[cut:], size, noise)
     assert narrow.held[0] < 0.6 and again.held[:2] == pytest.approx(0.9, abs=0.01)
     told = with_factors(identified, narrow)
     later = recording.time[-1] + np.arange(1, 50) / files.RATE
@@ -192,7 +192,7 @@ def test_a_band_that_did_not_hold_is_widened_to_what_was_seen_or_gives_no_foreca
     ratio = (widened.high - widened.low) / (plain.high - plain.low)
     assert ratio[:, 0] == pytest.approx(narrow.factors[0])
     ends = {end: getattr(ahead, end) - 6.0 * ahead.median for end in ("low", "median", "high")}
-    lost = held_out(replace(ahead, **ends), samples[cut:], size, noise)
+    lost = score_forecast(replace(ahead, **ends), samples[cut:], size, noise)
     assert not lost.useful
     with pytest.raises(ValueError, match="gives no forecast"):
         ahead_of(recording, with_factors(identified, lost), later)
@@ -243,12 +243,14 @@ def test_a_motion_that_lasts_on_a_stable_line_is_forced(tmp_path):
     omega, ratio = 2 * np.pi * np.array([0.38, 0.21]), np.array([0.01, 0.02])
     stable, start = linear(omega**2, 2 * ratio * omega), np.array([[0.3, 0.3, 0.0, 0.0]])
     found = IdentifiedModel(stable, "approximate", initial_states=start)
-    assert kept_up(found, [recording]) and amplitude_fluctuates([recording], 4.0)
+    assert recording_outlasts_model(found, [recording]) and amplitude_fluctuates([recording], 4.0)
     motion = found.simulate(start[0], recording.time).states
     decay = replace(recording, values=np.where(np.isfinite(recording.values), motion, np.nan))
-    assert not kept_up(found, [decay])
+    assert not recording_outlasts_model(found, [decay])
     galloping = sure(files.line().on_library(TERMS))
-    assert not kept_up(galloping, [recorded()]) and not unaccelerated_coordinates(galloping)
+    assert not recording_outlasts_model(galloping, [recorded()]) and not unaccelerated_coordinates(
+        galloping
+    )
     assert not amplitude_fluctuates([recorded()], 4.0) and not amplitude_fluctuates([decay], 4.0)
     still = linear([0.0, omega[1] ** 2])
     assert unaccelerated_coordinates(IdentifiedModel(still, "not identifiable")) == ["q_v"]

@@ -11,8 +11,8 @@ from galloping.configuration.load import load, plain
 from galloping.figures.verdicts import draw_model_error
 from galloping.identification.observations import Code
 from galloping.identification.registry import BY_NAME
-from galloping.line.continuous import wind
-from galloping.line.galerkin import STATES, coefficients, model
+from galloping.line.continuous import draw_wind
+from galloping.line.galerkin import STATES, coefficients, make_model
 from galloping.tables.trial_summaries import model_error
 from galloping.trials import real_lines
 from galloping.trials.real_lines import TRUTHS, combined, line_of, linear_modes, motion
@@ -27,7 +27,7 @@ def recorded(name):
     truth, rng = TRUTHS[name], np.random.default_rng(11)
     line = line_of(RESONANT, truth)
     gusts = {**RESONANT["truth"]["gusts"], "intensity": truth.intensity}
-    clean = motion(RESONANT, line, truth, TIME, wind(line, gusts, TIME, rng))
+    clean = motion(RESONANT, line, truth, TIME, draw_wind(line, gusts, TIME, rng))
     noisy = clean + 0.05 * clean.std(axis=0) * rng.standard_normal(clean.shape)
     return Recording(TIME, STATES, combined(line, truth, noisy))
 
@@ -73,7 +73,7 @@ def test_the_higher_modes_that_a_sensor_reads_are_named_beside_the_model(tmp_pat
 def test_gusts_are_told_from_what_a_model_lacks():
     """Where gusts alone keep the model from being right, its terms are found and its damping."""
     found = maximum_likelihood([recorded("two modes, gusts 5 %")], TERMS)
-    truth = model(coefficients(RESONANT)).on_library(TERMS)
+    truth = make_model(coefficients(RESONANT)).on_library(TERMS)
     assert found.status == "approximate"
     assert found.has_finding(Code.COEFFICIENTS_FLUCTUATE)
     assert np.array_equal(found.support[2:], truth.support[2:])  # the others are known

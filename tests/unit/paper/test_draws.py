@@ -54,7 +54,7 @@ def identified(recordings):
 
 def test_one_recording_gives_one_model_by_either_way(line):
     ((recording,),) = items(line, samples=3001)
-    ours = draws.identified(reduce([recording], TERMS).plain, **SETTING)
+    ours = draws.identify_by_paper_method(reduce([recording], TERMS).plain, **SETTING)
     (standard,) = identified([(recording,)])[PAPER_METHOD]
     np.testing.assert_allclose(ours.model.coefficients, standard.model.coefficients, rtol=1e-9)
 

@@ -19,7 +19,7 @@ from galloping.model.polynomial import polynomial_library
 from galloping.paper import agreement, draws, unknowns
 from galloping.paper.agreement import GROUPS, NUMBERS, PRINTED, cell_of, log_likelihoods
 from galloping.paper.draws import Amounts
-from galloping.paper.quick import QuickStudy, found_coefficients
+from galloping.paper.quick import QuickStudy, identify_coefficients
 from galloping.tables import inference as tables
 from galloping.trials import paper_inference
 
@@ -41,7 +41,7 @@ def test_quick_thresholds_are_those_of_the_method(moved, columns, threshold):
     motion, line = moved
     terms, rng = polynomial_library(4, 3), np.random.default_rng(3)
     products = draws.DerivativeNoise(motion, terms, np.ones(4)).draw(0.05, 10000, rng, draws=3)
-    quick = found_coefficients(products, unknowns.MethodReading(threshold, columns=columns))
+    quick = identify_coefficients(products, unknowns.MethodReading(threshold, columns=columns))
     for reduced, found in zip(products.regressions(line.states, terms), quick, strict=True):
         evidence = Regressions(reduced, reduced)
         model = FITS[columns](evidence, threshold=threshold, path_length=draws.PATH_LENGTH).model

@@ -11,7 +11,7 @@ from galloping.identification.observations import Code
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.kalman import kalman_filter
 from galloping.identification.random_forces.steps import Steps, discretise
-from galloping.identification.random_forces.tracking import Data, Forces, StateSpaceModel
+from galloping.identification.random_forces.tracking import Forces, SampledChannels, StateSpaceModel
 from galloping.identification.random_forces.whiteness import assess_whiteness
 from galloping.model.polynomial import PolynomialModel, polynomial_library
 
@@ -116,7 +116,7 @@ def tracker(model, recording, slow=(0.0, 0.0), **means):
 def test_extended_filter_of_a_linear_system_is_that_of_kalman():
     recording, _, system = two_modes(4, duration=60.0)
     follow = tracker(linear(system), recording, slow=(1e-4, 2e-4))
-    data = Data(recording.values[:, :2], Steps.from_times(recording.time))
+    data = SampledChannels(recording.values[:, :2], Steps.from_times(recording.time))
     exact, other = follow.filter(data), follow.filter_extended(data, np.zeros((0, 2), np.int64))[0]
     atol = 1e-3 * np.std(data.samples[:, 0])
     np.testing.assert_allclose(other.innovations, exact.innovations, atol=atol)

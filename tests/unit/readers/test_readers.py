@@ -6,10 +6,10 @@ from field_files import run
 from odd_files import ROWS, V, W, table, written
 
 from galloping.readers.angles import unwrap_angle
-from galloping.readers.columns import contradicted_target, target
+from galloping.readers.columns import measured_quantity, quantity_by_name_alone
 from galloping.readers.file_table import printable
 from galloping.readers.hints import likely_time_unit, likely_unit
-from galloping.readers.units import UnitError, factor, input_si, is_unit, named
+from galloping.readers.units import UnitError, factor, input_si, is_unit, split_header
 
 TIME = np.arange(2000) / 50.0
 
@@ -54,7 +54,7 @@ def test_units_of_inputs_keep_their_names_without_prefixes():
     ],
 )  # fmt: skip
 def test_units_stand_anywhere_in_a_name(header, expected):
-    assert named(header) == expected
+    assert split_header(header) == expected
 
 
 def test_a_channel_is_no_unit():
@@ -71,14 +71,14 @@ def test_a_channel_is_no_unit():
     ],
 )  # fmt: skip
 def test_abbreviated_directions_are_read(header, measured):
-    assert target(header) == measured
+    assert measured_quantity(header) == measured
 
 
 def test_a_unit_that_denies_a_plain_name_is_noticed():
-    assert contradicted_target("Vertical Displacement", "V") == "q_v"
-    assert contradicted_target("lateral acceleration [counts]", "") == "ddq_w"
+    assert quantity_by_name_alone("Vertical Displacement", "V") == "q_v"
+    assert quantity_by_name_alone("lateral acceleration [counts]", "") == "ddq_w"
     for header in ("v [V]", "Lat [deg]", "vertical [m]", "vertical", "wind vertical [m/s]"):
-        assert contradicted_target(header, "") == ""
+        assert quantity_by_name_alone(header, "") == ""
 
 
 @pytest.mark.parametrize("low", [0.0, -180.0, 37.0])

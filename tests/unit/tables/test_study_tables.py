@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from lines import CASES, RESONANT
 
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.line.galerkin import Derived, coefficients, model
+from galloping.line.galerkin import Derived, coefficients, make_model
 from galloping.model.intervals import median_and_interval
 from galloping.model.polynomial import polynomial_library
 from galloping.tables.scores import all_scores, data_amount, noise_coefficients, noise_r2
@@ -101,7 +101,7 @@ def test_scores_of_cells_stand_in_one_order():
 
 def test_table_3_shows_true_and_spurious_terms():
     true, terms = coefficients(RESONANT), polynomial_library(4, 3)
-    line = model(true).on_library(terms)
+    line = make_model(true).on_library(terms)
     off = line.coefficients.copy()
     off[2, terms.index((1, 0, 0, 0))] *= 1.1  # gamma_2
     off[3, terms.index((0, 0, 0, 1))] = 0.0  # kappa_1 missed
@@ -109,7 +109,7 @@ def test_table_3_shows_true_and_spurious_terms():
     off[2, terms.index((0, 0, 0, 3))] = 0.2  # spurious, without a symbol
     found = IdentifiedModel(replace(line, coefficients=off), "unjudged")
     about = {"cases": ["a"], "protocol": "state", "method": "stlsq", "level": 0.0, "degree": 3}
-    made = {"a": Derived(model(true), true, {})}, {"a": {"stlsq": [found] * 3}}
+    made = {"a": Derived(make_model(true), true, {})}, {"a": {"stlsq": [found] * 3}}
     table = table3(*made, about | {"continuous": []})
     by_symbol = table.set_index("symbol")
     assert list(table["equation"].unique()) == ["vertical", "horizontal"]
@@ -128,7 +128,7 @@ def test_table_3_shows_true_and_spurious_terms():
 
 def test_equations_are_those_of_single_recordings_with_their_errors():
     true, terms = coefficients(RESONANT), polynomial_library(4, 3)
-    line = Derived(model(true), true, {})
+    line = Derived(make_model(true), true, {})
     on_library = line.model.on_library(terms)
     off = on_library.coefficients.copy()
     off[3, terms.index((0, 0, 0, 1))] = 0.0  # kappa_1 missed

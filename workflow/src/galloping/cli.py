@@ -8,7 +8,7 @@ import click
 
 from galloping import __version__
 from galloping.command_errors import OneLineErrors
-from galloping.summary.terminal import json_text, print_rows, shown
+from galloping.summary.terminal import json_text, print_rows, show_progress
 
 PIECE, MOST_ROWS = 100_000, 1_000_000  # rows of a simulation that are held at a time; of a forecast
 # New objects, after which Python looks for cycles of garbage among all: imports and figures make
@@ -192,7 +192,7 @@ def identify(
         raise ValueError(
             f"{output}: holds an earlier {earlier[0]}; name another folder, or say --replace"
         )
-    with replacing_folder(output) as folder, shown():
+    with replacing_folder(output) as folder, show_progress():
         field = read_field(files, columns)
         identified = analyse(field, question, folder)
     for one in field.series:
@@ -231,7 +231,7 @@ def inspect(file, write_map, as_json, **mapping):
     if write_map and _doubts_of_written(file, write_map, mapping):
         return
     mapping = dict.fromkeys(mapping) | {"map_file": write_map} if write_map else mapping
-    with shown():
+    with show_progress():
         report = read_field([file], _mapping(file, mapping)).reports[0]
     click.echo(json_text(report, indent=2) if as_json else report_text(report))
 
@@ -311,7 +311,7 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
                 f"--duration {duration:g}: must be {MOST_ROWS:,} steps of {step}, or less"
             )
         time = recording.time[-1] + recording.step * np.arange(1, round(samples) + 1)
-    with shown():
+    with show_progress():
         ahead = forecast_from(loaded, recording, time, window=window, inputs=inputs, seed=seed)
     print_rows(forecast_rows(ahead), as_json)
     if loaded.status != "ok":
@@ -362,10 +362,12 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
     """
     import numpy as np
 
-    from galloping.summary.driving import driving, usual_sampling
+    from galloping.summary.driving import read_model_inputs, usual_sampling
 
     loaded = _answered(model)
-    inputs = driving(model, loaded.model.inputs, at, inputs_file, time_column, _between(model))
+    inputs = read_model_inputs(
+        model, loaded.model.inputs, at, inputs_file, time_column, _between(model)
+    )
     measured = [one.stretches[-1][1] for one in inputs.values() if not isinstance(one, float)]
     known = min(measured, default=np.inf)
     if duration and duration > known:
@@ -435,14 +437,14 @@ def assess(model, at, seed, figure, as_csv, as_json, verbose):
     from galloping.behaviour.assess import assess as assessed
     from galloping.behaviour.assessment import assessment_rows
     from galloping.storage import read_json
-    from galloping.summary.driving import held_at
+    from galloping.summary.driving import parse_input_values
     from galloping.summary.wording import assessment_text
 
     if as_csv and as_json:
         raise click.UsageError("--csv and --json exclude each other")
     loaded, units = _answered(model), read_json(model).get("units", {})
-    with shown():
-        found = assessed(loaded, held_at(at, loaded.model.inputs), seed=seed)
+    with show_progress():
+        found = assessed(loaded, parse_input_values(at, loaded.model.inputs), seed=seed)
     if figure:
         from galloping.figures.style import write_figure
         from galloping.summary.drawing import DPI, FONT_SIZE, draw_assessment  # matplotlib

@@ -11,7 +11,7 @@ from galloping.configuration.load import load, plain
 from galloping.configuration.yaml_file import ConfigurationError
 from galloping.evaluation.bounds import Experiment, on_library, state_bound
 from galloping.line.galerkin import coefficients
-from galloping.line.galerkin import model as equations_of
+from galloping.line.galerkin import make_model as equations_of
 from galloping.model.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording.measurement import BY_NAME, Motion, recordings_of
 from galloping.recording.samples import Input, Recording, inputs_at_times

@@ -20,16 +20,20 @@ from galloping.behaviour.assessment import (
     RestPosition,
     SmallMotion,
 )
-from galloping.behaviour.dynamics import LARGER, ROUNDING, Value, zero_of
+from galloping.behaviour.dynamics import LARGER, ROUNDING, Value, find_equilibrium
 from galloping.behaviour.following import simulator_of
 from galloping.cycles.continuation import Point, Range
 from galloping.cycles.diagram import Diagram, diagram, equilibrium_branch, hopf_points
 from galloping.cycles.family import Family, constant
-from galloping.cycles.limit_cycles import at_value, settled
-from galloping.cycles.prediction import intervals, near
-from galloping.cycles.settling import Pace, Settled, filled, settle_in_periods
+from galloping.cycles.limit_cycles import at_value, cycle_from_motion
+from galloping.cycles.prediction import find_nearby_cycles, intervals
+from galloping.cycles.settling import Pace, Settled, estimate_missing_sizes, settle_in_periods
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.model.intervals import draw_models_and_rivals, extrapolate, interval_of_draws
+from galloping.model.intervals import (
+    add_higher_degree_effects,
+    draw_models_and_rivals,
+    interval_of_draws,
+)
 from galloping.model.polynomial import PolynomialModel, velocity_pairs
 from galloping.passes import passing
 
@@ -145,7 +149,7 @@ class _Drawn:
         start = known[-1] if len(known) else largest if largest.any() else np.ones(len(largest))
         rng = np.random.default_rng(seed)
         draws = draw_models_and_rivals(found, rng)
-        small = extrapolate(draws, found, rng)
+        small = add_higher_degree_effects(draws, found, rng)
         return cls(found.model, tuple(draws), tuple(small), start, recorded)
 
     def at(self, values: Mapping[str, float]) -> "_Drawn":
@@ -180,7 +184,7 @@ def _assess_condition(
             ends.append(motion.kind)
             continue
         try:
-            point = settled(constant(best, size), 0.0, motion.time, motion.states, 1.0)
+            point = cycle_from_motion(constant(best, size), 0.0, motion.time, motion.states, 1.0)
         except ValueError:  # one that neither grows nor dies out is on no cycle
             ends.append("irregular")
             continue
@@ -288,7 +292,7 @@ def _make_family(model: PolynomialModel, along: str, sizes: np.ndarray | float) 
 
 def _settle_motion(model: PolynomialModel, start: np.ndarray) -> Settled:
     """Follow the motion from a state (n_states,) to its end, in periods of small motions."""
-    rest = zero_of(model, start, filled(np.abs(start), model, start))
+    rest = find_equilibrium(model, start, estimate_missing_sizes(np.abs(start), model, start))
     pace = Pace.of(model, rest.x if rest.success else start)
     return settle_in_periods(simulator_of(model), model, start, pace)
 
@@ -303,7 +307,10 @@ def _motion_extent(
         size = size if motion.kind != "rest" else np.abs(start - middle)
     else:
         middle, size = np.zeros_like(start), np.abs(start)
-    size, velocities = filled(size, model, middle), list(velocity_pairs(model.states).values())
+    size, velocities = (
+        estimate_missing_sizes(size, model, middle),
+        list(velocity_pairs(model.states).values()),
+    )
     for own in (velocities, np.setdiff1d(np.arange(len(size)), velocities)):
         size[own] = np.maximum(size[own], LEAST * size[own].max(initial=0.0))
     return middle, size
@@ -324,7 +331,7 @@ def find_equilibria(
         start = middle.copy()
         start[list(pairs.values())] = 0.0
         start[own] += steps * size[own]
-        at = zero_of(model, start, size)
+        at = find_equilibrium(model, start, size)
         near_by = np.all(np.abs(at.x - middle)[own] <= BEYOND * size[own])
         new = all(np.max(np.abs(at.x - other)[own] / size[own]) > APART for other in found)
         if at.success and near_by and new:
@@ -337,7 +344,7 @@ def _describe_equilibrium(of: _Drawn, rest: np.ndarray, size: np.ndarray) -> Res
     values, vectors = best.small_motions(rest)
     places, matched = [], []
     for model in of.small:
-        at = zero_of(model, rest, size)
+        at = find_equilibrium(model, rest, size)
         if at.success:
             own = model.small_motions(at.x).values
             _, order = linear_sum_assignment(np.abs(values[:, np.newaxis] - own))
@@ -391,7 +398,7 @@ def _assign_states(shares: np.ndarray) -> np.ndarray:
 
 
 def _describe_cycle(of: _Drawn, point: Point) -> Cycle:
-    states, kept = of.model.states, near(of.draws, point.solution, of.model)
+    states, kept = of.model.states, find_nearby_cycles(of.draws, point.solution, of.model)
     found = len(kept) / len(of.draws)
     shown = list(velocity_pairs(states)) or list(range(len(states)))
     ends = intervals(kept, len(states))

@@ -10,16 +10,16 @@ from scipy.optimize import OptimizeResult, root
 from galloping.arrays import Immutable
 from galloping.behaviour.following import half_ranges, simulator_of
 from galloping.cycles.family import constant
-from galloping.cycles.limit_cycles import Orbit, cycle_of
-from galloping.cycles.prediction import intervals, near
-from galloping.cycles.settling import Pace, filled, settle_in_periods
+from galloping.cycles.limit_cycles import Orbit, find_cycle_from_motion
+from galloping.cycles.prediction import find_nearby_cycles, intervals
+from galloping.cycles.settling import Pace, estimate_missing_sizes, settle_in_periods
 from galloping.identification.free_motion.answer import PATH
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.model.intervals import (
     NORMAL_95,
+    add_higher_degree_effects,
     decay_interval,
     draw_models_and_rivals,
-    extrapolate,
     interval_of_draws,
 )
 from galloping.model.polynomial import PolynomialModel, linear_term, velocity_pairs
@@ -74,7 +74,7 @@ class Surroundings(Immutable):
         Shape (n_states,).
         """
         half = np.where(np.isfinite(self.high - self.low), (self.high - self.low) / 2.0, 0.0)
-        return filled(half, model, self.middle, self.rates)
+        return estimate_missing_sizes(half, model, self.middle, self.rates)
 
     @classmethod
     def of(cls, recordings: Sequence[Recording]) -> "Surroundings":
@@ -92,12 +92,14 @@ class Surroundings(Immutable):
 
         The search for it, (n_states,), begins at the middle.
         """
-        found = zero_of(model, self.middle, self.sizes(model))
+        found = find_equilibrium(model, self.middle, self.sizes(model))
         inside = np.all((found.x >= self.low) & (found.x <= self.high))
         return found.x if found.success and inside else None
 
 
-def zero_of(model: PolynomialModel, start: np.ndarray, sizes: np.ndarray) -> OptimizeResult:
+def find_equilibrium(
+    model: PolynomialModel, start: np.ndarray, sizes: np.ndarray
+) -> OptimizeResult:
     """Search numerically for an equilibrium of a model, starting from a given state.
 
     With dry friction, the middle of all equilibria is searched for.
@@ -173,7 +175,7 @@ def dynamics(
     if identified.diagnostics.get("path") == PATH:
         return _free_and_linear(identified, pairs, around)
     models = draw_models_and_rivals(identified, rng)
-    small = extrapolate(models, identified, rng)
+    small = add_higher_degree_effects(models, identified, rng)
     enough = ENOUGH * len(models)
     best = _linear_properties(model, pairs, around)
     ends = interval_of_draws([_linear_properties(each, pairs, around) for each in small], enough)
@@ -188,7 +190,7 @@ def dynamics(
     motion = settle_in_periods(simulator, model, start, pace, sizes)
     if motion.kind != "cycle":
         return Dynamics(rest, frequencies, damping, motion.kind, None, {})
-    point = cycle_of(constant(model, sizes), 0.0, motion)
+    point = find_cycle_from_motion(constant(model, sizes), 0.0, motion)
     if point is None:  # for the solver: the motion itself does repeat
         half = {model.states[i]: Value(float(motion.half_range[i])) for i in pairs}
         return Dynamics(rest, frequencies, damping, "cycle", None, half)
@@ -331,10 +333,10 @@ def expected_dynamics(
 
 def _find_orbit(model: PolynomialModel, orbit: Orbit, pace: Pace) -> Orbit | None:
     """Find the limit cycle of another model near a known one, or by simulation from there."""
-    if close := near([model], orbit):
+    if close := find_nearby_cycles([model], orbit):
         return close[0]
     motion = settle_in_periods(simulator_of(model), model, orbit.states[0], pace, orbit.sizes)
-    point = cycle_of(constant(model, orbit.sizes), 0.0, motion)
+    point = find_cycle_from_motion(constant(model, orbit.sizes), 0.0, motion)
     return point.solution if point else None
 
 

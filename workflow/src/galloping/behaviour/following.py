@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from galloping.cycles.settling import filled
+from galloping.cycles.settling import estimate_missing_sizes
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.preparation.smoothing import (
     shortest_period,
@@ -158,7 +158,9 @@ class Following:
         known = np.isfinite(recording.values)
         size = np.where(known, np.abs(recording.values), 0.0).max(axis=0)
         steady = model.at(mean_inputs(model.inputs, [recording])) if model.inputs else model
-        size = filled(size, steady, np.zeros(len(size)), half_ranges([recording.rates]))
+        size = estimate_missing_sizes(
+            size, steady, np.zeros(len(size)), half_ranges([recording.rates])
+        )
         return FAR * float(np.linalg.norm(size))
 
     @property

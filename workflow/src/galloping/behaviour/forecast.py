@@ -128,7 +128,7 @@ def forecast(
         states = in_random_forces.simulate_motions(identified, models, recording, time, rng)
         shown = (follow.shown(*each, time) for each in zip(models, states, strict=True))
         motions = np.array(list(shown))
-        missed = in_random_forces.noise_of_means(identified, recording, sensed.rates, sigma)
+        missed = in_random_forces.add_force_noise(identified, recording, sensed.rates, sigma)
     elif identified.status == "approximate":
         motions = _draw_motions(follow, time, window, np.inf, rng)
         missed = _past_errors(follow, time - recording.time[-1], window)
@@ -156,7 +156,7 @@ def forecast(
 
 
 @dataclass(frozen=True, eq=False)
-class HeldOut(Immutable):
+class ScoredForecast(Immutable):
     """Forecast of samples that the identification did not use, with scores of its accuracy.
 
     forecast: with its band as it was computed. skill: (n_sensed,) R2 of the median. missed:
@@ -198,9 +198,9 @@ class HeldOut(Immutable):
         return pd.DataFrame(scores, pd.Index(self.forecast.names, name="channel"))
 
 
-def held_out(
+def score_forecast(
     ahead: Forecast, measured: np.ndarray, deviation: np.ndarray, noise: np.ndarray
-) -> HeldOut:
+) -> ScoredForecast:
     """Score a forecast by comparison with the samples measured at its times.
 
     measured: (n, n_sensed) samples, NaN where missing. deviation: (n_sensed,) of the whole
@@ -225,7 +225,7 @@ def held_out(
         factors[k] = np.inf if useless else np.quantile(away[known[:, k], k], 0.9)
     by_chance = 1.0 + NOISE_ALONE * np.sqrt(2.0 / np.maximum(counts, 1))
     is_noise = deviations_of(measured) < noise * np.sqrt(by_chance)
-    return HeldOut(ahead, skill, shares, held, is_noise, factors)
+    return ScoredForecast(ahead, skill, shares, held, is_noise, factors)
 
 
 def deviations_of(samples: np.ndarray) -> np.ndarray:
@@ -239,7 +239,7 @@ def deviations_of(samples: np.ndarray) -> np.ndarray:
     return np.sqrt(np.sum(np.where(known, samples - mean, 0.0) ** 2, axis=0) / counts)
 
 
-def with_factors(identified: IdentifiedModel, trial: HeldOut) -> IdentifiedModel:
+def with_factors(identified: IdentifiedModel, trial: ScoredForecast) -> IdentifiedModel:
     """Add to the diagnostics of a model the factors by which its forecast bands are widened."""
     factors = {
         f"{WIDER}{name}": float(factor)

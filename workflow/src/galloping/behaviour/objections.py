@@ -89,7 +89,9 @@ def _find_random_forces(
     if identified.model.inputs:  # they keep it up; a model that comes to rest may lack terms
         return []
     for parts in (own, recordings) if has_model else ():  # whichever the model was found from
-        if len(parts) == len(identified.initial_states) and kept_up(identified, parts):
+        if len(parts) == len(identified.initial_states) and recording_outlasts_model(
+            identified, parts
+        ):
             return kept
     if not identified.tells_little or not amplitude_fluctuates(recordings, period):
         return []
@@ -97,7 +99,7 @@ def _find_random_forces(
     if any(each.has_finding(Code.LIMIT_OF_WORK) for each in (identified, linear)):
         return []  # a search to its end may tell more
     told = float(linear.diagnostics.get("forecast_r2", 0.0))  # none of a model in random forces
-    return kept if told < LITTLE_TOLD or kept_up(linear, own) else []
+    return kept if told < LITTLE_TOLD or recording_outlasts_model(linear, own) else []
 
 
 def _find_outlived(identified: IdentifiedModel, recordings: Sequence[Recording]) -> list[Finding]:
@@ -184,7 +186,7 @@ def unaccelerated_coordinates(identified: IdentifiedModel) -> list[str]:
     ]
 
 
-def kept_up(identified: IdentifiedModel, recordings: Sequence[Recording]) -> bool:
+def recording_outlasts_model(identified: IdentifiedModel, recordings: Sequence[Recording]) -> bool:
     """Decide whether every recorded channel keeps moving while the motion of the model dies out.
 
     recordings: those of the identification, with an initial state of each in `initial_states`.
@@ -199,7 +201,7 @@ def kept_up(identified: IdentifiedModel, recordings: Sequence[Recording]) -> boo
 def outlives_recording(identified: IdentifiedModel, recordings: Sequence[Recording]) -> bool:
     """Decide whether the motion of a model lasts although the recorded motion dies out.
 
-    A motion that diverges lasts too. recordings: as of `kept_up`.
+    A motion that diverges lasts too. recordings: as of `recording_outlasts_model`.
     """
     return any(
         recorded.last < LASTING * recorded.all

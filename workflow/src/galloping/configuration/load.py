@@ -58,13 +58,13 @@ def plain(settings: Section) -> dict:
     return settings.model_dump(mode="json")
 
 
-def configured(configfiles: Iterable[str | Path]) -> Settings:
+def load_files(configfiles: Iterable[str | Path]) -> Settings:
     """Load the settings of a study from YAML files, of which later files override earlier ones.
 
     Raises ConfigurationError for a mistake anywhere in them.
     """
     files = [read(file) for file in configfiles]
-    return load(merged(reduce(_override_sections, files), files))
+    return load(clean_merged(reduce(_override_sections, files), files))
 
 
 def _override_sections(mapping: dict, over: dict) -> dict:
@@ -77,19 +77,19 @@ def _override_sections(mapping: dict, over: dict) -> dict:
     return mapping | over | both
 
 
-def merged(mapping: dict, files: Sequence[dict]) -> dict:
+def clean_merged(mapping: dict, files: Sequence[dict]) -> dict:
     """Sort the keys of a merged configuration as in its files, and drop cases that are null.
 
     mapping: as Snakemake merged it from the files. `ordered` sorts its keys.
     """
-    mapping = ordered(mapping, files)
+    mapping = sort_keys(mapping, files)
     cases = mapping.get("cases")
     if isinstance(cases, dict):
         mapping = mapping | {"cases": {k: v for k, v in cases.items() if v is not None}}
     return mapping
 
 
-def ordered(mapping: dict, files: Sequence[dict]) -> dict:
+def sort_keys(mapping: dict, files: Sequence[dict]) -> dict:
     """Sort the keys of a merged configuration in the order in which the files list them.
 
     The order of cases and initial states matters, and Snakemake puts the keys of a file that
@@ -98,7 +98,7 @@ def ordered(mapping: dict, files: Sequence[dict]) -> dict:
     keys = dict.fromkeys([*(key for file in files for key in file if key in mapping), *mapping])
     sections = {key: [f[key] for f in files if isinstance(f.get(key), dict)] for key in keys}
     return {
-        key: ordered(value, sections[key]) if isinstance(value := mapping[key], dict) else value
+        key: sort_keys(value, sections[key]) if isinstance(value := mapping[key], dict) else value
         for key in keys
     }
 

@@ -171,7 +171,7 @@ class Range:
         object.__setattr__(self, "longest", self.longest or (self.high - self.low) / 50)
 
 
-def corrected(
+def correct_guess(
     problem: BranchProblem, guess: np.ndarray, border: np.ndarray, accuracy: float = CORRECTED
 ) -> Equations:
     """Correct a guess to a solution of the equations, by Newton steps in a plane.
@@ -206,19 +206,19 @@ def point_at(problem: BranchProblem, at: Equations, border: np.ndarray) -> Point
     return Point(at.solution, tangent, *problem.examine(at, tangent))
 
 
-def first(problem: BranchProblem, guess: np.ndarray, border: np.ndarray) -> Point:
+def first_point(problem: BranchProblem, guess: np.ndarray, border: np.ndarray) -> Point:
     """Compute the first point of a branch from a guess of its solution.
 
     See `corrected` and `point_at`. Raises ValueError if there is no solution.
     """
     try:
-        return point_at(problem, corrected(problem, guess, border), border)
+        return point_at(problem, correct_guess(problem, guess, border), border)
     except NotConverged as failure:
         place = f"{guess[-1]:g} {problem.family.unit}"
         raise ValueError(f"no {problem.sought} at {place}: {failure}") from None
 
 
-def follow(problem: BranchProblem, start: Point, span: Range) -> Branch:
+def continue_branch(problem: BranchProblem, start: Point, span: Range) -> Branch:
     """Compute the branch of solutions from a start point, in the direction of its tangent."""
     points: list[Point] = [start]
     bifurcations: list[Bifurcation] = []
@@ -262,7 +262,7 @@ def _next_point(problem: BranchProblem, last: Point, step: float) -> Point:
     """Compute the point one step ahead. Raises NotConverged."""
     border = problem.metric * last.tangent
     guess = last.solution.vector + step * last.tangent
-    point = point_at(problem, corrected(problem, guess, border), border)
+    point = point_at(problem, correct_guess(problem, guess, border), border)
     lengths = problem.length(last.tangent) * problem.length(point.tangent)
     if border @ point.tangent < LEAST_COSINE * lengths:
         raise NotConverged("the branch turns too sharply")
@@ -274,7 +274,7 @@ def _at_value(problem: BranchProblem, near: Point, value: float) -> Point:
     problem = problem.moved(near.solution)
     factor = (value - near.solution.value) / near.tangent[-1]
     guess = near.solution.vector + factor * near.tangent
-    at = corrected(problem, guess, problem.along_parameter())
+    at = correct_guess(problem, guess, problem.along_parameter())
     return point_at(problem, at, problem.metric * near.tangent)
 
 

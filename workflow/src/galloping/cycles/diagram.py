@@ -104,8 +104,8 @@ def equilibrium_branch(family: Family, state: np.ndarray, span: Range) -> Branch
     equilibrium near the state.
     """
     problem = EquilibriumProblem(family, len(state), span.longest)
-    start = continuation.first(problem, np.append(state, span.low), problem.along_parameter())
-    return continuation.follow(problem, start, span)
+    start = continuation.first_point(problem, np.append(state, span.low), problem.along_parameter())
+    return continuation.continue_branch(problem, start, span)
 
 
 def hopf_points(branch: Branch) -> list[Bifurcation]:

@@ -124,7 +124,7 @@ def parameter(name: str) -> Parameter:
 
 def line_model(case: Mapping) -> PolynomialModel:
     """Derive the two-mode model of a line and its wind, on the common LIBRARY of terms."""
-    return galerkin.model(galerkin.coefficients(case)).on_library(LIBRARY)
+    return galerkin.make_model(galerkin.coefficients(case)).on_library(LIBRARY)
 
 
 def line_family(case: Mapping, name: str) -> Family:
@@ -145,7 +145,7 @@ def critical_wind(case: Mapping) -> float:
     omega equals the aerodynamic one, rho D U b1 <phi^2> / (2 m_v) (Den Hartog 1932 for a mode of
     the span); infinite if the ice does not destabilise.
     """
-    line, vertical, _ = galerkin.at_rest(case)
+    line, vertical, _ = galerkin.make_line_and_modes(case)
     (b1, _, _), _ = galerkin.ice_coefficients(case["ice"])
     load = 0.5 * case["wind"]["air_density"] * case["bundle"]["dimension"] * b1
     per_speed = load * galerkin.integrate(vertical.shape**2, line.span) / vertical.mass

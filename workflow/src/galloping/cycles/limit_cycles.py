@@ -297,8 +297,8 @@ def from_hopf(family: Family, hopf: Bifurcation, span: Range, size: float = 1e-3
     orbit = circle(at.state, swing, 2 * np.pi / frequency, at.value, family.sizes)
     problem = CycleProblem.about(family, orbit, span.longest, span.ceiling)
     growth = np.append((orbit.states - at.state).ravel(), [0.0, 0.0])
-    start = continuation.first(problem, orbit.vector, problem.metric * growth)
-    return continuation.follow(problem, start, span)
+    start = continuation.first_point(problem, orbit.vector, problem.metric * growth)
+    return continuation.continue_branch(problem, start, span)
 
 
 def from_branching(family: Family, at: Bifurcation, span: Range) -> tuple[Branch, ...]:
@@ -325,8 +325,8 @@ def from_branching(family: Family, at: Bifurcation, span: Range) -> tuple[Branch
     direction *= DEPARTURE / (STEP * problem.length(direction))
     branches = []
     for away in (direction,) if doubled else (direction, -direction):
-        start = continuation.first(problem, orbit.vector + away, problem.metric * away)
-        branches.append(continuation.follow(problem, start, span))
+        start = continuation.first_point(problem, orbit.vector + away, problem.metric * away)
+        branches.append(continuation.continue_branch(problem, start, span))
     return tuple(branches)
 
 
@@ -344,14 +344,16 @@ def from_motion(
     (n, n_states) of the settled motion at `value` of the parameter, several periods long. Raises
     ValueError if the motion does not repeat.
     """
-    start = settled(family, value, time, states, span.longest)
+    start = cycle_from_motion(family, value, time, states, span.longest)
     problem = CycleProblem.about(family, start.solution, span.longest, span.ceiling)
     linearised = problem.linearise(problem.unknowns(start.solution.vector))
     down = continuation.point_at(problem, linearised, -problem.metric * start.tangent)
-    return continuation.follow(problem, down, span), continuation.follow(problem, start, span)
+    return continuation.continue_branch(problem, down, span), continuation.continue_branch(
+        problem, start, span
+    )
 
 
-def settled(
+def cycle_from_motion(
     family: Family, value: float, time: np.ndarray, states: np.ndarray, resolution: float
 ) -> Point:
     """Compute the exact limit cycle that a settled simulated motion has reached.
@@ -371,7 +373,7 @@ def settled(
 def _correct_orbit(family: Family, orbit: Orbit, resolution: float) -> Point:
     """Correct an orbit to the limit cycle near it, at its value of the parameter."""
     problem = CycleProblem.about(family, orbit, resolution)
-    return continuation.first(problem, orbit.vector, problem.along_parameter())
+    return continuation.first_point(problem, orbit.vector, problem.along_parameter())
 
 
 def _count_turns(orbit: Orbit) -> int:
@@ -385,11 +387,11 @@ def _count_turns(orbit: Orbit) -> int:
     return int(np.gcd.reduce(1 + np.flatnonzero(strength > RETRACED * strength.max())))
 
 
-def cycle_of(family: Family, value: float, motion: Settled) -> Point | None:
+def find_cycle_from_motion(family: Family, value: float, motion: Settled) -> Point | None:
     """Compute the exact limit cycle that a motion has reached; None if it is on no limit cycle."""
     if motion.kind == "cycle":
         with suppress(ValueError):
-            return settled(family, value, motion.time, motion.states, resolution=1.0)
+            return cycle_from_motion(family, value, motion.time, motion.states, resolution=1.0)
     return None
 
 
@@ -424,7 +426,7 @@ def at_value(family: Family, branch: Branch, value: float) -> list[Point]:
         problem = CycleProblem.about(family, near.solution, abs(end - begin))
         ahead = near.tangent * ((value - near.solution.value) / near.tangent[-1])
         guess = near.solution.vector + ahead
-        points.append(continuation.first(problem, guess, problem.along_parameter()))
+        points.append(continuation.first_point(problem, guess, problem.along_parameter()))
     if branch.points[-1].solution.value == value:
         points.append(branch.points[-1])
     return points

@@ -16,7 +16,7 @@ from typing import Self
 import numpy as np
 
 from galloping.cycles import limit_cycles
-from galloping.cycles.continuation import NotConverged, Range, corrected
+from galloping.cycles.continuation import NotConverged, Range, correct_guess
 from galloping.cycles.family import Family, constant
 from galloping.cycles.limit_cycles import CycleProblem, Orbit
 from galloping.cycles.settling import SPAN, settle
@@ -232,7 +232,7 @@ def predict(
             continue
         found.amplitude[k] = stable[0].half_range()
         models = [each.model(stable[0].value) for each in draws]
-        kept = near(models, stable[0])
+        kept = find_nearby_cycles(models, stable[0])
         found.low[k], found.high[k] = intervals(kept, len(parts.states))[:, :-1]
         found.unresolved[k] = 1 - len(kept) / max(1, len(models))
     reason = f"no stable limit cycle at {', '.join(missing)} m/s" if missing else ""
@@ -270,7 +270,7 @@ def intervals(orbits: Sequence[Orbit], n_states: int, fewest: float = MOST) -> n
     return interval_of_draws(np.reshape(values, (-1, n_states + 1)), fewest)
 
 
-def near(
+def find_nearby_cycles(
     models: Iterable[PolynomialModel], orbit: Orbit, best: PolynomialModel | None = None
 ) -> list[Orbit]:
     """Find the limit cycle near a given orbit for each model that has such a limit cycle.
@@ -297,7 +297,7 @@ def _follow_models(models: Sequence[PolynomialModel], orbit: Orbit) -> Orbit | N
         for model in models:
             problem = CycleProblem.about(constant(model, orbit.sizes), found, resolution=1.0)
             border = problem.along_parameter()
-            found = corrected(problem, found.vector, border, CORRECTED).solution
+            found = correct_guess(problem, found.vector, border, CORRECTED).solution
         if found.spread > limit_cycles.VANISHED * orbit.spread:
             return found
     return None
@@ -321,9 +321,11 @@ def limit_cycle_ahead(
     motion = settle(simulator, found, start, AHEAD)
     if not np.all(np.isfinite(motion.states)):
         raise ValueError(f"the model does not settle: {motion.kind}")
-    point = limit_cycles.settled(constant(found), 0.0, motion.time, motion.states, resolution=1.0)
+    point = limit_cycles.cycle_from_motion(
+        constant(found), 0.0, motion.time, motion.states, resolution=1.0
+    )
     models = []
     if len(identified.covariance) == identified.support.sum() > 0:
         models = [model.without_absent_terms() for model in draw_models_and_rivals(identified, rng)]
-    ends = intervals(near(models, point.solution), len(found.states))[:, :-1]
+    ends = intervals(find_nearby_cycles(models, point.solution), len(found.states))[:, :-1]
     return point.solution.half_range(), *ends

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from galloping.cycles.limit_cycles import cycle_of
-from galloping.cycles.prediction import Split, intervals, near, split
+from galloping.cycles.limit_cycles import find_cycle_from_motion
+from galloping.cycles.prediction import Split, find_nearby_cycles, intervals, split
 from galloping.cycles.settling import Settled, settle
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.line.galerkin import STATES, at_rest, coefficients, model
-from galloping.line.measures import NOTHING, Measure, added, clearance
+from galloping.line.galerkin import STATES, coefficients, make_line_and_modes, make_model
+from galloping.line.measures import NOTHING, Measure, added_damping_and_mass, clearance
 from galloping.model.intervals import interval_of_draws
 from galloping.model.polynomial import linear_term
 from galloping.trajectory.simulation import Simulator
@@ -38,29 +38,29 @@ def damping_ratios(case: Mapping) -> dict[str, float]:
     return {state: case["damping"][name] for state, name in DAMPING}
 
 
-def derived(case: Mapping) -> Split:
+def derive_parts(case: Mapping) -> Split:
     """Derive structural and aerodynamic parts of a line model from the data of the line.
 
     They have no uncertainty.
     """
-    line = model(coefficients(case))
+    line = make_model(coefficients(case))
     exact = IdentifiedModel(line, "unjudged", known=(0, 1))
     exact = replace(exact, covariance=np.eye(exact.support.sum()))
     parts = split([exact], [case["wind"]["speed"]], damping_ratios(case))
     return replace(parts, covariance=np.zeros_like(parts.covariance))
 
 
-def changed(parts: Split, case: Mapping, measure: Measure) -> Split:
+def apply_measure(parts: Split, case: Mapping, measure: Measure) -> Split:
     """Compute the model of a line after a countermeasure to galloping, such as a damper.
 
     The model is identified, or that of `derived`. Each part changes in proportion, as it does in
     the derivation. parts: of the line that `case` describes.
     """
     after = measure.change(case)
-    old, new = derived(case), derived(after)
+    old, new = derive_parts(case), derive_parts(after)
     before, later = old.by_term(), new.by_term()
-    damping, mass = added(after, measure)
-    masses = np.array([mode.mass for mode in at_rest(after)[1:]])
+    damping, mass = added_damping_and_mass(after, measure)
+    masses = np.array([mode.mass for mode in make_line_and_modes(after)[1:]])
     lighter = masses / (masses + mass)  # of forces by mass, with the added point masses
     factor = np.append(np.ones(2), lighter)  # of kinematic equations, and of those of motion
     ratios = np.array([
@@ -115,7 +115,7 @@ def with_measure(
     gallops; vertical_amplitude_m and horizontal_amplitude_m, at the design wind; clearance_m. kind:
     of the motion there, `cycle`, `rest`, or another.
     """
-    line = changed(parts, case, measure)
+    line = apply_measure(parts, case, measure)
     with np.errstate(divide="ignore", invalid="ignore"):
         scaled = draws * np.where(parts.values != 0, line.values / parts.values, 1.0)
     (critical,) = critical_winds(line, line.values[np.newaxis])
@@ -127,9 +127,9 @@ def with_measure(
         kind, v, w, room = "rest", (0.0,) * 3, (0.0,) * 3, (still,) * 3
     elif np.all(np.isfinite(motion.states)):
         orbits, half, centre = [], motion.half_range, outline(motion)
-        if (point := cycle_of(line.family(), design.wind, motion)) is not None:
+        if (point := find_cycle_from_motion(line.family(), design.wind, motion)) is not None:
             orbit = point.solution
-            orbits = near((line.model(orbit.value, each) for each in scaled), orbit)
+            orbits = find_nearby_cycles((line.model(orbit.value, each) for each in scaled), orbit)
             half, centre = orbit.half_range(), places(orbit.states)
         least, *others = (
             clearance(each, each, design.distance)
@@ -174,7 +174,7 @@ def places(states: np.ndarray) -> np.ndarray:
     return states[:, [STATES.index("q_w"), STATES.index("q_v")]]
 
 
-def ranked(
+def rank_measures(
     parts: Split,
     case: Mapping,
     measures: Sequence[Measure],

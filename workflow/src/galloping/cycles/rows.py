@@ -17,7 +17,7 @@ from galloping.cycles.limit_cycles import Orbit
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import outline
 from galloping.cycles.settling import SPAN, Settled, Watch, settle
-from galloping.line.galerkin import STATES, Line, at_rest
+from galloping.line.galerkin import STATES, Line, make_line_and_modes
 from galloping.line.measures import clearance, design_ellipses, envelope
 from galloping.trajectory.simulation import Simulator
 
@@ -167,7 +167,7 @@ def map_rows(
     rows = []
     for y, x in product(map(float, y_values), map(float, x_values)):
         varied = x_parameter.at(y_parameter.at(case, y), x)
-        _, vertical, horizontal = at_rest(varied)
+        _, vertical, horizontal = make_line_and_modes(varied)
         rows.append({
             "case": label, "x_parameter": x_name, "x_unit": x_parameter.unit, "x": x,
             "y_parameter": y_name, "y_unit": y_parameter.unit, "y": y,
@@ -230,7 +230,9 @@ def clearance_rows(
     return rows
 
 
-def steady_truth(case: Mapping, winds: Sequence[float], simulator: Simulator) -> np.ndarray:
+def simulate_true_amplitudes(
+    case: Mapping, winds: Sequence[float], simulator: Simulator
+) -> np.ndarray:
     """Compute the true amplitudes of a line at each wind speed by simulation.
 
     Final half ranges (v, w), (n_winds, 2); NaN without a limit cycle.

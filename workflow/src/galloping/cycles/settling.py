@@ -106,7 +106,7 @@ class Pace:
         return cls(float(2.0 * np.pi / omega.min()), float(2.0 * np.pi / omega.max()))
 
 
-def filled(
+def estimate_missing_sizes(
     sizes: np.ndarray,
     model: PolynomialModel,
     state: np.ndarray,
@@ -187,7 +187,7 @@ def settle_in_periods(
     rate = min(PER_PERIOD / pace.fast, MOST_SAMPLES / window)
     count = round(window * rate)
     state = np.asarray(x0, float)
-    begin = filled(np.maximum(sizes, np.abs(state)), model, state)
+    begin = estimate_missing_sizes(np.maximum(sizes, np.abs(state)), model, state)
     limit, extents = FAR_AWAY * float(np.linalg.norm(begin)), []
     for number in range(MOST_WINDOWS):
         trajectory = simulator(model, state, np.arange(count + 1) / rate, limit=limit)

@@ -68,9 +68,11 @@ def variant_motion(
         case, variant.modes, aerodynamic=variant.aerodynamics, drag=variant.drag
     )
     start = initial_state(case)
-    state = continuous.release(line, start[:2], start[2:], antisymmetric=variant.antisymmetric)
+    state = continuous.displaced_state(
+        line, start[:2], start[2:], antisymmetric=variant.antisymmetric
+    )
     gusts = {"intensity": variant.intensity, "length_scale": length_scale, "spectrum": spectrum}
-    speed = continuous.wind(
+    speed = continuous.draw_wind(
         line, gusts, _sample_times(), make_generator(seed, "reduction", "gusts")
     )
     return _simulate_release(line, state, speed)

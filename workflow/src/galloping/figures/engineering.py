@@ -16,7 +16,7 @@ from PIL import Image
 from galloping.figures import parts
 from galloping.figures.schematics import INK, arrow
 from galloping.figures.style import MODEL, PAPER, TRUE, spoken, styled
-from galloping.line.galerkin import Line, modes, positions
+from galloping.line.galerkin import Line, make_mode_shapes, positions
 from galloping.line.measures import NOTHING, design_ellipses
 from galloping.storage import replacing
 
@@ -223,7 +223,7 @@ def _write_gif(
 
 def _prepare_scene(case: Mapping, states: np.ndarray, title: str) -> tuple:
     line = Line.from_case(case)
-    phi, psi = modes(case, line)
+    phi, psi = make_mode_shapes(case, line)
     s = positions(line.span)
     rest = -4 * line.sag * (s / line.span) * (1 - s / line.span)
     figure = Figure(figsize=SIZE, layout="constrained")

@@ -11,7 +11,7 @@ from matplotlib.patheffects import withStroke
 
 from galloping.cycles.rows import SIMULATION
 from galloping.figures import parts, style
-from galloping.line.galerkin import at_rest
+from galloping.line.galerkin import make_line_and_modes
 from galloping.recording.measurement import Motion
 from galloping.results import Reconstruction
 
@@ -180,7 +180,7 @@ def draw_limit_cycles(
 def _beyond_small_angles(panels: Sequence[Axes], case: Mapping) -> None:
     """Shade amplitudes at which the velocity of the mode is not small against the wind."""
     low, high = panels[0].get_ylim()  # all panels share it
-    for axes, mode in zip(panels, at_rest(case)[1:], strict=False):
+    for axes, mode in zip(panels, make_line_and_modes(case)[1:], strict=False):
         wind = np.array(axes.get_xlim())
         small = np.minimum(SMALL * wind / mode.frequency, high)  # frequency: rad/s
         axes.fill_between(wind, small, high, color=style.SHADE, lw=0, zorder=0,

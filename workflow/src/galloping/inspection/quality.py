@@ -43,7 +43,7 @@ RANGES = {"m": (0.005, 50.0), "m/s": (0.005, 100.0), "m/s^2": (0.005, 1000.0)}
 FREQUENCIES = 0.02, 20.0  # Hz, of galloping and of what else moves a span that much
 
 
-def quality(series: "Series", mapping: "ColumnMapping") -> dict:
+def inspect_recording(series: "Series", mapping: "ColumnMapping") -> dict:
     """Inspect the quality of a recording: sampling, gaps, noise, spectra and likely faults.
 
     The report has `sampling`, `channels` and `inputs` by column, `problems` and `notes`. Its values
@@ -195,7 +195,7 @@ def _mixed_up(series: "Series", mapping: "ColumnMapping", channels: dict) -> lis
     return found
 
 
-def noise(values: np.ndarray) -> float:
+def estimate_noise(values: np.ndarray) -> float:
     """Estimate the standard deviation of white noise on a slow signal from fourth differences.
 
     values: (n,) equally spaced. Their median size is that of the noise if the motion has more than
@@ -212,7 +212,7 @@ def spectrum(time: np.ndarray, values: np.ndarray, step: float) -> tuple[np.ndar
     """
     signals = []
     own = float(np.median(np.diff(time)))
-    for piece in pieces(time, max(REPORTED_GAP * own, APART * sampled_time(time))):
+    for piece in split_at_gaps(time, max(REPORTED_GAP * own, APART * sampled_time(time))):
         first, last = time[piece][[0, -1]]
         grid = first + step * np.arange(round_up((last - first) / step))
         signal = np.interp(grid, time[piece], values[piece])
@@ -223,7 +223,7 @@ def spectrum(time: np.ndarray, values: np.ndarray, step: float) -> tuple[np.ndar
     return np.fft.rfftfreq(count, step), power / max(power.sum(), np.finfo(float).tiny)
 
 
-def pieces(time: np.ndarray, longest: float) -> list[slice]:
+def split_at_gaps(time: np.ndarray, longest: float) -> list[slice]:
     """Divide sampling times into slices, at gaps that are longer than a limit in s."""
     edges = [0, *(np.flatnonzero(np.diff(time) > longest) + 1), len(time)]
     return [slice(int(a), int(b)) for a, b in pairwise(edges)]
@@ -257,7 +257,7 @@ def _inspect_channel(
     """
     known = np.isfinite(values)
     t, y, row = time[known], values[known], rows[known]
-    sigma = noise(y)
+    sigma = estimate_noise(y)
     frequency, share = spectrum(t, y, step)
     around, peaks = peaks_of(share)
     turn = 2.0 * np.pi * step * frequency[peaks].max(initial=0.0)
@@ -316,7 +316,7 @@ def find_outliers(time: np.ndarray, values: np.ndarray, frequencies: np.ndarray)
     step = float(np.median(np.diff(time)))
     if len(frequencies) and frequencies[0] * step > (1.0 + TIME_ROUNDING) / PER_PERIOD:
         return np.zeros(len(values), bool)
-    scale = max(noise(values), 1e-9 * float(np.ptp(values)))
+    scale = max(estimate_noise(values), 1e-9 * float(np.ptp(values)))
     turn = 2.0 * np.pi * step * frequencies.max(initial=0.0)
     bend = (np.cos(turn / 2.0) - np.cos(1.5 * turn)) / 2.0  # of its range, from such a median
     apart = OUTLIER * scale + np.ptp(values) * max(bend, 0.05)

@@ -18,7 +18,7 @@ from galloping.line.galerkin import (
     STATES,
     Line,
     ice_coefficients,
-    modes,
+    make_mode_shapes,
     positions,
     sine_mode,
     weights,
@@ -76,7 +76,7 @@ def continuous_line(
 ) -> Span:
     """Make a discretised line from a case of the configuration, with sine modes as shapes.
 
-    sines: 0 for the two shapes of `galerkin.modes`, one in each direction. aerodynamic:
+    sines: 0 for the two shapes of `galerkin.make_mode_shapes`, one in each direction. aerodynamic:
     `small_angle`, the paper's alpha = v_t/U and F = rho D U^2 C(alpha)/2, or `relative`, alpha =
     arctan(v_t/(U - w_t)) and the square of the relative speed. drag: static horizontal coefficient;
     with small angles its load is linear in w_t, which damps w. Spacers couple the modes; every mode
@@ -89,7 +89,7 @@ def continuous_line(
     weight = weights(line.span)
     directions = [[sine_mode(line, k + 1) for k in range(sines)]] * 2
     if sines == 0:
-        directions = [[shape] for shape in modes(case, line)]
+        directions = [[shape] for shape in make_mode_shapes(case, line)]
     shapes, slopes, curvatures, spacers = (
         np.array([np.column_stack([getattr(mode, name) for mode in own]) for own in directions])
         for name in ("shape", "slope", "curvature", "at_spacers")
@@ -155,11 +155,11 @@ def natural_modes(line: Span) -> tuple[np.ndarray, np.ndarray]:
     stiffness[0] += line.masses[0] @ np.outer(line.arrays.pull, line.arrays.strain)
     omega, coordinates = _solve_modes(line.masses, stiffness)
     middle, quarter = shapes_at(line, (0.5, 0.25)).swapaxes(0, 1)[:, :, np.newaxis] @ coordinates
-    scale = np.where(symmetric(line, coordinates)[:, np.newaxis], middle, quarter)
+    scale = np.where(is_symmetric(line, coordinates)[:, np.newaxis], middle, quarter)
     return omega, coordinates / scale
 
 
-def symmetric(line: Span, coordinates: np.ndarray) -> np.ndarray:
+def is_symmetric(line: Span, coordinates: np.ndarray) -> np.ndarray:
     """Decide for each mode of a line whether its shape is symmetric about mid-span.
 
     coordinates: (2, n, n_shapes).
@@ -194,7 +194,7 @@ def small_motions(line: Span) -> Modes:
     return Modes.of(np.column_stack(columns)).oscillations()
 
 
-def release(
+def displaced_state(
     line: Span,
     displacement: Sequence[float],
     velocity: Sequence[float] = (0.0, 0.0),
@@ -209,7 +209,7 @@ def release(
     """
     state = equilibrium(line).reshape(4, -1)
     _, coordinates = natural_modes(line)
-    even = symmetric(line, coordinates)
+    even = is_symmetric(line, coordinates)
     for direction, moved in enumerate(zip(displacement, velocity, strict=True)):
         first = coordinates[direction][:, np.argmax(even[direction])]
         state[direction::2] += np.outer(moved, first)
@@ -239,7 +239,7 @@ def simulate(
     return _runge_kutta(start, interval / substeps, substeps, speed, line.arrays)
 
 
-def wind(
+def draw_wind(
     line: Span, gusts: Mapping, time: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray | None:
     """Draw a random wind speed (m/s) with gusts at given times; None if the wind is steady.
@@ -346,7 +346,7 @@ def first_modes(line: Span, values: np.ndarray, places: Sequence[float]) -> np.n
     return np.einsum("ks,ns...->nk...", np.linalg.inv(sines), values)
 
 
-def observed(
+def simulate_at_sensors(
     case: Mapping,
     truth: Mapping,
     start: Mapping[str, float],
@@ -363,8 +363,8 @@ def observed(
     load = {"aerodynamic": truth["aerodynamics"], "drag": truth["drag"]}
     line = continuous_line(case, truth["modes"], **load)
     initial = [start[state] for state in STATES]
-    released = release(line, initial[:2], initial[2:], antisymmetric=truth["antisymmetric"])
-    speed = wind(line, truth["gusts"], time, rng)
+    released = displaced_state(line, initial[:2], initial[2:], antisymmetric=truth["antisymmetric"])
+    speed = draw_wind(line, truth["gusts"], time, rng)
     states = simulate(line, released, time, speed)
     if not np.all(np.isfinite(states)):
         nowhere = np.full((len(time), len(STATES)), np.nan)

@@ -163,7 +163,7 @@ SYMBOLS: dict[tuple[int, Exponents], str] = {place: symbol for symbol, place in 
 EQUATIONS = {2: "vertical", 3: "horizontal"}
 
 
-def model(values: Mapping[str, float]) -> PolynomialModel:
+def make_model(values: Mapping[str, float]) -> PolynomialModel:
     """Make the two-mode galloping model from its coefficients gamma_i and kappa_i, by name."""
     present = [(*TERMS[symbol], -value) for symbol, value in values.items() if value != 0]
     places = [(0, (0, 0, 1, 0), 1.0), (1, (0, 0, 0, 1), 1.0), *present]
@@ -197,7 +197,7 @@ def ice_coefficients(ice: Mapping) -> tuple[tuple[float, ...], tuple[float, ...]
     return READINGS[ice["reading"]]
 
 
-def modes(case: Mapping, line: Line) -> tuple[ModeShape, ModeShape]:
+def make_mode_shapes(case: Mapping, line: Line) -> tuple[ModeShape, ModeShape]:
     """Make the vertical and the horizontal mode shape of a line.
 
     The vertical shape is configured, the horizontal one is a sine.
@@ -219,10 +219,10 @@ class LinearMode(ModeShape):
     quadratic: float
 
 
-def at_rest(case: Mapping) -> tuple[Line, LinearMode, LinearMode]:
+def make_line_and_modes(case: Mapping) -> tuple[Line, LinearMode, LinearMode]:
     """Compute a line's parameters and its vertical and horizontal mode, without wind."""
     line = Line.from_case(case)
-    phi, psi = modes(case, line)
+    phi, psi = make_mode_shapes(case, line)
     strain = -line.static_curvature() * integrate(phi.shape, line.span) / line.span
     return line, _linear_mode(line, phi, strain), _linear_mode(line, psi, 0.0)
 
@@ -246,7 +246,7 @@ def coefficients(case: Mapping) -> dict[str, float]:
     method is a Galerkin projection of the line's energies on its two modes, with quasi-static cubic
     aerodynamics, alpha = V_t / U (paper, eqs. 10-13).
     """
-    line, v, w = at_rest(case)
+    line, v, w = make_line_and_modes(case)
     phi, psi, stretch = v.shape, w.shape, line.axial_stiffness * line.span
     a1, a2, a3 = v.strain, v.quadratic, w.quadratic  # strain: a1 q_v + a2 q_v^2 + a3 q_w^2
     speed = case["wind"]["speed"]
@@ -280,7 +280,7 @@ def coefficients(case: Mapping) -> dict[str, float]:
 
 def derive(case: Mapping) -> Derived:
     """Derive a line's galloping equations, their coefficients, and its sag and frequencies."""
-    line, v, w = at_rest(case)
+    line, v, w = make_line_and_modes(case)
     values = coefficients(case)
     quantities = {
         "sag_m": line.sag,
@@ -291,4 +291,4 @@ def derive(case: Mapping) -> Derived:
         "modal_mass_v_kg": v.mass,
         "modal_mass_w_kg": w.mass,
     }
-    return Derived(model(values), values, quantities)
+    return Derived(make_model(values), values, quantities)

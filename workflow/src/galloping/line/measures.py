@@ -13,7 +13,7 @@ from math import log, sqrt
 
 import numpy as np
 
-from galloping.line.galerkin import Line, modes
+from galloping.line.galerkin import Line, make_mode_shapes
 
 EPRI = "EPRI, Transmission Line Reference Book: Wind-Induced Conductor Motion (2009), ch. 4"
 CIGRE = "CIGRE Technical Brochure 322 (2007)"
@@ -90,7 +90,7 @@ def ice_removal() -> Measure:
 KINDS = {kind.__name__: kind for kind in (tension, damper, spacers, pendulum, ice_removal)}
 
 
-def usual(case: Mapping) -> tuple[Measure, ...]:
+def typical_measures(case: Mapping) -> tuple[Measure, ...]:
     """List measures against galloping of usual size for a line, such as more tension.
 
     Other spacers are included if the line has any.
@@ -109,7 +109,7 @@ def usual(case: Mapping) -> tuple[Measure, ...]:
     )
 
 
-def added(case: Mapping, applied: Measure) -> tuple[np.ndarray, np.ndarray]:
+def added_damping_and_mass(case: Mapping, applied: Measure) -> tuple[np.ndarray, np.ndarray]:
     """Compute the damping (N s/m) and mass (kg) that a measure adds to each of the two modes.
 
     Returns two arrays (2,), vertical and horizontal. Raises ValueError for a place outside the
@@ -124,7 +124,7 @@ def added(case: Mapping, applied: Measure) -> tuple[np.ndarray, np.ndarray]:
                     f"{applied.label}: position {position:g} m must be inside the span "
                     f"(0..{line.span:g} m)"
                 )
-            at = modes(case, replace(line, spacer_positions=(position,)))
+            at = make_mode_shapes(case, replace(line, spacer_positions=(position,)))
             total += [value * float(mode.at_spacers[0]) ** 2 for mode in at]
     return damping, mass
 

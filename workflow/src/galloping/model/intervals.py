@@ -165,7 +165,7 @@ def draw_models_and_rivals(
     return models
 
 
-def extrapolate(
+def add_higher_degree_effects(
     models: Sequence[PolynomialModel], identified: Identified, rng: np.random.Generator
 ) -> list[PolynomialModel]:
     """Change randomly drawn models by the possible effect of terms beyond the library's degree.

@@ -21,7 +21,7 @@ from galloping.identification.no_model import NO_MODEL, as_finding
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import ReducedRegression
-from galloping.line.galerkin import coefficients, model
+from galloping.line.galerkin import coefficients, make_model
 from galloping.model.polynomial import (
     Exponents,
     PolynomialModel,
@@ -225,7 +225,7 @@ def line_motion(
     case: Mapping, duration: float, sampling_rate: float
 ) -> tuple[Motion, PolynomialModel]:
     """Simulate a line from its initial state; return the motion and the line's model."""
-    line = model(coefficients(case))
+    line = make_model(coefficients(case))
     time = time_grid(duration, sampling_rate)
     moved = Simulator(line.states, line.terms)(line, np.array(initial_state(case)), time)
     return Motion(line.states, time, moved.states, line(moved.states), moved.status), line
@@ -264,14 +264,16 @@ def paper_draws(
             for draw in part:
                 rng = make_generator(seed, "paper", *name, kind, f"{level:.12g}", points, draw)
                 (reduced,) = noisy.draw(level, points, rng).regressions(line.states, terms)
-                models.append(identified(reduced, threshold=threshold, kinematics=kinematics))
+                models.append(
+                    identify_by_paper_method(reduced, threshold=threshold, kinematics=kinematics)
+                )
             scored, _ = evaluate(truth, {"paper": models}, unbounded)
             cell = {"kind": kind, "level": level, "points": points}
             rows += [{**cell, **row, "replicate": d} for d, row in zip(part, scored, strict=True)]
     return pd.DataFrame(rows).drop(columns="method", errors="ignore")
 
 
-def identified(reduced: ReducedRegression, **options: Any) -> IdentifiedModel:
+def identify_by_paper_method(reduced: ReducedRegression, **options: Any) -> IdentifiedModel:
     """Identify a model from a reduced regression by the paper's thresholded least squares.
 
     options: threshold, kinematics of `stlsq.raw`.

@@ -63,7 +63,9 @@ class QuickStudy:
         for _, level, points in cells:
             shared = count if points >= len(self.motion.time) else SHARING
             models += [
-                found_coefficients(noisy.draw(level, points, rng, min(shared, count - k)), method)
+                identify_coefficients(
+                    noisy.draw(level, points, rng, min(shared, count - k)), method
+                )
                 for k in range(0, count, shared)
             ]
         found = np.concatenate(models)
@@ -142,7 +144,7 @@ class QuickStudy:
         return quality, found[:, 2:]
 
 
-def found_coefficients(drawn: Products, method: MethodReading) -> np.ndarray:
+def identify_coefficients(drawn: Products, method: MethodReading) -> np.ndarray:
     """Compute the coefficients that the paper's method identifies from each of many recordings.
 
     Returns (k, m, p), as of `Products`. The fixed points are those of `stlsq.raw` and

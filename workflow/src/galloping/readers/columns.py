@@ -3,7 +3,7 @@
 import re
 from collections.abc import Set
 
-from galloping.readers.units import ORDERS, measures, named
+from galloping.readers.units import ORDERS, is_same_quantity, split_header
 
 # Stems of words, and whole words where short; English, German, and some Romance and Chinese ones.
 TIMES = {"time", "zeit", "timestamp", "uhr", "elapsed", "temps", "tiempo", "时间"}
@@ -40,7 +40,7 @@ DATED = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d\d")
 
 def words_of(header: str) -> set[str]:
     """Split the name of a column into its words in lower case, without numbers and unit."""
-    parted = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", named(header)[0])
+    parted = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", split_header(header)[0])
     return {word.casefold() for word in re.findall(r"[^\W\d_]+", parted)}
 
 
@@ -51,7 +51,7 @@ def _has_word(words: set[str], stems: set[str], whole: Set[str] = frozenset()) -
 def is_time(header: str) -> bool:
     """Decide from its name whether a column contains times."""
     words = words_of(header)
-    is_labview = named(header)[0] == "X_Value"
+    is_labview = split_header(header)[0] == "X_Value"
     return is_labview or (_has_word(words, TIMES, TIME_WORDS) and not _has_word(words, *OTHERS))
 
 
@@ -65,20 +65,20 @@ def is_beside_motion(header: str) -> bool:
     return _has_word(words_of(header), *OTHERS)
 
 
-def told_order(header: str, unit: str) -> int | None:
+def derivative_order(header: str, unit: str) -> int | None:
     """Determine whether a column is a displacement (0), a velocity (1) or an acceleration (2).
 
     It follows from its unit or, if it has none, from its name; None if its unit is of another
     quantity.
     """
     if unit:
-        return next((k for k, si in enumerate(ORDERS) if measures(unit, si)), None)
+        return next((k for k, si in enumerate(ORDERS) if is_same_quantity(unit, si)), None)
     words = words_of(header)
     kinds = [order for order, kind in enumerate(KINDS) if _has_word(words, *kind)]
     return kinds[0] if len(kinds) == 1 else 0
 
 
-def target(header: str, unit: str = "") -> str:
+def measured_quantity(header: str, unit: str = "") -> str:
     """Determine which motion a column measures, such as `q_v` (vertical), by its name and unit.
 
     Parameters
@@ -94,12 +94,12 @@ def target(header: str, unit: str = "") -> str:
         '' if name and unit do not determine a direction and a kind of motion, or contradict each
         other.
     """
-    name, own = named(header)
+    name, own = split_header(header)
     unit = own or unit
     if state := STATE.fullmatch(name):
         return f"{state[1].lower()}q_{state[2].lower()}"
     axis, kinds, least = _direction_and_kinds(header, unit)
-    told = [k for k, si in enumerate(ORDERS) if measures(unit, si)]
+    told = [k for k, si in enumerate(ORDERS) if is_same_quantity(unit, si)]
     if not axis or len(kinds) > 1 or (unit and not told) or (kinds and told and kinds != told):
         return ""
     if not kinds and ((least in SHORT and told == [1]) or (least in SHORT - LETTERS and not told)):
@@ -107,13 +107,18 @@ def target(header: str, unit: str = "") -> str:
     return "d" * (kinds or told or [0])[0] + "q_" + axis
 
 
-def contradicted_target(header: str, unit: str = "") -> str:
+def quantity_by_name_alone(header: str, unit: str = "") -> str:
     """Return the motion that a column's name indicates if its unit contradicts that, else ''."""
-    name, own = named(header)
+    name, own = split_header(header)
     axis, kinds, least = _direction_and_kinds(name, "")
-    if not (own or unit) or target(header, unit) or not axis or (least in SHORT and not kinds):
+    if (
+        not (own or unit)
+        or measured_quantity(header, unit)
+        or not axis
+        or (least in SHORT and not kinds)
+    ):
         return ""
-    return target(name)
+    return measured_quantity(name)
 
 
 def _direction_and_kinds(header: str, unit: str) -> tuple[str, list[int], str]:

@@ -21,7 +21,7 @@ from galloping.readers.array_files import LARGEST, READERS, arrays_in, check_siz
 from galloping.readers.columns import DATED
 from galloping.readers.layout import DECIMAL_COMMA, SAY_DECIMAL
 from galloping.readers.text_table import read_text
-from galloping.readers.units import NONE, UnitError, is_scaled, named
+from galloping.readers.units import NONE, UnitError, is_scaled, split_header
 
 Converted = TypeVar("Converted")
 TEXT, SHEET = (".csv", ".txt", ".tsv", ".dat", ".asc"), ".xlsx"  # of files that are read
@@ -76,7 +76,7 @@ class FileTable:
 
         The name may have the unit behind it.
         """
-        bare, _ = named(name)
+        bare, _ = split_header(name)
         if bare not in self.columns:
             raise FileError(f"{self.path}: no column {bare!r:.{LONGEST}}; it has {self.content}")
         if bare in self.unclear:
@@ -85,7 +85,7 @@ class FileTable:
 
     def unit(self, name: str) -> str:
         """Return the unit that the file states for a column, or '' if it states none."""
-        return self.units.get(named(name)[0], "")
+        return self.units.get(split_header(name)[0], "")
 
     def convert(
         self, name: str, said: str | None, convert: Callable[[str], Converted]
@@ -213,7 +213,7 @@ def _make_table(
     units: dict[str, str] = {}
     unclear: set[str] = set()
     for header, values, unit in content:
-        name, own = named(printable(header))
+        name, own = split_header(printable(header))
         if name in columns:
             if pd.Series(values).equals(pd.Series(columns[name])):
                 notes += (f"column {name!r} is there twice, with the same samples",)

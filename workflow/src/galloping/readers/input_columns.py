@@ -13,7 +13,7 @@ from galloping.recording.samples import BETWEEN, INTERPOLATED, Input
 HELD = 2  # rows, that a logger repeats a slower sample for at least
 
 
-def inputs_of(
+def read_inputs(
     table: FileTable, columns: Sequence[InputColumn], time: np.ndarray, values: np.ndarray
 ) -> dict[str, Input]:
     """Make the inputs of a recording, as functions of time, from columns of a file.

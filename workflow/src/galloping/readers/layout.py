@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from galloping.readers import FileError
-from galloping.readers.columns import is_time, target
-from galloping.readers.units import is_unit, named
+from galloping.readers.columns import is_time, measured_quantity
+from galloping.readers.units import is_unit, split_header
 
 MARKS = (";", "\t", ",", None)  # between columns, None white space; a comma may be a decimal one
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
@@ -293,7 +293,9 @@ def _read_units(row: Sequence[str]) -> list[str | None]:
 
 def _count_known(row: Sequence[str]) -> int:
     """Count the different cells of a row that a reader knows as names of columns."""
-    return sum(bool(is_time(cell) or target(cell) or named(cell)[1]) for cell in set(row))
+    return sum(
+        bool(is_time(cell) or measured_quantity(cell) or split_header(cell)[1]) for cell in set(row)
+    )
 
 
 def _find_header(
@@ -306,9 +308,9 @@ def _find_header(
     numbers. Raises FileError if several rows of text have equal cells.
     """
     if time is not None:
-        name = named(time)[0]
+        name = split_header(time)[0]
         for k, row in candidates.items():
-            if name in (named(cell)[0] for cell in row):
+            if name in (split_header(cell)[0] for cell in row):
                 return k
     text = {
         k: row for k, row in candidates.items() if not any(_is_number(c, decimal) for c in row if c)

@@ -11,7 +11,7 @@ from galloping.configuration.yaml_file import read
 from galloping.model.terms import parse_known, parse_library
 from galloping.readers.file_table import read_table
 from galloping.readers.proposal import ROWS, Proposal, propose, states_of
-from galloping.readers.units import named
+from galloping.readers.units import split_header
 
 FAULTS = {  # where pydantic speaks of Python's types
     "extra_forbidden": "there is no such key",
@@ -95,7 +95,7 @@ class InputColumn(_Section):
         keys = {"column": given} if isinstance(given, str) else given
         if not isinstance(keys, dict):
             return keys
-        column, unit = named(str(keys.get("column", "")))
+        column, unit = split_header(str(keys.get("column", "")))
         keys = {"name": column, **({"unit": unit} if unit else {}), **keys}
         if match := PERCENT.fullmatch(str(keys.get("error", ""))):
             keys["error"] = float(match[1]) / 100
@@ -259,7 +259,7 @@ def channel_of(text: str) -> dict:
     """
     measures, _, source = text.partition("=")
     header, at, position = source.partition("@")
-    column, unit = named(header)
+    column, unit = split_header(header)
     if not measures.strip() or not column or (at and not position.strip()):
         raise MappingError(
             f"--measure {text!r}: expected STATE=COLUMN[UNIT]@POSITION, such as q_v=mid[mm]@150"
@@ -278,7 +278,7 @@ def input_of(text: str, between: str | None = None) -> dict:
     """
     body, given, error = text.partition("+-")
     name, equals, header = body.partition("=")
-    column, unit = named(header if equals else name)
+    column, unit = split_header(header if equals else name)
     percent = PERCENT.fullmatch(error)
     if not name.strip() or not column or bool(given) != bool(percent):
         raise MappingError(

@@ -8,25 +8,25 @@ import numpy as np
 import pandas as pd
 
 from galloping.readers.columns import (
-    contradicted_target,
+    derivative_order,
     is_beside_motion,
     is_count,
     is_time,
-    target,
-    told_order,
+    measured_quantity,
+    quantity_by_name_alone,
     words_of,
 )
 from galloping.readers.file_table import FileTable
 from galloping.readers.hints import likely_unit, measure_option, unit_options
 from galloping.readers.units import (
     DIRECTION,
-    behind,
     is_pixel,
+    is_same_quantity,
     is_unit,
     meaning,
-    measures,
-    named,
+    split_header,
     state_unit,
+    unit_suffix,
 )
 
 ROWS = 2000  # of a text file, that its columns are told from
@@ -207,7 +207,7 @@ def propose(
     clock = find_clock(table, time, doubts, rate, f"name it with --time, or {_say_rate(table)}")
 
     def said(name: str) -> str:
-        return units.get(name) or (for_all if name != clock else "") or behind(name)
+        return units.get(name) or (for_all if name != clock else "") or unit_suffix(name)
 
     def unit_of(name: str) -> str:
         return units.get(name) or table.unit(name) or said(name) or ""
@@ -226,7 +226,7 @@ def propose(
     channels = [
         written(name, measures=measured)
         for name in others
-        if (measured := target(name, unit_of(name)))
+        if (measured := measured_quantity(name, unit_of(name)))
     ]
     for each in channels:
         same = [c["column"] for c in channels if c["measures"] == each["measures"]]
@@ -236,7 +236,7 @@ def propose(
             remedy += measure_option(each["measures"], each["column"])
             doubts[each["column"]] = Doubt(cause, remedy)
     for name in others:
-        if measured := contradicted_target(name, unit_of(name)):
+        if measured := quantity_by_name_alone(name, unit_of(name)):
             channels.append({"column": name, "measures": measured})
             doubts[name] = _contradiction(name, measured, unit_of(name))
     if not channels:
@@ -283,7 +283,7 @@ def _guess(table: FileTable, names: Iterable[str], unit_of) -> dict[str, str]:
         (name, order)
         for name in sorted(names, key=_by_axis)
         if table.kind(name) == "number" and not is_beside_motion(name) and not is_count(name)
-        if (order := told_order(name, unit_of(name))) is not None
+        if (order := derivative_order(name, unit_of(name))) is not None
         if len(pd.unique(table.columns[name])) > 1
     ]
     return {
@@ -293,8 +293,8 @@ def _guess(table: FileTable, names: Iterable[str], unit_of) -> dict[str, str]:
 
 def _likely(table: FileTable, name: str, others: Iterable[str]) -> str:
     """Guess the unit of a column without one."""
-    order = told_order(name, "") or 0
-    alike = [each for each in others if told_order(each, "") == order and each != name]
+    order = derivative_order(name, "") or 0
+    alike = [each for each in others if derivative_order(each, "") == order and each != name]
     numbers = [table.numbers(each) for each in (name, *alike) if table.kind(each) == "number"]
     return likely_unit(order, numbers[0], numbers[1:])
 
@@ -318,14 +318,14 @@ def find_clock(
     """
     if said is not None:
         table.column(said)
-        return named(said)[0]
+        return split_header(said)[0]
     if rate is not None:
         counts = (name for name in table.columns if is_count(name) and _counts(table, name))
         return next(counts, None)
     found = [
         name
         for name in table.columns
-        if is_time(name) or table.kind(name) == "date" or measures(table.unit(name), "s")
+        if is_time(name) or table.kind(name) == "date" or is_same_quantity(table.unit(name), "s")
     ]
     if not found:
         found = [name for name in table.columns if _increases(table, name)][:1]

@@ -14,7 +14,7 @@ LEAST = 3  # that a part of a recording holds at least
 SILENT = 6  # that a sensor may be silent while others go on: longer, its curve is not told
 
 
-def recording(series: Series, mapping: ColumnMapping) -> Recording:
+def make_recording(series: Series, mapping: ColumnMapping) -> Recording:
     """Make a recording of states from the channels of a file.
 
     Sensors of one quantity at m places along the span are projected on its first m sine modes, of

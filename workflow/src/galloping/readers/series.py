@@ -13,7 +13,7 @@ from galloping.identification.inputs import FEWEST
 from galloping.passes import passing
 from galloping.readers import FileError
 from galloping.readers.angles import unwrap_angle
-from galloping.readers.columns import contradicted_target, target
+from galloping.readers.columns import measured_quantity, quantity_by_name_alone
 from galloping.readers.file_table import LONGEST, FileTable, enumerated, read_table
 from galloping.readers.hints import (
     likely_input_unit,
@@ -21,15 +21,15 @@ from galloping.readers.hints import (
     likely_unit,
     unit_options,
 )
-from galloping.readers.input_columns import inputs_of
+from galloping.readers.input_columns import read_inputs
 from galloping.readers.mapping import Channel, ColumnMapping, InputColumn, TimeColumn
 from galloping.readers.times import find_instants, put_in_order, seconds_of
 from galloping.readers.units import (
     ORDERS,
     UnitError,
-    amount,
     input_si,
-    named,
+    parse_quantity,
+    split_header,
     state_si,
     state_unit,
 )
@@ -165,7 +165,7 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     rows = np.arange(len(time)) + table.first_row
     time, values, rows, more = put_in_order(table, time, np.column_stack(columns), rows)
     n_channels = len(mapping.channels)
-    inputs = inputs_of(table, mapping.inputs, time, values[:, n_channels:])
+    inputs = read_inputs(table, mapping.inputs, time, values[:, n_channels:])
     values = values[:, :n_channels]
     if len(time) < FEWEST and n_channels:
         raise FileError(f"{table.path}: {len(time)} rows are fewer than the {FEWEST} needed")
@@ -182,12 +182,13 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
             )
     _check_distinct(table, mapping, values)
     noise = np.array([_known_noise(table, channel) for channel in mapping.channels])
-    used = {named(each.column)[0] for each in mapping.columns}
+    used = {split_header(each.column)[0] for each in mapping.columns}
     unused = tuple(name for name in table.columns if name not in used)
     of_motion = tuple(
         name
         for name in unused
-        if target(name, table.unit(name)) or contradicted_target(name, table.unit(name))
+        if measured_quantity(name, table.unit(name))
+        or quantity_by_name_alone(name, table.unit(name))
     )
     return Series(
         table.path, time, start, values, rows, (*notes, *more), noise, inputs, units, unused,
@@ -211,7 +212,7 @@ def _check_distinct(table: FileTable, mapping: ColumnMapping, values: np.ndarray
             )
 
 
-def check_apart(series: Sequence[Series]) -> None:
+def check_no_shared_rows(series: Sequence[Series]) -> None:
     """Raise FileError if 20 consecutive rows of one file are also in another file.
 
     Raises FileError if ALIKE consecutive rows of one file are also in another one.
@@ -315,7 +316,7 @@ def _known_noise(table: FileTable, channel: Channel) -> float:
         return np.nan
     unit = channel.unit or table.unit(channel.column)
     try:
-        noise = amount(channel.noise, unit, channel.measures)
+        noise = parse_quantity(channel.noise, unit, channel.measures)
         if not 0.0 < noise < np.inf:
             raise UnitError(f"{channel.noise}; must be above 0")
     except UnitError as error:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from galloping.readers import FileError
 from galloping.readers.layout import Layout, find_layout
-from galloping.readers.units import named
+from galloping.readers.units import split_header
 
 HEAD = 65536  # bytes that the layout of a text table is told from
 BINARY = {  # first bytes of what is no text table, whatever its name
@@ -68,8 +68,8 @@ def read_text(
             values, words = _without_words(frame[k], layout.decimal)
             content.append((header, values.to_numpy(), unit))
             notes += [
-                f"column {named(header)[0]!r}: {count} cells of {word!r} were left out, as missing "
-                "samples"
+                f"column {split_header(header)[0]!r}: {count} cells of {word!r} were left out, as "
+                "missing samples"
                 for word, count in words.items()
             ]
     return content, layout.line, tuple(notes)

@@ -159,7 +159,7 @@ def _unknown(unit: str, examples: str) -> UnitError:
     return UnitError(f"unit {unit!r:.60} is not known; must be such as {examples}")
 
 
-def measures(unit: str, wanted: str) -> bool:
+def is_same_quantity(unit: str, wanted: str) -> bool:
     """Decide whether a unit is of the same physical quantity as an SI unit."""
     if unit in USUAL:
         return USUAL[unit][1:] == USUAL[wanted][1:]
@@ -182,7 +182,7 @@ def is_unit(text: str) -> bool:
 
 
 @cache
-def named(header: str) -> tuple[str, str]:
+def split_header(header: str) -> tuple[str, str]:
     """Split a column header such as `v [mm]` into its name and its unit.
 
     `v (mm)` is split if that is a unit. Other forms are `v, mm`, `v / mm` and `v in mm`, for units
@@ -204,13 +204,13 @@ def named(header: str) -> tuple[str, str]:
     return header, ""
 
 
-def behind(name: str) -> str:
+def unit_suffix(name: str) -> str:
     """Return the unit at the end of a column name such as `vertical_mm`, '' if there is none."""
     unit = re.split(r"[_\s]", name)[-1]
     return unit if unit != name and unit in PLAIN else ""
 
 
-def amount(text: str | float, unit: str, target: str) -> float:
+def parse_quantity(text: str | float, unit: str, target: str) -> float:
     """Convert a text such as `3 mm` to a number in the SI unit of a measured quantity.
 
     target: that quantity, such as `q_v`. unit: of the number if the text has none. Raises

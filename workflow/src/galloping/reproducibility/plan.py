@@ -30,7 +30,7 @@ from snakemake_interface_executor_plugins.executors.base import AbstractExecutor
 from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 from snakemake_interface_executor_plugins.settings import CommonSettings
 
-from galloping.configuration.load import configured, plain
+from galloping.configuration.load import load_files, plain
 from galloping.reproducibility.receipts import (
     SUFFIX,
     Receipt,
@@ -122,7 +122,7 @@ def planning(configfiles: Sequence[str] = ()) -> Plan:
         lambda dag: dag.execute_workflow("plan", execution_settings=NO_LOCK),
         force=True,
     )
-    settings = plain(configured([CONFIGURATION, *configfiles]))
+    settings = plain(load_files([CONFIGURATION, *configfiles]))
     return Plan(settings, tuple(Executor.jobs), tuple(configfiles))
 
 

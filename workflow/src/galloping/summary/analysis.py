@@ -16,27 +16,27 @@ from galloping.identification.inputs import validated_problem
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.interpolation import (
     choose_interpolants,
-    decide_kind,
     with_interpolants,
+    with_interpolation,
 )
 from galloping.identification.prior_knowledge import PRIOR, as_coefficients
 from galloping.identification.work import limit_work
 from galloping.inspection.excerpts import excerpts, identify_excerpts
-from galloping.inspection.quality import finding_of, quality
+from galloping.inspection.quality import finding_of, inspect_recording
 from galloping.model.polynomial import Exponents, PolynomialModel, polynomial_library
 from galloping.model.terms import known_model, parse_library
 from galloping.passes import part, passing
 from galloping.readers.mapping import ColumnMapping
-from galloping.readers.recordings import LEAST, SILENT, input_notes, recording, split_recording
-from galloping.readers.series import Series, check_apart, read_series
+from galloping.readers.recordings import LEAST, SILENT, input_notes, make_recording, split_recording
+from galloping.readers.series import Series, check_no_shared_rows, read_series
 from galloping.readers.units import state_unit
 from galloping.recording.samples import Recording, typical_inputs
 from galloping.storage import write_json, write_rows, write_text
 from galloping.summary.csv_rows import MODEL_COLUMNS, forecast_rows, model_rows
 from galloping.summary.numbers import findings
-from galloping.summary.summarise import METHODS, Summary, longest_period, summarised
+from galloping.summary.summarise import METHODS, Summary, longest_period, summarise_with
 from galloping.summary.terminal import SEARCHED, json_text
-from galloping.summary.wording import escape_markdown, rendered
+from galloping.summary.wording import escape_markdown, render_summary
 
 FAULTS = (  # of channels, for which there may be no model
     Code.CLIPPED, Code.CHANNEL_JUMPS, Code.MEAN_MOVES, Code.MOSTLY_NOISE, Code.SHOWN_TWICE,
@@ -77,7 +77,9 @@ class Field:
         series = tuple(
             replace(
                 one,
-                inputs={n: decide_kind(i, kinds.get(n, i.between)) for n, i in one.inputs.items()},
+                inputs={
+                    n: with_interpolation(i, kinds.get(n, i.between)) for n, i in one.inputs.items()
+                },
             )
             for one in self.series
         )
@@ -102,9 +104,9 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
     """Read and check files with recordings of one system; raise FileError if one is unusable."""
     with part("read", until=0.05):
         series = tuple(read_series(path, mapping) for path in paths)
-    check_apart(series)
-    reports = tuple(quality(one, mapping) for one in series)
-    whole = [recording(one, mapping) for one in series]
+    check_no_shared_rows(series)
+    reports = tuple(inspect_recording(one, mapping) for one in series)
+    whole = [make_recording(one, mapping) for one in series]
     period = longest_period(whole)
     recordings: list[Recording] = []
     names: list[str] = []
@@ -204,7 +206,7 @@ def identify_field(field: Field, question: FieldQuestion) -> tuple[Field, Summar
     """
     mapping = field.mapping
     terms, allowed = question.terms(mapping)
-    check_telling(field.series, terms, len(mapping.states))
+    check_inputs_informative(field.series, terms, len(mapping.states))
     inputs = mapping.input_names
     texts = (*mapping.known, *question.known)
     known, known_states, single = known_model(texts, mapping.states, terms, inputs)
@@ -236,14 +238,16 @@ def identify_field(field: Field, question: FieldQuestion) -> tuple[Field, Summar
         with part("identify", until=SEARCHED):
             identified = identify(given)
         with part("summarise", until=0.8):
-            summary = summarised(
+            summary = summarise_with(
                 identified, given, identify, question.seed, names=field.names,
                 faults=field.faults, are_one=len(field.series) == 1,
             )  # fmt: skip
     return field, summary
 
 
-def check_telling(series: Sequence[Series], terms: Sequence[Exponents], n_states: int) -> None:
+def check_inputs_informative(
+    series: Sequence[Series], terms: Sequence[Exponents], n_states: int
+) -> None:
     """Raise ValueError if an input is constant, or crosses zero although terms divide by it.
 
     series: of all files. terms: exponents of states and inputs. Raises ValueError.
@@ -288,7 +292,7 @@ def write_outputs(
     write_json(folder / "datapackage.json", _describe_package(tables))
     told = findings(of, field.reports, beside)
     write_text(folder / "summary.json", json_text(asdict(told), indent=2) + "\n")
-    write_text(folder / "summary.md", rendered(of, told, field.reports))
+    write_text(folder / "summary.md", render_summary(of, told, field.reports))
 
 
 def _describe_package(tables: Mapping[str, Mapping[str, str]]) -> dict:

@@ -23,7 +23,7 @@ ROUNDING = 1e-9  # of a range, in steps
 PERIODS, PER_PERIOD = 60, 60  # of a simulation, and samples of each
 
 
-def driving(
+def read_model_inputs(
     model: str,
     names: Sequence[str],
     at: Sequence[str],
@@ -117,14 +117,16 @@ def usual_sampling(
 
 def _read_held(at: Sequence[str], names: Sequence[str]) -> dict[str, Input | float]:
     found: dict[str, Input | float] = {}
-    for name, value in held_at(at, names).items():
+    for name, value in parse_input_values(at, names).items():
         if isinstance(value, np.ndarray):
             raise ValueError(f"--at {name}: a range is of `galloping assess`; must be one value")
         found[name] = value
     return found
 
 
-def held_at(texts: Sequence[str], inputs: Sequence[str]) -> dict[str, float | np.ndarray]:
+def parse_input_values(
+    texts: Sequence[str], inputs: Sequence[str]
+) -> dict[str, float | np.ndarray]:
     """Parse texts such as `U=12` or `U=8:16:0.5` to the value or range of each input, by name.
 
     Raises ValueError if a text has another form or names no input.

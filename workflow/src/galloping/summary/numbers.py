@@ -24,7 +24,7 @@ from galloping.recording.samples import Recording, mean_inputs
 from galloping.summary.helps import shown_units, units_in
 
 if TYPE_CHECKING:
-    from galloping.behaviour.forecast import HeldOut
+    from galloping.behaviour.forecast import ScoredForecast
     from galloping.summary.advice import Advice
     from galloping.summary.summarise import Summary
 
@@ -241,29 +241,29 @@ def findings(
     )
 
 
-def keeps(known: Dynamics) -> bool:
+def is_undamped(known: Dynamics) -> bool:
     """Decide whether the damping of all modes is zero, so that no motion grows or decays."""
     return all(abs(value.value) < ROUNDING for value in known.damping.values())
 
 
-def is_blind(found: IdentifiedModel, known: Dynamics) -> bool:
+def is_damping_undetermined(found: IdentifiedModel, known: Dynamics) -> bool:
     """Decide whether a model has no damping, while models with damping fit equally well.
 
     That is so if its status is `not identifiable`.
     """
-    return keeps(known) and found.status == "not identifiable"
+    return is_undamped(known) and found.status == "not identifiable"
 
 
 def _estimate_system(
     known: Dynamics, found: IdentifiedModel | None, units: Mapping[str, str]
 ) -> SystemEstimates:
     hidden = found is not None and (
-        found.has_finding(Code.MOTION_REPEATS) or is_blind(found, known)
+        found.has_finding(Code.MOTION_REPEATS) or is_damping_undetermined(found, known)
     )
     small = [] if hidden else [
         name for name, value in known.frequencies.items() if np.isfinite(value.value)
     ]  # fmt: skip
-    lasts = {} if keeps(known) else known.half_range
+    lasts = {} if is_undamped(known) else known.half_range
     period = known.period if lasts else None
     shown = shown_units(units)
     return SystemEstimates(
@@ -359,7 +359,7 @@ def _force_densities(
     return said, tuple(float(1.0 / forces.rates[i]) for i in forces.places)
 
 
-def _held_out(of: "HeldOut", is_forced: bool) -> HeldOutScores:
+def _held_out(of: "ScoredForecast", is_forced: bool) -> HeldOutScores:
     ahead, numbers = of.forecast, []
     each = zip(
         ahead.names, of.skill, of.missed, of.held, of.is_noise, ahead.chance, of.factors,

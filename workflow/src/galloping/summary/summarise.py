@@ -24,7 +24,7 @@ from galloping.behaviour.extrapolation import with_extent, with_extrapolation
 from galloping.behaviour.following import Following, Sensed, without_outliers
 from galloping.behaviour.forecast import (
     Forecast,
-    HeldOut,
+    ScoredForecast,
     check_followed,
     deviations_of,
     with_factors,
@@ -37,7 +37,7 @@ from galloping.identification.likelihood.maximum_likelihood import maximum_likel
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.observations import Finding
 from galloping.identification.random_forces import forced_motion as in_random_forces
-from galloping.identification.random_forces.low_pass import as_modelled
+from galloping.identification.random_forces.low_pass import apply_model_filter
 from galloping.identification.work import limit_work
 from galloping.inspection.excerpts import identify_excerpts
 from galloping.inspection.quality import PERIODS as PERIODS_HELD
@@ -100,7 +100,7 @@ class Summary(Immutable):
     found: IdentifiedModel
     recordings: tuple[Recording, ...]
     dynamics: Dynamics | None = None
-    held_out: HeldOut | None = None
+    held_out: ScoredForecast | None = None
     untried: str = ""
     is_still: bool = False
     forecast: Forecast | None = None
@@ -199,11 +199,11 @@ def summarise(
 
     names = [f"recording {number}" for number in range(1, len(given) + 1)]
     with limit_work(given):
-        return summarised(found, given, identify, seed, names=names)
+        return summarise_with(found, given, identify, seed, names=names)
 
 
 @one_thread
-def summarised(
+def summarise_with(
     found: IdentifiedModel,
     recordings: Sequence[Recording],
     identify: Identify,
@@ -218,7 +218,7 @@ def summarised(
     identify: the method of the model. names, faults, are_one: as of `with_objections`. Raises
     ValueError if there is a model and no channel oscillates.
     """
-    recordings = as_modelled(found, without_omissions(found, recordings))
+    recordings = apply_model_filter(found, without_omissions(found, recordings))
     period, last = longest_period(recordings), recordings[-1]
     untried, is_still = "", False
     with part("compare the recordings", until=0.3):
@@ -350,7 +350,7 @@ def _check_recordings(found: object, recordings: object) -> list[Recording]:
             f"recordings: have the states {', '.join(given[0].states)}; the model has "
             f"{', '.join(found.model.states)}"
         )
-    return as_modelled(found, without_omissions(found, given))
+    return apply_model_filter(found, without_omissions(found, given))
 
 
 def longest_period(recordings: Sequence[Recording]) -> float:
@@ -385,7 +385,7 @@ def _times_after(recording: Recording, length: float) -> NDArray[np.float64]:
 
 def hold_out(
     recordings: Sequence[Recording], period: float, identify: Identify, rng: np.random.Generator
-) -> HeldOut:
+) -> ScoredForecast:
     """Identify a model without the end of the last recording, and forecast that end.
 
     It is that of the longest one, if the part of the last would be shorter than `period`, s, the
@@ -405,7 +405,7 @@ def hold_out(
     identified = identify([*others, last[:cut]])
     predicted = ahead.forecast(identified, last[:cut], last.time[shown], PERIODS * period, rng)
     noise = Following(identified, last[:cut]).sigma
-    trial = ahead.held_out(predicted, samples[shown], deviations_of(samples), noise)
+    trial = ahead.score_forecast(predicted, samples[shown], deviations_of(samples), noise)
     return replace(trial, index=index - len(recordings))
 
 

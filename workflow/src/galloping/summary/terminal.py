@@ -20,7 +20,7 @@ SEARCHED = 0.45  # share that a first search has, of which nobody knows how long
 
 
 @contextmanager
-def shown() -> Iterator[None]:
+def show_progress() -> Iterator[None]:
     """Show on standard error the progress of the computations in a `with` block."""
     with ExitStack() as stack:
         stack.enter_context(progress(_Bar(stack) if sys.stderr.isatty() else _Lines()))

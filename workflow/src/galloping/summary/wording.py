@@ -34,8 +34,8 @@ from galloping.summary.numbers import (
     RecordedMotion,
     SystemEstimates,
     findings,
-    is_blind,
-    keeps,
+    is_damping_undetermined,
+    is_undamped,
 )
 
 if TYPE_CHECKING:
@@ -76,10 +76,10 @@ def summary_text(
     reports: of `quality`, if the recordings come from files. beside: a name, and known properties
     of the line by that name.
     """
-    return rendered(of, findings(of, reports, beside), reports)
+    return render_summary(of, findings(of, reports, beside), reports)
 
 
-def rendered(of: "Summary", told: Findings, reports: Sequence[dict] = ()) -> str:
+def render_summary(of: "Summary", told: Findings, reports: Sequence[dict] = ()) -> str:
     """Render the text of summary.md from a summary and the numbers collected from it.
 
     reports: as of `summary_text`.
@@ -113,8 +113,8 @@ def rendered(of: "Summary", told: Findings, reports: Sequence[dict] = ()) -> str
         "held": [n for n in found.model.inputs if of.recordings[-1].inputs[n].between == "zero"],
         "odd": any(p["code"] in UNITS for report in reports for p in report["problems"]),
         "repeats": found.has_finding(Code.MOTION_REPEATS),
-        "keeps": known is not None and keeps(known),
-        "blind": known is not None and is_blind(found, known),
+        "keeps": known is not None and is_undamped(known),
+        "blind": known is not None and is_damping_undetermined(found, known),
         "mixed": found.has_finding(*PARTS_DIFFER),
         "margins": _margins(known, of.recordings, found) if found.is_forced and known else [],
         "meanings": [

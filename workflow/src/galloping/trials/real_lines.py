@@ -99,7 +99,7 @@ def motion(
 
     speed: (n,) m/s, the wind, by default steady. The modal states count as one sensor.
     """
-    start = continuous.release(line, [case["initial_state"][state] for state in STATES[:2]])
+    start = continuous.displaced_state(line, [case["initial_state"][state] for state in STATES[:2]])
     states = continuous.simulate(line, start, time, speed)
     if truth.sensors == "states":
         return states[:, np.newaxis]
@@ -199,7 +199,7 @@ def trial(
     def moved(*name: str | int) -> tuple[np.ndarray, dict[str, Input], np.random.Generator]:
         rng = make_generator(seed, "model_error", case, *name)
         gusts = {**parameters["truth"]["gusts"], "intensity": truth.intensity}
-        speed = continuous.wind(line, gusts, time, rng)
+        speed = continuous.draw_wind(line, gusts, time, rng)
         measured = {SPEED: Input(time, speed)} if truth.wind and speed is not None else {}
         return motion(parameters, line, truth, time, speed), measured, rng
 

@@ -26,7 +26,7 @@ from galloping.configuration.load import load, plain
 from galloping.cycles.settling import settle
 from galloping.identification.likelihood.instrument import FORCES
 from galloping.identification.observations import Code
-from galloping.line.galerkin import STATES, coefficients, model
+from galloping.line.galerkin import STATES, coefficients, make_model
 from galloping.line.gusts import wind_speed
 from galloping.model.polynomial import PolynomialModel, design_matrix, polynomial_library
 from galloping.recording.samples import Recording
@@ -63,7 +63,7 @@ class MovingLine:
 def default_line() -> MovingLine:
     """Simulate the default line of a study for DURATION s from its start, and MARGIN s more."""
     case = plain(load({}))["cases"][CASE]
-    line = model(coefficients(case))
+    line = make_model(coefficients(case))
     start = np.array([case["initial_state"][state] for state in STATES])
     long = time_grid(DURATION + MARGIN, RATE)
     states = Simulator(line.states, line.terms)(line, start, long).states
@@ -117,7 +117,7 @@ def lines(
     """Yield endless lines, each with motions (n, n_states) from both starts, none diverging."""
     while True:
         case, starts = draw(rng)
-        true = model(coefficients(case)).on_library(TERMS)
+        true = make_model(coefficients(case)).on_library(TERMS)
         motions = [simulator(true, start, time) for start in starts]
         if all(motion.status == "ok" for motion in motions):
             yield true, [motion.states for motion in motions]
@@ -261,7 +261,9 @@ def _add_gusts(line, size, noise, rng):
     speed = wind_speed(knots, mean=mean, rng=rng, **gusts)
     step = 1e-3
     at = [
-        model(coefficients({**line.case, "wind": {**line.case["wind"], "speed": mean * factor}}))
+        make_model(
+            coefficients({**line.case, "wind": {**line.case["wind"], "speed": mean * factor}})
+        )
         for factor in (1.0 - step, 1.0 + step)
     ]
     slope = (at[1].coefficients - at[0].coefficients) / (2.0 * step)

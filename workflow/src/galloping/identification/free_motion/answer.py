@@ -23,7 +23,7 @@ from galloping.identification.free_motion.kinds_of_motion import (
     classify_motion,
     without_further_modes,
 )
-from galloping.identification.free_motion.linear_system import with_covariance
+from galloping.identification.free_motion.linear_system import linear_system_with_covariance
 from galloping.identification.free_motion.linearity import SIGNIFICANT
 from galloping.identification.free_motion.rest import Moving, moving_recordings
 from galloping.identification.identified_model import IdentifiedModel
@@ -127,7 +127,9 @@ def identify_linear_motion(problem: Problem, motion: FreeMotion) -> IdentifiedMo
         return NoModel()
     if _noise_excess(motion) > MAX_NOISE:
         return NoModel()
-    system = attempt(partial(with_covariance, motion.channels, motion.stretches, modes, own))
+    system = attempt(
+        partial(linear_system_with_covariance, motion.channels, motion.stretches, modes, own)
+    )
     if isinstance(system, NoModel):
         return system
     return _identified_model(problem, motion, *system)

@@ -33,7 +33,7 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Eventful:
+class MotionBetweenEvents:
     """Free motion, divided at abrupt events, and the modes fitted to the parts.
 
     Parameters
@@ -51,7 +51,9 @@ class Eventful:
     modes: DampedModes
 
 
-def find_events(stretches: Sequence[Stretch], modes: DampedModes, floor: float) -> Eventful | None:
+def find_events(
+    stretches: Sequence[Stretch], modes: DampedModes, floor: float
+) -> MotionBetweenEvents | None:
     """Search for abrupt events, such as a knock, that separate parts of free motion.
 
     If these are taken into account, only noise remains.
@@ -88,11 +90,11 @@ def find_events(stretches: Sequence[Stretch], modes: DampedModes, floor: float) 
         if isinstance(whole, NoModel):
             return None
         if whole[1] and whole[0] is not None:
-            return _without_needless(Eventful(parts, origins, whole[0]))
+            return _without_needless(MotionBetweenEvents(parts, origins, whole[0]))
     return None
 
 
-def _without_needless(found: Eventful) -> Eventful:
+def _without_needless(found: MotionBetweenEvents) -> MotionBetweenEvents:
     """Remove events that explain no more than noise does besides the others.
 
     Such an event was found first, in place of two others.
@@ -109,7 +111,7 @@ def _without_needless(found: Eventful) -> Eventful:
         count = sum(np.count_nonzero(np.isfinite(part.values)) for part in parts)
         freedom = (2 * len(fit.poles) + 2) * parts[0].values.shape[1]
         if fit.misfit - found.modes.misfit < chdtri(freedom, FALSE_ALARM_RATE / count):
-            found = Eventful(parts, origins, fit)
+            found = MotionBetweenEvents(parts, origins, fit)
     return found
 
 

@@ -20,18 +20,22 @@ from galloping.identification.free_motion.envelope import (
     running_amplitude,
     strongest_channel,
 )
-from galloping.identification.free_motion.events import Eventful, find_events
+from galloping.identification.free_motion.events import MotionBetweenEvents, find_events
 from galloping.identification.free_motion.linearity import (
     SIGNIFICANT,
     has_linear_modes,
     is_cycle,
     is_steady,
-    main_and_beside,
     may_be_one,
     mode_energies,
+    refit_main_oscillation,
     resolved_modes,
 )
-from galloping.identification.free_motion.mode_search import fit_modes, is_close, share_left
+from galloping.identification.free_motion.mode_search import (
+    fit_modes,
+    is_close,
+    unexplained_power_share,
+)
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.smoothing import DRIFT_DEGREE
@@ -152,7 +156,7 @@ def _free_motion(recordings: list[Recording], channels: Channels) -> FreeMotion 
         is_linear = False
     if not is_linear:
         floor = modes.misfit
-        modes = main_and_beside(stretches, modes, order)
+        modes = refit_main_oscillation(stretches, modes, order)
         events = _find_linear_events(stretches, modes, floor)
         if events is not None and not (is_noise and floor < _with_price(stretches, events)):
             recordings, findings = _split_at_events(recordings, events, channels)
@@ -165,14 +169,14 @@ def _free_motion(recordings: list[Recording], channels: Channels) -> FreeMotion 
 
 def _find_linear_events(
     stretches: list[Stretch], modes: DampedModes, floor: float
-) -> Eventful | None:
+) -> MotionBetweenEvents | None:
     """Find events between which motion is linear, None if there are none, or too many.
 
     modes: of which the first is the main one. floor: as of `find_events`.
     """
     alone = fit_poles(stretches, modes.poles[:1])
     for start in (modes, alone) if len(modes.poles) > 1 else (modes,):
-        if share_left(stretches, start) > MAX_EVENTFUL:
+        if unexplained_power_share(stretches, start) > MAX_EVENTFUL:
             continue
         events = find_events(stretches, start, floor)
         if events is None:
@@ -297,7 +301,7 @@ def _running_amplitudes(
     return found
 
 
-def _with_price(stretches: list[Stretch], events: Eventful) -> float:
+def _with_price(stretches: list[Stretch], events: MotionBetweenEvents) -> float:
     """Compute the misfit of a fit with events, plus the penalty of their parameters."""
     added = (len(events.stretches) - len(stretches)) * (2 * len(events.modes.poles) + 2)
     samples = sum(np.count_nonzero(np.isfinite(one.values)) for one in stretches)
@@ -305,7 +309,7 @@ def _with_price(stretches: list[Stretch], events: Eventful) -> float:
 
 
 def _split_at_events(
-    recordings: list[Recording], events: Eventful, channels: Channels
+    recordings: list[Recording], events: MotionBetweenEvents, channels: Channels
 ) -> tuple[list[Recording], list[Finding]]:
     """Split recordings at events, and make a finding on each event."""
     found, findings = [], []

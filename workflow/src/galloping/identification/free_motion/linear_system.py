@@ -54,7 +54,7 @@ def linear_system(channels: Channels, poles: np.ndarray, shapes: np.ndarray) -> 
     return system
 
 
-def with_covariance(
+def linear_system_with_covariance(
     channels: Channels,
     stretches: Sequence[Stretch],
     modes: DampedModes,

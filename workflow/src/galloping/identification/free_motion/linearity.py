@@ -170,7 +170,9 @@ def _depends_on_amplitude(stretches: Sequence[Stretch], modes: DampedModes, main
     return bool(gains.max() > chdtri(max(freedom, 1), FALSE_ALARM_RATE / len(gains)))
 
 
-def main_and_beside(stretches: list[Stretch], modes: DampedModes, order: list[int]) -> DampedModes:
+def refit_main_oscillation(
+    stretches: list[Stretch], modes: DampedModes, order: list[int]
+) -> DampedModes:
     """Refit the main oscillation by one exponential, and keep the modes separate from it.
 
     The main oscillation is not exponential.

@@ -222,7 +222,9 @@ def fit_modes(
             break
         left = found.residuals
         is_spread = np.count_nonzero(is_close(found.poles, found.poles[0])) > MAX_CLOSE
-        if (is_spread or count + 1 > MANY_MODES) and share_left(stretches, found) > MAX_LEFT:
+        if (is_spread or count + 1 > MANY_MODES) and unexplained_power_share(
+            stretches, found
+        ) > MAX_LEFT:
             return None, False
         if is_spread:
             apart = found.poles
@@ -231,7 +233,7 @@ def fit_modes(
     return found, False
 
 
-def share_left(stretches: Sequence[Stretch], found: DampedModes) -> float:
+def unexplained_power_share(stretches: Sequence[Stretch], found: DampedModes) -> float:
     """Compute the largest share of the power of any channel that fitted modes do not explain."""
     shares = [
         np.nanmax(found.noise[index][one.sizes > 0.0] / one.sizes[one.sizes > 0.0])

@@ -14,8 +14,8 @@ import numpy as np
 from galloping.identification.likelihood.shooting import (
     SEGMENT,
     Linearised,
-    Record,
     Segments,
+    ShootingData,
     qr_eliminate,
 )
 from galloping.identification.likelihood.weak_constraint import NormalEquations
@@ -51,7 +51,7 @@ class Eliminated:
 
 
 @dataclass(frozen=True)
-class Matched(Eliminated):
+class ContinuousNormalEquations(Eliminated):
     """Normal equations of the coefficients if each segment must start where the previous one ends.
 
     gap: (n_states,) largest mismatch between segments of a chain. fall: decrease of chi^2 when the
@@ -63,7 +63,7 @@ class Matched(Eliminated):
 
 
 @dataclass(frozen=True)
-class Jumping(Eliminated):
+class JumpNormalEquations(Eliminated):
     """Normal equations of the coefficients if the state may jump between segments.
 
     They include the priors of coefficients. variance, covariance: (n_segments, n_states, n_states),
@@ -102,7 +102,9 @@ def chain_segments(linearised: Linearised, segments: Segments, longest: float = 
     return replace(segments, chains=chains)
 
 
-def eliminate_states(linearised: Linearised, segments: Segments, starts: np.ndarray) -> Matched:
+def eliminate_states(
+    linearised: Linearised, segments: Segments, starts: np.ndarray
+) -> ContinuousNormalEquations:
     """Reduce a linearised multiple-shooting fit to normal equations of the coefficients alone.
 
     The segments of each chain match, and the chain's first state is eliminated. starts:
@@ -136,7 +138,7 @@ def eliminate_states(linearised: Linearised, segments: Segments, starts: np.ndar
         for g, (relation, constant) in zip(range(begin, end), relations, strict=True):
             response[g] = _apply_chain_rule(relation, first, n)
             response[g, :, n] += constant
-    return Matched(information, right, response, gap, fall)
+    return ContinuousNormalEquations(information, right, response, gap, fall)
 
 
 def _apply_chain_rule(slopes: np.ndarray, state: np.ndarray, n: int) -> np.ndarray:
@@ -168,11 +170,11 @@ def _solve_first_state(rows: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray
 
 
 def eliminate_with_jumps(
-    record: Record,
+    record: ShootingData,
     linear: NormalEquations,
     precision: np.ndarray,
     left_out: np.ndarray | None = None,
-) -> Jumping:
+) -> JumpNormalEquations:
     """Eliminate segment states from normal equations that allow state jumps between segments.
 
     precision: (n_segments, n_states, n_states) of the jump from each to the next. left_out:
@@ -226,11 +228,15 @@ def eliminate_with_jumps(
     response = np.concatenate([-solved[:, :, :n], solved[:, :, n:]], axis=2)
     information = (information + information.T) / 2.0
     both = record.problem.with_prior(information, right, linear.free)
-    return Jumping(*both, response, variance, covariance)
+    return JumpNormalEquations(*both, response, variance, covariance)
 
 
 def jump_covariance(
-    record: Record, linear: NormalEquations, solved: Jumping, change: np.ndarray, at: np.ndarray
+    record: ShootingData,
+    linear: NormalEquations,
+    solved: JumpNormalEquations,
+    change: np.ndarray,
+    at: np.ndarray,
 ) -> np.ndarray:
     """Estimate the covariance of the state's jumps between segments, given the data.
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from galloping.identification.likelihood.condense import WINDOWS_PER_PERIOD
 from galloping.identification.likelihood.elimination import eliminate_with_jumps, jump_covariance
-from galloping.identification.likelihood.shooting import Record
+from galloping.identification.likelihood.shooting import ShootingData
 from galloping.identification.likelihood.weak_constraint import (
     STRETCH_PERIODS,
     NormalEquations,
@@ -118,14 +118,14 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
     return replace(fit, free=fine.free, support=fine.support), covariance
 
 
-def _log_excess(record: Record, misfit: np.ndarray) -> float:
+def _log_excess(record: ShootingData, misfit: np.ndarray) -> float:
     """Sum the logarithm of a white misfit over the noise, over channels with a noise estimate."""
     condensed = record.condensed
     noise = np.maximum(condensed.noise_variance, record.floor**2)
     return float(np.sum(np.log(misfit[:, 0, :, 0] / noise)[condensed.has_noise_estimate]))
 
 
-def _divide_segments(record: Record) -> tuple[Record, np.ndarray]:
+def _divide_segments(record: ShootingData) -> tuple[ShootingData, np.ndarray]:
     """Divide the segments of a record into PARTS.
 
     Returns the record, and the parts after which the state may jump: the last part of each segment
@@ -140,7 +140,7 @@ def _divide_segments(record: Record) -> tuple[Record, np.ndarray]:
 
 
 def _add_fluctuations(
-    record: Record, linear: NormalEquations, rates: np.ndarray, variance: np.ndarray
+    record: ShootingData, linear: NormalEquations, rates: np.ndarray, variance: np.ndarray
 ) -> NormalEquations:
     """Add fluctuations of the coefficients `rates` (n_rates,) to each segment's state.
 
@@ -163,7 +163,11 @@ def _add_fluctuations(
 
 
 def _change_precision(
-    record: Record, jumping: np.ndarray, jump: np.ndarray, size: np.ndarray, variance: np.ndarray
+    record: ShootingData,
+    jumping: np.ndarray,
+    jump: np.ndarray,
+    size: np.ndarray,
+    variance: np.ndarray,
 ) -> np.ndarray:
     """Compute the inverse covariance of the change of state and fluctuations.
 

@@ -19,8 +19,8 @@ from galloping.identification.likelihood.model_error import (
     small_sample_factor,
 )
 from galloping.identification.likelihood.shooting import (
-    Record,
     Segments,
+    ShootingData,
     ShootingFit,
     linearise,
     segment_residuals,
@@ -84,7 +84,7 @@ def sandwich_covariance(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> 
 
 
 def fit_free_runs(
-    record: Record, near: IdentifiedModel, penalty: float, objections: Sequence[Finding]
+    record: ShootingData, near: IdentifiedModel, penalty: float, objections: Sequence[Finding]
 ) -> IdentifiedModel | NoModel:
     """Refit an approximate model, with its terms, to minimise the error of its simulation.
 

@@ -15,8 +15,8 @@ from galloping.identification.likelihood.condense import PROJECTIONS
 from galloping.identification.likelihood.elimination import Eliminated, eliminate_states
 from galloping.identification.likelihood.shooting import (
     Linearised,
-    Record,
     Segments,
+    ShootingData,
     ShootingFit,
     linearise,
     segment_residuals,
@@ -153,7 +153,7 @@ def _add_input_rates(fit: ShootingFit) -> tuple[ShootingFit, list[DelayedInput]]
 
 
 def _fault_parameters(
-    record: Record, rates: np.ndarray, late: list[DelayedInput]
+    record: ShootingData, rates: np.ndarray, late: list[DelayedInput]
 ) -> tuple[np.ndarray, np.ndarray, list[Fault]]:
     """Make the parameters of faults, and the faults as mixtures of them.
 

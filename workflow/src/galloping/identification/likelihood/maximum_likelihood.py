@@ -212,7 +212,9 @@ def _search_time_scale(
         follows = (
             not may_be_random
             or problem.tables.n_kinks  # beside kinks a start may miss the model
-            or (not starts.rests_at_zero(first) and trajectory_fit.follows_in_segments(first))
+            or (
+                not starts.has_free_equilibrium(first) and trajectory_fit.follows_in_segments(first)
+            )
         )
         tried = [
             partial(_search_free_motion, first),
@@ -258,7 +260,7 @@ def _search_rest_positions(begun: Start, search: Callable[[Start], Outcome]) -> 
 
     Equilibria are tried until two models have the same terms. The outcome is the best.
     """
-    if not starts.rests_at_zero(begun):
+    if not starts.has_free_equilibrium(begun):
         return attempt(partial(search, begun))
     found, objections = [], []
     for name, position in starts.positions_of_rest(begun):

@@ -25,7 +25,7 @@ from galloping.identification.likelihood.further_modes import (
     find_further_modes,
     further_mode_findings,
 )
-from galloping.identification.likelihood.shooting import Record, ShootingFit
+from galloping.identification.likelihood.shooting import ShootingData, ShootingFit
 from galloping.identification.likelihood.verdict import ApproximateFit, assess_approximation
 from galloping.identification.likelihood.weak_constraint import (
     StretchFit,
@@ -45,7 +45,7 @@ from galloping.passes import passing
 # Total variance over that between stretches: an error alike in all stretches may be as large.
 SYSTEMATIC = 2.0
 
-MisfitOf = Callable[[Record, np.ndarray], np.ndarray]
+MisfitOf = Callable[[ShootingData, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)

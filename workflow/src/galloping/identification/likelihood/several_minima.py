@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from galloping.identification.likelihood.elimination import (
-    Matched,
+    ContinuousNormalEquations,
     chain_segments,
     eliminate_states,
 )
@@ -134,11 +134,11 @@ def _descend_chi2(fit: ShootingFit) -> Step:
     return Step(before, fit, quadratic.information, right, decrement, float(quadratic.gap.max()))
 
 
-def _quadratic_model(fit: ShootingFit) -> Matched:
+def _quadratic_model(fit: ShootingFit) -> ContinuousNormalEquations:
     return eliminate_states(linearise(fit), fit.record.segments, fit.starts)
 
 
-def _coefficient_step(fit: ShootingFit, quadratic: Matched) -> np.ndarray:
+def _coefficient_step(fit: ShootingFit, quadratic: ContinuousNormalEquations) -> np.ndarray:
     """Compute the Gauss-Newton step of the coefficients, (n,)."""
     problem, right = fit.record.problem, quadratic.right
     return problem.solve_within_bounds(quadratic.information, right, fit.support, fit.free)[0]

@@ -47,7 +47,7 @@ class Segments:
 
 
 @dataclass(frozen=True)
-class Record:
+class ShootingData:
     """Data of a multiple-shooting fit: projected samples, their segments, and the problem.
 
     states: (n_windows, n_states) smoothed, where the windows begin. floor: (n_recordings,
@@ -178,7 +178,7 @@ class ShootingFit:
     units of `reference`, of the fit before the last step, infinite before any.
     """
 
-    record: Record
+    record: ShootingData
     free: np.ndarray
     support: np.ndarray
     starts: np.ndarray
@@ -321,7 +321,7 @@ def qr_eliminate(
 
 
 def segment_residuals(
-    record: Record, free: np.ndarray, starts: np.ndarray
+    record: ShootingData, free: np.ndarray, starts: np.ndarray
 ) -> tuple[np.ndarray, float]:
     """Simulate every segment, and subtract the solution from the projected samples.
 

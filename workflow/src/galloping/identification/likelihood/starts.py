@@ -37,7 +37,7 @@ def rescale_start(
     return begun.with_rates(own), estimate_scales(recordings, own)
 
 
-def rests_at_zero(begun: Start) -> bool:
+def has_free_equilibrium(begun: Start) -> bool:
     """Decide whether the equilibrium can be set to zero because no displacement is measured.
 
     That is, whether each unknown equation is of the velocity of an unmeasured displacement.

@@ -15,7 +15,7 @@ from galloping.identification.likelihood.elimination import chain_segments, elim
 from galloping.identification.likelihood.residual_tests import ROUNDING
 from galloping.identification.likelihood.shooting import (
     MOST_HALVINGS,
-    Record,
+    ShootingData,
     ShootingFit,
     cut_segments,
     linearise,
@@ -187,7 +187,7 @@ def prepare_fit(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
                 continue
         states, valid = _window_states(condensed, recordings, smoothed)
         segments = cut_segments(condensed, length, valid)
-        record = Record(problem, condensed, segments, states, floor)
+        record = ShootingData(problem, condensed, segments, states, floor)
         try:
             truncation = segment_residuals(record, start.free, record.starts)[1]
         except FloatingPointError:

@@ -132,7 +132,10 @@ def assess_fit(
         plausible = plausible_supports(whitened, support)
         believed = weigh_by_prior(problem, plausible)
         limits = detection_limits(unconditional_errors(believed, errors), support, penalty)
-        simple, hidden = is_simple(problem, support), partial(find_hidden_term, problem, support)
+        simple, hidden = (
+            mark_simple_terms(problem, support),
+            partial(find_hidden_term, problem, support),
+        )
         # of another term than a simple one that is imitated altogether `find_unseen_mixture` speaks
         asked = np.where(simple | np.isfinite(limits), limits, 0.0)
         most = np.where(simple, MOST_HIDDEN, MOST_BALANCED)
@@ -283,7 +286,7 @@ def find_open_questions(
     return found
 
 
-def is_simple(problem: Problem, support: np.ndarray) -> np.ndarray:
+def mark_simple_terms(problem: Problem, support: np.ndarray) -> np.ndarray:
     """Decide which candidate terms have no higher degree than the simplest selected term.
 
     Returns (n,) boolean. The comparison is with the selected terms of the same equation; terms of

@@ -14,7 +14,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.interpolate import BSpline
 from scipy.linalg import lapack
 
-from galloping.identification.likelihood.shooting import MOST_HALVINGS, Record
+from galloping.identification.likelihood.shooting import MOST_HALVINGS, ShootingData
 from galloping.identification.work import count_work
 
 # Periods of a stretch. Measured: with 3 to 6 a model's error hides in the jumps, and amplitudes are
@@ -22,7 +22,7 @@ from galloping.identification.work import count_work
 STRETCH_PERIODS = 10
 
 
-def white_autocovariance(record: Record, variance: np.ndarray) -> np.ndarray:
+def white_autocovariance(record: ShootingData, variance: np.ndarray) -> np.ndarray:
     """Arrange noise variances as the autocovariance of white noise, which has only lag zero.
 
     Returns (n_recordings, 1, n_observed, n_rows). variance: (n_recordings, n_observed).
@@ -30,7 +30,7 @@ def white_autocovariance(record: Record, variance: np.ndarray) -> np.ndarray:
     return np.repeat(variance[:, None, :, None], record.condensed.targets.shape[2], axis=3)
 
 
-def white_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
+def white_misfit(record: ShootingData, residual: np.ndarray) -> np.ndarray:
     """Estimate the variance of residuals that are treated as white noise.
 
     Returns an array as of `white_autocovariance`, not below the floor's square.
@@ -39,7 +39,7 @@ def white_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
     return white_autocovariance(record, np.maximum(squares, record.floor**2))
 
 
-def coloured_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
+def coloured_misfit(record: ShootingData, residual: np.ndarray) -> np.ndarray:
     """Estimate the autocovariance of residuals that are treated as coloured noise.
 
     The result includes noise at the floor. Returns (n_recordings, n_lags, n_observed, n_rows).
@@ -95,7 +95,7 @@ class StretchFit:
     n_states) covariance of the state's jumps at full motion.
     """
 
-    record: Record
+    record: ShootingData
     free: np.ndarray
     support: np.ndarray
     starts: np.ndarray

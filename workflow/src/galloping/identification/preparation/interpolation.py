@@ -100,7 +100,7 @@ def _alternative_kinds(recordings: Sequence[Recording], name: str) -> list[str]:
     return [one.between for one in recordings[0].inputs[name].alternatives]
 
 
-def decide_kind(one: Input, kind: str) -> Input:
+def with_interpolation(one: Input, kind: str) -> Input:
     """Return an input with the given interpolation between its samples."""
     found = {each.between: each for each in (*one.alternatives, one)}
     return replace(found.get(kind, one), alternatives=())
@@ -109,7 +109,7 @@ def decide_kind(one: Input, kind: str) -> Input:
 def with_interpolants(recording: Recording, kinds: Mapping[str, str]) -> Recording:
     """Return a recording whose inputs have the given interpolations, by input name."""
     inputs = {
-        name: decide_kind(one, kinds[name]) if name in kinds else one
+        name: with_interpolation(one, kinds[name]) if name in kinds else one
         for name, one in recording.inputs.items()
     }
     return replace(recording, inputs=inputs)
@@ -133,7 +133,7 @@ def _with_inputs(
     columns = []
     for k, name in enumerate(problem.inputs, start=len(problem.states)):
         one = recording.inputs[name]
-        one = decide_kind(one, kinds.get(name, one.between))
+        one = with_interpolation(one, kinds.get(name, one.between))
         means = one.mean_around(fine, step)
         means = np.where(np.isfinite(means), means, evaluate_extended(one, fine))
         values = sliding_window_view(means, 2 * reach)[::FINER] @ kernel

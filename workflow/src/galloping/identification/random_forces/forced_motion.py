@@ -9,8 +9,8 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.steps import Steps
 from galloping.identification.random_forces.tracking import (
-    Data,
     Forces,
+    SampledChannels,
     StateSpaceModel,
     motion_sizes,
 )
@@ -25,7 +25,9 @@ POINTS, MOTIONS, SEGMENTS = 1500, 8, 6  # of spectra, and what those of motions 
 MOST_MISFIT = 1.5  # mean square of standardised innovations: that of another line is far larger
 
 
-def state_space_model(found: IdentifiedModel, recording: Recording) -> tuple[StateSpaceModel, Data]:
+def state_space_model(
+    found: IdentifiedModel, recording: Recording
+) -> tuple[StateSpaceModel, SampledChannels]:
     """Make the state-space model of an identified model, and extract a recording's data for it.
 
     The model has random forces. Raises ValueError if the model does not know the noise of a
@@ -48,7 +50,7 @@ def state_space_model(found: IdentifiedModel, recording: Recording) -> tuple[Sta
     )  # fmt: skip
     size, _, _ = motion_sizes([recording], channels, 2.0 * np.pi / unsized.modes.omega.max())
     recording = replace(recording, inputs={name: recording.inputs[name] for name in names})
-    return replace(unsized, size=size), Data.from_recording(recording, channels)
+    return replace(unsized, size=size), SampledChannels.from_recording(recording, channels)
 
 
 def simulate_motions(
@@ -75,7 +77,7 @@ def simulate_motions(
     return np.array(drawn)
 
 
-def noise_of_means(
+def add_force_noise(
     found: IdentifiedModel, recording: Recording, rates: Sequence[int], sigma: np.ndarray
 ) -> np.ndarray:
     """Add the effect of random forces to the noise of rates that are means between samples.

@@ -26,9 +26,9 @@ from galloping.identification.random_forces.start import (
     shortest_velocity_period,
 )
 from galloping.identification.random_forces.tracking import (
-    Data,
     FilterResult,
     Forces,
+    SampledChannels,
     StateSpaceModel,
     motion_sizes,
 )
@@ -121,9 +121,11 @@ class ForcedProblem:
     held: Mapping[str, float]
 
     @cached_property
-    def data(self) -> tuple[Data, ...]:
+    def data(self) -> tuple[SampledChannels, ...]:
         """Samples of each recording, and the time steps between them."""
-        return tuple(Data.from_recording(each, self.channels) for each in self.recordings)
+        return tuple(
+            SampledChannels.from_recording(each, self.channels) for each in self.recordings
+        )
 
     @property
     def penalty(self) -> float:

@@ -148,7 +148,7 @@ def _evaluate_rates(x, exponents, coefficients, terms, out):
         out[i] = total
 
 
-def lowered_terms(exponents: np.ndarray, n_states: int) -> np.ndarray:
+def tabulate_monomial_derivatives(exponents: np.ndarray, n_states: int) -> np.ndarray:
     """Tabulate the derivatives of monomials by the states, one derivative in each row.
 
     Returns (n_slopes, 3 + n_signals). As of `polynomial.differentiate_terms`, a row is: term,
@@ -224,11 +224,12 @@ def extended_filter(
     samples, step_of, noise, x, p: as of `kalman_filter`. lengths, substeps: (n_steps,) s, and into
     how many each is divided. driven: (3 n_substeps of all steps + 1, n_factors) factors of inputs,
     as of `Steps.input_factors`. exponents: (n_terms, n_states + n_factors), coefficients:
-    (n_states, n_terms) of the equations; lowered: their `lowered_terms`. white: (n_states,
-    n_states) covariance of their forces per second. sensed, is_rate: (n_channels,) the state of
-    each channel, and whether its rate is measured. kept: indices of the states whose mean rates
-    since the last sample are measured, by the last channels; the last states are their values at
-    that sample. candidates: (n_candidates, 2) equation and term.
+    (n_states, n_terms) of the equations; lowered: their table by
+    `tabulate_monomial_derivatives`. white: (n_states, n_states) covariance of their forces per
+    second. sensed, is_rate: (n_channels,) the state of each channel, and whether its rate is
+    measured. kept: indices of the states whose mean rates since the last sample are measured,
+    by the last channels; the last states are their values at that sample. candidates:
+    (n_candidates, 2) equation and term.
     """
     n, channels = samples.shape
     d, many, place = len(x), len(candidates), 0

@@ -18,7 +18,7 @@ FLAT = (1.0 - ROLL_OFF) / (1.0 + ROLL_OFF)  # share of `below` that stays as it 
 SAME = 1e-3  # of a step between samples, that rounding makes of it
 
 
-def as_modelled(found: IdentifiedModel, recordings: list[Recording]) -> list[Recording]:
+def apply_model_filter(found: IdentifiedModel, recordings: list[Recording]) -> list[Recording]:
     """Apply to recordings the low-pass filter with which a model was identified.
 
     Recordings are unchanged if there was no filter. Raises as `low_pass_recording`.

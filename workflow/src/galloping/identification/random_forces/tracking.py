@@ -14,8 +14,8 @@ from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.kalman import (
     extended_filter,
     kalman_filter,
-    lowered_terms,
     random_motion,
+    tabulate_monomial_derivatives,
 )
 from galloping.identification.random_forces.steps import Steps, append_mean_rates, discretise
 from galloping.identification.work import count_work, work_limit
@@ -38,7 +38,7 @@ FILTER, OF_STATE, OF_STEP, OF_TERM, OF_SLOPE = 3e-4, 6e-8, 8e-7, 1.2e-8, 4e-9
 
 
 @dataclass(frozen=True)
-class Data:
+class SampledChannels:
     """Samples of the channels of a recording, NaN where missing, and their time steps.
 
     samples: (n, n_channels).
@@ -48,7 +48,7 @@ class Data:
     steps: Steps
 
     @classmethod
-    def from_recording(cls, recording: Recording, channels: Channels) -> "Data":
+    def from_recording(cls, recording: Recording, channels: Channels) -> "SampledChannels":
         """Extract the samples of given channels, and their time steps, from a recording."""
         steps = Steps.from_times(recording.time, tuple(recording.inputs.values()))
         return cls(channels.samples(recording), steps)
@@ -233,7 +233,7 @@ class StateSpaceModel:
         return np.ceil(lengths * fastest * SUBSTEPS / (2.0 * np.pi)).astype(np.int64)
 
     def filter_extended(
-        self, data: Data, candidates: np.ndarray, terms: Sequence[int] | np.ndarray = ()
+        self, data: SampledChannels, candidates: np.ndarray, terms: Sequence[int] | np.ndarray = ()
     ) -> tuple[FilterResult, np.ndarray]:
         """Run the extended Kalman filter, with derivatives of the innovations by coefficients.
 
@@ -252,7 +252,9 @@ class StateSpaceModel:
         )
         return self._make_result(data, innovations, variances, means, x, p), slopes
 
-    def _make_result(self, data: Data, innovations, variances, means, x, p) -> FilterResult:
+    def _make_result(
+        self, data: SampledChannels, innovations, variances, means, x, p
+    ) -> FilterResult:
         """Assemble the result of a compiled filter; x, p: mean and covariance at its end."""
         n, m, count = (
             len(self.size),
@@ -262,7 +264,7 @@ class StateSpaceModel:
         return FilterResult(innovations, variances, means[:, :n], x[:m], p[:m, :m], count)
 
     def _run_extended_filter(
-        self, data: Data, exponents, coefficients, white, x, p, candidates, kept
+        self, data: SampledChannels, exponents, coefficients, white, x, p, candidates, kept
     ):
         channels, steps = self.channels, data.steps
         sensed = np.array([*channels.values, *channels.rates])
@@ -277,8 +279,8 @@ class StateSpaceModel:
         return extended_filter(
             data.samples, steps.of, steps.lengths, counts,
             steps.input_factors(counts, self._tables.factors), exponents,
-            lowered_terms(exponents, len(x)), coefficients, white, sensed, is_rate, kept,
-            self.noise**2, x, p, candidates,
+            tabulate_monomial_derivatives(exponents, len(x)), coefficients, white, sensed, is_rate,
+            kept, self.noise**2, x, p, candidates,
         )  # fmt: skip
 
     def simulate(self, x: np.ndarray, steps: Steps, rng: np.random.Generator) -> np.ndarray:
@@ -295,7 +297,7 @@ class StateSpaceModel:
         own = steps.of[1:], steps.lengths, counts, driven, *self.equations(), root, noise
         return random_motion(x, *own)[:, : len(self.size)]
 
-    def filter(self, data: Data) -> FilterResult:
+    def filter(self, data: SampledChannels) -> FilterResult:
         """Run the Kalman filter, extended if the equations are nonlinear, over a recording.
 
         Raises IdentificationError if the filter fails.
@@ -326,7 +328,7 @@ class StateSpaceModel:
         means[:, :n] += self.rest
         return self._make_result(data, innovations, variances, means, x, p)
 
-    def first_state(self, data: Data, count: int) -> np.ndarray:
+    def first_state(self, data: SampledChannels, count: int) -> np.ndarray:
         """Estimate the states at the first sample from the first `count` samples.
 
         Returns (n_states,). The filter is of the states together with their first values, which are
@@ -350,7 +352,8 @@ class StateSpaceModel:
         x, p = np.tile(self.first_mean, 2), np.kron(np.ones((2, 2)), self.first_covariance)
         steps = replace(steps, of=steps.of[:count], time=steps.time[:count])
         self._run_extended_filter(
-            Data(data.samples[:count], steps), np.hstack([states, np.zeros_like(states), factors]),
+            SampledChannels(data.samples[:count], steps),
+            np.hstack([states, np.zeros_like(states), factors]),
             np.vstack([coefficients, np.zeros_like(coefficients)]), doubled, x, p,
             np.zeros((0, 2), np.int64), np.zeros(0, np.int64),
         )  # fmt: skip
