@@ -13,7 +13,7 @@ PERIODS = 3  # of the slower direction: the motion begins again nearly where it 
 
 
 def animate_line(animation, case, trajectory, line, window):
-    """Write the animation of the last periods of a trajectory."""
+    """Write an animation of the last periods of a line's simulated motion."""
     motion = read(trajectory)[0]
     title = f"{spoken(case)}, wind {line['wind']['speed']:g} m/s"
     if motion.status != "ok":

@@ -23,7 +23,7 @@ def assess_line(
     case, identified, clearance, measures, orbits, line, winds, design_wind, phase_distance, limit,
     chosen, seed,
 ):  # fmt: skip
-    """Write tables of clearance and of measures, and the orbits of one line."""
+    """Write tables of clearance and of measures against galloping, and orbits, of one line."""
     simulator, distance = Simulator(STATES, LIBRARY), tuple(phase_distance)
     winds = sorted({*winds, design_wind})
     family, start = line_family(line, "wind_speed"), np.array(initial_state(line))

@@ -47,19 +47,19 @@ LEVELS = 310  # noise levels of a study of 5,000 jobs
 
 
 def seconds(work: Callable, repeats: int) -> float:
-    """Measure the median wall time of `work`, s."""
+    """Measure the median wall time of several calls of a function, s."""
     return float(np.median(timeit.repeat(work, number=1, repeat=repeats)))
 
 
 def row(quantity: str, value: float, unit: str, peer: str = "", ratio: float = np.nan, bar=""):
-    """Print one measured quantity and return it as a row of the table."""
+    """Print a measured speed or memory, and return it as a row of the table of results."""
     print(f"{quantity}: {value:.4g} {unit}" + (f" ({ratio:.4g} x {peer})" if peer else ""))
     told = (quantity, value, unit, peer, ratio, bar)
     return dict(zip(("quantity", "value", "unit", "peer", "ratio", "bar"), told, strict=True))
 
 
 def simulation(results: Path) -> list[dict]:
-    """Compare time and error of re-simulating an identified model with those of pysindy."""
+    """Compare time and error of simulating an identified model with those of pysindy."""
     line = read_model(results / f"models/{CASE}.json").model
     motion = read_trajectories(results / f"trajectories/{CASE}.npz")[0]
     grid, exact, terms = motion.time, motion.states, polynomial_library(len(line.states), 3)
@@ -89,7 +89,10 @@ def simulation(results: Path) -> list[dict]:
 
 
 def integration(results: Path) -> list[dict]:
-    """Time the motion of the default line and its derivatives, against heyoka if installed."""
+    """Time the simulation of the default line and of its sensitivities, against heyoka.
+
+    heyoka is omitted if it is not installed.
+    """
     line = read_model(results / f"models/{CASE}.json").model
     motion = read_trajectories(results / f"trajectories/{CASE}.npz")[0]
     time, start, free = motion.time, motion.states[0], np.argwhere(line.support)
@@ -114,7 +117,10 @@ def integration(results: Path) -> list[dict]:
 def heyoka_peers(
     line: PolynomialModel, free: np.ndarray, start: np.ndarray, time: np.ndarray
 ) -> Iterator[Callable]:
-    """Yield compiled heyoka equivalents of `integration`: states, then their derivatives."""
+    """Yield functions that compute the default line's motion and its sensitivities with heyoka.
+
+    They are compiled equivalents of `integration`.
+    """
     import heyoka as hy
 
     x, values = hy.make_vars(*line.states), [hy.par[k] for k in range(len(free))]
@@ -136,7 +142,7 @@ def heyoka_peers(
 
 
 def identification(results: Path) -> list[dict]:
-    """Time STLSQ with threshold selection against one fit of pysindy at one threshold."""
+    """Compare the time of STLSQ with threshold selection with that of a single pysindy fit."""
     recording = recordings(results, "derivative")[0][0]
     terms = polynomial_library(len(recording.states), 3)
     sindy = ps.SINDy(
@@ -155,7 +161,10 @@ def identification(results: Path) -> list[dict]:
 
 
 def limit(results: Path) -> list[dict]:
-    """Time maximum likelihood, compiled beforehand, on every noise realisation of a study cell."""
+    """Time maximum likelihood on recordings of the default study, against a weak-form method.
+
+    There is a run for each noise realisation of a study cell; the code is compiled beforehand.
+    """
     replicates = recordings(results, "state")
     terms = polynomial_library(4, 3)
     maximum_likelihood(list(replicates[0]), terms)
@@ -173,7 +182,10 @@ def limit(results: Path) -> list[dict]:
 
 
 def command() -> list[dict]:
-    """Measure the core time of the README's example, with the default threads and with one."""
+    """Measure the processor time of the command `galloping identify` on the README's example.
+
+    It is measured with the default threads and with one.
+    """
     example, threads = ROOT / "examples/span", ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
     default = {name: value for name, value in os.environ.items() if name not in threads}
 
@@ -196,14 +208,17 @@ def command() -> list[dict]:
 
 
 def recordings(results: Path, protocol: str) -> list[tuple[Recording, ...]]:
-    """Read the recordings of the default study at noise level 0.05, by noise realisation."""
+    """Simulate noisy recordings of the default line, at noise level 0.05, by realisation."""
     cell = Study(load({})).cell(CASE, protocol, "noise_0.05")
     motions = read_trajectories(results / f"trajectories/{CASE}.npz")
     return recordings_of(motions, name=tuple(cell.wildcards.values()), **cell.measurement)
 
 
 def costs(results: Path) -> pd.DataFrame:
-    """Read Snakemake's benchmarks of all jobs: rule, s (wall time), max_rss (MiB)."""
+    """Read the wall time and memory of all jobs of a study from Snakemake's benchmark files.
+
+    Columns: rule, s (wall time), max_rss (MiB).
+    """
     folder = results / "benchmarks"
     return pd.concat(
         pd.read_csv(path, sep="\t", na_values="-").assign(
@@ -214,7 +229,10 @@ def costs(results: Path) -> pd.DataFrame:
 
 
 def jobs(results: Path, older: Path | None) -> list[dict]:
-    """Sum job seconds by rule, with the largest memory of a job, and compare an older study."""
+    """Tabulate the run time of a study's jobs by rule, and the largest memory of a job.
+
+    older: a study of an older version to compare with, or None.
+    """
     now, before = costs(results), costs(older) if older else None
     rows, peer = [row("memory of the largest job", now["max_rss"].max(), "MiB", bar="<= 1024")], {}
     for study, when in ((now, ""), (before, " before")):
@@ -228,7 +246,10 @@ def jobs(results: Path, older: Path | None) -> list[dict]:
 
 
 def planning(folder: str) -> list[dict]:
-    """Time the planning of the default study and of one of 5,000 jobs in a project copy."""
+    """Time Snakemake's planning of the default study and of a study with 5,000 jobs.
+
+    folder: a copy of the project.
+    """
     larger = Path(folder) / "larger.yaml"
     levels = [round(0.001 * k, 3) for k in range(LEVELS)]
     larger.write_text(yaml.safe_dump({"results": "larger", "measurement": {"levels": levels}}))
@@ -245,7 +266,10 @@ def planning(folder: str) -> list[dict]:
 
 
 def whole_runs() -> list[dict]:
-    """Time default and smoke study from scratch on two cores, and a repetition without changes."""
+    """Time runs of the default and the smoke-test study from scratch, and a run without changes.
+
+    They have two cores.
+    """
     tracked = subprocess.run(
         ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True, text=True
     ).stdout.split("\0")
@@ -271,7 +295,7 @@ def whole_runs() -> list[dict]:
 
 
 def main(results: str, output: str, older: str | None = None) -> None:
-    """Write the table of all measured speeds."""
+    """Measure all speeds and write them to a table."""
     folder, measured = Path(results), (integration, simulation, identification, limit)
     rows = jobs(folder, Path(older) if older else None)
     rows += [each for measure in measured for each in measure(folder)]

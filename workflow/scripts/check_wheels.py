@@ -25,7 +25,10 @@ UNREACHABLE = ("Failed to fetch", "error sending request", "dns error", "Could n
 
 
 def resolved(lock: Path, system: str, python: str) -> subprocess.CompletedProcess:
-    """Run uv's resolution of a lock file for a system and a Python, without installing anything."""
+    """Test with uv, without installing, whether a lock file resolves for a system and a Python.
+
+    Returns the finished process.
+    """
     built = (option for name in BUILT[python] for option in ("--no-binary", name))
     with tempfile.TemporaryDirectory() as folder:
         return subprocess.run(
@@ -37,7 +40,7 @@ def resolved(lock: Path, system: str, python: str) -> subprocess.CompletedProces
 
 
 def main() -> int:
-    """Print the result for each lock file and return the exit code."""
+    """Test all lock files on all systems and Pythons, print results, return the exit code."""
     failed = 0
     for lock, system, python in product(LOCKS, SYSTEMS, PYTHONS):
         done = resolved(ROOT / lock, system, python)

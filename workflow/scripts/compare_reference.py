@@ -8,7 +8,7 @@ from galloping.tables.comparison import Origin, compare_study, processor, read_o
 
 
 def compare_reference(tables, reference, origin, summary, differences, study):
-    """Write the summary of the comparison, and the differences beyond tolerance."""
+    """Compare the tables of a study with the reference, and write summary and differences."""
     before, now = ({Path(p).stem: read_as_written(p) for p in of} for of in (reference, tables))
     made_with = read_origin(origin[0]) if origin else None
     present = Origin(settings=study, processor=processor())

@@ -14,7 +14,10 @@ OSCILLATORS = {
 
 
 def forced(time: np.ndarray) -> np.ndarray:
-    """Simulate displacement and velocity, (n, 2), of an oscillator under white-noise forces."""
+    """Simulate an oscillator under white-noise forces: displacement and velocity over time.
+
+    Returns (n, 2).
+    """
     step, states = time[1] - time[0], np.zeros((len(time), 2))
     for k, kick in enumerate(np.random.default_rng(1).normal(size=len(time) - 1)):
         q, dq = states[k]
@@ -24,7 +27,7 @@ def forced(time: np.ndarray) -> np.ndarray:
 
 
 def main() -> None:
-    """Run one call of each kind that compiles code."""
+    """Call the library's main functions once, so that numba compiles and caches their code."""
     time = np.arange(600) / 20
     for library, coefficients in OSCILLATORS.items():
         terms, _ = galloping.library(library, ["q", "dq"])

@@ -6,7 +6,7 @@ from galloping.study.files import write_model
 
 
 def derive_model(line, model):
-    """Write the galloping equations of one line."""
+    """Derive the galloping equations of one line from its parameters, and write them."""
     write_model(model, derive(line))
 
 

@@ -8,7 +8,7 @@ from galloping.study.files import read_all
 
 
 def draw_figure(svg, png, function, settings, look, names, **files):
-    """Draw one figure from files and write it as SVG and PNG."""
+    """Draw one figure from result files of the study, and write it as SVG and PNG."""
     read = read_all(files, names) | ({"settings": settings} if settings else {})
     write_figure(svg, png, lambda: resolve_name(function)(**read), **look)
 

@@ -27,7 +27,10 @@ Graph = dict[str, set[str]]  # by rule, those that it reads from
 
 
 def build_graph(jobs: Iterable[PlannedJob]) -> Graph:
-    """Map each rule to the rules whose outputs it reads directly."""
+    """Build the dependency graph of the workflow's rules, without links that other links imply.
+
+    By rule, it has the rules whose outputs the rule reads.
+    """
     jobs = list(jobs)
     rule_of = {path: job.rule for job in jobs for path in job.outputs}
     reads: Graph = {job.rule: set() for job in jobs}
@@ -44,7 +47,10 @@ def _all_before(reads: Graph, rule: str) -> set[str]:
 
 
 def draw(reads: Graph) -> str:
-    """Draw rules as boxes in columns, each as far right as its readers allow."""
+    """Draw a graph of rules as SVG text, with boxes in columns and links from left to right.
+
+    Each box is as far right as its readers allow.
+    """
 
     def count_columns_after(rule: str) -> int:
         """Count the columns needed to the right of a rule."""

@@ -21,7 +21,7 @@ def evaluate_cell(
     case, protocol, cell, model, trajectory, identified, bounds, scores, reconstructions,
     columns, measurement, degree, steady_window, is_own_model,
 ):  # fmt: skip
-    """Write bounds, scores and reconstructed motions of one study cell."""
+    """Write scores, Cramér-Rao bounds and simulated motions of models of a set of recordings."""
     line, motions = read_model(model).model, read_trajectories(trajectory)
     terms = polynomial_library(len(line.states), degree)
     line = line.on_library(extend_library(terms, line))

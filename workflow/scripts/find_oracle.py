@@ -13,7 +13,7 @@ def find_oracle(
     case, protocol, cell, model, trajectory, scores,
     columns, measurement, degree, path_length, steady_window,
 ):  # fmt: skip
-    """Write the scores with tuning constants that are chosen with the truth."""
+    """Write the scores of sparse regression with ideal tuning, chosen with the truth."""
     line, motions = read_model(model).model, read_trajectories(trajectory)
     # the oracle also knows of terms that the library lacks
     line = line.on_library(extend_library(polynomial_library(len(line.states), degree), line))

@@ -14,7 +14,7 @@ COLUMNS = [  # of a line that never gallops, too
 
 
 def follow_cycles(case, cycles, bifurcations, line, parameter, ends):
-    """Write limit cycles and bifurcations of one line along a parameter."""
+    """Write tables of a line's limit cycles and bifurcations along a parameter."""
     along = line_diagram(line, parameter, *ends, Simulator(STATES, LIBRARY))
     write_rows(cycles, limit_cycle_rows(case, parameter, along), COLUMNS)
     write_rows(bifurcations, bifurcation_rows(case, parameter, along, line))

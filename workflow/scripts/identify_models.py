@@ -8,7 +8,10 @@ from galloping.study.files import read_trajectories, write_identified
 
 
 def identify_models(case, protocol, cell, trajectory, models, measurement, degree, methods):
-    """Write the models that a family of methods identifies in one study cell."""
+    """Identify models from a set of simulated recordings with several methods; write them.
+
+    The methods are those of one family.
+    """
     motions, name = read_trajectories(trajectory), (case, protocol, cell)
     recordings = recordings_of(motions, name=name, **measurement)
     terms = polynomial_library(len(motions[0].names), degree)

@@ -9,7 +9,7 @@ from galloping.summary.analysis import FieldQuestion, analyse, read_field
 
 
 def identify_recordings(files, mapping, beside, made, question, case):
-    """Write model, summary and figures of recordings in files."""
+    """Identify a model from field recordings; write the model, a summary and figures."""
     asked = FieldQuestion(**{**question, "known": tuple(question["known"])})
     line = (case, read_model(beside).model) if beside else None
     field = read_field(files, read_mapping(mapping))

@@ -42,7 +42,10 @@ FAULTS = {
 
 
 def main() -> None:
-    """Run one of the commands, with one line for an error."""
+    """Run the command that the command line names, such as verify, publish or restore.
+
+    An error ends the process with one line.
+    """
     parser = argparse.ArgumentParser(description=__doc__)
     commands = parser.add_subparsers(required=True)
     for function, *options in (
@@ -72,14 +75,14 @@ def main() -> None:
 
 @contextmanager
 def planned(configfile):
-    """Plan a study, and lock it against other processes meanwhile."""
+    """Plan a study, and lock it against other processes in a `with` block."""
     plan = planning(configfile)
     with locked(plan.results, make_command(configfile, "repair")):
         yield plan
 
 
 def verify(configfile):
-    """Compare every file of a study with its receipt, and every receipt with the settings."""
+    """Check that all result files of a study are intact, up to date and made as configured."""
     run, repair = make_command(configfile), make_command(configfile, "repair")
     plan = planning(configfile)
     checked, count = audit(plan), 0
@@ -112,7 +115,10 @@ def verify_archive(archive, sha256, configfile):
 
 
 def compare(folder: Path, study: dict) -> None:
-    """Compare an unpacked archive with the study in this folder. Exits with 1 if they differ."""
+    """Compare settings and tables of an unpacked archive with the study in this folder.
+
+    Exits with 1 if they differ.
+    """
     results, before = study["results"], published_settings(folder)
     if not tables_of(Path(results)):
         print(f"{results}: no study here, so that no numbers were compared")
@@ -125,7 +131,7 @@ def compare(folder: Path, study: dict) -> None:
 
 
 def publish(allow, configfile):
-    """Write the publication of a study, as a folder and an archive."""
+    """Write a folder and an archive with which a finished study can be published."""
     allowed = allow.split(",") if allow else []
     if unknown := [kind for kind in allowed if kind not in ALLOWABLE]:
         sys.exit(f"ALLOW: {unknown[0]!r} is not allowed; must be of {', '.join(ALLOWABLE)}")
@@ -142,7 +148,7 @@ def publish(allow, configfile):
 
 
 def restore(archive, replace, sha256, configfile):
-    """Put the results of an archive in place, without recomputing them."""
+    """Put the results of a published archive into this study, instead of computing them."""
     try:
         with planned(configfile) as plan:
             check_digest(archive, sha256)
@@ -156,7 +162,7 @@ def restore(archive, replace, sha256, configfile):
 
 
 def prune(delete, configfile):
-    """List, or remove, results that the settings no longer ask for."""
+    """List or delete result files that the present settings no longer need."""
     with planned(configfile) as plan:
         left_over = audit(plan).left_over
         for receipt in left_over:
@@ -170,7 +176,7 @@ def prune(delete, configfile):
 
 
 def take_reference(configfile):
-    """Take the numbers of a finished study as the reference of later comparisons.
+    """Copy the tables of a finished study as the reference of later comparisons.
 
     Refuses a study in which anything is missing, damaged or not as configured.
     """

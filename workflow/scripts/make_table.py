@@ -7,7 +7,7 @@ from galloping.study.files import read_all, write_table
 
 
 def make_table(table, function, settings, names, **files):
-    """Compute one table from files and write it."""
+    """Compute one table from result files of the study, and write it as CSV."""
     read = read_all(files, names) | ({"settings": settings} if settings else {})
     write_table(table, resolve_name(function)(**read))
 

@@ -6,7 +6,7 @@ from galloping.study.files import read_trajectories, write_recordings
 
 
 def measure_motion(case, protocol, cell, trajectory, recordings, measurement):
-    """Write the recordings of one study cell."""
+    """Simulate noisy recordings of a line from its true motion, and write them to a file."""
     motions = read_trajectories(trajectory)
     write_recordings(recordings, recordings_of(motions, name=(case, protocol, cell), **measurement))
 

@@ -32,7 +32,7 @@ def _predicted(identified, case, winds, rng) -> Prediction:
 
 
 def predict_winds(case, protocol, identified, prediction, line, winds, methods, seed):
-    """Write the predicted and the true limit cycles."""
+    """Write limit cycles at other wind speeds: true, and predicted by identified models."""
     models = read_families(identified)
     true = simulate_true_amplitudes(line, winds, Simulator(STATES, LIBRARY))
     rows = []

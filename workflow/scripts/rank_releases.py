@@ -13,7 +13,7 @@ HEIGHTS = (1.0, 2.0, 3.0)  # m, of the further releases that are compared
 
 
 def rank_releases(case, model, trajectory, ranking, level, heights=HEIGHTS):
-    """Write the ranked initial displacements of one case."""
+    """Rank initial displacements of a line for a second recording, and write the table."""
     ranked = ranked_releases(
         read_model(model).model, read_trajectories(trajectory)[0], level, heights
     )

@@ -6,7 +6,7 @@ from galloping.study.files import write_table
 
 
 def redraw_paper(case, draws, line, amounts, number, threshold, kinematics, degree, seed):
-    """Write the results of the paper's method for all noise realisations."""
+    """Run the reproduced paper's method on many noise realisations, and write the results."""
     drawn = paper_draws(
         line, name=(case,), amounts=Amounts(**amounts), draws=number, threshold=threshold,
         kinematics=kinematics, degree=degree, seed=seed,

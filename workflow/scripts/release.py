@@ -24,7 +24,7 @@ DATED = re.compile(r"^## (\S+) - \d{4}-\d{2}-\d{2}$", re.MULTILINE)
 
 
 def objections(root: Path) -> Iterator[str]:
-    """Yield one line for each objection to releasing the project in a folder."""
+    """Yield a line of text for each reason against a release, such as a leftover placeholder."""
     text = (root / "pyproject.toml").read_text(encoding="utf-8")
     project = tomllib.loads(text)["project"]
     citation, security = (
@@ -50,7 +50,7 @@ def objections(root: Path) -> Iterator[str]:
 
 
 def with_full_links(readme: str, source: str, version: str) -> str:
-    """Make links of a README absolute and embed its pictures."""
+    """Replace relative links in a README by URLs, so that they work on a package index."""
 
     def full(match: re.Match) -> str:
         picture, before, target = match.groups()
@@ -61,7 +61,7 @@ def with_full_links(readme: str, source: str, version: str) -> str:
 
 
 def build(root: Path, folder: Path) -> subprocess.CompletedProcess:
-    """Build both distributions of the tracked files of a project into a folder."""
+    """Build the wheel and source distribution of a project from the files that git tracks."""
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     tracked = subprocess.run(
         ["git", "ls-files", "-z"], cwd=root, check=True, capture_output=True, text=True
@@ -82,7 +82,10 @@ def build(root: Path, folder: Path) -> subprocess.CompletedProcess:
 
 
 def main() -> int:
-    """Print the objections, build the distributions if allowed, and return the exit code."""
+    """Print reasons against a release, build the distributions, and return the exit code.
+
+    Nothing is built if there are reasons, unless it is a draft.
+    """
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--draft", action="store_true")

@@ -44,7 +44,7 @@ LAST_WORDS = 20  # lines of Snakemake's that are shown where no job says what we
 
 
 def main(*arguments: str) -> int:
-    """Run the study with these arguments, and return the exit code."""
+    """Run the study with command-line arguments, and return the exit code."""
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--repair", action="store_true")
     parser.add_argument("--only", nargs="+", default=[])
@@ -100,9 +100,10 @@ def announced(
     known: dict[str, Receipt],
     options: argparse.Namespace,
 ) -> Iterator[str]:
-    """Yield lines on what the run will do, or only warnings if nothing changed since the report.
+    """Yield lines of text on what a run will do: jobs, duration, changes and warnings.
 
-    The plan contains these warnings itself.
+    If nothing changed since the report, only the warnings are yielded. The plan contains these
+    warnings itself.
     """
     report = receipt_path(Path(settings.results, "report.html"))
     made = report.stat().st_mtime if report.exists() else 0.0
@@ -120,7 +121,7 @@ def announced(
 
 
 def tell(results: str, made: int, seconds: float) -> None:
-    """Print how many results are new, how many claims of the paper are met, and the report."""
+    """Print a summary of a run: new results, reproduced claims, and the path of the report."""
     from galloping.reproducibility.plan import duration_in_words
 
     files = f"{made} files made in {duration_in_words(seconds)}"
@@ -137,13 +138,13 @@ def tell(results: str, made: int, seconds: float) -> None:
 
 
 def check_cores(text: str | None) -> None:
-    """Exit with one line if the text is not a number of cores that Snakemake accepts."""
+    """Exit with a message if a text is not a number of cores that Snakemake accepts."""
     if text not in (None, "all") and not (text.isdecimal() and int(text) > 0):
         sys.exit(f"CORES: {text!r} is not a number of cores; must be all or a whole number >= 1")
 
 
 def check(results: str, configfiles: list[str], repair: str) -> list[str]:
-    """Return extra targets for Snakemake: results that were made and are missing now.
+    """Check all results for damage, and return the missing files as targets for Snakemake.
 
     Raises Obstacle if results must not be used as they are.
     """
@@ -173,7 +174,10 @@ def check(results: str, configfiles: list[str], repair: str) -> list[str]:
 
 
 def mend(results: str, configfiles: list[str]) -> list[str]:
-    """Make a study fit to continue, print what was done, and return targets as `check` does."""
+    """Repair a study after a crash or edited files, and return targets for Snakemake.
+
+    What was done is printed; targets are as in `check`.
+    """
     from galloping.reproducibility.plan import planning, recorded, unlock
     from galloping.reproducibility.repair import adopt, set_aside
 
@@ -198,7 +202,7 @@ def mend(results: str, configfiles: list[str]) -> list[str]:
 
 
 def snakemake(results: str, *arguments: str) -> tuple[int, bool]:
-    """Run Snakemake, and return its exit code and whether Ctrl-C interrupted it.
+    """Run Snakemake, and return its exit code and whether the user interrupted it.
 
     On a terminal Snakemake shows progress bars; elsewhere its output goes to a file, and one line
     per minute reports the progress. Raises Killed if a signal ended it.
@@ -222,7 +226,7 @@ def snakemake(results: str, *arguments: str) -> tuple[int, bool]:
 
 
 def followed(process: subprocess.Popen, said: Path) -> int:
-    """Wait for Snakemake, report its progress now and then, and return its exit code."""
+    """Wait for a Snakemake process, print its progress every minute, return its exit code."""
     told = ""
     while True:
         try:

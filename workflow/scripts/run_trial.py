@@ -9,7 +9,7 @@ from galloping.study.files import write_table
 
 
 def run_trial(fits, function, seed, case, replicates, methods, options):
-    """Write the rows of one batch of a trial."""
+    """Run one batch of a trial (fits to recordings of known truth), and write a row per fit."""
     rows = resolve_name(function)(seed, case, replicates, methods, **options)
     write_table(fits, pd.DataFrame(rows))
 

@@ -12,7 +12,7 @@ from galloping.trajectory.simulation import Simulator, time_grid
 
 
 def simulate_line(model, trajectory, releases, duration, sampling_rate):
-    """Write the trajectories of one line."""
+    """Simulate a line from each of its initial states, and write the trajectories."""
     line, time = read_model(model).model, time_grid(duration, sampling_rate)
     simulator = Simulator(line.states, line.terms)
 

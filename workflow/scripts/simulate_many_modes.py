@@ -8,7 +8,7 @@ from galloping.trajectory.simulation import time_grid
 
 
 def simulate_many_modes(case, trajectory, line, truth, releases, duration, sampling_rate, seed):
-    """Write the motions that the sensors see, without noise."""
+    """Simulate the noise-free motion of a many-mode line at its sensors, and write it."""
     time = time_grid(duration, sampling_rate)
     motions = [
         simulate_at_sensors(line, truth, release, time, make_generator(seed, "gusts", case, k))

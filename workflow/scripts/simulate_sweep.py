@@ -14,7 +14,7 @@ from galloping.trajectory.simulation import Simulator
 
 
 def simulate_sweep(case, simulated, line, parameter, values, second, second_value, is_grown=False):
-    """Write one row of the final motion for each value of a parameter.
+    """Simulate a line to its final motion at each value of a parameter; write a row for each.
 
     is_grown: whether the file exists, made with the same settings but fewer values.
     """

@@ -27,7 +27,7 @@ SHOWN = (  # columns of `exam.sum_up_strata`, and the measures of their differen
 
 
 def main(*arguments: str) -> int:
-    """Run the trials, print the comparison, and return the exit code."""
+    """Identify a fixed set of recordings, compare with earlier results, return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
     parser.add_argument("--stratum", nargs="+", default=[])
     parser.add_argument("--before")
@@ -56,7 +56,10 @@ def main(*arguments: str) -> int:
 
 
 def select_trials(study: Study, strata: Sequence[str]) -> list[Trial]:
-    """Select the trials of these names, by default all. Raises ValueError for another name."""
+    """Select trials of a study by name, or all of them if no name is given.
+
+    Raises ValueError for another name.
+    """
     if not study.settings.exam:
         raise ValueError("exam: false; the configuration of an exam says true")
     known = [trial.name for trial in study.trials]
@@ -67,9 +70,10 @@ def select_trials(study: Study, strata: Sequence[str]) -> list[Trial]:
 
 
 def read_before(study: Study, file: str | None) -> pd.DataFrame:
-    """Read the answers to compare with; none if there is no reference.
+    """Read the earlier identification results to compare with, from a file or the reference.
 
-    Raises ValueError, in one line, for a file that is not a table of answers.
+    The table is empty if there is no reference. Raises ValueError, in one line, for a file that is
+    not a table of answers.
     """
     path = Path(file or Path(study.settings.reference, "answers.csv"))
     if not file and not path.exists():
@@ -84,7 +88,10 @@ def read_before(study: Study, file: str | None) -> pd.DataFrame:
 
 
 def format_table(strata: pd.DataFrame, compared: pd.DataFrame) -> Iterator[str]:
-    """Yield a line for each stratum: values, with their changes in brackets."""
+    """Yield the lines of a text table of results by group of recordings, with their changes.
+
+    Groups are the strata; changes are in brackets.
+    """
     shifts = {
         (row["stratum"], row["method"], row["measure"]): row for row in compared.to_dict("records")
     }
@@ -113,7 +120,7 @@ def _format_cell(column: str, value: float, shift: dict | None) -> str:
 
 
 def format_changes(before: pd.DataFrame, now: pd.DataFrame) -> Iterator[str]:
-    """Yield a line for each answer that changed."""
+    """Yield a line of text for each recording whose identification result changed."""
     if before.empty:
         yield "There are no answers to compare with."
         return

@@ -10,7 +10,7 @@ def vary_parameter(
     parameter, drawn, claims, case, line, values, amounts, number, threshold, kinematics,
     degree, seed,
 ):  # fmt: skip
-    """Write the claims that hold at each value of one setting."""
+    """Assess the reproduced paper's claims at each value of a setting that the paper omits."""
     plan = {
         "draws": number, "threshold": threshold, "kinematics": kinematics, "degree": degree,
         "seed": seed,

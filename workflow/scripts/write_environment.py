@@ -20,7 +20,7 @@ dependencies:
 
 
 def requirements(project: dict, extra: str) -> Iterator[tuple[str, str]]:
-    """Yield (name, versions) of the packages that all installations and those with an extra need.
+    """Yield name and version range of each package that a project and one of its extras require.
 
     The extras that the extra names are included.
     """
@@ -37,7 +37,10 @@ def requirements(project: dict, extra: str) -> Iterator[tuple[str, str]]:
 
 
 def environment(pyproject: str) -> str:
-    """Format the conda environment of the study's jobs, which do not import Snakemake."""
+    """Format the conda environment file for the study's jobs from pyproject.toml.
+
+    The jobs do not import Snakemake.
+    """
     project = tomllib.loads(pyproject)["project"]
     needed = {
         name.lower(): versions

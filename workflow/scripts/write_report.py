@@ -43,7 +43,7 @@ def write_report(
     figures, animation, tables, recordings, region, report, labels, parts, introduction, captions,
     captions_of_recordings, headline, study,
 ):  # fmt: skip
-    """Write the report from figures, tables and recordings of a study."""
+    """Write the HTML report of a study from its figures, tables and recordings."""
     drawn = _items([*figures, *animation], captions, labels)
     said_of = captions_of_tables()
     shown = _items(tables, {name: said_of[name] for name in (Path(t).stem for t in tables)}, {})

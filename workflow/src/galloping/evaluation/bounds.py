@@ -28,13 +28,13 @@ def sensitivities(
     time: np.ndarray,
     inputs: Mapping[str, Input] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Solve `model` with its derivatives, to double precision if it has no inputs.
+    """Simulate a model together with the sensitivities to its coefficients and initial state.
 
-    free: (n_free, 2) pairs (equation, term) of the coefficients to differentiate by; absent ones
-    too. initial_state: (n_states,) at time[0]. time: (n,), s, increasing. inputs: the model's.
-    Returns the states (n, n_states) and the sensitivities (n, n_states, n_free + n_states), by the
-    free coefficients and then by the initial state. Raises ValueError if the solution leaves the
-    range of numbers.
+    The accuracy is double precision if the model has no inputs. free: (n_free, 2) pairs (equation,
+    term) of the coefficients to differentiate by; absent ones too. initial_state: (n_states,) at
+    time[0]. time: (n,), s, increasing. inputs: the model's. Returns the states (n, n_states) and
+    the sensitivities (n, n_states, n_free + n_states), by the free coefficients and then by the
+    initial state. Raises ValueError if the solution leaves the range of numbers.
     """
     start = np.asarray(initial_state, float)
     diverges = "the solution of the model diverges, or its time scale is too short"
@@ -62,7 +62,7 @@ def sensitivities(
 
 @dataclass(frozen=True)
 class Experiment:
-    """Initial state, sampling times and noise of one recording.
+    """Initial state, sampling times and noise of one recording, for its Cramér-Rao bound.
 
     initial_state: (n_states,). time: (n,), s, increasing, any sampling; the state at time[0] is
     `initial_state`. sigma: (n_states,) standard deviation of the noise on each state, in the
@@ -79,7 +79,7 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Bound:
-    """Cramér-Rao bound of each free coefficient.
+    """Cramér-Rao bound on estimated coefficients: standard deviations and covariance.
 
     free: (n_free, 2) pairs (equation, term). std: (n_free,) least standard deviation, in the
     coefficient's unit, infinite if undetermined. t: (n_free,) |coefficient| / std. covariance:
@@ -93,7 +93,7 @@ class Bound:
 
 
 def state_bound(model: PolynomialModel, free: np.ndarray, experiments: list[Experiment]) -> Bound:
-    """Compute the bound from noisy states, of one or several recordings.
+    """Compute the Cramér-Rao bound on coefficients from recordings of noisy states.
 
     This covers the protocols `state` and `displacement`, and subsets. free: (n_free, 2) pairs
     (equation, term). The recordings share the coefficients; the initial state of each is unknown.
@@ -105,9 +105,10 @@ def state_bound(model: PolynomialModel, free: np.ndarray, experiments: list[Expe
 
 
 def information(model: PolynomialModel, free: np.ndarray, experiment: Experiment) -> np.ndarray:
-    """Compute the Fisher information, (n_free, n_free), of one recording with unknown start.
+    """Compute the Fisher information of one recording about a model's coefficients.
 
-    Raises ValueError if the model's solution diverges, and as `fisher_information`.
+    Returns (n_free, n_free); the initial state is unknown. Raises ValueError if the model's
+    solution diverges, and as `fisher_information`.
     """
     return fisher_information(weighted_sensitivities(model, free, experiment), len(free))
 
@@ -115,10 +116,10 @@ def information(model: PolynomialModel, free: np.ndarray, experiment: Experiment
 def weighted_sensitivities(
     model: PolynomialModel, free: np.ndarray, experiment: Experiment
 ) -> np.ndarray:
-    """Compute sensitivities of the samples, (n, n_channels, n_free + n_states), over their noise.
+    """Compute the sensitivities of all samples, divided by the standard deviation of the noise.
 
-    Channels are the states and then, if any is measured, their derivatives. Columns, and errors
-    raised: as of `sensitivities`.
+    Returns (n, n_channels, n_free + n_states). Channels are the states and then, if any is
+    measured, their derivatives. Columns, and errors raised: as of `sensitivities`.
     """
     time, inputs = experiment.time, experiment.inputs
     states, moved = sensitivities(model, free, experiment.initial_state, time, inputs)
@@ -135,10 +136,10 @@ def weighted_sensitivities(
 
 
 def fisher_information(weighted: np.ndarray, n_free: int) -> np.ndarray:
-    """Compute the Fisher information, (n_free, n_free), with the initial state eliminated.
+    """Compute the Fisher information of coefficients, with the initial state eliminated.
 
-    weighted: samples of `weighted_sensitivities`, or some of them. Raises ValueError if the
-    information leaves the range of numbers, as for a long chaotic motion.
+    Returns (n_free, n_free). weighted: samples of `weighted_sensitivities`, or some of them. Raises
+    ValueError if the information leaves the range of numbers, as for a long chaotic motion.
     """
     rows = weighted.reshape(-1, weighted.shape[2])
     by_coefficients, by_state = rows[:, :n_free], rows[:, n_free:]
@@ -158,10 +159,10 @@ def fisher_information(weighted: np.ndarray, n_free: int) -> np.ndarray:
 def derivative_bound(
     model: PolynomialModel, free: np.ndarray, x: np.ndarray, sigma: np.ndarray
 ) -> Bound:
-    """Compute the bound from exact states and noisy derivatives: sigma^2 (Theta^T Theta)^-1.
+    """Compute the Cramér-Rao bound on coefficients from exact states and noisy derivatives.
 
-    x: (n, n_states) the sampled states, with the inputs beside them if there are any. sigma:
-    (n_states,) noise of each state derivative.
+    Its covariance is sigma^2 (Theta^T Theta)^-1. x: (n, n_states) the sampled states, with the
+    inputs beside them if there are any. sigma: (n_states,) noise of each state derivative.
     """
     theta = design_matrix(x, model.terms)
     gram = theta.T @ theta
@@ -174,7 +175,7 @@ def derivative_bound(
 
 
 def covariance_of(information: np.ndarray) -> np.ndarray:
-    """Invert an information matrix, the diagonal infinite where a parameter is undetermined."""
+    """Invert an information matrix, with infinite variances of undetermined parameters."""
     diagonal = np.diag(information).copy()
     seen = diagonal > 0
     covariance = np.full(information.shape, np.inf)
@@ -192,7 +193,10 @@ def covariance_of(information: np.ndarray) -> np.ndarray:
 
 
 def bound_of(model: PolynomialModel, free: np.ndarray, total: np.ndarray) -> Bound:
-    """Compute the bound from the information `total` (n_free, n_free)."""
+    """Compute the Cramér-Rao bound on the coefficients of a model from their Fisher information.
+
+    total: (n_free, n_free), the information.
+    """
     covariance = covariance_of(total)
     std = np.sqrt(np.diag(covariance))
     t = np.abs(model.coefficients[free[:, 0], free[:, 1]]) / std
@@ -203,7 +207,10 @@ def bound_of(model: PolynomialModel, free: np.ndarray, total: np.ndarray) -> Bou
 
 
 def free_terms(model: PolynomialModel, equations: Sequence[int]) -> np.ndarray:
-    """List pairs (equation, term), (n_free, 2), of the present terms in unknown `equations`."""
+    """List the (equation, term) index pairs of a model's present terms in given equations.
+
+    Returns (n_free, 2). equations: those with unknown coefficients.
+    """
     pairs = np.argwhere(model.support)
     return pairs[np.isin(pairs[:, 0], equations)]
 
@@ -215,7 +222,7 @@ def bounds_of(
     noises: Sequence[Noise],
     samplings: Sequence[Sequence[np.ndarray | slice]],
 ) -> list[Bound]:
-    """Compute the bound on the present terms from recordings of a system, for each sampling.
+    """Compute Cramér-Rao bounds on a model's present terms, for each set of sampling times.
 
     motions, noises: one for each recording. samplings: indices of the samples of each recording.
     Raises ValueError for rates of exact states if their noise differs.
@@ -247,7 +254,10 @@ def bounds_of(
 
 
 def on_library(model: PolynomialModel, found: Bound) -> np.ndarray:
-    """Expand standard deviations of a bound to (n_states, n_terms), NaN for terms without one."""
+    """Arrange standard deviations of a Cramér-Rao bound in a matrix, equations by terms.
+
+    Returns (n_states, n_terms), NaN for terms without a bound.
+    """
     std = np.full(model.coefficients.shape, np.nan)
     std[tuple(found.free.T)] = found.std
     return std

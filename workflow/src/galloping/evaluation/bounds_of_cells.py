@@ -21,10 +21,11 @@ from galloping.trajectory.simulation import Simulator
 def at_the_bound(
     model: PolynomialModel, found: Bound, rng: np.random.Generator, lacking: Sequence[str] = ()
 ) -> IdentifiedModel:
-    """Draw the result of an efficient method that knows the terms: one draw at the bound.
+    """Create a model with the true terms and random errors at the Cramér-Rao bound.
 
-    lacking: names of the terms that the candidate library lacks. If there are any, or the data
-    leave a coefficient undetermined, there is no such method, and no model.
+    It is the result of an efficient method that knows the terms. lacking: names of the terms that
+    the candidate library lacks. If there are any, or the data leave a coefficient undetermined,
+    there is no such method, and no model.
     """
     if lacking or not np.all(np.isfinite(found.covariance)):
         if lacking:
@@ -41,9 +42,10 @@ def at_the_bound(
 def cell_bounds(
     model: PolynomialModel, motions: Sequence[Motion], measurement: Mapping, name: Sequence[str]
 ) -> list[Bound]:
-    """Compute the bounds of a study cell: one, or one per noise realisation if times differ.
+    """Compute the Cramér-Rao bounds for a set of simulated recordings of one line.
 
-    motions, measurement, name: as for `recordings_of`. Empty without noise.
+    There is one bound, or one for each noise realisation if their times differ. motions,
+    measurement, name: as for `recordings_of`. Empty without noise.
     """
     if measurement["level"] == 0:
         return []
@@ -64,7 +66,10 @@ def models_at(
     name: Sequence[str],
     lacking: Sequence[str] = (),
 ) -> list[IdentifiedModel]:
-    """Draw an efficient method's model from each noise realisation; without noise, the line."""
+    """Create models with random errors at the Cramér-Rao bound, one for each noise realisation.
+
+    Without noise, the model is that of the line.
+    """
     if not bounds:
         return [IdentifiedModel(model, "unjudged")]
     models = []
@@ -75,10 +80,11 @@ def models_at(
 
 
 def deviations(model: PolynomialModel, bounds: Sequence[Bound], candidates: int) -> np.ndarray:
-    """Compute standard deviations, (n_bounds, n_states, n_terms), NaN without noise.
+    """Return the standard deviations of several Cramér-Rao bounds as one array.
 
-    candidates: number of terms of the model, the first ones, in the candidate library. No method
-    estimates the others: they have no bound, NaN.
+    Returns (n_bounds, n_states, n_terms), NaN without noise. candidates: number of terms of the
+    model, the first ones, in the candidate library. No method estimates the others: they have no
+    bound, NaN.
     """
     if not bounds:
         return np.full((1, *model.coefficients.shape), np.nan)
@@ -90,10 +96,10 @@ def deviations(model: PolynomialModel, bounds: Sequence[Bound], candidates: int)
 def ranked_releases(
     line: PolynomialModel, first: Motion, level: float, heights: Sequence[float]
 ) -> list[dict]:
-    """Rank initial displacements of a further recording by their information, the best first.
+    """Rank initial displacements for a second recording by the information they would add.
 
-    They are at rest at one of the `heights` (m) in either direction, a row each. first: the
-    existing recording. level: of the noise on every state, over its deviation. Initial
+    The best is first. They are at rest at one of the `heights` (m) in either direction, a row each.
+    first: the existing recording. level: of the noise on every state, over its deviation. Initial
     displacements from which the motion diverges are left out; all are if that of `first` does, or
     if there is no noise.
     """

@@ -8,12 +8,15 @@ import numpy as np
 
 
 def steady_amplitude(states: np.ndarray) -> np.ndarray:
-    """Compute half of the peak-to-peak range of each state: (n, n_states) -> (n_states,)."""
+    """Compute the amplitude of each state, half of its peak-to-peak range.
+
+    states: (n, n_states). Returns (n_states,).
+    """
     return np.ptp(states, axis=0) / 2
 
 
 def steady_frequency(states: np.ndarray, step: float) -> np.ndarray:
-    """Find the frequency of the highest spectral peak of each state, Hz.
+    """Estimate the frequency of the highest spectral peak of each state, Hz.
 
     states: (n, n_states) sampled every `step` s. Hann window, peak by a parabola through the
     logarithms of its three highest lines.
@@ -32,9 +35,10 @@ def steady_frequency(states: np.ndarray, step: float) -> np.ndarray:
 
 
 def r_squared(true: np.ndarray, model: np.ndarray) -> np.ndarray:
-    """Compute the coefficient of determination of each state (paper, eq. 18): (n_states,).
+    """Compute the coefficient of determination R2 of a model's motion, for each state.
 
-    -inf if the model's motion ended early: no value is worse than a failure.
+    It is eq. 18 of the paper. Returns (n_states,). -inf if the model's motion ended early: no value
+    is worse than a failure.
     """
     residual = np.sum((true - model) ** 2, axis=0)
     total = np.sum((true - true.mean(axis=0)) ** 2, axis=0)

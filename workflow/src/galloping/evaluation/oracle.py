@@ -24,11 +24,11 @@ CHOICES = ("least error", "right terms")
 
 
 def oracles(true: PolynomialModel, models: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Select coefficients (n_states, n_terms) with the least mean error, and with the right terms.
+    """Select two candidate models, knowing the truth: of least error, and with the right terms.
 
-    true: on the candidate library. models: (k, n_terms) for each equation, one per setting. The
-    mean error is that over the orders; the second model has the right terms wherever some setting
-    finds them, with the lowest error among those.
+    Returns coefficients, (n_states, n_terms), of both. true: on the candidate library. models: (k,
+    n_terms) for each equation, one per setting. The mean error is that over the orders; the second
+    model has the right terms wherever some setting finds them, with the lowest error among those.
     """
     least, right = np.empty_like(true.coefficients), np.empty_like(true.coefficients)
     for i, (candidates, weights) in enumerate(zip(models, _error_weights(true), strict=True)):
@@ -57,9 +57,10 @@ def _error_weights(true: PolynomialModel) -> np.ndarray:
 def oracle_rows(
     truth: Truth, replicates: Iterable[Sequence[Recording]], path_length: int
 ) -> list[dict]:
-    """Score the best possible tuning of STLSQ, FROLS and the weak form, as `evaluation.score` does.
+    """Score sparse regression methods with the best possible tuning, chosen with the truth.
 
-    Each row has its `choice` of CHOICES. truth: its model is on the candidate library. replicates:
+    The methods are STLSQ, FROLS and the weak form; scores are those of `evaluation.score`. Each row
+    has its `choice` of CHOICES. truth: its model is on the candidate library. replicates:
     recordings of each. path_length: number of thresholds tried.
     """
     named, models = [], []
@@ -100,9 +101,9 @@ def _choose_candidates(
 
 
 def alternatives(evidence: Regressions, path: Path) -> list[np.ndarray]:
-    """List the distinct models of each equation, (k, n_terms), over all settings.
+    """List the distinct models of each equation that a method finds over all its settings.
 
-    path: the models for all thresholds of a method.
+    Each is (k, n_terms), k models of an equation. path: the models for all thresholds of a method.
     """
     found: list[list[np.ndarray]] = [[] for _ in evidence.tuned.states]
     for problem in [each.reduced for each in evidence.filters] or [evidence.tuned]:

@@ -22,9 +22,9 @@ COMMON = 2.0  # a factor by which the two differ at most where they move in the 
 
 @dataclass(frozen=True)
 class LineVariant:
-    """A continuous line for comparison, as in `continuous`.
+    """Variant of the continuous line that is compared with the two-mode model.
 
-    antisymmetric: m, of its initial displacement.
+    Parameters are as in `continuous`. antisymmetric: m, of its initial displacement.
     """
 
     modes: int
@@ -48,9 +48,10 @@ VARIANTS = {
 
 
 def reduction_table(settings: Mapping) -> pd.DataFrame:
-    """Compute the table of `reduction` for VARIANTS.
+    """Compare the two-mode model with all variants of the continuous line, as a table.
 
-    settings: case; seed, length_scale and spectrum of the gusts.
+    The table is that of `reduction` for VARIANTS. settings: case; seed, length_scale and spectrum
+    of the gusts.
     """
     case, gusts = settings["case"], {k: settings[k] for k in ("seed", "length_scale", "spectrum")}
     return reduction(case, {name: variant_motion(case, v, **gusts) for name, v in VARIANTS.items()})
@@ -59,7 +60,7 @@ def reduction_table(settings: Mapping) -> pd.DataFrame:
 def variant_motion(
     case: Mapping, variant: LineVariant, *, length_scale: float, spectrum: str, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Simulate the continuous line from the initial displacement of the two-mode model.
+    """Simulate a continuous line from the initial displacement of the two-mode model.
 
     Returns the motion at mid-span, and half of the difference between both quarters of the span:
     (n, 2) m each, vertical and horizontal. The keywords are of the gusts.
@@ -92,14 +93,15 @@ def _simulate_release(
 
 
 def reduction(case: Mapping, motions: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> pd.DataFrame:
-    """Compare the two-mode model with continuous lines: one row for each line and direction.
+    """Tabulate amplitude and frequency errors of the two-mode model against continuous lines.
 
-    motions: of the lines, as `variant_motion` returns them, at mid-span. Amplitude and frequency
-    are those of 200-300 s; limit_cycle_m is the amplitude after 1400 s. Errors are those of the
-    two-mode model against the line, NaN if the two differ in either direction by more than COMMON
-    and so have no common motion; R2 is of its displacement, over stretches of 100 s, since phases
-    drift apart. antisymmetric_m, the amplitude of the limit cycle at a quarter of the span in
-    antisymmetric modes, is not part of the two-mode model.
+    There is a row for each line and direction. motions: of the lines, as `variant_motion` returns
+    them, at mid-span. Amplitude and frequency are those of 200-300 s; limit_cycle_m is the
+    amplitude after 1400 s. Errors are those of the two-mode model against the line, NaN if the two
+    differ in either direction by more than COMMON and so have no common motion; R2 is of its
+    displacement, over stretches of 100 s, since phases drift apart. antisymmetric_m, the amplitude
+    of the limit cycle at a quarter of the span in antisymmetric modes, is not part of the two-mode
+    model.
     """
     model = _simulate_release(continuous.continuous_line(case, 0), np.array(initial_state(case)))
     of_model, tables = _describe_motion(*model), []

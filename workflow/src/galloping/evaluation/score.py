@@ -22,7 +22,7 @@ PLOT_RATE = 20.0  # Hz, an order of magnitude above the fastest harmonic that ma
 
 
 def gallops(model: PolynomialModel) -> bool:
-    """Decide whether the line at rest is unstable in its wind, so that its motion has an amplitude.
+    """Decide whether the equilibrium of a line in its wind is unstable, so that it gallops.
 
     Some eigenvalue of the linearised equations has a positive real part (Den Hartog 1932, with
     damping). Otherwise the motion decays, and its amplitude depends on the time.
@@ -32,7 +32,7 @@ def gallops(model: PolynomialModel) -> bool:
 
 @dataclass(frozen=True)
 class Truth:
-    """Reference with which identified models are compared.
+    """True model and true motion, with which identified models are compared.
 
     model: on the candidate library and the terms that it lacks (`polynomial.extend_library`). time:
     (n,) s. states: (n, n_states). steady: window in s. status: `ok`, or why the line itself has no
@@ -49,23 +49,23 @@ class Truth:
 
     @property
     def steady_rows(self) -> slice:
-        """Samples within the steady window, both ends included."""
+        """Slice of the samples within the steady window, both ends included."""
         first, last = np.searchsorted(self.time, np.add(self.steady, (-1e-9, 1e-9)))
         return slice(int(first), int(last))
 
     @property
     def step(self) -> float:
-        """Step of the time grid, s."""
+        """Time between two samples, s."""
         return float(self.time[1] - self.time[0])
 
     @cached_property
     def amplitude(self) -> np.ndarray:
-        """Steady amplitude of each displacement, m; NaN if the line does not gallop."""
+        """Amplitude of each displacement in the steady window, m; NaN without galloping."""
         return np.where(gallops(self.model), steady_amplitude(self._steady_rows), np.nan)
 
     @cached_property
     def frequency(self) -> np.ndarray:
-        """Steady frequency of each displacement, Hz."""
+        """Dominant frequency of each displacement in the steady window, Hz."""
         return steady_frequency(self._steady_rows, self.step)
 
     @property
@@ -82,12 +82,12 @@ def _on_terms_of(truth: Truth, values: np.ndarray, absent: float) -> np.ndarray:
 def score(
     truth: Truth, result: IdentifiedModel, motion: Trajectory, bound: np.ndarray
 ) -> dict[str, Any]:
-    """Compute all metrics of one model; failures score inf (errors) or -inf (R2).
+    """Compute all scores of an identified model: errors of coefficients, terms and motion.
 
-    bound: (n_states, n_terms) Cramér-Rao standard deviations, NaN without noise. Terms that the
-    candidate library lacks are missing from the model. NaN is undefined: every number if the line
-    itself diverges, those of coefficients if there are no true ones, the amplitude's error if it
-    does not gallop.
+    Failures score inf (errors) or -inf (R2). bound: (n_states, n_terms) Cramér-Rao standard
+    deviations, NaN without noise. Terms that the candidate library lacks are missing from the
+    model. NaN is undefined: every number if the line itself diverges, those of coefficients if
+    there are no true ones, the amplitude's error if it does not gallop.
     """
     coefficients = _on_terms_of(truth, result.model.coefficients, absent=0.0)
     standard_errors = _on_terms_of(truth, result.standard_errors, absent=np.nan)
@@ -133,10 +133,11 @@ def _relative_error(measure, expected: np.ndarray, model: np.ndarray) -> np.ndar
 def evaluate(
     truth: Truth, models: Mapping[str, Sequence[IdentifiedModel]], deviations: np.ndarray
 ) -> tuple[list[dict], dict[str, Reconstruction]]:
-    """Score every model, one row each, and reconstruct the motions of each method.
+    """Score the models identified from a set of recordings, and summarise their motions.
 
-    models: noise realisations by method. deviations: (1 or n_replicates, n_states, n_terms), the
-    Cramér-Rao bound.
+    There is a row for each model; motions are reconstructed for each method. models: noise
+    realisations by method. deviations: (1 or n_replicates, n_states, n_terms), the Cramér-Rao
+    bound.
     """
     rows, reconstructions = [], {}
     for method, replicates in models.items():
@@ -153,9 +154,10 @@ def evaluate(
 def reconstruction(
     time: np.ndarray, states: Sequence[np.ndarray], quality: np.ndarray
 ) -> Reconstruction:
-    """Summarise the motions of all noise realisations.
+    """Summarise motions of several models by the motion with the median R2 and a 90 % band.
 
-    time: (n,) s. states: (n, n_states) of each. quality: (n_replicates,), the higher the better.
+    The models are those of all noise realisations. time: (n,) s. states: (n, n_states) of each.
+    quality: (n_replicates,), the higher the better.
     """
     stride = max(1, round(1 / (PLOT_RATE * (time[1] - time[0]))))
     middle = np.argsort(quality, kind="stable")[len(quality) // 2]
@@ -165,7 +167,7 @@ def reconstruction(
 
 
 def reconstruct(truth: Truth, replicates: Sequence[IdentifiedModel]) -> list[Trajectory]:
-    """Simulate each model from the true initial state."""
+    """Simulate each identified model from the true initial state."""
     simulator = Simulator(truth.model.states, replicates[0].model.terms)
     motions = []
     for identified in replicates:
@@ -183,7 +185,10 @@ def reconstruct(truth: Truth, replicates: Sequence[IdentifiedModel]) -> list[Tra
 def mean_error_by_order(
     true: PolynomialModel, coefficients: np.ndarray, equations: tuple[int, ...]
 ) -> dict[str, float]:
-    """Average |c_hat - c| / |c| over the true terms of each order; inf without a model."""
+    """Average the relative errors of true linear, quadratic and cubic coefficients separately.
+
+    The errors are |estimate - true| / |true|; inf without a model.
+    """
     chosen, degree, means = list(equations), np.array([sum(term) for term in true.terms]), {}
     with np.errstate(divide="ignore", invalid="ignore"):
         errors = np.abs(coefficients - true.coefficients) / np.abs(true.coefficients)
@@ -195,7 +200,10 @@ def mean_error_by_order(
 
 
 def support_scores(true: PolynomialModel, coefficients: np.ndarray) -> dict[str, float]:
-    """Count missing and spurious terms, with TP / (TP + FN + FP); a failed fit has no terms."""
+    """Count missing and spurious terms of a model, and compute the Jaccard index of its terms.
+
+    The index is TP / (TP + FN + FP); a failed fit has no terms.
+    """
     found = np.nan_to_num(coefficients) != 0
     hit = int(np.sum(found & true.support))
     missing = int(np.sum(true.support & ~found))
@@ -208,7 +216,10 @@ def support_scores(true: PolynomialModel, coefficients: np.ndarray) -> dict[str,
 
 
 def relative_norm_error(true: PolynomialModel, coefficients: np.ndarray) -> float:
-    """Compute E2 = |c_hat - c| / |c| over all coefficients; inf without model."""
+    """Compute the relative error of the vector of all coefficients, in the Euclidean norm.
+
+    It is E2 = |c_hat - c| / |c| of the paper; inf without a model.
+    """
     error = np.linalg.norm(coefficients - true.coefficients) / np.linalg.norm(true.coefficients)
     return float(error) if np.isfinite(error) else np.inf
 
@@ -216,11 +227,11 @@ def relative_norm_error(true: PolynomialModel, coefficients: np.ndarray) -> floa
 def efficiency(
     true: PolynomialModel, coefficients: np.ndarray, bound: np.ndarray, equations: tuple[int, ...]
 ) -> float:
-    """Compute the root mean square of error over Cramér-Rao deviation of the true terms.
+    """Compute the rms ratio of coefficient errors to Cramér-Rao standard deviations.
 
-    An efficient method has 1 on average; inf without model. NaN if the bound of any of the terms is
-    infinite or undefined, as it is without noise: there is no best to compare with then, and the
-    other terms alone would flatter a method that missed this one.
+    It is that of the true terms. An efficient method has 1 on average; inf without model. NaN if
+    the bound of any of the terms is infinite or undefined, as it is without noise: there is no best
+    to compare with then, and the other terms alone would flatter a method that missed this one.
     """
     chosen = list(equations)
     terms = true.support[chosen]
@@ -237,7 +248,7 @@ def coverage(
     standard_errors: np.ndarray,
     equations: tuple[int, ...],
 ) -> dict[str, float]:
-    """Count the true coefficients that the method's 95 % intervals contain.
+    """Count the 95 % intervals of true coefficients, and how many contain the true value.
 
     A method without any interval has no counts (NaN); a missed term is not contained.
     """

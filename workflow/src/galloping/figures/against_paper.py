@@ -29,9 +29,11 @@ def _percent_axis(axes: Axes, low: float, high: float, label: str) -> tuple[floa
 
 
 def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
-    """Draw the printed errors on the range of realisations, and how many of these keep each bound.
+    """Plot the errors printed in the reproduced paper on top of their simulated ranges.
 
-    table: paper.csv. settings: case, that of the paper's numbers.
+    The ranges are those of many noise realisations. A second panel shows the share of the
+    realisations that satisfies each printed bound on R2. table: paper.csv. settings: case, that of
+    the paper's numbers.
     """
     rows = table[(table["case"] == settings["case"]) & table["median"].notna()]
     rows = rows[rows["claim"].isin(BY_NAME) & (rows["role"] == "counted")]
@@ -88,8 +90,9 @@ def _shorten_claim(name: str) -> str:
 
 
 def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:
-    """Draw the range of each unknown number that the paper's numbers allow, and the evidence.
+    """Plot the inferred ranges of the parameters that the reproduced paper does not state.
 
+    A second panel shows the relative evidence of each interpretation of the paper's damaged text.
     region: paper_region.csv. readings: of `tables.inference.paper_readings`.
     """
     labels = {unknown.name: unknown.label for unknown in UNKNOWNS}

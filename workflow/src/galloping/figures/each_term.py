@@ -33,7 +33,7 @@ def draw_coefficients(
     table: pd.DataFrame,
     draws: pd.DataFrame | None = None,
 ) -> Figure:
-    """Draw the number of false terms against noise, and identified over true coefficients.
+    """Plot the number of false terms against noise, and ratios of identified to true coefficients.
 
     Parameters
     ----------

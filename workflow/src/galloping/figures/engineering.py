@@ -38,10 +38,10 @@ COLOURS = 24  # of an animation
 
 
 def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapping) -> Figure:
-    """Draw orbits at mid-span, one panel for each case, with equal scales in both directions.
+    """Plot the orbits of galloping lines at mid-span beside design ellipses, a panel per line.
 
-    orbits: of each case, by wind speed in m/s, (n, 2) places (w, v) in m about rest. settings:
-    cases, sections of the configuration by name.
+    The scales are equal in both directions. orbits: of each case, by wind speed in m/s, (n, 2)
+    places (w, v) in m about rest. settings: cases, sections of the configuration by name.
     """
     names = list(settings["cases"])
     columns = min(len(names), COLUMNS)
@@ -107,7 +107,7 @@ def _draw_orbits_of_case(
 
 
 def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
-    """Draw vertical motion at the design wind, critical wind and clearance of each measure.
+    """Plot amplitude, critical wind and clearance of a span for each measure against galloping.
 
     table: measures.csv. settings: cases.
     """
@@ -164,10 +164,10 @@ def _format_value(value: float) -> str:
 def write_animation(
     path: str | os.PathLike, case: Mapping, time: np.ndarray, states: np.ndarray, title: str
 ) -> None:
-    """Write the motion of a span as a repeating GIF; the same bytes for the same motion.
+    """Write the motion of a span as an animated GIF that repeats endlessly.
 
-    The span is drawn in elevation (vertical motion to the scale of the sag) and in plan, with the
-    path of mid-span to scale, in real time.
+    The same motion gives the same bytes. The span is drawn in elevation (vertical motion to the
+    scale of the sag) and in plan, with the path of mid-span to scale, in real time.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def write_animation(
 
 
 def write_still(path: str | os.PathLike, reason: str) -> None:
-    """Write a GIF of one frame that says why there is no motion to show.
+    """Write a GIF with a single frame that states why there is no motion to animate.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ BAR = {"marker": "_", "ms": 16, "mew": 1.4, "zorder": 2, "label": "paper: at lea
 
 @dataclass(frozen=True)
 class Quantity:
-    """Columns of scores.csv that share an axis.
+    """Quantity on the y axis of an error plot: its columns in scores.csv and the axis label.
 
     columns: each with its name in the legend. label: of the axis. in_words: description of a value,
     with the name of a column in it.
@@ -39,7 +39,7 @@ class Quantity:
     is_r2: bool = False
 
     def limits(self, values: np.ndarray) -> tuple[float, float]:
-        """Compute the limits of the axis: R2 from zero on, errors over whole decades."""
+        """Compute the axis limits for given values: fixed for R2, whole decades for errors."""
         if self.is_r2:
             low, high = map(parts.r2_place, parts.R2_LIMITS)
             return float(low), float(high)
@@ -48,7 +48,10 @@ class Quantity:
         return float(10 ** np.floor(np.log10(low))), float(10 ** np.ceil(np.log10(high)))
 
     def place(self, values: ArrayLike) -> np.ndarray:
-        """Compute the positions of values on the axis; R2 below zero is beyond it."""
+        """Convert values to axis positions; values of R2 are transformed to spread those near 1.
+
+        R2 below zero is beyond the axis.
+        """
         values = np.asarray(values, float)
         if not self.is_r2:
             return values
@@ -56,14 +59,17 @@ class Quantity:
         return np.where(values < parts.R2_LIMITS[0], beyond, parts.r2_place(values))
 
     def prepare(self, axes: Axes, limits: tuple[float, float]) -> None:
-        """Set up the axis. limits: as of `limits`."""
+        """Set the scale, limits and label of a panel's y axis for this quantity.
+
+        limits: as the method `limits` returns them.
+        """
         if self.is_r2:
             parts.prepare_r2(axes, self.label)
             return
         parts.prepare_log(axes, (limits[0] / 1.6, limits[1] * 1.6), self.label)
 
     def say(self, value: float) -> str:
-        """Format one value with its unit."""
+        """Format a value as text with its unit, or as 'no model' if it is not finite."""
         if not np.isfinite(value):
             return "no model"
         return f"{value:.4g}" if self.is_r2 else f"{value:.2g} %"
@@ -94,14 +100,15 @@ AT = {"level": "at noise {:g}", "points": "from {:,.0f} samples"}
 
 
 def printed(column: str, case: str) -> list[Claim]:
-    """List the paper's values and bounds of a column of scores.csv, for one case."""
+    """List the values and bounds in the reproduced paper for one score of one overhead line."""
     return [c for c in CLAIMS if c.column == column and c.case in (case, "") and not c.minus]
 
 
 def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | None = None) -> Figure:
-    """Draw median and 5th to 95th percentile of the noise realisations, and the paper's values.
+    """Plot median errors and 5-95 % ranges against noise or sample size, with a paper's values.
 
-    A panel for each quantity, a line for each of its columns.
+    The medians are over the noise realisations. A panel for each quantity, a line for each of its
+    columns.
 
     Parameters
     ----------
@@ -174,9 +181,10 @@ def _describe_trend(chosen: pd.DataFrame, x: str, quantity: Quantity) -> str:
 def replace_cells(
     table: pd.DataFrame, draws: pd.DataFrame | None, settings: Mapping
 ) -> pd.DataFrame:
-    """Select the scores of one method in cells of one kind, from `draws` where it has the cell.
+    """Combine two score tables of one method, preferring rows with more noise realisations.
 
-    table, draws: as of `draw_draws`. settings: case, protocol, method and kind.
+    Rows of `draws` replace the rows of `table` with the same kind of recordings, noise level and
+    number of samples. table, draws: as of `draw_draws`. settings: case, protocol, method and kind.
     """
     own = {name: settings[name] for name in ("case", "protocol", "method", "kind")}
     chosen = parts.where(table, **own)
@@ -194,11 +202,12 @@ def _tabulate_interval(table: pd.DataFrame, x: str, name: str) -> pd.DataFrame:
 
 
 def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -> Figure:
-    """Draw the mean coefficient error over the orders against noise, for one measurement setup.
+    """Plot the mean coefficient error of several identification methods against noise.
 
-    Drawn are the paper's method, the best of pysindy, its best possible tuning, our method, and the
-    bound, as far as the study has them. Errors are of the fits that gave a model; the number of
-    failures is written above.
+    The mean is over the orders of the terms; all recordings have one measurement setup. Drawn are
+    the paper's method, the best of pysindy, its best possible tuning, our method, and the bound, as
+    far as the study has them. Errors are of the fits that gave a model; the number of failures is
+    written above.
 
     Parameters
     ----------
@@ -271,14 +280,17 @@ def _note_failures(axes: Axes, errors: pd.DataFrame, places: parts.LogAxis) -> N
 
 
 def best_of_pysindy(table: pd.DataFrame) -> str | None:
-    """Find the method with the lowest median, over the noisy levels, of the median error."""
+    """Return the name of the pysindy method with the lowest median error over the noise levels."""
     medians = table.groupby("method")["median"].agg(np.median)
     medians = medians.reindex([method for method in PYSINDY if method in medians]).dropna()
     return None if medians.empty else medians.idxmin()
 
 
 def beaten_at(table: pd.DataFrame) -> str:
-    """List the noise levels at which pysindy's best possible tuning beats our method, or ''."""
+    """List the noise levels where ideally tuned pysindy is more accurate than maximum likelihood.
+
+    Returned is a text, '' if there is no such level.
+    """
     medians = table.pivot_table(index="level", columns="method", values="median")
     if not {ORACLES, OURS} <= set(medians):
         return ""

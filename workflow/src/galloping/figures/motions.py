@@ -28,10 +28,11 @@ def draw_recovery(
     reconstructions: Mapping[str, Mapping[str, Reconstruction]],
     settings: Mapping,
 ) -> Figure:
-    """Draw the end of the first case's motion, and the error of each reconstruction.
+    """Plot the true and the reconstructed motion of a line, and how the error grows with time.
 
-    trajectories: motions by case, of which the first counts. reconstructions: by case and method,
-    of the cell at the lowest level. settings: cases, protocol, method and level.
+    The motion is the end of that of the first case; errors are those of all cases. trajectories:
+    motions by case, of which the first counts. reconstructions: by case and method, of the cell at
+    the lowest level. settings: cases, protocol, method and level.
     """
     cases, method = settings["cases"], settings["method"]
     figure, grid = parts.panels(2.8, 3, width=style.SINGLE, height_ratios=(1, 1, 1.3))
@@ -84,10 +85,11 @@ def draw_histories(
     reconstructions: Mapping[str, Mapping[str, Reconstruction]],
     settings: Mapping,
 ) -> Figure:
-    """Draw the vertical displacement at the end of the motion, a row for each cell, by one method.
+    """Plot true and reconstructed vertical displacement over time, a row per set of recordings.
 
-    trajectory: the true motions, of which the first counts. reconstructions: by cell and method.
-    settings: case, protocol, method; the labels of the cells.
+    Each row is a study cell, such as a noise level or a number of samples, at the end of the
+    motion. trajectory: the true motions, of which the first counts. reconstructions: by cell and
+    method. settings: case, protocol, method; the labels of the cells.
     """
     true, cells = trajectory[0], settings["cells"]
     if true.status != "ok":
@@ -150,10 +152,11 @@ def _set_title(axes: Axes, index: int, state: str, more: str = "") -> None:
 def draw_limit_cycles(
     cycles: pd.DataFrame, bifurcations: pd.DataFrame, settings: Mapping
 ) -> Figure:
-    """Draw amplitude against a parameter: a row for each case, a column for each direction.
+    """Plot limit-cycle amplitudes and bifurcations of lines against a parameter such as wind.
 
-    cycles, bifurcations: limit_cycles.csv and bifurcations.csv. settings: parameter and its label;
-    cases, each with its line, to mark motions beyond small angles, or None.
+    There is a row for each case and a column for each direction. cycles, bifurcations:
+    limit_cycles.csv and bifurcations.csv. settings: parameter and its label; cases, each with its
+    line, to mark motions beyond small angles, or None.
     """
     if cycles.empty:
         return parts.nothing_at_all("this study varies no single parameter")
@@ -219,7 +222,7 @@ def _draw_branches(
 
 
 def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
-    """Draw amplitudes of both directions over wind and tension, and the 2:1 frequency ratio.
+    """Plot a map of galloping amplitudes over wind and tension, with the 2:1 frequency ratio.
 
     table: resonance_map.csv, which may contain maps over other parameters as well. settings: case,
     x_label, y_label, y_scale (units of the axis in one of the table, such as 1000 for kN).
@@ -269,7 +272,7 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
 
 
 def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
-    """Draw amplitude against wind: truth, and predictions of models of one recording.
+    """Plot galloping amplitudes against wind: true, and predicted from a single recording.
 
     table: prediction.csv. settings: case, protocol, method, replicate, recorded (wind speed of
     the recording, m/s) and, where another method is to be compared, peer.

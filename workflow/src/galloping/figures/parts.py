@@ -26,7 +26,7 @@ R2_TICKS = (0.0, 0.9, 0.95, 0.99, 0.999, 0.9999)
 
 
 class ShownFigure(Figure):
-    """A figure that notebooks display, although pyplot does not manage it."""
+    """Matplotlib figure that notebooks display although it is not made with pyplot."""
 
     def _repr_png_(self) -> bytes:
         written = BytesIO()
@@ -35,7 +35,7 @@ class ShownFigure(Figure):
 
 
 def nothing(axes: Axes, reason: str) -> None:
-    """Leave a panel empty except for the reason."""
+    """Empty a panel of a figure, and write in it the reason why there is nothing to plot."""
     hidden: dict[str, Any] = {
         "bottom": False,
         "left": False,
@@ -50,39 +50,51 @@ def nothing(axes: Axes, reason: str) -> None:
 def panels(
     height: float, rows: int = 1, columns: int = 1, width: float = DOUBLE, **options: Any
 ) -> tuple[Figure, np.ndarray]:
-    """Make a figure, its size in inches, and its panels (rows, columns)."""
+    """Create a figure with a grid of panels; its width and height are in inches."""
     figure = ShownFigure(figsize=(width, height), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
 def nothing_at_all(reason: str) -> Figure:
-    """Make a figure that says why there is nothing to show."""
+    """Create a figure that contains only a text: the reason why there is nothing to plot."""
     figure, ((axes,),) = panels(1.2)
     nothing(axes, reason)
     return figure
 
 
 def letter(axes: Axes, index: int, text: str) -> None:
-    """Label a panel with (a), (b), ..., (z), (aa), (bb), ... and its subject."""
+    """Set the title of a panel to a letter and a subject, such as '(a) vertical motion'.
+
+    The letters are (a), (b), ..., (z), (aa), (bb), ...
+    """
     axes.set_title(f"({chr(ord('a') + index % 26) * (1 + index // 26)}) {text}", loc="left")
 
 
 def typeset(text: str) -> str:
-    """Typeset R2, q_v and q_w as symbols, and shorten percent points."""
+    """Replace R2, q_v and q_w in a text by mathematical symbols for matplotlib.
+
+    The words 'percent points' become '% points'.
+    """
     for plain, symbol in (("R2", "$R^2$"), *STATE_LABELS.items(), ("percent points", "% points")):
         text = text.replace(plain, symbol)
     return text
 
 
 def height(head: float, each: float, count: int) -> float:
-    """Compute the height of a figure, inches: its head and `each` per row, less for many rows."""
+    """Compute the height in inches of a figure with a number of equal rows, up to a maximum.
+
+    head: height of all besides the rows. each: height of a row.
+    """
     return head + min(each * count, TALLEST - head)
 
 
 def case_grids(
     cases: Sequence[str], rows: int, columns: int, head: float, each: float, sharex: bool = True
 ) -> tuple[Figure, dict[str, np.ndarray]]:  # fmt: skip
-    """Make a headed block of rows x columns panels for each case. head, each: as of `height`."""
+    """Create a figure with a titled block of panels, rows x columns, for each simulated line.
+
+    A case is a line in a wind. head, each: inches, besides the rows and of a row, as in `height`.
+    """
     figure = Figure(figsize=(DOUBLE, height(head, each, len(cases))), layout="constrained")
     blocks, grids = figure.subfigures(len(cases), 1, squeeze=False)[:, 0], {}
     for case, block in zip(cases, blocks, strict=True):
@@ -92,9 +104,10 @@ def case_grids(
 
 
 def wrapped_grid(count: int, columns: int, height: float) -> tuple[Figure, list[Axes]]:
-    """Make `count` panels with the same axes, at most `columns` in a row.
+    """Create a figure of panels with common axes, in rows of limited length.
 
-    height: of the figure, in inches. Panels with none below have the labels of the x axis.
+    count: number of panels. columns: panels in a row, at most. height: of the figure, in inches.
+    Panels with none below have the labels of the x axis.
     """
     columns = min(columns, count)
     figure, grid = panels(height, -(-count // columns), columns, sharex=True, sharey=True)
@@ -111,24 +124,30 @@ def wrapped_grid(count: int, columns: int, height: float) -> tuple[Figure, list[
 
 @dataclass(frozen=True)
 class LogAxis:
-    """A logarithmic axis of positive values, with a separate place for zero at the left."""
+    """Logarithmic axis of values that are not negative, with a separate place for zero."""
 
     values: tuple[float, ...]
     zero: float
 
     @classmethod
     def of(cls, values: Sequence[float]) -> "LogAxis":
-        """Make an axis with these values as ticks; zero is at half of the least above it."""
+        """Create a logarithmic axis with ticks at the given values.
+
+        Zero is drawn at half of the smallest positive value.
+        """
         values = tuple(sorted({float(v) for v in values}))
         least = next((v for v in values if v > 0), 2.0)
         return cls(values, least / 2)
 
     def position(self, value: float, shift: float = 0.0) -> float:
-        """Compute the position of a value; shift: in decades, to keep methods apart."""
+        """Return the position of a value on the axis, shifted by a number of decades.
+
+        Shifts keep the markers of several methods apart.
+        """
         return (value if value > 0 else self.zero) * 10**shift
 
     def prepare(self, axes: Axes, label: str) -> None:
-        """Set the x axis of a panel."""
+        """Set the scale, ticks, limits and label of a panel's x axis."""
         places = [self.position(v) for v in self.values]
         axes.set_xscale("log")
         axes.set_xlim(min(places) / 1.3, max(places) * 1.3)
@@ -143,26 +162,29 @@ class LogAxis:
 
 
 def short(value: float) -> str:
-    """Format a value as a tick label, thousands as k."""
+    """Format a number as a short tick label, such as 5k for 5000."""
     return f"{value / 1000:g}k" if value >= 1000 else f"{value:g}"
 
 
 def prepare_log(axes: Axes, limits: tuple[float, float], label: str) -> None:
-    """Prepare a logarithmic y axis with plain numbers."""
+    """Set a logarithmic scale, limits, a label and plain tick numbers on a panel's y axis."""
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter("{x:g}")
     axes.set(ylim=limits, ylabel=label)
 
 
 def r2_place(r2: float | np.ndarray) -> float | np.ndarray:
-    """Compute -log10(1 - R2), which spreads the values near one."""
+    """Compute -log10(1 - R2), the position on an axis that spreads values of R2 near 1."""
     return -np.log10(1 - np.clip(r2, *R2_LIMITS))
 
 
 def prepare_r2(
     axes: Axes, label: str, vertical: bool = True, ticks: Sequence[float] = R2_TICKS
 ) -> None:
-    """Prepare an axis of `r2_place`, labelled in R2; vertical: the y axis, else the x axis."""
+    """Set up a panel's x or y axis for R2, with a scale that spreads values near 1.
+
+    vertical: the y axis, else the x axis. Positions are those of `r2_place`.
+    """
     low, high = (float(r2_place(each)) for each in R2_LIMITS)
     names = {R2_LIMITS[0]: f"≤ {R2_LIMITS[0]:g}", R2_LIMITS[1]: f"≥ {R2_LIMITS[1]:g}"}
     labels, limits = [names.get(r, f"{r:g}") for r in ticks], (low - 0.25, high + 0.25)
@@ -182,7 +204,7 @@ def series(
     method: str,
     limits: tuple[float, float],
 ) -> None:
-    """Draw medians of one method on a line, intervals as bars.
+    """Draw a line through the medians of one method, with an interval bar at each median.
 
     x: (n,). values: (3, n) median, low, high, places on the axis. Values beyond `limits`, including
     failures (inf), are drawn at the limit as open triangles. A method without a marker is a line
@@ -204,7 +226,7 @@ def points(
     axes: Axes, x: ArrayLike, y: ArrayLike, limits: tuple[float, float],
     color: str, marker: str, size: float,
 ) -> None:  # fmt: skip
-    """Draw markers, those beyond the limits at the limit as open triangles."""
+    """Draw markers at points; a point outside the limits becomes an open triangle at the limit."""
     across, up = np.asarray(x, float), np.asarray(y, float)
     look: dict[str, Any] = {"ls": "", "mec": color, "mew": 0.7, "ms": size, "zorder": 5}
     for chosen, own, face, label in (
@@ -221,7 +243,10 @@ def band(
     axes: Axes, x: ArrayLike, low: ArrayLike, high: ArrayLike, label: str | None,
     **look: Any,
 ) -> None:  # fmt: skip
-    """Shade the range between two curves; draw dashes if there is a single place."""
+    """Shade the area between a lower and an upper curve.
+
+    A single point is drawn as a thick vertical bar.
+    """
     ground: dict[str, Any] = {"color": BAND, "lw": 0, "zorder": 1}
     axes.fill_between(x, low, high, **ground | look, label=label)
     if np.size(x) == 1:
@@ -229,7 +254,7 @@ def band(
 
 
 def rows(axes: Axes, labels: Sequence[str], lines: bool = True) -> None:
-    """Label the rows of a panel, the first on top; lines: separators."""
+    """Label the rows of a panel from top to bottom, with or without separating lines."""
     axes.set_yticks(range(len(labels)), labels)
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(labels) - 0.5, -0.5)
@@ -241,9 +266,10 @@ def dot(
     axes: Axes, y: float, values: Sequence[float], limits: tuple[float, float], color: str,
     marker: str, size: float, bar: Mapping | None = None,
 ) -> None:  # fmt: skip
-    """Draw a median and its interval in a row; a median off the axis is an open arrowhead.
+    """Draw a median as a marker and its interval as a bar, in one row of a panel.
 
-    values: median, low, high, places on the axis. bar: look of the interval.
+    A median off the axis is an open arrowhead. values: median, low, high, places on the axis. bar:
+    look of the interval.
     """
     median, low, high = np.clip(values, *limits)
     head = "<" if values[0] < limits[0] else ">" if values[0] > limits[1] else ""
@@ -259,13 +285,13 @@ def dot(
 
 
 def origin(settings: Mapping) -> str:
-    """Format case, method and measurement setup of the settings, for a title."""
+    """Format the names of a line, an identification method and a measurement setup for a title."""
     method = method_style(settings["method"]).label
     return f"{spoken(settings['case'])}, {method}, protocol {settings['protocol']}"
 
 
 def line_look(method: str) -> dict:
-    """Return colour, dashes and sizes of a method's line and marker."""
+    """Return matplotlib's keywords for the line and markers of an identification method."""
     style = method_style(method)
     return {
         "color": style.color,
@@ -276,7 +302,10 @@ def line_look(method: str) -> dict:
 
 
 def shifts(methods: Sequence[str], width: float) -> dict[str, float]:
-    """Compute small shifts that separate bars, `width` decades for six; lines are not shifted."""
+    """Compute shifts, in decades of the x axis, that keep the markers of several methods apart.
+
+    Six methods extend over `width` decades; methods without markers are not shifted.
+    """
     marked = [method for method in methods if method_style(method).marker]
     step = width / max(5, len(marked) - 1)
     middle = (len(marked) - 1) / 2
@@ -285,19 +314,22 @@ def shifts(methods: Sequence[str], width: float) -> dict[str, float]:
 
 
 def where(table: pd.DataFrame, **values: object) -> pd.DataFrame:
-    """Select the rows with these values in the columns of these names."""
+    """Select the rows of a table in which the named columns have the given values."""
     for name, value in values.items():
         table = table[table[name] == value]
     return table
 
 
 def key(label: str, **look: Any) -> Line2D:
-    """Make an entry of a legend: a marker alone unless the look has a line."""
+    """Create a legend entry from a label and matplotlib's keywords for its marker and line."""
     return Line2D([], [], label=label, **{"ls": "", **look})
 
 
 def method_keys(names: Sequence[str] | Mapping[str, str]) -> list[Line2D]:
-    """Make legend entries of methods, named by their styles or by a mapping."""
+    """Create legend entries for identification methods, in the style of each method.
+
+    Labels are those of a mapping, else of the styles.
+    """
     labels = names if isinstance(names, Mapping) else {}
     return [
         key(labels.get(name, style.label), marker=style.marker, **line_look(name))
@@ -309,7 +341,10 @@ def legend(
     figure: Figure, *keys: Artist, columns: int = 5, loc: str = "outside upper center",
     **options: Any,
 ) -> None:  # fmt: skip
-    """Add a legend with the keys and the labels of all panels, each once."""
+    """Add a legend to a figure, with the labels of all its panels and additional entries.
+
+    Each label appears once.
+    """
     named: dict[str, Any] = {str(entry.get_label()): entry for entry in keys}
     for axes in figure.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):

@@ -27,7 +27,7 @@ COLORS = ("#e6e6e6", "#fdf1d8", "#d6e6f2")  # truth, data, identified model
 
 
 def iced_conductor(axes: Axes, x: float, y: float, radius: float) -> None:
-    """Draw a round conductor with a crescent of ice towards the wind, which comes from the left."""
+    """Draw the section of a round conductor with a crescent of ice on its windward, left side."""
     angle = np.linspace(np.pi / 2, 3 * np.pi / 2, 60)
     reach = radius * (1 + 0.75 * np.sin(angle - np.pi / 2) ** 0.8)
     outline = np.column_stack([x + reach * np.cos(angle), y + reach * np.sin(angle)])
@@ -39,7 +39,7 @@ def arrow(
     axes: Axes, start: tuple[float, float], end: tuple[float, float], color: str = INK,
     style: str = "-|>", width: float = 1.1, line: str = "-",
 ) -> None:  # fmt: skip
-    """Draw a straight arrow in data coordinates."""
+    """Draw a straight arrow between two points in data coordinates."""
     axes.annotate(
         "", xy=end, xytext=start,
         arrowprops={"arrowstyle": style, "color": color, "lw": width, "ls": line,
@@ -54,9 +54,10 @@ def _add_texts(axes: Axes, *texts: tuple[float, float, str, str, str], **look: A
 
 
 def draw_line(model: Derived, settings: Mapping) -> Figure:
-    """Draw the elevation with a stated exaggeration, and the bundle's cross-section (not to scale).
+    """Draw a schematic of an overhead line: elevation of the span, and section of the bundle.
 
-    model: quantities derived from the line. settings: case, its name; line, its parameters.
+    The elevation states its exaggeration; the section is not to scale. model: quantities derived
+    from the line. settings: case, its name; line, its parameters.
     """
     case = settings["line"]
     figure = Figure(figsize=(SINGLE, HEIGHT))
@@ -142,9 +143,10 @@ def _draw_section(axes: Axes, count: int) -> None:
 
 
 def draw_aerodynamic_load(trajectory: Sequence[Motion], settings: Mapping) -> Figure:
-    """Draw wind and forces on the section, and the force coefficients without their static parts.
+    """Draw wind and forces on an iced section, and plot force coefficients over attack angle.
 
-    trajectory: the line's motions, of which the first counts. settings: line, its parameters.
+    The coefficients are without their static parts. trajectory: the line's motions, of which the
+    first counts. settings: line, its parameters.
     """
     case, motion = settings["line"], trajectory[0]
     velocity = motion.states[:, motion.names.index("dq_v")]
@@ -209,10 +211,10 @@ def _draw_vectors(axes: Axes) -> None:
 
 
 def draw_flow(settings: Mapping) -> Figure:
-    """Draw the flow chart: boxes in reading order, with the truth leading to the comparison.
+    """Draw the flow chart of the study, from the line's parameters to the comparison with truth.
 
-    settings: degree of the library, methods; least and greatest of the noise levels and of the
-    points of the subsets.
+    The boxes are in reading order. settings: degree of the library, methods; least and greatest of
+    the noise levels and of the points of the subsets.
     """
     figure = Figure(figsize=(SINGLE, CHART))
     axes = figure.add_axes((0, 0, 1, 1))

@@ -46,9 +46,10 @@ BLANKS = re.compile(r"(?<=\d)\s+([LCQz])|(?<=[MLCQ]) ")  # around the commands o
 
 @dataclass(frozen=True)
 class MethodStyle:
-    """Appearance of one method: no two methods share colour, marker and line at once.
+    """Style of an identification method in all figures: label, colour, marker and line.
 
-    marker: empty for a line alone. weight: of line and marker, relative to those of a usual method.
+    No two methods have the same colour, marker and line. marker: empty for a line alone. weight: of
+    line and marker, relative to those of a usual method.
     """
 
     label: str
@@ -78,7 +79,10 @@ _LINES = ((0, (3, 1)), (0, (9, 3)), (0, (1, 1)))
 
 
 def method_style(name: str) -> MethodStyle:
-    """Return the style of a method, the same in every figure and every study."""
+    """Return the style (label, colour, marker, line) of an identification method for figures.
+
+    It is the same in every figure and every study.
+    """
     if name in METHODS:
         return METHODS[name]
     first, second, third, *_ = sha256(name.encode()).digest()
@@ -91,12 +95,12 @@ def method_style(name: str) -> MethodStyle:
 
 
 def spoken(name: str) -> str:
-    """Convert a name of the configuration to words."""
+    """Convert an identifier of the configuration to words: `non_resonant` to `non-resonant`."""
     return name.replace("_", " ").replace("non ", "non-")
 
 
 def scientific(value: float) -> str:
-    """Format a value as one digit and a power of ten."""
+    """Format a number as one digit times a power of ten, in TeX notation."""
     digit, exponent = f"{value:.0e}".split("e")
     power = f"10^{{{int(exponent)}}}"
     return f"${power}$" if digit == "1" else f"${digit} \\times {power}$"
@@ -104,7 +108,7 @@ def scientific(value: float) -> str:
 
 @contextmanager
 def styled(font_size: float) -> Iterator[None]:
-    """Use matplotlib's defaults and this style, ignoring the user's own settings."""
+    """Apply the project's matplotlib style in a `with` block, without the user's own settings."""
     labels = ("legend.fontsize", "xtick.labelsize", "ytick.labelsize")
     sizes = {"font.size": font_size, **dict.fromkeys(labels, 0.85 * font_size)}
     with matplotlib.style.context(["default", LOOK, sizes]):
@@ -118,7 +122,10 @@ def write_figure(
     dpi: float,
     font_size: float,
 ) -> None:
-    """Draw and write a figure in the project's style, with its label as the title."""
+    """Draw a figure in the project's style and write it to an SVG and a PNG file.
+
+    The label of the figure becomes the title in the files.
+    """
     with styled(font_size):
         figure = draw()
         title = figure.get_label()

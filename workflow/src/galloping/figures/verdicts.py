@@ -42,7 +42,7 @@ HEIGHT = 0.62  # of a row, shared by the methods
 
 
 def draw_trust(table: pd.DataFrame) -> Figure:
-    """Draw how often each status is right: a panel for each group of fits.
+    """Plot how often the status of a fit, such as `ok`, is right, in a panel per group of fits.
 
     table: fits.csv.
     """
@@ -85,9 +85,10 @@ def _is_right(fits: pd.DataFrame) -> pd.Series:
 
 
 def draw_published_terms(table: pd.DataFrame) -> Figure:
-    """Draw the share of exactly right terms against the noise, a panel per system and length.
+    """Plot how often methods find exactly the true terms against noise, beside published results.
 
-    table: published_terms.csv, of which the rows of our method are drawn.
+    There is a panel for each system and length. table: published_terms.csv, of which the rows of
+    our method are drawn.
     """
     table, style = table[table["method"] == OURS], method_style(OURS)
     exact = "share_exact_support"
@@ -118,7 +119,7 @@ def draw_published_terms(table: pd.DataFrame) -> Figure:
 
 
 def draw_published_intervals(table: pd.DataFrame) -> Figure:
-    """Draw how often the quadratic term is found, and the coverage of its interval, by its size.
+    """Plot detection rate and interval coverage of a quadratic term against its coefficient.
 
     table: published_intervals.csv, of which the rows of our method are drawn.
     """
@@ -154,7 +155,7 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
 
 
 def draw_model_error(table: pd.DataFrame) -> Figure:
-    """Draw errors of frequencies, damping and amplitudes, a row for each line and its sensors.
+    """Plot errors of identified frequencies, damping and amplitudes, for each line and sensor set.
 
     There is a panel for each quantity, and a marker per method. Errors in percent are medians over
     the identified noise realisations, with a line to the worst; the last panel shows how many were

@@ -53,27 +53,28 @@ OF_NAME = (errno.EINVAL, errno.ENAMETOOLONG, errno.EOVERFLOW)  # or of a place i
 
 
 class NotRestorable(Exception):
-    """Error of an archive or publication that is not used; one line per reason."""
+    """Error that an archive is faulty or does not fit the study; its message lists the reasons."""
 
 
 def is_plain(path: str) -> bool:
-    """Decide whether a path stays inside its folder on any system, and hides nothing.
+    """Decide whether a path is safe: relative, within its folder, and without hidden parts.
 
-    It is relative, with '/', of letters, digits and `_.+=-`, no part beginning with a dot.
+    It must be safe on any system. It is relative, with '/', of letters, digits and `_.+=-`, no part
+    beginning with a dot.
     """
     return PLAIN.fullmatch(path) is not None
 
 
 def files_of(folder: Path) -> list[str]:
-    """List all files below a folder, sorted, relative to it."""
+    """List the paths of all files below a folder, sorted and relative to that folder."""
     found = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
     return sorted(found)
 
 
 def pack(folder: Path, target: Path) -> None:
-    """Write all files of a folder, with paths relative to it, as a zip.
+    """Write all files of a folder to a zip archive; the same files give the same bytes.
 
-    Names are sorted, times, permissions and compression fixed: same files, same bytes.
+    Paths are relative to the folder. Names are sorted, times, permissions and compression fixed.
     """
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED, compresslevel=6) as archive:
         for path in files_of(folder):
@@ -84,11 +85,11 @@ def pack(folder: Path, target: Path) -> None:
 
 
 def unpack(archive: Path, folder: Path) -> None:
-    """Write all files of a zip into an empty folder, as regular files whatever their declared type.
+    """Extract an untrusted zip archive into an empty folder, after checks of paths and sizes.
 
-    Raises NotRestorable, before anything is written, for names that reach outside or hide and for
-    excessive size, and while writing for contents that are not as declared. The caller removes the
-    folder.
+    All files become regular files, whatever their declared type. Raises NotRestorable, before
+    anything is written, for names that reach outside or hide and for excessive size, and while
+    writing for contents that are not as declared. The caller removes the folder.
     """
     try:
         with zipfile.ZipFile(archive) as content:
@@ -119,13 +120,16 @@ def unpack(archive: Path, folder: Path) -> None:
 
 
 def write_manifest(folder: Path) -> None:
-    """Write the manifest of all files below `folder` into it."""
+    """Write a list of the SHA-256 of every file below a folder into that folder."""
     paths = [path for path in files_of(folder) if path != MANIFEST]
     write_text(folder / MANIFEST, "".join(f"{digest(folder / p)}  {p}\n" for p in paths))
 
 
 def manifest_faults(folder: Path) -> Iterator[str]:
-    """Yield one line for every file that is missing, new or not as in its manifest."""
+    """Yield a line of text for each file that is missing, new or changed since its manifest.
+
+    The manifest has the SHA-256 of each file.
+    """
     try:
         lines = (folder / MANIFEST).read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError):
@@ -147,7 +151,10 @@ RECEIPT_LIST = TypeAdapter(list[Receipt])
 
 
 def check_digest(archive: str | Path, expected: str | None) -> str:
-    """Compute the SHA-256 of an archive. expected: of the published one. Raises NotRestorable."""
+    """Compute the SHA-256 of an archive, and compare it with the published value.
+
+    expected: the published value, or None. Raises NotRestorable if they differ.
+    """
     present = digest(archive)
     if expected and present != expected.lower():
         raise NotRestorable(f"{archive}: SHA-256 {present}, not {expected}")
@@ -155,7 +162,10 @@ def check_digest(archive: str | Path, expected: str | None) -> str:
 
 
 def published_settings(folder: Path) -> dict:
-    """Read the settings of an unpacked publication. Raises NotRestorable."""
+    """Read the settings of a published study from its unpacked archive.
+
+    Raises NotRestorable.
+    """
     try:
         return plain(load(read(folder / CONFIGURATION)))
     except ConfigurationError as error:
@@ -164,9 +174,10 @@ def published_settings(folder: Path) -> dict:
 
 
 def published_receipts(folder: Path) -> dict[str, Receipt]:
-    """Read the receipts of an unpacked publication by path; `kept` says which files are in it.
+    """Read from an unpacked archive the records of how its files were made, by path.
 
-    Raises NotRestorable, also for a receipt of a file or log outside the results folder.
+    `kept` of a receipt says whether the file is in the archive. Raises NotRestorable, also for a
+    receipt of a file or log outside the results folder.
     """
     results = published_settings(folder)["results"]
     try:
@@ -181,7 +192,10 @@ def published_receipts(folder: Path) -> dict[str, Receipt]:
 
 
 def faults(folder: Path) -> Iterator[str]:
-    """Yield one line for each contradiction of an unpacked publication to its own records."""
+    """Yield a line of text for each contradiction between an archive's files and its own records.
+
+    The archive is unpacked.
+    """
     if lines := list(manifest_faults(folder)):
         yield from lines  # receipts would say the same again
         return
@@ -200,7 +214,7 @@ def faults(folder: Path) -> Iterator[str]:
 
 
 def changed_settings(published: Mapping, present: Mapping) -> Iterator[str]:
-    """Yield one line for each setting in which two studies differ, except their folders."""
+    """Yield a line of text for each setting that differs between two studies, except folders."""
     one, other = dict(flat(published)), dict(flat(present))
     for key in dict.fromkeys([*one, *other]):
         there, here = (found.get(key, "nothing") for found in (one, other))
@@ -209,12 +223,13 @@ def changed_settings(published: Mapping, present: Mapping) -> Iterator[str]:
 
 
 def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[str]:
-    """Put the results of an archive where the plan expects them; yield lines on what was done.
+    """Put the results of an archive into the study's folder after checks; yield messages.
 
-    No result is written before the archive is found complete and in agreement with what was
-    computed here. Afterwards Snakemake regards a file as made if its receipt, and those of all that
-    it was made from, are of the plan's jobs with the plan's settings; others are set aside.
-    replacing: set aside results that are not those of the archive. Raises NotRestorable.
+    The messages are on what was done. No result is written before the archive is found complete and
+    in agreement with what was computed here. Afterwards Snakemake regards a file as made if its
+    receipt, and those of all that it was made from, are of the plan's jobs with the plan's
+    settings; others are set aside. replacing: set aside results that are not those of the archive.
+    Raises NotRestorable.
     """
     results = plan.results
     # on the file system of the results; `make repair` sweeps it if this process is killed

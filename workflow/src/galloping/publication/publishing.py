@@ -55,7 +55,7 @@ def write_crate(
     remarks: Sequence[str],
     versions: Mapping,
 ) -> None:
-    """Describe all files in `folder` in a metadata file beside them.
+    """Write the RO-Crate metadata that describe all files of a study's publication.
 
     results: the results folder in it. citation: the content of CITATION.cff. remarks: deviations
     from a complete, up-to-date study. versions: of Python and packages.
@@ -152,14 +152,15 @@ ALLOWABLE = ("dirty", "incomplete", "outdated")
 
 
 class NotPublishable(ValueError):
-    """Error of a study that is not published as it is; one line per reason."""
+    """Error that a study cannot be published as it is; its message lists the reasons."""
 
 
 def publish(plan: Plan, allowed: Collection[str] = ()) -> Path:
-    """Write the publication of a study into its results folder, and return the path of the archive.
+    """Write the folder and archive that publish a study's results, and return the archive's path.
 
-    allowed: obstacles (of `ALLOWABLE`) that are recorded in the archive instead of refused. The
-    same study, commit and environment give the same bytes. Raises NotPublishable.
+    The folder is in the results folder. allowed: obstacles (of `ALLOWABLE`) that are recorded in
+    the archive instead of refused. The same study, commit and environment give the same bytes.
+    Raises NotPublishable.
     """
     results = Path(plan.results)
     present = commit()
@@ -193,7 +194,10 @@ def publish(plan: Plan, allowed: Collection[str] = ()) -> Path:
 
 
 def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator[tuple[str, str]]:
-    """Yield obstacles to publishing, each with its kind; `ALLOWABLE` has those to allow."""
+    """Yield the reasons against publishing a study, each with its kind, such as `outdated`.
+
+    `ALLOWABLE` has the kinds that can be allowed.
+    """
     shown = [*results.glob("tables/*"), *results.glob("figures/*")]
     if present is None:
         yield "dirty", "git knows no commit of this folder"
@@ -211,12 +215,12 @@ def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator
 
 
 def files(plan: Plan) -> list[Path]:
-    """List the files of a publication that are in the working folder.
+    """List the files of a study that its publication includes.
 
-    They are the workflow; tables, figures and report; and the files that these are directly made
-    from, as far as they are in the working folder, so that they can be made again without computing
-    anything else. Results of field recordings are included, the recordings only if the settings say
-    so.
+    Only those in the working folder are listed. They are the workflow; tables, figures and report;
+    and the files that these are directly made from, as far as they are in the working folder, so
+    that they can be made again without computing anything else. Results of field recordings are
+    included, the recordings only if the settings say so.
     """
     maker, results = plan.maker, plan.results
     fields = plan.settings["recordings"]

@@ -28,7 +28,10 @@ def _read_dictionary() -> list[dict[str, str]]:
 
 
 def columns(settings: Mapping) -> pd.DataFrame:
-    """Tabulate table, column, unit, meaning, for readers. settings: tables of the study."""
+    """Tabulate the name, unit and meaning of each column in the tables of a study.
+
+    settings: tables of the study.
+    """
     import pandas as pd
 
     shown = {EVERY, *settings["tables"]}
@@ -37,12 +40,12 @@ def columns(settings: Mapping) -> pd.DataFrame:
 
 
 def captions() -> dict[str, str]:
-    """Return the captions of tables, in reStructuredText, by name."""
+    """Return the caption of each table of a study, in reStructuredText, by table name."""
     return {row["table"]: row["meaning"] for row in _read_dictionary() if row["column"] == WHOLE}
 
 
 def meaning(table: str, column: str) -> str:
-    """Describe a column, with its unit; '' for one that the dictionary lacks."""
+    """Return the meaning and unit of a table column as text, '' if it is not documented."""
     rows = [r for r in _read_dictionary() if r["column"] == column and r["table"] in (EVERY, table)]
     if not rows:
         return ""

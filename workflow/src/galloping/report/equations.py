@@ -12,9 +12,10 @@ FIT = ["protocol", "method", "level"]
 
 
 def side_by_side(table: pd.DataFrame, labels: Mapping[str, str]) -> dict[str, dict] | None:
-    """Arrange a table of each equation: heads of fits, rows and numbers of false terms.
+    """Arrange true and identified coefficients side by side, in a table for each equation.
 
-    table: equations.csv. labels: of the methods. None without a true term.
+    Each has the heads of the fits, rows, and numbers of false terms. table: equations.csv. labels:
+    of the methods. None without a true term.
     """
     true = table[table["true"].fillna(0) != 0]
     if true.empty:
@@ -58,7 +59,7 @@ def _format_coefficient(rows: pd.DataFrame) -> str:
 
 
 def as_symbols(term: str) -> Markup:
-    """Format a monomial such as `dq_v^2 q_w` in HTML, velocities with a dot."""
+    """Format a monomial such as `dq_v^2 q_w` in HTML, with a dot for velocities."""
     text = ""
     for dot, index, power in FACTOR.findall(term):
         letter = "q\N{COMBINING DOT ABOVE}" if dot else "q"

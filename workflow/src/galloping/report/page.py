@@ -34,7 +34,7 @@ MEDIA = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif", ".cs
 
 @dataclass(frozen=True)
 class Item:
-    """A figure (SVG, PNG or GIF) or a table (CSV) of the page.
+    """Figure (SVG, PNG, GIF) or table (CSV) on the report page, with its label and caption.
 
     label: subject, in a few words. caption: reStructuredText.
     """
@@ -46,7 +46,7 @@ class Item:
 
     @property
     def title(self) -> str:
-        """Title of a figure in its file, else its label; with its number in the paper."""
+        """Title of the figure, from its SVG file or its label, with its number in the paper."""
         found = TITLE.search(self._svg_text)
         text = unescape(found[1]) if found else self.label
         number = OF_PAPER.fullmatch(self.name)
@@ -55,7 +55,7 @@ class Item:
 
     @property
     def caption_html(self) -> Markup:
-        """Caption as HTML."""
+        """Caption of the figure or table, converted to HTML."""
         return as_html(self.caption)
 
     @property
@@ -70,19 +70,19 @@ class Item:
 
     @property
     def is_wide(self) -> bool:
-        """Whether the figure is wider than a column."""
+        """Whether the figure is wider than a column of the page."""
         return self._width_in_points > COLUMN
 
     @property
     def width(self) -> str:
-        """Width of an SVG on the page, enlarged for a screen; '' for other files."""
+        """Width of an SVG figure on the page as a CSS length; '' for other files."""
         return (
             f"{ENLARGED * self._width_in_points:.0f}px" if isfinite(self._width_in_points) else ""
         )
 
     @property
     def uri(self) -> Markup:
-        """The whole file as a data URI, safe between double quotes."""
+        """Contents of the file as a data URI that can be put between double quotes."""
         if self.path.suffix not in (".svg", ".csv"):
             content = f"base64,{b64encode(self.path.read_bytes()).decode()}"
         else:  # text is shorter as it is
@@ -95,7 +95,7 @@ class Item:
 
     @property
     def rows(self) -> pd.DataFrame:
-        """Cells of a table as text, numbers with four significant digits."""
+        """Contents of the table as text, with four significant digits per number."""
         table = pd.read_csv(self.path, low_memory=False)
         for name in table.select_dtypes("float"):
             table[name] = [f"{value:.4g}" for value in table[name]]
@@ -103,13 +103,16 @@ class Item:
 
 
 def as_html(text: str) -> Markup:
-    """Convert reStructuredText to HTML. Raises docutils.utils.SystemMessage if it is broken."""
+    """Convert reStructuredText to HTML.
+
+    Raises docutils.utils.SystemMessage if it is broken.
+    """
     settings = {"halt_level": 2, "report_level": 5, "file_insertion_enabled": False}
     return Markup(publish_parts(text, writer="html5", settings_overrides=settings)["body"])
 
 
 def render(page: Mapping) -> str:
-    """Render the page as HTML without external references.
+    """Render the report page of a study as HTML without external references.
 
     page: contents, by name. title. paper: comparison with the paper, as of
     `printed_numbers.section`, or None. equations: as of `side_by_side`, or None. made: by which
@@ -134,7 +137,7 @@ def render(page: Mapping) -> str:
 
 
 def made_by() -> str:
-    """Describe the commit by which a report is made."""
+    """Describe the git commit of the code that makes the report, as text."""
     known = commit()
     if known is None:
         return "code that is in no git repository"
@@ -143,7 +146,7 @@ def made_by() -> str:
 
 
 def versions() -> dict[str, str]:
-    """Collect the installed versions of Python and of the libraries behind numbers and figures.
+    """Return the installed versions of Python and the libraries that compute numbers and figures.
 
     A conda environment of jobs has no Snakemake.
     """

@@ -18,10 +18,10 @@ LABELS = {unknown.name: unknown.label for unknown in UNKNOWNS}
 
 @dataclass(frozen=True)
 class PaperCell:
-    """A printed number, bound or word, and our result.
+    """Table cell that compares a statement of the reproduced paper with the study's result.
 
-    verdict: as of `galloping.paper.claims`. held: whether the claim is confirmed; None to derive it
-    from the verdict.
+    The statement is a printed number, bound or word. verdict: as of `galloping.paper.claims`. held:
+    whether the claim is confirmed; None to derive it from the verdict.
     """
 
     printed: str
@@ -32,12 +32,12 @@ class PaperCell:
 
     @property
     def holds(self) -> bool:
-        """Whether the claim is confirmed."""
+        """Whether the study's result confirms the statement of the reproduced paper."""
         return self.verdict in HELD if self.held is None else self.held
 
 
 def section(paper: pd.DataFrame, varied: pd.DataFrame | None, region: pd.DataFrame | None) -> dict:
-    """Make the first section of the page.
+    """Build the report's section that compares the paper's statements with the study's results.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def section(paper: pd.DataFrame, varied: pd.DataFrame | None, region: pd.DataFra
 
 
 def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
-    """Describe the settings of the comparison.
+    """Describe in sentences how the settings that the paper does not state were chosen.
 
     paper: paper.csv. region: paper_region.csv.
     """
@@ -95,7 +95,7 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
 
 
 def count(paper: pd.DataFrame) -> str:
-    """Describe how many of the paper's statements are reproduced, not reproduced and not judged.
+    """Describe as text how many statements of the reproduced paper are confirmed and how many not.
 
     A statement is counted once, and is reproduced if all of its rows are. paper: paper.csv.
     """
@@ -124,9 +124,10 @@ def count(paper: pd.DataFrame) -> str:
 
 
 def rows(paper: pd.DataFrame) -> dict[str, list[PaperCell]]:
-    """Make the main table: counted claims, and claims that the same draw satisfies together.
+    """Build the table that compares the paper's statements with the study's results, by statement.
 
-    Both directions of a statement are in one row.
+    It has counted claims, and claims that the same draw satisfies together. Both directions of a
+    statement are in one row.
     """
     first = next(iter(paper["case"]), "")
     found: dict[str, list[PaperCell]] = {}
@@ -140,7 +141,7 @@ def rows(paper: pd.DataFrame) -> dict[str, list[PaperCell]]:
 
 
 def merged(cells: list[PaperCell]) -> PaperCell:
-    """Merge cells of both directions of a statement, with common text once."""
+    """Merge table cells for the vertical and the horizontal direction, with common text once."""
     texts = {
         name: "; ".join(dict.fromkeys(getattr(cell, name) for cell in cells))
         for name in ("printed", "ours", "verdict", "reason")
@@ -149,13 +150,13 @@ def merged(cells: list[PaperCell]) -> PaperCell:
 
 
 def unheld(paper: pd.DataFrame) -> list[str]:
-    """Write a sentence for each claim that was assessed and is not reproduced."""
+    """Write a sentence for each claim of the reproduced paper that was tested and not confirmed."""
     failed = paper[~paper["verdict"].isin([*HELD, "not run", "not judged", "beyond judgement"])]
     return [f"{row['claim']}: {row['verdict']}; {row['reason']}." for _, row in failed.iterrows()]
 
 
 def by_settings(varied: pd.DataFrame) -> str:
-    """Compare the claims at other values of settings that the paper does not print.
+    """Describe as text how many claims hold at other values of settings that the paper omits.
 
     varied: reproduction.csv. For each setting the value with the fewest confirmed claims is named.
     """

@@ -12,7 +12,7 @@ LEVEL = 0.05  # of the noise that sentences are about, or the nearest of the stu
 
 
 def on_methods(tables: Mapping[str, pd.DataFrame], case: str, protocol: str) -> list[str]:
-    """Write sentences on identification.
+    """Write the report's sentences on how well the methods identify models, from result tables.
 
     tables: those of the study by name, of which it may lack any. case: the line of the sentences.
     protocol: that of its sensors. A sentence whose rows are missing is left out.
@@ -33,7 +33,10 @@ def on_methods(tables: Mapping[str, pd.DataFrame], case: str, protocol: str) -> 
 
 
 def on_engineering(tables: Mapping[str, pd.DataFrame], case: str, protocol: str) -> list[str]:
-    """Write sentences on the galloping itself. Parameters as of `on_methods`."""
+    """Write the report's sentences on the galloping of a line, from tables of results.
+
+    Parameters are as in `on_methods`.
+    """
     sentences: list[str] = []
     if {"limit_cycles", "bifurcations"} <= set(tables):
         sentences.append(_describe_galloping(tables["limit_cycles"], tables["bifurcations"], case))
@@ -45,7 +48,10 @@ def on_engineering(tables: Mapping[str, pd.DataFrame], case: str, protocol: str)
 
 
 def verdicts(trust: pd.DataFrame) -> list[str]:
-    """Write a sentence per group of fits in trust.csv: how often an `ok` model was wrong."""
+    """Write a sentence for each group of fits: how often models with status `ok` were wrong.
+
+    trust: trust.csv.
+    """
     own = trust[~trust["case"].str.startswith("every t")]  # rows that are a part of others
     sentences = []
     for group, rows in own.groupby("group", sort=False):
@@ -59,7 +65,10 @@ def verdicts(trust: pd.DataFrame) -> list[str]:
 
 
 def inferred(region: pd.DataFrame) -> list[str]:
-    """Describe the numbers that the paper does not print, as inferred in paper_region.csv."""
+    """Describe as text which parameters that the reproduced paper omits follow from its results.
+
+    region: paper_region.csv.
+    """
     labels = {unknown.name: unknown.label for unknown in UNKNOWNS}
     named = {
         verdict: ", ".join(labels.get(name, name) for name in of["unknown"])

@@ -32,10 +32,11 @@ DOCUMENTED = (ast.Module, ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 
 @cache
 def code(*roots: str | Path) -> dict:
-    """Compute a digest of the code of `roots`, with versions of the libraries it uses.
+    """Compute a digest of scripts and of all code of this package that they import.
 
-    roots: script files, and functions that they import by name, as `deferred` gives them.
-    Raises ValueError for a module that is not in the package.
+    Added are the versions of the libraries that this code uses. roots: script files, and functions
+    that they import by name, as `deferred` gives them. Raises ValueError for a module that is not
+    in the package.
     """
     files = _import_closure(roots)
     texts = []
@@ -117,10 +118,10 @@ def _module_files(name: str) -> list[Path]:
 
 
 def versions(imported: Iterable[str]) -> dict[str, str]:
-    """Collect versions of Python and of the installed libraries behind some imports, by name.
+    """Return the versions of Python and of the installed distributions behind given imports.
 
-    imported: names of top-level packages. Installed requirements of their distributions are
-    included.
+    They are by name. imported: names of top-level packages. Installed requirements of their
+    distributions are included.
     """
     found: dict[str, str] = {}
     for name in imported:
@@ -160,7 +161,7 @@ def _find_distribution(name: str) -> metadata.PackageMetadata | None:
 
 @dataclass(frozen=True)
 class Commit:
-    """The commit that is checked out.
+    """Git commit that is checked out: its hash, date and description, and the changed files.
 
     digest: of the commit. date: when it was made (ISO 8601). described: after the nearest tag, as
     by `git describe`. changes: files that differ from the commit.
@@ -173,7 +174,7 @@ class Commit:
 
 
 def commit() -> Commit | None:
-    """Describe the commit checked out in the working folder; None if git knows of none."""
+    """Return the git commit checked out in the working folder, or None outside a repository."""
     try:
         digest, date = _run_git("show", "--no-patch", "--format=%H %cI", "HEAD").split()
         described = _run_git("describe", "--tags", "--always", "--dirty").strip()
@@ -184,7 +185,7 @@ def commit() -> Commit | None:
 
 
 def environment() -> dict:
-    """Collect versions of Python and of all packages, and properties of the machine."""
+    """Return the versions of Python and of all packages, and properties of the machine."""
     packages = {canonicalize_name(found.name): found.version for found in metadata.distributions()}
     return {
         "python": platform.python_version(),

@@ -31,13 +31,14 @@ RESULTS = "results"  # the folder of results, and the key by which a configurati
 
 
 def run(function: Callable[..., None], job) -> None:
-    """Call a script's function with the arguments of its rule; output goes to the job's log.
+    """Call a script's function with the inputs, outputs and parameters of its Snakemake rule.
 
-    function: its arguments are the files of the rule's inputs and outputs, the values of its params
-    and, if it has them, its wildcards, each by its name in the rule. A param is one value under its
-    configuration key; `code` and `caption` are not passed. job: the `snakemake` object of the
-    script. Its inputs must be unchanged since their jobs; its outputs get receipts. An error ends
-    the process with exit code 1 and one line on the terminal; its traceback is in the log.
+    The output of the function goes to the job's log. function: its arguments are the files of the
+    rule's inputs and outputs, the values of its params and, if it has them, its wildcards, each by
+    its name in the rule. A param is one value under its configuration key; `code` and `caption` are
+    not passed. job: the `snakemake` object of the script. Its inputs must be unchanged since their
+    jobs; its outputs get receipts. An error ends the process with exit code 1 and one line on the
+    terminal; its traceback is in the log.
     """
     log = Path(job.log[0])
     try:
@@ -58,7 +59,7 @@ def run(function: Callable[..., None], job) -> None:
 
 
 def failures(results: str, since: int) -> list[str]:
-    """List the reasons of failed jobs of a run, a line each with the job's log.
+    """List the error messages of the jobs that failed during a run, each with its log file.
 
     since: when the run began, in nanoseconds of its file system's clock.
     """
@@ -74,7 +75,10 @@ def failures(results: str, since: int) -> list[str]:
 
 
 def arguments(function: Callable[..., None], job) -> dict:
-    """Collect the arguments with which `run` calls the function of a script."""
+    """Collect the arguments for a script's function from the inputs and parameters of its job.
+
+    They are those with which `run` calls the function.
+    """
     asked = signature(function).parameters
     params = {name: of for name, of in job.params.items() if name not in (CODE, CAPTION)}
     values = {name: next(iter(of.values())) for name, of in params.items()}

@@ -28,21 +28,21 @@ FOLDERS = (
 
 
 class Obstacle(RuntimeError):
-    """Error that prevents work on a study; the message says what to do, in one line."""
+    """Error that prevents work on a study; its one-line message says what the user should do."""
 
 
 class Killed(RuntimeError):
-    """Error of a run that ended without cleaning up; the study has to be repaired."""
+    """Error that a run of the study was killed without cleaning up, so that it needs a repair."""
 
 
 @contextmanager
 def locked(results: str, repair: str, *, repairing: bool = False) -> Iterator[int]:
-    """Lock a study against other runs, repairs and restorations; yield the time of the start.
+    """Lock the results of a study in a `with` block against simultaneous runs and repairs.
 
-    The time is in nanoseconds of the file system's clock. repair: the command that continues after
-    a killed run. repairing: whether this is it. Raises Obstacle if another process uses the study,
-    if a run was killed in it, or if the disk is full or read-only. After Killed, or if this process
-    is killed, only a repair may lock the study.
+    Yielded is the time of the start. The time is in nanoseconds of the file system's clock. repair:
+    the command that continues after a killed run. repairing: whether this is it. Raises Obstacle if
+    another process uses the study, if a run was killed in it, or if the disk is full or read-only.
+    After Killed, or if this process is killed, only a repair may lock the study.
     """
     check_places(results)
     check_disk(results)
@@ -68,7 +68,7 @@ def locked(results: str, repair: str, *, repairing: bool = False) -> Iterator[in
 
 
 def check_disk(results: str) -> None:
-    """Raise Obstacle if the working folder or the results cannot be written."""
+    """Raise Obstacle if the working or results folder is read-only or its disk is full."""
     for place in filter(Path.exists, (Path.cwd(), Path.cwd() / results)):
         if not os.access(place, os.W_OK):
             raise Obstacle(f"{place} is read-only: make it writable and run again.")
@@ -77,7 +77,7 @@ def check_disk(results: str) -> None:
 
 
 def check_places(results: str) -> None:
-    """Raise Obstacle for a file in place of a folder, and for a folder in place of a file."""
+    """Raise Obstacle if a file is in the place of a folder of the study, or vice versa."""
     own = Path(results)
     folders = (Path(".snakemake"), *reversed(own.parents), own, *(own / name for name in FOLDERS))
     files = (Path(".snakemake", "seen.json"), own / MARK, own / "report.html")
@@ -88,24 +88,27 @@ def check_places(results: str) -> None:
 
 
 def killed(repair: str) -> str:
-    """Format the message on a run that was killed."""
+    """Format the message that a run of the study was killed and which command continues it."""
     return f"A run in this folder was killed: `{repair}` takes it from there."
 
 
 def make_command(configfiles: Iterable[str | Path] = (), goal: str = "") -> str:
-    """Format the command that reaches a goal of the Makefile with these configuration files."""
+    """Format the `make` command for a target of the Makefile and given configuration files."""
     files = " ".join(os.path.relpath(file) for file in configfiles)
     settings = f"CONFIG={shlex.quote(files)}" if files else ""
     return " ".join(filter(None, ("make", goal, settings)))
 
 
 def marked_environment(results: str) -> dict[str, str]:
-    """Make the environment of all processes of a run, by which remaining ones are found."""
+    """Return environment variables that mark all processes of a run, to find them later."""
     return {**os.environ, OF_STUDY: str(Path(results).resolve())}
 
 
 def snakemakes(folder: Path) -> list[psutil.Process]:
-    """List Snakemake's main processes in a folder, except the parents of this one."""
+    """List the running Snakemake processes in a folder, except ancestors of this process.
+
+    Only main processes are listed.
+    """
     own = {os.getpid(), *(parent.pid for parent in psutil.Process().parents())}
     return [
         process
@@ -116,7 +119,10 @@ def snakemakes(folder: Path) -> list[psutil.Process]:
 
 
 def end_orphans(results: str) -> int:
-    """End processes left by a killed run, by force after PATIENCE seconds, and count them."""
+    """Terminate the processes that a killed run left running, and return their number.
+
+    Processes that still run after PATIENCE seconds are killed.
+    """
     mark, others = marked_environment(results)[OF_STUDY], psutil.process_iter(["environ"])
     left = [p for p in others if (p.info["environ"] or {}).get(OF_STUDY) == mark]
     left = [process for process in left if process.pid != os.getpid()]
@@ -129,7 +135,10 @@ def end_orphans(results: str) -> int:
 
 
 def clear_unfinished(results: str) -> Iterator[str]:
-    """Remove files that a killed process had not finished writing (see `storage.replacing`)."""
+    """Remove the partly written files that killed processes left; yield a message for each.
+
+    See `storage.replacing`.
+    """
     for path in sorted(Path(results).rglob(f"{PARTIAL}*")):
         shutil.rmtree(path) if path.is_dir() else path.unlink()
         yield f"removed the unfinished {path}"

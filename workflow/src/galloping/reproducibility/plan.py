@@ -48,7 +48,7 @@ MOST = 3  # edits and rules that are told one by one
 
 @dataclass(frozen=True)
 class PlannedJob:
-    """One job of a study.
+    """Job of the workflow as planned: its rule, settings, input files and output files.
 
     settings: its params. outputs: without receipts. Paths are relative to the working folder.
     """
@@ -59,14 +59,17 @@ class PlannedJob:
     outputs: tuple[str, ...]
 
     def made(self, receipt: Receipt) -> bool:
-        """Decide whether a receipt is of this job: settings, code and the inputs by name."""
+        """Decide whether the record of how a file was made (its receipt) fits this job.
+
+        It fits if the rule, the settings with the code, and the names of the inputs are the same.
+        """
         own = self.rule, self.settings, set(self.inputs)
         return (receipt.rule, receipt.settings, receipt.inputs.keys()) == own
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Jobs and settings of a study.
+    """Plan of a study: all its jobs and its settings.
 
     settings: validated and with defaults. configfiles: as with Snakemake's --configfile.
     """
@@ -77,19 +80,20 @@ class Plan:
 
     @property
     def results(self) -> str:
-        """Folder that the study writes."""
+        """Folder into which the study writes its results."""
         return self.settings["results"]
 
     @property
     def maker(self) -> dict[str, PlannedJob]:
-        """Job that makes each file."""
+        """Mapping from each output file to the job that makes it."""
         return {path: job for job in self.jobs for path in job.outputs}
 
 
 def as_planned(plan: Plan, known: dict[str, Receipt]) -> set[str]:
-    """Find the files of complete jobs that no receipt, back to the first, contradicts.
+    """Find files made exactly as planned, from inputs that were also made as planned.
 
-    known: receipts by path. A file that was left elsewhere on purpose counts as present.
+    They are the outputs of complete jobs that no receipt, back to the first, contradicts. known:
+    receipts by path. A file that was left elsewhere on purpose counts as present.
     """
     maker = plan.maker
 
@@ -110,7 +114,7 @@ def as_planned(plan: Plan, known: dict[str, Receipt]) -> set[str]:
 
 
 def planning(configfiles: Sequence[str] = ()) -> Plan:
-    """Plan the study in the working folder.
+    """Determine all jobs of the study in the working folder with Snakemake, without running them.
 
     configfiles: merged over the Snakefile's own. A bad configuration ends the process with one
     line, as with Snakemake itself.
@@ -127,9 +131,10 @@ def planning(configfiles: Sequence[str] = ()) -> Plan:
 
 
 def recorded(configfiles: Sequence[str] = ()) -> set[str]:
-    """Find planned files of which Snakemake knows how they and their receipts were made.
+    """Find the planned files for which Snakemake has complete records of how they were made.
 
-    Without complete records it regards the output of a job as up to date after any edit.
+    Their receipts are recorded as well. Without complete records it regards the output of a job as
+    up to date after any edit.
     """
     with redirect_stdout(io.StringIO()) as said:
         _with_dag(configfiles, lambda dag: dag.summary())
@@ -141,7 +146,7 @@ def recorded(configfiles: Sequence[str] = ()) -> set[str]:
 
 
 def record(plan: Plan) -> None:
-    """Let Snakemake regard all present files as just made, in order, as planned now.
+    """Make Snakemake treat all existing files as up to date with a plan.
 
     It uses --touch, which records the same of planned files that are missing.
     """
@@ -149,7 +154,7 @@ def record(plan: Plan) -> None:
 
 
 def unlock(configfiles: Sequence[str] = ()) -> None:
-    """Remove the lock of a run that was killed, as Snakemake's --unlock does."""
+    """Remove the lock that a killed Snakemake run left, as `snakemake --unlock` does."""
     _with_dag(configfiles, lambda dag: dag.unlock())
 
 
@@ -178,9 +183,10 @@ def _with_dag(
 
 
 def outlook(plan: Plan, known: Mapping[str, Receipt], cores: int | None) -> Iterator[str]:
-    """Yield lines on the number and duration of jobs to run, on edits and on changed code.
+    """Yield lines of text that announce a run: number of jobs, expected duration, and changes.
 
-    known: receipts by path. cores: that jobs share, None for a cluster.
+    The changes are edits of settings and changed code. known: receipts by path. cores: that jobs
+    share, None for a cluster.
     """
     kept = {path for path in as_planned(plan, dict(known)) if Path(path).exists()}
     kept |= {path for path, receipt in known.items() if not receipt.kept}
@@ -200,7 +206,7 @@ def outlook(plan: Plan, known: Mapping[str, Receipt], cores: int | None) -> Iter
 
 
 def duration_in_words(seconds: float) -> str:
-    """Format a duration such as `10 min`, in h, min or s."""
+    """Format a duration in seconds as a text in h, min or s, such as `10 min`."""
     for unit, length in (("h", 3600.0), ("min", 60.0)):
         if seconds >= 1.5 * length:
             return f"{seconds / length:.0f} {unit}"
@@ -262,13 +268,13 @@ NO_LOCK = ExecutionSettings(lock=False)
 
 
 class Executor(AbstractExecutor):
-    """Executor that stores each job instead of running it."""
+    """Snakemake executor that stores the planned jobs instead of running them."""
 
     jobs: ClassVar[list[PlannedJob]] = []
     cores = 1
 
     def run_job(self, job) -> None:
-        """Store a job, and report it as done."""
+        """Store a job in the plan, and report it to Snakemake as done."""
         if job.output:  # all but the rule that only collects
             settings = as_written(json.loads(job.properties())["params"])
             outputs = tuple(str(path) for path in job.output if not path.endswith(SUFFIX))

@@ -26,7 +26,7 @@ SEEN = Path(".snakemake/seen.json")
 
 @dataclass(frozen=True)
 class Receipt:
-    """Record of how one file was made.
+    """Record of how a result file was made: its job, settings, inputs and SHA-256.
 
     path, log: relative to the working folder. settings: of the job, with the digest of its code.
     inputs: digests of the files that the job read, by path. seconds: wall time of the job's own
@@ -48,26 +48,27 @@ class Receipt:
 
 
 def digest(path: str | Path) -> str:
-    """Compute the SHA-256 of a file, in hex."""
+    """Compute the SHA-256 of a file as hexadecimal text."""
     with Path(path).open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def receipt_path(path: str | Path) -> Path:
-    """Return the path of the receipt of a file."""
+    """Return the path of the record (receipt) of how a given file was made."""
     path = Path(path)
     return path.with_name(f".{path.name}{SUFFIX}")
 
 
 def as_written(settings: Mapping) -> dict:
-    """Convert settings to the form of receipts, for comparison."""
+    """Convert settings to the plain JSON types in which they are stored, to compare them."""
     return json.loads(json.dumps({k: v for k, v in settings.items() if k != CAPTION}))
 
 
 def consistent(receipt: Receipt, known: Mapping[str, Receipt]) -> bool:
-    """Decide whether a file was made from its present inputs, by their receipts or contents.
+    """Decide whether a file was made from the present versions of its inputs, by their SHA-256.
 
-    An input without both is ignored.
+    The present digest of an input is that of its receipt, else that of its contents. An input
+    without both is ignored.
     """
     return all(
         made == (known[path].sha256 if path in known else digest(path))
@@ -77,15 +78,16 @@ def consistent(receipt: Receipt, known: Mapping[str, Receipt]) -> bool:
 
 
 def write_receipt(receipt: Receipt, prefix: str = "") -> None:
-    """Write a receipt beside its file, whether or not the file is there.
+    """Write the record (receipt) of how a file was made, beside that file.
 
-    prefix: before the path of a local copy of results that are in a storage.
+    The file itself need not be there. prefix: before the path of a local copy of results that are
+    in a storage.
     """
     write_json(receipt_path(prefix + receipt.path), asdict(receipt))
 
 
 def read_receipt(path: str | Path) -> Receipt | None:
-    """Read the receipt of a file; None if it has none that can be read."""
+    """Read the record (receipt) of how a file was made; None if it is missing or damaged."""
     try:
         receipt = Receipt(**read_json(receipt_path(path)))
     except (OSError, ValueError, TypeError, RecursionError):
@@ -110,7 +112,7 @@ def _is_sound(receipt: Receipt) -> bool:
 
 
 def grows(path: str | Path, settings: Mapping, key: str) -> bool:
-    """Decide whether the job that wrote a file had settings that differ in nothing but `key`."""
+    """Decide whether an intact file was made with given settings, apart from those of one key."""
     receipt = read_receipt(path)
     if receipt is None or not receipt.kept or not Path(path).exists():
         return False
@@ -119,7 +121,7 @@ def grows(path: str | Path, settings: Mapping, key: str) -> bool:
 
 
 def receipts(results: str | Path) -> dict[str, Receipt]:
-    """Read how each file of a results folder was made: its receipts, by path.
+    """Read the records (receipts) of how all files in a results folder were made, by path.
 
     Receipts of other results inside the folder are left out.
     """
@@ -132,11 +134,11 @@ def receipts(results: str | Path) -> dict[str, Receipt]:
 
 @dataclass(frozen=True)
 class Deviations:
-    """Files that differ from their receipts, by path.
+    """Result files that are missing, damaged or without a record of how they were made.
 
-    missing: absent. damaged: with other content. unknown: known before, now without a receipt. new:
-    unknown when the study was last remembered. present: size, times, number and digest of present
-    files.
+    The files are given by path. missing: absent. damaged: with other content. unknown: known
+    before, now without a receipt. new: unknown when the study was last remembered. present: size,
+    times, number and digest of present files.
     """
 
     missing: tuple[str, ...]
@@ -147,10 +149,10 @@ class Deviations:
 
 
 def inspect(results: str, known: Mapping[str, Receipt], *, thorough: bool = False) -> Deviations:
-    """Compare files with their receipts.
+    """Find result files that are missing, damaged or unrecorded, by comparison with their records.
 
-    known: receipts by path. thorough: read every file, also those with size and times of the last
-    reading.
+    A receipt is the record of how a file was made. known: receipts by path. thorough: read every
+    file, also those with size and times of the last reading.
     """
     states = {path: state for path in known if (state := _file_state(path))}
     seen = _read_seen().get(results, {})
@@ -168,7 +170,7 @@ def inspect(results: str, known: Mapping[str, Receipt], *, thorough: bool = Fals
 
 
 def remember(results: str, findings: Deviations) -> None:
-    """Record the present files, which the next inspection need not read again."""
+    """Store the state of all present files, so that only changed files are read next time."""
     seen = _read_seen()
     if (now := seen | {results: findings.present}) != seen:
         with suppress(OSError):  # only costs time: a full disk is told by what must write to it

@@ -11,12 +11,12 @@ from galloping.reproducibility.receipts import Receipt, consistent, inspect, rec
 
 @dataclass(frozen=True)
 class Audit:
-    """Files by state; each planned file is in exactly one of all but the last.
+    """Result files of a study, classified as sound, damaged, missing, outdated and other states.
 
-    sound: as planned and as written. elsewhere: the same, but the file was left elsewhere on
-    purpose. damaged: changed since its job. missing: never made, or lost. outdated: made with other
-    settings or code, or from other inputs. unknown: without a receipt. left_over: made, no longer
-    planned.
+    Each planned file is in exactly one class of all but the last. sound: as planned and as written.
+    elsewhere: the same, but the file was left elsewhere on purpose. damaged: changed since its job.
+    missing: never made, or lost. outdated: made with other settings or code, or from other inputs.
+    unknown: without a receipt. left_over: made, no longer planned.
     """
 
     sound: tuple[str, ...] = ()
@@ -29,7 +29,10 @@ class Audit:
 
 
 def audit(plan: Plan) -> Audit:
-    """Read every file of a study and compare it with its receipt, its settings and its inputs."""
+    """Classify each result file of a study, for example as sound, damaged, missing or outdated.
+
+    Every file is read and compared with its receipt, its settings and its inputs.
+    """
     known, maker = receipts(plan.results), plan.maker
     planned = {path: receipt for path, receipt in known.items() if path in maker}
     findings = inspect(plan.results, planned, thorough=True)
@@ -55,7 +58,7 @@ def audit(plan: Plan) -> Audit:
 
 
 def remove(receipt: Receipt) -> list[Path]:
-    """Remove a file with its receipt, log and benchmark, and return the removed paths."""
+    """Delete a result file with its record, log and benchmark, and return the deleted paths."""
     log = Path(receipt.log)
     parts = ["benchmarks" if part == "logs" else part for part in log.parts]
     benchmark = Path(*parts).with_suffix(".tsv")
@@ -72,12 +75,12 @@ SET_ASIDE = "set_aside"
 
 
 def adopt(plan: Plan) -> Iterator[str]:
-    """Let Snakemake regard files that are exactly those of the plan as made.
+    """Make Snakemake accept existing files that were made as planned, and move all others away.
 
-    It is for results of which Snakemake lacks records. A file counts if its receipt names the same
-    settings and code as the plan, and the same inputs as the receipts of those, and so on back to
-    the first files; the caller has made sure that files agree with their receipts. Others are set
-    aside, to be made again.
+    Yielded are messages on what was done. It is for results of which Snakemake lacks records. A
+    file counts if its receipt names the same settings and code as the plan, and the same inputs as
+    the receipts of those, and so on back to the first files; the caller has made sure that files
+    agree with their receipts. Others are set aside, to be made again.
     """
     known = receipts(plan.results)
     maker = plan.maker
@@ -98,7 +101,7 @@ def adopt(plan: Plan) -> Iterator[str]:
 
 
 def set_aside(results: str, path: str) -> Path:
-    """Move a file of the results to a free path, and return that."""
+    """Move a result file to a separate folder under an unused name, and return the new path."""
     base = Path(results) / SET_ASIDE / Path(path).relative_to(results)
     target, number = base, 1
     while target.exists():

@@ -20,7 +20,10 @@ from galloping.results import JOINT, NOISE, SUBSET
 
 
 def without(line: Mapping, *parameters: str | None) -> dict:
-    """Remove the values of varied parameters from a line; no sweep depends on them."""
+    """Remove from a line's settings the values of the parameters that a sweep varies.
+
+    No sweep depends on these values.
+    """
     gone = {place for name in parameters if name for place in PARAMETERS[name].places}
     return {
         section: {key: value for key, value in of.items() if (section, key) not in gone}
@@ -32,7 +35,7 @@ def without(line: Mapping, *parameters: str | None) -> dict:
 
 @dataclass(frozen=True)
 class Sweep:
-    """Values of one parameter, or of two."""
+    """Parameter sweep of a study: all values of one parameter, or of two parameters on a grid."""
 
     name: str
     parameter: str
@@ -42,19 +45,19 @@ class Sweep:
 
     @property
     def is_map(self) -> bool:
-        """Whether a second parameter is varied as well."""
+        """Whether the sweep varies two parameters instead of one."""
         return self.second is not None
 
     @property
     def ends(self) -> list[float]:
-        """The first and the last value."""
+        """First and last value of the sweep's first parameter."""
         return [self.values[0], self.values[-1]]
 
     @property
     def blocks(self) -> dict[str, float | None]:
-        """Blocks that jobs simulate, by name: all values, at one value of a map's second parameter.
+        """Parts of the sweep, one for each job: name to value of the second parameter, or to None.
 
-        New values are added to the file of each.
+        Each has all values of the first parameter. New values are added to the file of each.
         """
         if not self.is_map:
             return {self.parameter: None}
@@ -68,7 +71,7 @@ def _spaced_values(first: float, last: float, step: float) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class Batch:
-    """Replicates of one case that one job tries."""
+    """Part of a trial (numerical experiment) that one job computes: some replicates of one case."""
 
     name: str
     case: str
@@ -77,7 +80,7 @@ class Batch:
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial.
+    """Numerical experiment: methods identify many simulated recordings whose truth is known.
 
     table: that summarises its rows. options: keywords of the kind's function, in plain values.
     """
@@ -93,7 +96,10 @@ class Trial:
 
     @property
     def batches(self) -> tuple[Batch, ...]:
-        """Batches named by their case and replicates."""
+        """Parts of the trial that separate jobs compute: each case, in groups of replicates.
+
+        Their names are of the case and the replicates.
+        """
         starts = range(0, self.replicates, self.batch)
         parts = [range(k, min(k + self.batch, self.replicates)) for k in starts]
         return tuple(
@@ -104,7 +110,7 @@ class Trial:
 
 
 def configured_trial(name: str, configured: TrialSection, is_exam: bool = False) -> Trial:
-    """Make a trial as configured; missing keys have their kind's defaults."""
+    """Create a trial from its section of the configuration, with defaults for missing keys."""
     kind = KINDS[configured.kind]
     options = {key: getattr(configured, key) or default for key, default in kind.options.items()}
     return Trial(
@@ -121,7 +127,7 @@ def configured_trial(name: str, configured: TrialSection, is_exam: bool = False)
 
 @dataclass(frozen=True)
 class Case:
-    """One line in one wind.
+    """Case of a study: an overhead line in one wind, its initial states, and the truth simulated.
 
     line: its settings except the initial states. releases: initial states by state, the one for the
     assessment of models first. truth: the system behind its recordings.
@@ -134,23 +140,27 @@ class Case:
 
     @property
     def is_continuous(self) -> bool:
-        """Whether no library contains the model of the motion, so that no coefficients are true."""
+        """Whether the truth is a continuous line, for which no model coefficients are true.
+
+        No library contains the model of its motion.
+        """
         return self.truth["model"] == "continuous"
 
     @property
     def released(self) -> dict:
-        """The line with its first initial state."""
+        """Settings of the line, with the first of its initial states."""
         return {**self.line, "initial_state": dict(self.releases[0])}
 
 
 @dataclass(frozen=True)
 class Cell:
-    """Noise realisations of one case, by one measurement setup, at one noise level and size.
+    """Study cell: recordings of one case with one measurement setup, noise level and sample count.
 
-    kind: NOISE (a whole record), SUBSET (random samples of it) or JOINT (all recordings of the case
-    together). level: of the noise. relative: whether it is in units of the states' deviations.
-    samples: of each recording. recordings: number that share a model. methods: those that can use
-    them, in the order of the registry, so that jobs do not depend on the order in the settings.
+    They differ in the noise realisation. kind: NOISE (a whole record), SUBSET (random samples of
+    it) or JOINT (all recordings of the case together). level: of the noise. relative: whether it is
+    in units of the states' deviations. samples: of each recording. recordings: number that share a
+    model. methods: those that can use them, in the order of the registry, so that jobs do not
+    depend on the order in the settings.
     """
 
     case: Case
@@ -167,23 +177,23 @@ class Cell:
 
     @property
     def id(self) -> str:
-        """Path below a folder of results, `case/protocol/cell`."""
+        """Relative path of the study cell's files: `case/protocol/cell`."""
         return "/".join(self.wildcards.values())
 
     @property
     def wildcards(self) -> dict[str, str]:
-        """Names of the cell in a path."""
+        """Names of case, measurement setup and study cell, as wildcards of Snakemake."""
         return {"case": self.case.name, "protocol": self.protocol.name, "cell": self.name}
 
     @property
     def measurement(self) -> dict:
-        """Arguments for drawing its recordings."""
+        """Keyword arguments for simulating the recordings of the study cell."""
         names = ("level", "relative", "samples", "recordings", "replicates", "seed")
         return {"protocol": self.protocol.name, **{name: getattr(self, name) for name in names}}
 
     @property
     def columns(self) -> dict:
-        """Names of the cell in a table."""
+        """Values that identify the study cell in a table: case, noise level, samples and others."""
         return {
             **self.wildcards,
             "kind": self.kind,
@@ -194,25 +204,28 @@ class Cell:
 
     @property
     def families(self) -> dict[str, tuple[Method, ...]]:
-        """Methods of the cell by their common job."""
+        """Identification methods of the study cell, grouped by the job that runs them."""
         names = dict.fromkeys(method.family for method in self.methods)
         return {name: tuple(m for m in self.methods if m.family == name) for name in names}
 
 
 @dataclass(frozen=True)
 class Study:
-    """All computations of a study, from validated settings."""
+    """All computations of a study (cases, recordings, sweeps, trials), from its settings.
+
+    The settings are validated.
+    """
 
     settings: Settings
 
     @cached_property
     def plain(self) -> dict:
-        """The settings as nested dict, list, str, int, float, bool and None."""
+        """Settings of the study as nested plain Python types, such as dict, list and float."""
         return plain(self.settings)
 
     @property
     def doubts(self) -> list[str]:
-        """Warnings on settings that may be meant otherwise, a line each."""
+        """Warnings about settings that the user may have meant differently, one line each."""
         measurement = self.settings.measurement
         levels = {*measurement.levels, *measurement.joint_levels, measurement.subsets.level}
         scaled = any(protocol.is_scaled for protocol in self.protocols)
@@ -226,7 +239,7 @@ class Study:
 
     @cached_property
     def cases(self) -> tuple[Case, ...]:
-        """Cases in the order of the settings."""
+        """Cases of the study (each a line in one wind), in the order of the settings."""
         return tuple(
             Case(
                 name,
@@ -243,21 +256,24 @@ class Study:
 
     @property
     def protocols(self) -> tuple[Protocol, ...]:
-        """Measurement setups in the order of the settings."""
+        """Measurement setups of the study, in the order of the settings."""
         return tuple(BY_NAME[name] for name in self.settings.measurement.protocols)
 
     @property
     def methods(self) -> tuple[Method, ...]:
-        """Identification methods in the order of the settings."""
+        """Identification methods of the study, in the order of the settings."""
         return tuple(registry.BY_NAME[name] for name in self.settings.identification.methods)
 
     def case(self, name: str) -> Case:
-        """Find a case by name."""
+        """Return the case (a line in one wind) that has a given name."""
         return next(case for case in self.cases if case.name == name)
 
     @cached_property
     def cells(self) -> tuple[Cell, ...]:
-        """Study cells that a method can use, by case and measurement setup."""
+        """Study cells (sets of noisy recordings) that at least one identification method can use.
+
+        They are ordered by case and measurement setup.
+        """
         return tuple(
             cell
             for case in self.cases
@@ -267,7 +283,7 @@ class Study:
         )
 
     def cell(self, case: str, protocol: str, cell: str) -> Cell:
-        """Find a study cell by the names of case, measurement setup and cell."""
+        """Return a study cell (set of noisy recordings) by its case, measurement setup and name."""
         return self._by_name[case, protocol, cell]
 
     @cached_property
@@ -301,7 +317,7 @@ class Study:
 
     @cached_property
     def sweeps(self) -> tuple[Sweep, ...]:
-        """Sweeps in the order of the settings."""
+        """Parameter sweeps of the study, in the order of the settings."""
         return tuple(
             Sweep(name, of.parameter, _spaced_values(*of.values), of.second,
                   _spaced_values(*of.second_values) if of.second_values else ())
@@ -309,19 +325,22 @@ class Study:
         )  # fmt: skip
 
     def sweep(self, name: str) -> Sweep:
-        """Find a sweep by name."""
+        """Return the parameter sweep that has a given name."""
         return next(each for each in self.sweeps if each.name == name)
 
     @cached_property
     def trials(self) -> tuple[Trial, ...]:
-        """Trials in the order of the settings."""
+        """Trials (identification of many recordings with known truth) of the study.
+
+        They are in the order of the settings.
+        """
         is_exam, trials = self.settings.exam, self.settings.trials
         return tuple(configured_trial(name, of, is_exam) for name, of in trials.items())
 
     def trial(self, name: str) -> Trial:
-        """Find a trial by name."""
+        """Return the trial (identification of many recordings with known truth) of a given name."""
         return next(each for each in self.trials if each.name == name)
 
     def options(self, method: Method) -> dict:
-        """Return the settings that a method reads."""
+        """Return the settings of the study that an identification method reads."""
         return method.settings(self.plain["identification"], self.settings.measurement.seed)

@@ -27,7 +27,7 @@ CHANNELS = ("time", "values", "rates")  # of a recording
 
 
 def read(path: str | os.PathLike) -> object:
-    """Read a file of a study by the reader of its kind.
+    """Read a result file of a study with the reader that its folder and name require.
 
     Raises ValueError for a file of no kind.
     """
@@ -40,7 +40,10 @@ def read(path: str | os.PathLike) -> object:
 def read_all(
     files: Mapping[str, str | PathLike | Sequence], names: Mapping[str, Sequence[str]]
 ) -> dict:
-    """Read files, by name; a list of files as a dict, by the names in `names`."""
+    """Read several result files into a dict by name; a list of files becomes a nested dict.
+
+    The names in a nested dict are those in `names`.
+    """
     return {
         key: read(of)
         if isinstance(of, str | PathLike)
@@ -53,19 +56,22 @@ def read_all(
 
 
 def write_table(path: str | os.PathLike, table: pd.DataFrame) -> None:
-    """Write one observation per row, with ten significant digits per number."""
+    """Write a table to a CSV file, with ten significant digits per number.
+
+    Each row is an observation.
+    """
     write_rows(path, table.to_dict("records"), list(table))
 
 
 def read_table(path: str | os.PathLike) -> pd.DataFrame:
-    """Read a table of a study."""
+    """Read a CSV table of a study as a DataFrame."""
     import pandas as pd  # here: most jobs read no table
 
     return pd.read_csv(path)
 
 
 def read_as_written(path: str | os.PathLike) -> pd.DataFrame:
-    """Read all cells as text: empty cells and the word "nan" differ."""
+    """Read a CSV table with all cells as text, so that an empty cell is not the word 'nan'."""
     import pandas as pd
 
     return pd.read_csv(path, dtype=str, keep_default_na=False)
@@ -75,7 +81,7 @@ def read_as_written(path: str | os.PathLike) -> pd.DataFrame:
 
 
 def write_model(path: str | os.PathLike, derived: Derived) -> None:
-    """Write a model in readable form, exact to the last bit."""
+    """Write the equations and derived quantities of a line to a JSON file, without rounding."""
     of = derived.model
     model = {"states": of.states, "terms": of.terms, "coefficients": of.coefficients.tolist()}
     content = {**derived.quantities, "coefficients": dict(derived.coefficients), "model": model}
@@ -83,7 +89,7 @@ def write_model(path: str | os.PathLike, derived: Derived) -> None:
 
 
 def read_model(path: str | os.PathLike) -> Derived:
-    """Read the equations, their coefficients by symbol, and further quantities."""
+    """Read the equations, named coefficients and derived quantities of a line from a file."""
     content = read_json(path)
     model = content.pop("model")
     equations = PolynomialModel(
@@ -96,7 +102,7 @@ def read_model(path: str | os.PathLike) -> Derived:
 
 
 def write_trajectories(path: str | os.PathLike, motions: Sequence[Motion]) -> None:
-    """Write motions of one system on one time grid."""
+    """Write simulated motions of one system on a common time grid to a file."""
     write_arrays(
         path,
         names=np.array(motions[0].names),
@@ -108,7 +114,10 @@ def write_trajectories(path: str | os.PathLike, motions: Sequence[Motion]) -> No
 
 
 def read_trajectories(path: str | os.PathLike) -> tuple[Motion, ...]:
-    """Read the motion of each initial displacement; the first one is for assessments of models."""
+    """Read the simulated motions of a line, one motion for each initial displacement.
+
+    The first is for assessments of models.
+    """
     with np.load(path) as file:
         names, time = tuple(map(str, file["names"])), file["time"]
         motions = zip(file["states"], file["rates"], file["status"].tolist(), strict=True)
@@ -119,7 +128,10 @@ def read_trajectories(path: str | os.PathLike) -> tuple[Motion, ...]:
 
 
 def write_recordings(path: str | os.PathLike, replicates: Sequence[Sequence[Recording]]) -> None:
-    """Write recordings by noise realisation and initial displacement, common arrays once."""
+    """Write simulated recordings to a file, by noise realisation and initial displacement.
+
+    Arrays that all realisations share are stored once.
+    """
     arrays: dict[str, np.ndarray] = {
         "states": np.array(replicates[0][0].states),
         "shape": np.array([len(replicates), len(replicates[0])]),
@@ -135,7 +147,10 @@ def write_recordings(path: str | os.PathLike, replicates: Sequence[Sequence[Reco
 
 
 def read_recordings(path: str | os.PathLike) -> list[tuple[Recording, ...]]:
-    """Read the recordings of each noise realisation."""
+    """Read simulated recordings from a file, as a list with a tuple per noise realisation.
+
+    Each tuple has a recording for each initial displacement.
+    """
     with np.load(path) as file:
         arrays = dict(file)
     states = tuple(map(str, arrays.pop("states")))
@@ -165,19 +180,25 @@ def _stack_replicates(arrays: list[np.ndarray]) -> np.ndarray:
 def write_identified(
     path: str | os.PathLike, models: Mapping[str, Sequence[IdentifiedModel]]
 ) -> None:
-    """Write the models of one study cell by method, each in the format of a single model."""
+    """Write the models that several methods identified, one model per noise realisation.
+
+    Each model has the format of a single model.
+    """
     content = {method: [each.to_plain() for each in of] for method, of in models.items()}
     write_json(path, content, indent=None)
 
 
 def read_identified(path: str | os.PathLike) -> dict[str, list[IdentifiedModel]]:
-    """Read the model of each noise realisation, by method."""
+    """Read identified models from a file: by method, a list over the noise realisations."""
     content = read_json(path)
     return {method: list(map(IdentifiedModel.from_plain, of)) for method, of in content.items()}
 
 
 def read_families(paths: Iterable[str | os.PathLike]) -> dict[str, list[IdentifiedModel]]:
-    """Read the models of several families of methods, by method."""
+    """Read the identified models of several files into one dict, by method.
+
+    Each file is that of a family of methods.
+    """
     return {method: of for path in paths for method, of in read_identified(path).items()}
 
 
@@ -185,16 +206,20 @@ def read_families(paths: Iterable[str | os.PathLike]) -> dict[str, list[Identifi
 
 
 def write_bounds(path: str | os.PathLike, deviations: np.ndarray) -> None:
-    """Write the least standard deviation of each coefficient on the candidate library.
+    """Write the Cramér-Rao standard deviation of each coefficient to a file.
 
-    deviations: (n_samplings, n_states, n_terms), NaN without noise and for terms without a bound.
-    There is one sampling if all realisations share their times, else one for each.
+    Coefficients are those on the candidate library. deviations: (n_samplings, n_states, n_terms),
+    NaN without noise and for terms without a bound. There is one sampling if all realisations share
+    their times, else one for each.
     """
     write_arrays(path, std=deviations)
 
 
 def read_bounds(path: str | os.PathLike) -> np.ndarray:
-    """Read bounds, (n_samplings, n_states, n_terms), as of `write_bounds`."""
+    """Read the Cramér-Rao standard deviation of each coefficient from a file.
+
+    The shape is (n_samplings, n_states, n_terms), as in `write_bounds`.
+    """
     with np.load(path) as file:
         return file["std"]
 
@@ -205,7 +230,7 @@ def read_bounds(path: str | os.PathLike) -> np.ndarray:
 def write_reconstructions(
     path: str | os.PathLike, reconstructions: Mapping[str, Reconstruction]
 ) -> None:
-    """Write the reconstructed motions of each method, by name."""
+    """Write summaries of the motions simulated with identified models, by method."""
     write_arrays(
         path,
         **{
@@ -217,7 +242,7 @@ def write_reconstructions(
 
 
 def read_reconstructions(path: str | os.PathLike) -> dict[str, Reconstruction]:
-    """Read reconstructions by method."""
+    """Read summaries of the motions simulated with identified models, by method."""
     with np.load(path) as file:
         return {method: Reconstruction(**of) for method, of in _by_method(file).items()}
 
@@ -236,12 +261,18 @@ def _by_method(file: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray
 
 
 def write_orbits(path: str | os.PathLike, orbits: Mapping[float, np.ndarray]) -> None:
-    """Write orbits by wind speed in m/s: (n, 2) places (w, v) in m about rest."""
+    """Write orbits of a line at mid-span to a file, by wind speed in m/s.
+
+    An orbit has n places (w, v) in m about rest, (n, 2).
+    """
     write_arrays(path, **{f"{wind:.12g}": places for wind, places in orbits.items()})
 
 
 def read_orbits(path: str | os.PathLike) -> dict[float, np.ndarray]:
-    """Read orbits, (n, 2) places (w, v) in m about rest, by wind speed in m/s."""
+    """Read orbits of a line at mid-span from a file, by wind speed in m/s.
+
+    An orbit has n places (w, v) in m about rest, (n, 2).
+    """
     with np.load(path) as file:
         return {float(wind): file[wind] for wind in file}
 

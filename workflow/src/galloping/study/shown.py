@@ -17,13 +17,16 @@ Pair = tuple[Protocol, Method]
 
 
 def runs(pair: Pair) -> bool:
-    """Decide whether a method can use whole records of a measurement setup."""
+    """Decide whether a method can use the full-length recordings of a measurement setup."""
     protocol, method = pair
     return method.can_use(protocol, uniform=True)
 
 
 def paper_pair(study: Study) -> Pair:
-    """Return the paper's measurement setup and method, or the first pair that a study can run."""
+    """Return the reproduced paper's measurement setup and method, or else the first usable pair.
+
+    Usable is what the study can run.
+    """
     pairs = list(
         filter(runs, ((protocol, m) for m in study.methods for protocol in study.protocols))
     )
@@ -32,13 +35,13 @@ def paper_pair(study: Study) -> Pair:
 
 
 def is_papers(pair: Pair) -> bool:
-    """Decide whether a pair is the paper's measurement setup and method."""
+    """Decide whether a measurement setup and a method are those of the reproduced paper."""
     protocol, method = pair
     return (protocol.name, method.name) == (PAPER_PROTOCOL, PAPER_METHOD)
 
 
 def departures(settings: Settings) -> dict[str, str]:
-    """Find why the paper's claims about each of its cases cannot be assessed in a study.
+    """Give for each overhead line in the paper why the study cannot test claims about that line.
 
     The reason is "" if they can: everything that the paper prints of the line is unchanged,
     whatever the rest is.
@@ -67,12 +70,12 @@ def _describe_departure(case: CaseSection | None, paper: CaseSection) -> str:
 
 
 def judged_cases(study: Study) -> list[str]:
-    """List the cases about which the paper's claims can be assessed."""
+    """List the overhead lines about which the study can test the reproduced paper's claims."""
     return [name for name, departure in departures(study.settings).items() if not departure]
 
 
 def departures_from_paper(study: Study) -> dict[str, str]:
-    """Find why the paper's claims about its cases are not assessed by its own method.
+    """Give for each overhead line why claims about it are not tested by the paper's own method.
 
     The reason is "" if they are; empty for a study without a case of the paper.
     """
@@ -86,13 +89,13 @@ def departures_from_paper(study: Study) -> dict[str, str]:
 
 
 def sensor_protocol(study: Study) -> Protocol:
-    """Return the measurement setup of a sensor, if the study has it."""
+    """Return the measurement setup of a study that measures all states, or else its first setup."""
     sensors = (protocol for protocol in study.protocols if protocol.measures == ALL_STATES)
     return next(sensors, study.protocols[0])
 
 
 def equations_beside(study: Study) -> list[tuple[Cell, Method]]:
-    """Choose the study cells and methods whose identified equations are tabulated.
+    """Choose the recordings and methods whose identified equations a table compares.
 
     They are the paper's pair at the lowest noise level and at that of the subsets, and our method
     from sensors at the latter.
@@ -108,23 +111,26 @@ def equations_beside(study: Study) -> list[tuple[Cell, Method]]:
 
 
 def least_noise(study: Study, case: Case) -> Cell:
-    """Return the study cell of the paper's setup and method that has the lowest noise."""
+    """Return the set of recordings with the lowest noise, for the paper's setup and method."""
     return _cells_of_pair(study, case, paper_pair(study), NOISE)[0]
 
 
 def noise_cells(study: Study, pair: Pair, wanted: Iterable[float]) -> list[Cell]:
-    """List cells of the wanted noise levels in the study, else its three lowest above zero."""
+    """List sets of recordings with wanted noise levels, or else the three lowest above zero."""
     cells = [cell for cell in _cells_of_pair(study, study.cases[0], pair, NOISE) if cell.level > 0]
     return [cell for cell in cells if cell.level in wanted] or cells[:3]
 
 
 def amount_cells(study: Study, pair: Pair) -> list[Cell]:
-    """List subsets of the first case that a pair can use, the smallest first."""
+    """List sets of subsampled recordings of the first case, by increasing number of samples.
+
+    They are those that a pair of measurement setup and method can use.
+    """
     return _cells_of_pair(study, study.cases[0], pair, SUBSET)
 
 
 def assessed_cell(study: Study, case: str) -> Cell | None:
-    """Choose the cell whose models give the uncertainty of an assessment.
+    """Choose the recordings whose models give the uncertainty of an engineering assessment.
 
     It has sensors at the noise level of the subsets, and all recordings of the case together if it
     has several; None if our method does not run, or if models are not the line's own.
@@ -138,10 +144,10 @@ def assessed_cell(study: Study, case: str) -> Cell | None:
 
 
 def predicted_cells(study: Study, case: str) -> dict[str, Cell]:
-    """Choose whole records of sensors at the noise level of the subsets, by measurement setup.
+    """Choose the recordings whose models predict motions in other winds, by measurement setup.
 
-    Our method can use them; none of a continuous line, whose motion at other wind speeds is
-    unknown.
+    They are whole records of sensors at the noise level of the subsets. Our method can use them;
+    none of a continuous line, whose motion at other wind speeds is unknown.
     """
     return {
         cell.protocol.name: cell
@@ -151,24 +157,33 @@ def predicted_cells(study: Study, case: str) -> dict[str, Cell]:
 
 
 def predicting_methods(cell: Cell) -> list[str]:
-    """Return our method, and the first other one of the cell."""
+    """List the methods whose predictions are shown: maximum likelihood and one other method.
+
+    The other is the first of the cell that is not of the same family.
+    """
     others = [method.name for method in cell.methods if method.family != OURS_FAMILY]
     return [OURS, *others[:1]]
 
 
 def families_of(cell: Cell) -> list[str]:
-    """List the families of the methods that predict."""
+    """List the families of the methods whose predictions are shown for a set of recordings."""
     names = predicting_methods(cell)
     return list(dict.fromkeys(m.family for m in cell.methods if m.name in names))
 
 
 def ahead_cells(study: Study) -> list[Cell]:
-    """List whole records of the first case that our method can use."""
+    """List the full-length recordings from which the final limit cycle is predicted.
+
+    They are study cells of the first case that our method can use.
+    """
     return [cell for cell in _own_cells(study, study.cases[0]) if cell.kind == NOISE]
 
 
 def oracle_cells(study: Study) -> list[Cell]:
-    """List whole noisy records of all states for the tuning of a method of pysindy."""
+    """List the recordings for which the best possible tuning of pysindy is computed.
+
+    They are whole noisy records of all states.
+    """
     return [
         cell
         for cell in study.cells

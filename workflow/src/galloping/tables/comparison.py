@@ -38,15 +38,15 @@ OF_REFERENCE = ("reference_summary", "reference_differences")  # about other num
 
 
 def compare_tables(reference: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
-    """Compare two tables of the same kind; no row if they agree.
+    """Compare two tables and return a row for each difference beyond the tolerances.
 
-    A row is identified by those columns of `KEYS` that both tables have. Returns one row per
-    difference: `row` (its keys as text), `column`, `reference` and `this_run` (as text),
-    `difference` (this_run - reference; NaN if one is not a number) and `tolerance` (NaN for text,
-    which must be equal). Empty cells agree with each other, infinities with infinities of the same
-    sign. A missing or new row has the column "(row)"; a missing or new column has the row
-    "(column)". Rows with the same keys are distinguished by their order. Raises ValueError if the
-    tables have no key.
+    The tables are of the same kind. A row is identified by those columns of `KEYS` that both tables
+    have. Returns one row per difference: `row` (its keys as text), `column`, `reference` and
+    `this_run` (as text), `difference` (this_run - reference; NaN if one is not a number) and
+    `tolerance` (NaN for text, which must be equal). Empty cells agree with each other, infinities
+    with infinities of the same sign. A missing or new row has the column "(row)"; a missing or new
+    column has the row "(column)". Rows with the same keys are distinguished by their order. Raises
+    ValueError if the tables have no key.
     """
     return _compare_values(reference, found)[0]
 
@@ -66,7 +66,7 @@ def _compare_values(
 
 
 def describe(difference: pd.Series) -> str:
-    """Format one difference as one line of text."""
+    """Format one difference between two tables as a line of text."""
     where = f"{difference['row']}, {difference['column']}"
     line = f"{where}: reference {difference['reference']}, found {difference['this_run']}"
     allowed = difference["tolerance"]
@@ -74,7 +74,10 @@ def describe(difference: pd.Series) -> str:
 
 
 def flat(section: Mapping[str, object], path: str = "") -> Iterator[tuple[str, str]]:
-    """Yield (dotted key, value as JSON) of settings; an empty section is a value."""
+    """Yield flattened settings as pairs of a dotted key and its value in JSON.
+
+    An empty section is a value.
+    """
     for key, value in section.items():
         if isinstance(value, Mapping) and value:
             yield from flat(value, f"{path}{key}.")
@@ -83,7 +86,7 @@ def flat(section: Mapping[str, object], path: str = "") -> Iterator[tuple[str, s
 
 
 def tables_of(results: Path) -> dict[str, Path]:
-    """List the tables of a study that do not contain other studies, by name."""
+    """Map the names of a study's tables to their files, except comparisons with a reference."""
     present = (results / "tables").glob("*.csv")
     return {f"tables/{path.name}": path for path in present if path.stem not in OF_REFERENCE}
 
@@ -91,7 +94,7 @@ def tables_of(results: Path) -> dict[str, Path]:
 def table_differences(
     published: Path, results: str, only: Collection[str] | None = None
 ) -> Iterator[str]:
-    """Yield one line for each number or text in which published tables and those of a run differ.
+    """Yield a line of text for each difference between published tables and those of a run.
 
     published: the results folder of an unpacked archive. results: that of the run. only: of these
     files of the run; by default all tables of both.
@@ -202,9 +205,10 @@ SUMMARY_COLUMNS = (
 
 @dataclass(frozen=True)
 class Origin:
-    """Provenance of numbers. settings: those on which they depend.
+    """Provenance of a study's numbers: settings, processor and computing time.
 
-    core_minutes: time of the jobs on the processor; none if not needed.
+    settings: those on which the numbers depend. core_minutes: time of the jobs on the processor;
+    none if not needed.
     """
 
     settings: dict
@@ -213,7 +217,10 @@ class Origin:
 
 
 def read_origin(path: str) -> Origin:
-    """Read the provenance of a reference. Raises ValueError for a file of another kind."""
+    """Read the provenance (settings, processor) of the committed reference results.
+
+    Raises ValueError for a file of another kind.
+    """
     try:
         return Origin(**read_json(path))
     except (ValueError, TypeError):
@@ -223,7 +230,10 @@ def read_origin(path: str) -> Origin:
 
 
 def processor() -> str:
-    """Describe the processor for compiled code and linear algebra: two kinds round differently."""
+    """Return a text that identifies the processor, on which the rounding of results depends.
+
+    It covers compiled code and linear algebra.
+    """
     kernels = {found["architecture"] for found in threadpool_info() if "architecture" in found}
     return ", ".join([platform.system(), platform.machine(), get_host_cpu_name(), *sorted(kernels)])
 
@@ -234,7 +244,7 @@ def compare_study(
     tables: Mapping[str, pd.DataFrame],
     present: Origin,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Compare a study's tables with those of the reference, by name: summary and differences.
+    """Compare all tables of a study with reference tables: a summary, and all differences.
 
     made, present: provenance of the reference and of this study; None without a reference. summary:
     one row each for settings, processor and the tables, with `SUMMARY_COLUMNS`. differences: one

@@ -43,10 +43,10 @@ UNSTATED = 0.01  # of a coefficient, in place of a standard error that is not st
 
 
 def collect_answers(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Collect a row for each recording and method, with COLUMNS.
+    """Collect identification results in one table, with a row for each recording and method.
 
-    parts: rows of trials, by trial and batch; a trial is a stratum. coverage: the share of
-    the assessed 95 % intervals that contain the truth.
+    Columns: COLUMNS. parts: rows of trials, by trial and batch; a trial is a stratum. coverage: the
+    share of the assessed 95 % intervals that contain the truth.
     """
     found = []
     for name, part in parts.items():
@@ -61,7 +61,10 @@ def collect_answers(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def with_types(answers: pd.DataFrame) -> pd.DataFrame:
-    """Restore the types of answers after they were written to a file: empty texts, and numbers."""
+    """Restore the column types of identification results that were read from a file.
+
+    They are empty texts, and numbers.
+    """
     numbers = answers[[*JUDGED, "coverage"]].astype(float)
     texts = answers[[*TEXTS]].astype(object).fillna("")
     return answers.assign(**numbers, **texts)
@@ -85,9 +88,10 @@ def _share_of_intervals(rows: pd.DataFrame) -> pd.Series | float:
 
 
 def sum_up_strata(answers: pd.DataFrame) -> pd.DataFrame:
-    """Summarise a row for each stratum and method, and one for all strata together.
+    """Summarise identification results for each group of recordings (stratum) and method.
 
-    coverage: mean over the recordings. Counts are empty without assessed recordings.
+    Further rows are for all strata together. coverage: mean over the recordings. Counts are empty
+    without assessed recordings.
     """
     rows = pd.concat([answers, answers.assign(stratum=ALL)])
     return pd.DataFrame(
@@ -108,11 +112,12 @@ def _sum_up(rows: pd.DataFrame) -> dict[str, float]:
 
 
 def compare_measures(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
-    """Compare the measures of the recordings that two tables of answers share.
+    """Compare quality measures of two sets of identification results, paired by recording.
 
-    Returns a row for each stratum, method and measure, and for all strata together: pairs, in which
-    both answers are assessed; difference, the sum of now - before over the pairs; standard_error of
-    it; is_significant: whether the difference is more than SIGNIFICANT standard errors.
+    Compared are the recordings that both tables have. Returns a row for each stratum, method and
+    measure, and for all strata together: pairs, in which both answers are assessed; difference, the
+    sum of now - before over the pairs; standard_error of it; is_significant: whether the difference
+    is more than SIGNIFICANT standard errors.
     """
     both = (
         _measure_answers(before)
@@ -145,17 +150,20 @@ def _sum_differences(rows: pd.DataFrame, measure: str) -> dict[str, float]:
 
 
 def is_worse(difference: Mapping[str, Any]) -> bool:
-    """Decide whether a row of `compare_measures` is significantly worse; work never is."""
+    """Decide whether a quality measure of identification became significantly worse.
+
+    difference: a row of `compare_measures`. Work never is worse.
+    """
     better = MEASURES[difference["measure"]]
     worse = difference["difference"] * better < 0.0
     return bool(difference["is_significant"] and worse and difference["measure"] != "work")
 
 
 def find_changes(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
-    """Find the recordings whose answer changed: KEYS and `change`, in words.
+    """List the recordings whose identification result changed, with the changes in words.
 
-    An answer is its status, assessment, findings, terms, and their coefficients and standard
-    errors. A recording that one table lacks is a change.
+    Columns: KEYS and `change`. An answer is its status, assessment, findings, terms, and their
+    coefficients and standard errors. A recording that one table lacks is a change.
     """
     pairs = before.merge(now, on=KEYS, how="outer", suffixes=("", "_now"), indicator=True)
     missing = {"left_only": "left out", "right_only": "new"}

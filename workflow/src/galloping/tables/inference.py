@@ -23,7 +23,9 @@ ALL, EQUAL_EFFORT = "all", "readings"  # printed numbers; the trial that gives e
 
 
 def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Compare the readings of the paper, the unknown numbers integrated out.
+    """Compare interpretations of the reproduced paper's damaged text by their Bayesian evidence.
+
+    The unknown numbers are integrated out.
 
     Parameters
     ----------
@@ -110,11 +112,12 @@ def _posterior_means(tried: pd.DataFrame, columns: list[str]) -> pd.Series:
 
 
 def region_samples(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Return the settings of the first reading with their posterior weights, and their draws.
+    """Return posterior samples and weights of parameters that the reproduced paper does not state.
 
-    Columns: the unknowns; stage `tried` or `draw`; weight_all by all that is printed, and
-    weight_NAME by all but one of `agreement.GROUPS`, each sums to 1 over the settings; for draws
-    the value of each claim, with the weight of its setting shared among its draws.
+    They are the settings of the first reading, with their noise realisations. Columns: the
+    unknowns; stage `tried` or `draw`; weight_all by all that is printed, and weight_NAME by all but
+    one of `agreement.GROUPS`, each sums to 1 over the settings; for draws the value of each claim,
+    with the weight of its setting shared among its draws.
     """
     rows = pd.concat(parts.values(), ignore_index=True)
     rows = rows[(rows["reading"] == FIRST_READING.name) & rows["stage"].isin(("tried", "draw"))]
@@ -135,9 +138,10 @@ def region_samples(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def region_table(samples: pd.DataFrame, readings: pd.DataFrame) -> pd.DataFrame:
-    """Tabulate the ranges of the unknowns that the printed numbers determine, one row each.
+    """Tabulate posterior intervals of the parameters that the reproduced paper does not state.
 
-    samples: of `region_samples`; readings: of `paper_readings`.
+    There is a row for each unknown, which says whether the printed numbers determine it. samples:
+    of `region_samples`; readings: of `paper_readings`.
     """
     tried = samples[samples["stage"] == "tried"]
     effective = 1 / np.sum(tried[f"weight_{ALL}"] ** 2)
@@ -179,11 +183,12 @@ def _weighted_quantiles(values: pd.Series, weights: pd.Series) -> np.ndarray:
 
 
 def predictions(samples: pd.DataFrame) -> pd.DataFrame:
-    """Predict each claim by draws, from all that is printed and without its own group.
+    """Compare each value in the reproduced paper with its posterior predictive distribution.
 
-    Without the group these are predictions of it: a check of the model by numbers that it was not
-    fitted to. For numbers: the 5th to 95th percentile and the share of draws below the printed one;
-    for bounds: the share of draws that satisfy them.
+    It is predicted by draws, from all that is printed, and without its own group of printed values:
+    the latter is a check of the model by numbers that it was not fitted to. For numbers: the 5th to
+    95th percentile and the share of draws below the printed one; for bounds: the share of draws
+    that satisfy them.
 
     samples: of `region_samples`.
     """
@@ -210,7 +215,7 @@ def predictions(samples: pd.DataFrame) -> pd.DataFrame:
 
 
 def exclusions(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Decide for each pair of printed numbers whether draws with one have the other.
+    """Test, for each pair of values in the reproduced paper, if one simulation can match both.
 
     parts: rows of `trials.paper_inference`, of which the draws of all readings count, each a study
     of one draw. A draw has a number within a factor NEAR; `steady` and `attack angle` are

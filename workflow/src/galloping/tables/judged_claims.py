@@ -51,12 +51,13 @@ def claims_table(
     draws: Mapping[str, pd.DataFrame] | None = None,
     trajectories: Mapping[str, Sequence[Motion]] | None = None,
 ) -> pd.DataFrame:
-    """Assess every claim about one of the cases for every setup and method of the study.
+    """Assess each claim of the reproduced paper for every measurement setup and method.
 
-    scores: of all replicates. settings: cases, those that are assessed; pairs of protocol and
-    method; steady_window in s; winds, m/s by case. draws: many draws of the paper's study by its
-    own method, by case, in place of the replicates of that method. trajectories: the motions of a
-    case, that of the claims first. Columns: COLUMNS, study_value the median.
+    Assessed are the claims about one of the cases. scores: of all replicates. settings: cases,
+    those that are assessed; pairs of protocol and method; steady_window in s; winds, m/s by case.
+    draws: many draws of the paper's study by its own method, by case, in place of the replicates of
+    that method. trajectories: the motions of a case, that of the claims first. Columns: COLUMNS,
+    study_value the median.
     """
     rows = []
     for claim in CLAIMS:
@@ -89,12 +90,13 @@ def _scores_of_pair(scores: pd.DataFrame, pair: tuple[str, str]) -> pd.DataFrame
 def paper_table(
     claims: pd.DataFrame, draws: Mapping[str, pd.DataFrame], settings: Mapping
 ) -> pd.DataFrame:
-    """Compare each printed number or bound with the draws of the paper's own method, one row each.
+    """Compare each value in the reproduced paper with noise realisations of the paper's method.
 
-    claims: claims.csv. draws: as of `claims_table`. settings: departures, why the claims about a
-    case of the paper are not assessed, "" if they are. Below each case's rows are the shares of the
-    draws that satisfy all its bounds at once, and at the end claims without an assessment. Columns:
-    PAPER_COLUMNS; role: of the claim, `joint` or `beyond`.
+    There is a row for each printed number or bound. claims: claims.csv. draws: as of
+    `claims_table`. settings: departures, why the claims about a case of the paper are not assessed,
+    "" if they are. Below each case's rows are the shares of the draws that satisfy all its bounds
+    at once, and at the end claims without an assessment. Columns: PAPER_COLUMNS; role: of the
+    claim, `joint` or `beyond`.
     """
     pairs = zip(claims["protocol"], claims["method"], strict=True)
     own = claims[[pair in (PAPER, LINE) for pair in pairs]]
@@ -188,13 +190,12 @@ def variation_rows(
     name: str,
     drawn: pd.DataFrame,
 ) -> pd.DataFrame:
-    """Assess every claim of the paper for every value of one unprinted setting.
+    """Assess the reproduced paper's claims for several values of a parameter the paper omits.
 
     case: settings of the line with its initial state; name: of the paper's case. plan, amounts:
     keywords of `paper_draws`. parameter: its name in UNKNOWNS. drawn: the study's own draws, for
-    its own settings. Columns parameter, unit, value, is_default
-    (whether it is the case's own), is_reproduced,
-    then those of the claims table.
+    its own settings. Columns parameter, unit, value, is_default (whether it is the case's own),
+    is_reproduced, then those of the claims table.
     """
     tables = []
     opened = next(unknown for unknown in UNKNOWNS if unknown.name == parameter)

@@ -26,13 +26,13 @@ def limit_cycles_ahead(
     identified: Mapping[str, Mapping[str, Sequence[IdentifiedModel]]],
     settings: Mapping,
 ) -> pd.DataFrame:
-    """Compare predicted and true limit cycles, one row for each cell and displacement.
+    """Tabulate limit-cycle amplitudes: predicted by identified models, true and recorded.
 
-    model, trajectory: of the line. identified: by cell and method. settings: method, seed; cells,
-    each with its columns; steady_window, s, of the paper's "steady state"; is_continuous, whether
-    the motion is not the model's, whose limit cycle then is not the true one. Columns as in
-    COLUMNS: recorded_m is the amplitude of the motion in that window, predicted_m and its interval
-    medians over the first replicates with a model.
+    There is a row for each cell and displacement. model, trajectory: of the line. identified: by
+    cell and method. settings: method, seed; cells, each with its columns; steady_window, s, of the
+    paper's "steady state"; is_continuous, whether the motion is not the model's, whose limit cycle
+    then is not the true one. Columns as in COLUMNS: recorded_m is the amplitude of the motion in
+    that window, predicted_m and its interval medians over the first replicates with a model.
     """
     first = trajectory[0]
     begin, end = settings["steady_window"]

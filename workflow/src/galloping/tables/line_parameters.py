@@ -19,10 +19,11 @@ COLUMNS = ["case", "key", "symbol", "value", "unit", "provenance", "note"]
 
 
 def conductor(settings: dict, region: pd.DataFrame | None = None) -> pd.DataFrame:
-    """Make table 1: all but the spacers, with the aerodynamic coefficients of the reading.
+    """Tabulate the parameters of each line except its spacers, with units and sources (table 1).
 
-    settings: cases, as in the configuration. region: paper_region.csv, inferred from the paper's
-    printed numbers: a value in its interval there is `inferred`, and the interval noted.
+    The aerodynamic coefficients are those of the reading. settings: cases, as in the configuration.
+    region: paper_region.csv, inferred from the paper's printed numbers: a value in its interval
+    there is `inferred`, and the interval noted.
     """
     study = load({"cases": settings["cases"]})
     table = _tabulate_parameters(study)
@@ -47,13 +48,16 @@ def conductor(settings: dict, region: pd.DataFrame | None = None) -> pd.DataFram
 
 
 def spacers(settings: dict) -> pd.DataFrame:
-    """Make table 2: mass and positions of the spacers, one position per row."""
+    """Tabulate the mass and positions of the spacers of each line (table 2).
+
+    There is a row for each position.
+    """
     table = _tabulate_parameters(load({"cases": settings["cases"]}))
     return table[table["key"].str.startswith("spacers.")].reset_index(drop=True)
 
 
 def readings() -> pd.DataFrame:
-    """List the readings of the damaged text of the paper: printed text, reading and reason."""
+    """Return the table of interpretations of the reproduced paper's damaged text, with reasons."""
     return pd.read_csv(Path(paper.__path__[0], "readings.csv"), keep_default_na=False)
 
 

@@ -25,40 +25,49 @@ PEERS = (
 
 
 def together(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Concatenate the rows of all parts in their order; missing columns are empty."""
+    """Concatenate several tables in order; columns that a table lacks are empty."""
     filled = [part for part in parts.values() if len(part)]
     return pd.concat(filled, ignore_index=True) if filled else pd.DataFrame(columns=["case"])
 
 
 def all_scores(cells: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Concatenate all replicates of all cells, in an order independent of the argument's."""
+    """Concatenate the score tables of a study, sorted by case, method and noise realisation.
+
+    The order of the rows does not depend on that of the argument.
+    """
     keys = ["case", "protocol", "method", "cell", "replicate"]
     return together(cells).sort_values(keys, kind="stable", ignore_index=True)
 
 
 def of_kind(scores: pd.DataFrame, kind: str) -> pd.DataFrame:
-    """Select the scores of the cells of a kind: a whole record, a subset, or several recordings."""
+    """Select scores of fits by their data: whole records, subsampled records or several records."""
     return scores[scores["kind"] == kind]
 
 
 def failures(motions: pd.Series) -> int:
-    """Count replicates without a model, or whose model's motion ended early, by their `motion`."""
+    """Count the fits without a model, and those whose model's simulated motion ended early.
+
+    motions: status of the motion of each fit.
+    """
     return int((motions != "ok").sum())
 
 
 def exact(scores: pd.DataFrame) -> pd.Series:
-    """Decide whether a model has exactly the true terms."""
+    """Decide for each fit in a table of scores whether its model has exactly the true terms."""
     return (scores["missing"] == 0) & (scores["spurious"] == 0)
 
 
 def mean_error(scores: pd.DataFrame) -> pd.Series:
-    """Average the mean errors of the coefficients of each row over the orders, percent."""
+    """Average the relative coefficient errors of linear, quadratic and cubic terms, per fit.
+
+    In percent.
+    """
     columns = [f"mean_error_{order}_percent" for order in ORDERS]
     return scores[scores.columns.intersection(columns)].mean(axis=1)
 
 
 def spread(column: str, stem: str = "") -> dict[str, tuple[str, Callable]]:
-    """Make arguments of `DataFrameGroupBy.agg` for the median and the interval of a column.
+    """Return arguments for `DataFrameGroupBy.agg` that compute a column's median and 90 % range.
 
     They are named `stem`, `{stem}_low` and `{stem}_high`; without a stem median, low and high.
     """
@@ -72,7 +81,7 @@ def spread(column: str, stem: str = "") -> dict[str, tuple[str, Callable]]:
 def medians(
     scores: pd.DataFrame, keys: list[str], columns: Mapping[str, str], axis: str, value: str
 ) -> pd.DataFrame:
-    """Tabulate median, interval, replicates and failures for each group and column.
+    """Tabulate the median, 90 % range, number of fits and number of failures of scores, by group.
 
     columns: from the name in `axis` to the score's column. value: stem of the result's columns.
     """
@@ -88,7 +97,10 @@ def medians(
 
 
 def noise_coefficients(scores: pd.DataFrame) -> pd.DataFrame:
-    """Tabulate mean_error_percent with its interval by case, protocol, method, level and order."""
+    """Tabulate median coefficient errors with 90 % ranges, by method, noise level and term order.
+
+    The groups are those of case, measurement setup, method, noise level and order.
+    """
     columns = {order: f"mean_error_{order}_percent" for order in ORDERS}
     columns = {order: name for order, name in columns.items() if name in scores}
     keys = ["case", "protocol", "method", "level"]
@@ -96,14 +108,20 @@ def noise_coefficients(scores: pd.DataFrame) -> pd.DataFrame:
 
 
 def noise_r2(scores: pd.DataFrame) -> pd.DataFrame:
-    """Tabulate R2 with its interval and failures by case, protocol, method, level and state."""
+    """Tabulate the median R2 of reconstructed motions with 90 % ranges, by method and noise.
+
+    The groups are those of case, measurement setup, method, noise level and state.
+    """
     columns, keys = {state: f"r2_{state}" for state in STATES}, [*CELL[:2], "method", "level"]
     table = medians(of_kind(scores, NOISE), keys, columns, "state", "r2")
     return table.rename(columns={"r2": "r2_median"})
 
 
 def data_amount(scores: pd.DataFrame) -> pd.DataFrame:
-    """Tabulate amplitude error and R2 with intervals by case, protocol, method, points, state."""
+    """Tabulate amplitude errors and R2 with 90 % ranges, by method and number of samples.
+
+    The groups are those of case, measurement setup, method, number of samples and state.
+    """
     subsets, keys = of_kind(scores, SUBSET), ["case", "protocol", "method", "points"]
     columns = {state: f"amplitude_error_{state}_percent" for state in STATES}
     amplitude = medians(subsets, keys, columns, "state", "amplitude_error_percent")
@@ -112,12 +130,12 @@ def data_amount(scores: pd.DataFrame) -> pd.DataFrame:
 
 
 def peers(scores: pd.DataFrame, oracles: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Tabulate medians of error and R2 of whole records, and the share of exact supports.
+    """Tabulate error, R2 and share of exact supports of methods, with their own and ideal tuning.
 
-    scores: of all cells, of which those with a best possible tuning are shown. oracles: by cell,
-    rows of the same columns for models with this tuning of some replicates, `choice` of which is
-    `least error` or `right terms`. Each number of a replicate's tuning is the best of the two and
-    of the method's own model. Columns: PEERS.
+    Errors and R2 are medians over whole records. scores: of all cells, of which those with a best
+    possible tuning are shown. oracles: by cell, rows of the same columns for models with this
+    tuning of some replicates, `choice` of which is `least error` or `right terms`. Each number of a
+    replicate's tuning is the best of the two and of the method's own model. Columns: PEERS.
     """
     if not oracles:
         return pd.DataFrame(columns=PEERS)
@@ -155,11 +173,12 @@ IDENTIFIABILITY = [*BOUNDED, "equation", "term", "true", "bound", RATIO, "verdic
 def identifiability(
     models: Mapping[str, Derived], bounds: Mapping[str, np.ndarray], settings: Mapping
 ) -> pd.DataFrame:
-    """Tabulate bound, t = |c| / bound and identifiability of each present term of each cell.
+    """Tabulate for each true term whether it is identifiable, by its Cramér-Rao bound.
 
-    models: by case. bounds: of each cell (n_samplings, n_states, n_terms), of which the root mean
-    square is taken, NaN where undefined. settings: degree of the library; cells, each with its case
-    and the columns that name it.
+    Columns: the bound, t = |coefficient| / bound, and the verdict; there are rows for each study
+    cell. models: by case. bounds: of each cell (n_samplings, n_states, n_terms), of which the root
+    mean square is taken, NaN where undefined. settings: degree of the library; cells, each with its
+    case and the columns that name it.
     """
     parts = [pd.DataFrame(columns=IDENTIFIABILITY)]
     for cell, columns in settings["cells"].items():
@@ -191,11 +210,11 @@ def _rms_of_finite(ratios: pd.Series) -> float:
 
 
 def efficiency(scores: pd.DataFrame, identifiability: pd.DataFrame) -> pd.DataFrame:
-    """Tabulate exact supports, rms error over bound, R2, coverage, failures by cell and method.
+    """Tabulate error over Cramér-Rao bound, coverage and exact supports of each method.
 
-    The rms is that of the fits with a model; n_without_model: number of failures.
-    identifiability: that table, for the weakest t of each cell. Cells without noise have no
-    bound and are left out.
+    The groups are those of cell and method; further columns are R2 and failures. The rms is that of
+    the fits with a model; n_without_model: number of failures. identifiability: that table, for the
+    weakest t of each cell. Cells without noise have no bound and are left out.
     """
     amplitudes = scores[["amplitude_error_q_v_percent", "amplitude_error_q_w_percent"]]
     scores = scores.assign(

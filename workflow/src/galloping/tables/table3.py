@@ -22,11 +22,12 @@ TERMS = ["equation", "symbol", "term", "true", "identified", "low", "high", "fou
 def identified_terms(
     model: PolynomialModel, results: list[IdentifiedModel], terms: tuple[Exponents, ...]
 ) -> pd.DataFrame:
-    """Tabulate each true term, and each other one that a replicate found, with median and interval.
+    """Tabulate the true coefficients of a line with the median and range of identified values.
 
-    model: of the line; results: replicates on the library `terms`, in which the line's terms that
-    it lacks are absent. Values are those of the left-hand side, as the paper prints them. Columns
-    TERMS: identified is the median over the replicates, found the share of those with the term.
+    There is a row for each true term, and for each other term that a replicate found. model: of the
+    line; results: replicates on the library `terms`, in which the line's terms that it lacks are
+    absent. Values are those of the left-hand side, as the paper prints them. Columns TERMS:
+    identified is the median over the replicates, found the share of those with the term.
     """
     lacking = extend_library(terms, model)[len(terms) :]
     terms = terms + lacking
@@ -59,11 +60,12 @@ def table3(
     identified: Mapping[str, Mapping[str, list[IdentifiedModel]]],
     settings: Mapping,
 ) -> pd.DataFrame:
-    """Tabulate true and identified coefficients with relative errors, by case, equation and term.
+    """Tabulate true and identified coefficients of all lines with relative errors (table 3).
 
-    Columns are case, equation, symbol, term, true, identified, relative_error_percent and the
-    method. models, identified: by case. settings: cases, those that are continuous, whose models
-    have no true values; protocol, method, level; degree of the library.
+    The rows are ordered by case, equation and term. Columns are case, equation, symbol, term, true,
+    identified, relative_error_percent and the method. models, identified: by case. settings: cases,
+    those that are continuous, whose models have no true values; protocol, method, level; degree of
+    the library.
     """
     terms = polynomial_library(len(STATES), settings["degree"])
     named = {key: settings[key] for key in ("protocol", "method", "level")}
@@ -87,7 +89,7 @@ def equations(
     identified: Mapping[str, Mapping[str, list[IdentifiedModel]]],
     settings: Mapping,
 ) -> pd.DataFrame:
-    """Tabulate the terms of one line and those identified from single recordings.
+    """Tabulate the true terms of a line and the terms identified from single recordings.
 
     Each fit has a row for each true term and for each false one that it found; values are those of
     the left-hand side. A missing term has an empty value.
@@ -123,11 +125,12 @@ def equations(
 
 
 def as_printed(table3: pd.DataFrame) -> pd.DataFrame:
-    """Arrange table 3 as the paper does: gamma of each number, and kappa in parentheses.
+    """Arrange true and identified coefficients in the layout of the reproduced paper's table 3.
 
-    table3: table3_coefficients.csv. A row for the true and for the identified coefficients of each
-    case; columns case, coefficients, then the numbers 1 to 10. Coefficients are those of the
-    left-hand side; one that the equation does not have is left out.
+    Each number has its gamma, and kappa in parentheses. table3: table3_coefficients.csv. A row for
+    the true and for the identified coefficients of each case; columns case, coefficients, then the
+    numbers 1 to 10. Coefficients are those of the left-hand side; one that the equation does not
+    have is left out.
     """
     rows = []
     parts = table3["symbol"].str.extract(r"^(gamma|kappa)_(\d+)$").set_axis(["letter", "k"], axis=1)

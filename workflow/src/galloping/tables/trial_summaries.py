@@ -52,10 +52,11 @@ EVERY_TERM = 9.0  # least t at the bound of lines whose terms a recording tells 
 
 
 def trust(fits: pd.DataFrame) -> pd.DataFrame:
-    """Summarise fits to lines, one row for each group, case, protocol and level.
+    """Summarise how reliable the status (such as `ok`) of fits to overhead lines is, by group.
 
-    fits: of `galloping.trials.attempts`. Random lines of which every true term has a t above
-    EVERY_TERM at the bound have a further row.
+    There is a row for each group, case, measurement setup and noise level. fits: of
+    `galloping.trials.attempts`. Random lines of which every true term has a t above EVERY_TERM at
+    the bound have a further row.
     """
     is_sure = fits["min_coefficient_over_bound"] > EVERY_TERM
     sure = fits[(fits["group"] == "random lines") & is_sure]
@@ -64,7 +65,7 @@ def trust(fits: pd.DataFrame) -> pd.DataFrame:
 
 
 def systems(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Summarise fits to systems, one row for each system, length, noise level and method.
+    """Summarise fits to published dynamical systems by system, sample count, noise and method.
 
     parts: fits of `galloping.trials.attempts`. error_over_bound: median over the fits with exactly
     the right terms.
@@ -74,17 +75,22 @@ def systems(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def model_error(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Summarise fits of `galloping.trials.real_lines`, one row per truth, sensors and method."""
+    """Summarise errors of models of overhead lines outside the model class, by line and method.
+
+    There is a row for each truth, sensors and method. parts: fits of `galloping.trials.real_lines`,
+    by trial and batch.
+    """
     return _summarise_groups(
         together(parts), ["truth", "sensors", "method"], _summarise_model_error
     )
 
 
 def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
-    """Count the paths to models by group of trials and method, the most frequent first.
+    """Count how often each sequence of algorithm stages led to a model, by trial group and method.
 
-    parts: fits, by trial and batch. path: '' for methods with a single one. exact_support,
-    ok_and_wrong: NaN if a trial does not have them. settings: `kinds`, by trial.
+    The most frequent is first. parts: fits, by trial and batch. path: '' for methods with a single
+    one. exact_support, ok_and_wrong: NaN if a trial does not have them. settings: `kinds`, by
+    trial.
     """
     kinds = {name: settings["kinds"][name.split("/")[0]].replace("_", " ") for name in parts}
     fits = together({name: part.assign(group=kinds[name]) for name, part in parts.items()})
@@ -98,18 +104,20 @@ def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
 
 
 def published_terms(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Compare exact terms with the shares of METHODS, by system, length, noise level and method.
+    """Compare how often all terms are exactly right with published shares, by system and noise.
 
-    parts: fits of `galloping.trials.published.exact_terms`.
+    There is a row for each system, length, noise level and method. parts: fits of
+    `galloping.trials.published.exact_terms`.
     """
     keys = ["system", "duration", "level", "method"]
     return _summarise_groups(together(parts), keys, _summarise_exact_terms)
 
 
 def published_intervals(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Compare intervals with published ones, by quadratic coefficient, samples and method.
+    """Compare the confidence intervals of a quadratic coefficient with published results.
 
-    parts: fits of `galloping.trials.published.relaxation_intervals`.
+    There is a row for each coefficient, number of samples and method. parts: fits of
+    `galloping.trials.published.relaxation_intervals`.
     """
     return _summarise_groups(together(parts), ["case", "samples", "method"], _summarise_intervals)
 
@@ -124,7 +132,7 @@ def _summarise_groups(
 
 
 def status_counts(fits: pd.DataFrame) -> dict[str, float]:
-    """Count exact fits, those of each status, and wrong `ok` ones."""
+    """Count fits by status, fits with exactly the true terms, and wrong fits with status `ok`."""
     status = fits["status"].value_counts()
     return {
         "exact_support": fits["exact_support"].sum(min_count=1),

@@ -28,10 +28,11 @@ FREE = tuple((i, np.array([j])) for i in (2, 3) for j in range(4))  # coefficien
 
 @dataclass(frozen=True)
 class RandomMotion:
-    """Process dx = system x dt + white forces, x of STATES; displacements are sampled with noise.
+    """Simulated motion of two modes under random forces, with its noisy recording.
 
-    system, forces: (4, 4), forces the covariance per second. noise: (2,) standard deviations of
-    white noise.
+    It is the process dx = system x dt + white forces, x of STATES; displacements are sampled with
+    noise. system, forces: (4, 4), forces the covariance per second. noise: (2,) standard deviations
+    of white noise.
     """
 
     system: np.ndarray
@@ -41,7 +42,10 @@ class RandomMotion:
 
     @classmethod
     def drawn(cls, rng: np.random.Generator) -> "RandomMotion":
-        """Draw two modes of similar average size, within the ranges above."""
+        """Sample two random modes, and simulate and record their motion under random forces.
+
+        The modes are of similar average size, within the ranges above.
+        """
         omega = np.ones(2)
         while omega.max() < APART * omega.min():
             omega = 2.0 * np.pi * rng.uniform(*FREQUENCIES, 2)
@@ -66,10 +70,10 @@ class RandomMotion:
         return cls(system, forces, noise[:2], recording)
 
     def least_errors(self) -> np.ndarray:
-        """Compute the Cramér-Rao bound of the decays, (2,) standard deviations, 1/s.
+        """Compute the Cramér-Rao standard deviation of each mode's decay rate, 1/s.
 
-        It is by P. Whittle's likelihood (Ark. Mat. 2, 1953), for unknown coefficients, forces and
-        noise.
+        Returns (2,). It is by P. Whittle's likelihood (Ark. Mat. 2, 1953), for unknown
+        coefficients, forces and noise.
         """
         step = self.recording.time[1] - self.recording.time[0]
         frequencies = np.arange(1, len(self.recording.time) // 2) / len(self.recording.time)
@@ -107,10 +111,11 @@ def _discretise_process(
 def trial(
     seed: int, case: str, replicates: Sequence[int], methods: Mapping[str, Mapping]
 ) -> Iterator[dict[str, object]]:
-    """Yield a row for each replicate and method, as of `real_lines.trial`.
+    """Identify simulated motions under random forces; yield a row of errors for each fit.
 
-    The slower mode is the vertical one. coverage: of the decays of both modes; nothing is
-    assessed if the model has no random forces. Seconds are those of the processor.
+    There is a fit for each replicate and method, with the columns of `real_lines.trial`. The slower
+    mode is the vertical one. coverage: of the decays of both modes; nothing is assessed if the
+    model has no random forces. Seconds are those of the processor.
     """
     for replicate in replicates:
         motion = RandomMotion.drawn(make_generator(seed, "ambient", case, replicate))
@@ -146,9 +151,10 @@ def trial(
 def decays(
     system: np.ndarray, places: Sequence[tuple[int, np.ndarray]]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute eigenvalues of modes, 1/s, by frequency, and slopes (n_modes, n_places) of decays.
+    """Compute the eigenvalues of a linear system's modes, and derivatives of their decay rates.
 
-    places: equation and state of each coefficient, none for a constant.
+    Returns the eigenvalues, 1/s, by frequency, and the derivatives, (n_modes, n_places), by
+    coefficients of the system. places: equation and state of each coefficient, none for a constant.
     """
     modes = Modes.of(system)
     left, own = np.linalg.inv(modes.shapes), modes.oscillating

@@ -25,7 +25,7 @@ FAR = 4.0  # standard errors beyond which a coefficient is wrong
 
 @dataclass(frozen=True)
 class Attempt:
-    """One recording of a known system.
+    """One recording of a known system, with the true model, for a test of identification.
 
     columns: that name it in a table. true: on the candidate library. deviations: (n_states,
     n_terms) at the Cramér-Rao bound, of the terms to be found, NaN elsewhere; None if not computed.
@@ -42,10 +42,11 @@ class Attempt:
 def measured(
     columns: Mapping[str, Any], true: PolynomialModel, time: np.ndarray, states: np.ndarray
 ) -> Attempt:
-    """Measure a motion (n, n_states) of a system once, as specified by its columns.
+    """Simulate one noisy recording of a given motion of a known system.
 
-    columns: among them `protocol`, `level`, in standard deviations of each state for the protocols
-    that measure states, and `seed`; the noise follows from all of them.
+    The motion is (n, n_states); the recording is as specified by its columns. columns: among them
+    `protocol`, `level`, in standard deviations of each state for the protocols that measure states,
+    and `seed`; the noise follows from all of them.
     """
     ((recording,),) = recordings_of(
         [_as_motion(true, time, states)], protocol=columns["protocol"], level=columns["level"],
@@ -56,9 +57,10 @@ def measured(
 
 
 def deviations_at_the_bound(attempt: Attempt, states: np.ndarray) -> np.ndarray:
-    """Compute `deviations` of an attempt, from the motion (n, n_states) that was measured.
+    """Compute the Cramér-Rao standard deviations of all coefficients for one test recording.
 
-    NaN throughout if the motion is too sensitive for a bound.
+    states: (n, n_states), the motion that was measured. NaN throughout if the motion is too
+    sensitive for a bound.
     """
     true, columns = attempt.true, attempt.columns
     motion = _as_motion(true, attempt.recording.time, states)
@@ -78,16 +80,13 @@ def _as_motion(true: PolynomialModel, time: np.ndarray, states: np.ndarray) -> M
 def fits(
     attempts: Iterable[Attempt], methods: Mapping[str, Mapping]
 ) -> Iterator[dict[str, object]]:
-    """Yield a row for each attempt and method.
+    """Identify each test recording with each method; yield a row of results for each fit.
 
     Its columns are those of the attempt, of `identified_by` and of `against_truth`. methods:
-    `Method.settings` by name. min_coefficient_over_bound: the least |coefficient| /
-    deviation of the true terms.
-    error_over_bound: root mean square over the true terms of error /
-    deviation, NaN unless the the
-    terms are exactly right. fault_diagnosed: 1 if a finding names the
-    cause and 0 if none does, NaN
-    without a cause.
+    `Method.settings` by name. min_coefficient_over_bound: the least |coefficient| / deviation of
+    the true terms. error_over_bound: root mean square over the true terms of error / deviation, NaN
+    unless the terms are exactly right. fault_diagnosed: 1 if a finding names the cause and 0 if
+    none does, NaN without a cause.
     """
     for attempt in attempts:
         true, name = attempt.true, list(map(str, attempt.columns.values()))
@@ -122,9 +121,10 @@ def identified_by(
     terms: tuple[Exponents, ...],
     name: Sequence[str],
 ) -> tuple[IdentifiedModel, dict[str, object]]:
-    """Identify one model, and describe it: `method`, `describe_answer` and `counted_cost`.
+    """Identify one model with a given method, and return it with a row that describes it.
 
-    method: a name and its `Method.settings`. name: of the recordings, for random numbers.
+    The row has `method` and the columns of `describe_answer` and `counted_cost`. method: a name and
+    its `Method.settings`. name: of the recordings, for random numbers.
     """
     with counted_cost(recordings) as cost:
         ((found,),) = identify(method, [recordings], terms, name).values()
@@ -133,7 +133,7 @@ def identified_by(
 
 @contextmanager
 def counted_cost(recordings: Sequence[Recording]) -> Iterator[dict[str, float]]:
-    """Count the cost of a search in recordings.
+    """Measure the computing cost of the identification in a `with` block.
 
     Yields
     ------
@@ -149,9 +149,9 @@ def counted_cost(recordings: Sequence[Recording]) -> Iterator[dict[str, float]]:
 
 
 def describe_answer(found: IdentifiedModel) -> dict[str, object]:
-    """Describe a model by columns of a table: status, findings, path and coefficients.
+    """Describe an identified model by columns of a table, such as status and coefficients.
 
-    findings: their codes. coefficients: see `coefficients_as_text`.
+    Further columns: findings, their codes; path. coefficients: see `coefficients_as_text`.
     """
     return {
         "status": found.status, "findings": found.codes,
@@ -160,7 +160,7 @@ def describe_answer(found: IdentifiedModel) -> dict[str, object]:
 
 
 def coefficients_as_text(found: IdentifiedModel) -> str:
-    """Write the coefficients as JSON: by equation and term a value and its standard error.
+    """Format the coefficients and standard errors of a model as JSON, by equation and term.
 
     An error that is not stated is null. A refused model has no equations.
     """
@@ -175,9 +175,10 @@ def coefficients_as_text(found: IdentifiedModel) -> str:
 
 
 def trial_of(attempts: Callable[..., Iterator[Attempt]]) -> Callable[..., Iterator[dict]]:
-    """Make a trial, see `workflow/rules/evaluate.smk`, with a row for each fit, see `fits`.
+    """Turn a generator of test recordings into a trial that identifies them with all methods.
 
-    attempts: makes its recordings, from the seed, the case, the replicates and the kind's options.
+    The trial, see `workflow/rules/evaluate.smk`, yields a row for each fit, see `fits`. attempts:
+    makes its recordings, from the seed, the case, the replicates and the kind's options.
     """
 
     def trial(
@@ -189,13 +190,13 @@ def trial_of(attempts: Callable[..., Iterator[Attempt]]) -> Callable[..., Iterat
 
 
 def against_truth(true: PolynomialModel, result: IdentifiedModel) -> dict[str, object]:
-    """Compare the claims of one fit with the truth; counts are of the true terms.
+    """Compare an identified model with the true one: counts of wrong terms and coefficients.
 
-    true: on the library of `result`. Nothing is counted without a model. `ok_and_wrong` is an `ok`
-    model with a false term, without one above its stated limit, or with a coefficient more than
-    four unconditional errors off; `beyond_4_standard_errors_given_terms` counts those of
-    its coefficients that are more
-    than four off by the errors that assume the terms.
+    true: on the library of `result`. Counts are of the true terms. Nothing is counted without a
+    model. `ok_and_wrong` is an `ok` model with a false term, without one above its stated limit, or
+    with a coefficient more than four unconditional errors off;
+    `beyond_4_standard_errors_given_terms` counts those of its coefficients that are more than four
+    off by the errors that assume the terms.
     """
     terms = true.support.copy()
     terms[list(result.known)] = False

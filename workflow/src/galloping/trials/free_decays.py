@@ -30,7 +30,9 @@ RESOLVED = 2.5  # samples in a period of the second mode, at least
 
 @dataclass(frozen=True)
 class FreeDecay:
-    """Two modes after a release, sampled with noise by a displacement sensor or accelerometer.
+    """Simulated free decay of two modes, with its noisy recording and Cramér-Rao bound.
+
+    The sensor measures displacement or acceleration.
 
     Parameters
     ----------
@@ -51,7 +53,10 @@ class FreeDecay:
 
     @classmethod
     def drawn(cls, rng: np.random.Generator) -> "FreeDecay":
-        """Draw a decay within the ranges above."""
+        """Sample two random modes and a sensor, and simulate their free decay with noise.
+
+        They are drawn within the ranges above.
+        """
         count = round(_log_uniform(rng, SAMPLES))
         per_period = min(_log_uniform(rng, PER_PERIOD), count / PERIODS)
         frequency, damping = _log_uniform(rng, FREQUENCIES), _log_uniform(rng, DAMPING, 2)
@@ -101,10 +106,11 @@ def _decay_bound(
 def trial(
     seed: int, case: str, replicates: Sequence[int], methods: Mapping[str, Mapping]
 ) -> Iterator[dict[str, object]]:
-    """Yield a row for each replicate and method, as of `real_lines.trial`.
+    """Identify simulated free decays of two modes; yield a row of errors for each fit.
 
-    The first mode is the vertical one. coverage: of frequency and damping of the first mode,
-    nothing if they are unknown. Seconds are those of the processor.
+    There is a fit for each replicate and method, with the columns of `real_lines.trial`. The first
+    mode is the vertical one. coverage: of frequency and damping of the first mode, nothing if they
+    are unknown. Seconds are those of the processor.
     """
     for replicate in replicates:
         decay = FreeDecay.drawn(make_generator(seed, "free_decays", case, replicate))
@@ -140,7 +146,9 @@ def _judge_decay(decay: FreeDecay, found: IdentifiedModel) -> dict[str, float]:
 
 
 def told(found: IdentifiedModel) -> tuple[complex, np.ndarray]:
-    """Compute the pole of a model of one coordinate, and its errors.
+    """Compute growth rate and frequency of a model's small motions, with standard errors.
+
+    The model has one coordinate.
 
     Returns
     -------

@@ -78,10 +78,11 @@ def _default_case(name: str) -> dict:
 
 @dataclass(frozen=True)
 class Proposal:
-    """A density of settings in shifted coordinates, (n_unknowns,).
+    """Proposal density of importance sampling for the parameters the paper does not state.
 
-    centre, covariance: of a multivariate t, or None for the uniform density of the first round.
-    uniform: share of that uniform density in a mixture of both.
+    It is over shifted coordinates, (n_unknowns,). centre, covariance: of a multivariate t, or None
+    for the uniform density of the first round. uniform: share of that uniform density in a mixture
+    of both.
     """
 
     centre: np.ndarray | None = None
@@ -89,13 +90,16 @@ class Proposal:
     uniform: float = 0.0
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """Draw one setting."""
+        """Draw one random parameter vector from the proposal density."""
         if self.centre is None or rng.random() < self.uniform:
             return rng.uniform(*_first_box())
         return np.atleast_1d(self._t_density.rvs(random_state=rng))
 
     def log_density(self, points: np.ndarray) -> np.ndarray:
-        """Compute the logarithm of the density at points, (k, n_unknowns) -> (k,)."""
+        """Compute the logarithm of the proposal density at given parameter vectors.
+
+        points: (k, n_unknowns). Returns (k,).
+        """
         low, high = _first_box()
         inside = np.all((points >= low) & (points <= high), axis=1)
         flat = np.where(inside, -np.sum(np.log(high - low)), -np.inf)
@@ -111,7 +115,10 @@ class Proposal:
 
     @classmethod
     def fit(cls, points: np.ndarray, log_weights: np.ndarray, uniform: float) -> "Proposal":
-        """Fit a t distribution to weighted settings; weights are tempered if few settings count."""
+        """Fit a proposal density, a multivariate t distribution, to weighted parameter vectors.
+
+        Weights are tempered if few settings count.
+        """
         power = 1.0
         while effective_number(power * log_weights) < min(EFFECTIVE, len(points) / 2):
             power *= 0.8
@@ -127,7 +134,7 @@ def _first_box() -> tuple[np.ndarray, np.ndarray]:
 
 
 def effective_number(log_weights: np.ndarray) -> float:
-    """Compute the number of equally weighted settings with the same information (L. Kish 1965)."""
+    """Compute the effective sample size of importance weights (L. Kish 1965)."""
     return float(np.exp(2 * logsumexp(log_weights) - logsumexp(2 * log_weights)))
 
 
@@ -143,7 +150,10 @@ def trial(
     draws: int = DRAWS,
     climb: int = CLIMB,
 ) -> Iterator[dict[str, object]]:
-    """Yield a row for each setting of the last round of one reading of the paper, and its draws.
+    """Infer by importance sampling the parameters the paper does not state; yield the samples.
+
+    There is a row for each setting of the last round of one reading of the paper, and rows for its
+    draws.
 
     Parameters
     ----------
@@ -279,11 +289,11 @@ def _try_settings(
 
 
 def setting_at(reading: Reading, point: np.ndarray) -> dict[str, float] | None:
-    """Convert a point of the shifted coordinates to the unknowns, None if it is excluded.
+    """Convert a sampled point to parameters of the paper's study, None if they are impossible.
 
-    Excluded are values outside their ranges, lines that do not gallop or whose cycle exceeds the
-    largest attack angle, and thresholds above the smallest coefficient of both lines, which would
-    be lost without noise.
+    The point is in shifted coordinates. Excluded are values outside their ranges, lines that do not
+    gallop or whose cycle exceeds the largest attack angle, and thresholds above the smallest
+    coefficient of both lines, which would be lost without noise.
     """
     ratios = dict(zip(NAMES, np.exp(point), strict=True))
     values = ratios | {"damping_vertical": 0.0, "initial_vertical": 1.0, "initial_horizontal": 1.0}
@@ -328,11 +338,12 @@ def _case_at(reading: Reading, values: Mapping[str, float], name: str) -> dict:
 def estimate(
     reading: Reading, values: Mapping[str, float], draws: int, rng: np.random.Generator
 ) -> dict[str, Any] | None:
-    """Estimate the likelihood of a setting from draws; None if a condition excludes it.
+    """Estimate the likelihood of parameters from simulated noise realisations.
 
-    log_likelihood: of all that is printed. without_NAME: of all but one of `agreement.GROUPS`. By
-    the name of each factor: its logarithm. change: of the amplitudes, of the lines that are read as
-    steady. attack: largest |dq_v| / U. draws: value of each claim by draw.
+    Returns None if a condition excludes the parameters. log_likelihood: of all that is printed.
+    without_NAME: of all but one of `agreement.GROUPS`. By the name of each factor: its logarithm.
+    change: of the amplitudes, of the lines that are read as steady. attack: largest |dq_v| / U.
+    draws: value of each claim by draw.
     """
     motion, line = _simulate_line(reading, values, agreement.CASE)
     if not _is_in_reach(motion):
@@ -376,7 +387,10 @@ def _is_in_reach(motion: Motion) -> bool:
 
 
 def steadiness(states: np.ndarray) -> tuple[float, float]:
-    """Compute the smallest amplitude in a half of the steady window, and the largest change."""
+    """Compute how steady a motion is: its smallest amplitude, and its largest amplitude change.
+
+    They are of both halves of the steady window, and between these.
+    """
     first, last = (round(t * AMOUNTS.sampling_rate) for t in AMOUNTS.steady_window)
     middle = (first + last) // 2
     early, late = (

@@ -34,10 +34,10 @@ REMEMBERED = 4  # periods of a chaotic flow from which its bound is formed
 
 @dataclass(frozen=True)
 class PublishedSystem:
-    """A published system: equations as of `model_of`, an initial state, a period if known.
+    """Dynamical system from the literature: equations, initial state and known period.
 
-    degree: of its library. chaotic: whether it forgets its initial state, so that its bound is that
-    of short pieces.
+    equations: as of `model_of`. degree: of its library. chaotic: whether it forgets its initial
+    state, so that its bound is that of short pieces.
     """
 
     equations: str
@@ -48,14 +48,15 @@ class PublishedSystem:
 
     @property
     def model(self) -> PolynomialModel:
-        """The model on its library."""
+        """Polynomial model of the system on its library of candidate terms."""
         return model_of(self.equations, self.degree)
 
 
 def model_of(equations: str, degree: int) -> PolynomialModel:
-    """Parse equations of `terms`, separated by `;`, on the library up to `degree`.
+    """Parse the text of polynomial equations into a model with terms up to a given degree.
 
-    Raises ValueError for a term that is not in the library.
+    equations: of `terms`, separated by `;`. Raises ValueError for a term that is not in the
+    library.
     """
     texts = equations.split(";")
     states = tuple(text.partition("=")[0].strip() for text in texts)
@@ -77,10 +78,11 @@ SYSTEMS = {
 def systems(
     seed: int, case: str, replicates: Sequence[int], *, samples: list[int], levels: list[float]
 ) -> Iterator[Attempt]:
-    """Yield recordings of the system `case`.
+    """Yield noisy recordings of a published system with different numbers of samples and noise.
 
-    levels: of the noise, in standard deviations of each state. The bound of a chaotic flow is that
-    of pieces of REMEMBERED periods, each with an unknown beginning, which joined pieces may exceed.
+    case: name of the system. levels: of the noise, in standard deviations of each state. The bound
+    of a chaotic flow is that of pieces of REMEMBERED periods, each with an unknown beginning, which
+    joined pieces may exceed.
     """
     system = SYSTEMS[case]
     true = system.model
@@ -127,9 +129,10 @@ RELAXATION_START, RELAXATION_END, RELAXATION_NOISE = 1.2, 8.0, 0.06
 def exact_terms(
     seed: int, case: str, replicates: Sequence[int], *, levels: list[float], durations: list[float]
 ) -> Iterator[Attempt]:
-    """Yield recordings of the system `case`.
+    """Yield recordings for tests of how often exactly the right terms of a system are found.
 
-    levels: of the noise, relative to the size of the motion. durations: s, up to LONGEST.
+    case: name of the system. Noise and durations are those of a published comparison. levels: of
+    the noise, relative to the size of the motion. durations: s, up to LONGEST.
     """
     system, step = SETTINGS[case]
     true = system.model
@@ -162,12 +165,12 @@ def relaxation_intervals(
     *,
     samples: Sequence[int],
 ) -> Iterator[dict[str, object]]:
-    """Yield a row for each fit to a relaxation with the quadratic coefficient of `case`.
+    """Fit simulated relaxations; yield whether the x^2 coefficient's interval covers the truth.
 
-    Besides the columns of `attempts.identified_by`: exact_support, as in `attempts.against_truth`;
-    has_term, whether the model has x^2; covered, whether the unconditional 95 % that does not trust
-    the terms has its true
-    coefficient; interval_width, of that interval.
+    case: name of the true quadratic coefficient. There is a row for each fit. Besides the columns
+    of `attempts.identified_by`: exact_support, as in `attempts.against_truth`; has_term, whether
+    the model has x^2; covered, whether the unconditional 95 % interval contains the true
+    coefficient of x^2; interval_width, of that interval.
     """
     true = model_of(RELAXATION.format(GAMMAS[case]), 3)
     quadratic = true.terms.index((2,))

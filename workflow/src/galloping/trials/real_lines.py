@@ -48,7 +48,7 @@ LAYOUTS = {"projected": continuous.QUARTERS, "mid-span": (0.5,), "states": ()}  
 
 @dataclass(frozen=True)
 class SensedLine:
-    """A line and its sensors.
+    """Simulated overhead line outside the model class, with its gusts and sensors.
 
     modes: sine modes in each direction, or 0 for the two shapes of the paper's model. aerodynamics:
     as in `continuous_line`. intensity: of the gusts. sensors: of LAYOUTS, separated into as many
@@ -84,7 +84,7 @@ DRIVEN = ("maximum_likelihood", "weak_gls")  # methods that take inputs
 
 
 def line_of(case: Mapping, truth: SensedLine) -> continuous.Span:
-    """Make the line of a truth in the wind of a `cases` section."""
+    """Create the continuous line that a trial simulates, in the wind of a configured case."""
     return continuous.continuous_line(case, truth.modes, aerodynamic=truth.aerodynamics)
 
 
@@ -95,9 +95,10 @@ def motion(
     time: np.ndarray,
     speed: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Simulate q_v, q_w, dq_v, dq_w at each sensor, without noise: (n, n_sensors, 4).
+    """Simulate the noise-free displacements and velocities at each sensor of a line.
 
-    speed: (n,) m/s, the wind, by default steady. The modal states count as one sensor.
+    Returns q_v, q_w, dq_v, dq_w: (n, n_sensors, 4). speed: (n,) m/s, the wind, by default steady.
+    The modal states count as one sensor.
     """
     start = continuous.displaced_state(line, [case["initial_state"][state] for state in STATES[:2]])
     states = continuous.simulate(line, start, time, speed)
@@ -107,16 +108,20 @@ def motion(
 
 
 def combined(line: continuous.Span, truth: SensedLine, values: np.ndarray) -> np.ndarray:
-    """Combine the sensors' readings (n, n_sensors, 4) to states, (n, 4)."""
+    """Combine the readings of all sensors to displacements and velocities of two modes.
+
+    values: (n, n_sensors, 4). Returns the states, (n, 4).
+    """
     if truth.sensors == "states":
         return values[:, 0]
     return continuous.first_modes(line, values, LAYOUTS[truth.sensors])[:, 0]
 
 
 def linear_modes(model: PolynomialModel) -> np.ndarray:
-    """Compute net damping and frequency, v and w: -2 Re and Im of the eigenvalues, 1/s and rad/s.
+    """Compute net damping (1/s) and frequency (rad/s) of both modes of a linearised model.
 
-    They are at the equilibrium near the origin, by Newton's method. NaN without two oscillations.
+    They are -2 Re and Im of the eigenvalues, first vertical, then horizontal. They are at the
+    equilibrium near the origin, by Newton's method. NaN without two oscillations.
     """
     rest = np.zeros((1, len(model.states)))
     for _ in range(10):
@@ -132,8 +137,9 @@ def answer(
     identified: IdentifiedModel, start: np.ndarray, time: np.ndarray, simulator: Simulator,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Predict with a model of a line: values and half widths of 95 % intervals, by QUANTITIES.
+    """Predict amplitudes, net damping and frequencies with a model, with 95 % intervals.
 
+    Returns values and half widths of the intervals, by QUANTITIES, with a model of a line.
     Amplitudes are of the motion from `start` (4,) after STEADY s. Intervals are those of models
     drawn with the covariance of the coefficients; NaN without one. An amplitude is of the motion,
     not of the model alone: the further modes of an approximate model are added to its motion, its
@@ -163,7 +169,10 @@ def forecast_r2(
     time: np.ndarray,
     simulator: Callable[..., Trajectory],
 ) -> float:
-    """Compute the mean R2 of q_v and q_w in forecasts over FORECAST s along a motion (n, 4)."""
+    """Compute the mean R2 of a model's short forecasts of a measured motion.
+
+    Forecasts are of q_v and q_w over FORECAST s, along the motion, (n, 4).
+    """
     length = round(FORECAST / (time[1] - time[0]))
     left = np.zeros(2)
     for begin in range(0, len(time) - length, length):
@@ -176,11 +185,12 @@ def forecast_r2(
 def trial(
     seed: int, case: str, replicates: Sequence[int], methods: Mapping[str, Mapping]
 ) -> Iterator[dict[str, object]]:
-    """Yield a row for each replicate and method on the truth `case` of TRUTHS.
+    """Identify overhead lines outside the model class from noisy recordings; yield their errors.
 
-    The truth is a variant of the default line. methods: `Method.settings` by name. Replicates
-    differ in the noise of the sensors and in the gusts; forecasts are assessed on a motion in gusts
-    that no method has used. Seconds are those of the processor.
+    There is a row for each replicate and method on the truth `case` of TRUTHS. The truth is a
+    variant of the default line. methods: `Method.settings` by name. Replicates differ in the noise
+    of the sensors and in the gusts; forecasts are assessed on a motion in gusts that no method has
+    used. Seconds are those of the processor.
     """
     parameters, truth = plain(load({}))["cases"][CASE], TRUTHS[case]
     time = np.arange(DURATION * RATE + 1) / RATE

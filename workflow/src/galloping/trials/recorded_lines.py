@@ -45,7 +45,7 @@ APART, SENSITIVE = 1e-6, 1e3  # m, times within a recording
 
 @dataclass(frozen=True)
 class MovingLine:
-    """A line: its case, its model, the times of its recording, and its motion."""
+    """Simulated overhead line: its configuration, model, sampling times and motion."""
 
     case: dict
     model: PolynomialModel
@@ -55,13 +55,16 @@ class MovingLine:
 
     @property
     def states(self) -> np.ndarray:
-        """States at the times of the recording, (n, 4)."""
+        """Displacements and velocities at the sampling times, (n_times, 4)."""
         return self.motion(self.time)
 
 
 @cache
 def default_line() -> MovingLine:
-    """Simulate the default line of a study for DURATION s from its start, and MARGIN s more."""
+    """Simulate the motion of the default line of a study.
+
+    It lasts DURATION s from the start, and MARGIN s more.
+    """
     case = plain(load({}))["cases"][CASE]
     line = make_model(coefficients(case))
     start = np.array([case["initial_state"][state] for state in STATES])
@@ -74,7 +77,10 @@ def default_line() -> MovingLine:
 def of_the_default_line(
     seed: int, case: str, replicates: Sequence[int], *, protocols: list[str], levels: list[float]
 ) -> Iterator[Attempt]:
-    """Yield the default line from its initial state; the replicates are draws of the noise."""
+    """Yield recordings of the default line, with different noise realisations.
+
+    The line starts from its initial state; the replicates are the noise realisations.
+    """
     line = default_line()
     states = line.states
     for protocol in protocols:
@@ -89,7 +95,10 @@ def of_the_default_line(
 
 
 def draw(rng: np.random.Generator) -> tuple[dict, np.ndarray]:
-    """Draw the `cases` section of a galloping line, and its two initial states (2, n_states)."""
+    """Sample a random galloping line: its configuration and two initial states.
+
+    The configuration is a section of `cases`; the initial states are (2, n_states).
+    """
     while True:
         span = _log_uniform(rng, 150.0, 500.0)
         vertical = [rng.uniform(0.2, 1.2), rng.uniform(-3.0, 3.0), rng.uniform(-8.0, -2.0)]
@@ -114,7 +123,10 @@ def draw(rng: np.random.Generator) -> tuple[dict, np.ndarray]:
 def lines(
     rng: np.random.Generator, simulator: Simulator, time: np.ndarray
 ) -> Iterator[tuple[PolynomialModel, list[np.ndarray]]]:
-    """Yield endless lines, each with motions (n, n_states) from both starts, none diverging."""
+    """Yield random galloping lines without end, each with two simulated motions.
+
+    The motions, (n, n_states), are from both starts; none diverges.
+    """
     while True:
         case, starts = draw(rng)
         true = make_model(coefficients(case)).on_library(TERMS)
@@ -136,9 +148,9 @@ def of_random_lines(
     seed: int, case: str, replicates: Sequence[int], *, protocols: list[str], levels: list[float],
     durations: list[float],
 ) -> Iterator[Attempt]:  # fmt: skip
-    """Yield lines drawn at random, each from two initial states; the replicates are the lines.
+    """Yield recordings of randomly drawn lines, each simulated from two initial states.
 
-    durations: s, of the recordings.
+    The replicates are the lines. durations: s, of the recordings.
     """
     simulator = Simulator(STATES, TERMS)
     for duration, number in product(durations, replicates):
@@ -161,7 +173,10 @@ def of_random_lines(
 def of_long_and_steady_motions(
     seed: int, case: str, replicates: Sequence[int], *, levels: list[float]
 ) -> Iterator[Attempt]:
-    """Yield long, steady or sensitive motions, by `case`; of CHOSEN each replicate is a line."""
+    """Yield recordings of long motions, limit cycles or motions with sensitive dependence.
+
+    case: kind of the motion; of CHOSEN each replicate is a line.
+    """
     time, simulator = time_grid(*LONG.get(case, (DURATION, RATE))), Simulator(STATES, TERMS)
     for level, replicate in product(levels, replicates):
         if case in CHOSEN:
@@ -334,7 +349,10 @@ FAULTS = {
 def of_faulty_recordings(
     seed: int, case: str, replicates: Sequence[int], *, levels: list[float]
 ) -> Iterator[Attempt]:
-    """Yield the default line with the fault `case` of FAULTS, its size drawn per replicate."""
+    """Yield recordings of the default line with a simulated fault, such as a wrong clock.
+
+    case: the fault, of FAULTS; its size is drawn per replicate.
+    """
     line, (named, sizes, record) = default_line(), FAULTS[case]
     for level, replicate in product(levels, replicates):
         rng = make_generator(seed, GROUP, case, replicate)
