@@ -10,7 +10,7 @@ from PIL import Image
 from galloping.configuration.load import load
 from galloping.results import Motion
 from galloping.study import files
-from galloping.study.cells import Study, without
+from galloping.study.cells import Study, drop_swept_parameters
 
 
 def study(**settings):
@@ -87,10 +87,10 @@ def test_noise_that_looks_like_percent_is_questioned_in_one_line():
 
 def test_a_sweep_does_not_read_what_it_varies():
     line = DEFAULT.cases[0].released
-    told = without(line, "wind_speed", "tension", None, "span")
+    told = drop_swept_parameters(line, "wind_speed", "tension", None, "span")
     assert "speed" not in told["wind"] and "tension" not in told["line"]
     assert told["line"]["span"] == line["line"]["span"]  # its spacers move with it
-    ratios = without(line, "damping_ratio")
+    ratios = drop_swept_parameters(line, "damping_ratio")
     assert ratios["damping"] == {} and ratios["initial_state"] == line["initial_state"]
 
 

@@ -10,7 +10,7 @@ from galloping.configuration.load import load, plain
 from galloping.report.data_dictionary import meaning
 from galloping.report.equations import as_symbols, side_by_side
 from galloping.report.page import Item, as_html, render
-from galloping.report.printed_numbers import PaperCell, merged
+from galloping.report.printed_numbers import PaperCell, merge_directions
 from galloping.report.results_in_words import on_engineering, on_methods
 from galloping.tables import judged_claims as claims
 
@@ -24,7 +24,7 @@ def page(tmp_path):
     csv.write_text("term,error_percent\nq_v < q_w,0.123456789\n=1+1,\n")
     figure = Item("figure03", "a figure", "It shows *this*.", svg)
     table = Item("paper", "a table", "It holds ``that``.", csv)
-    cell = merged([
+    cell = merge_directions([
         PaperCell("0.83", "2.1 (0.2 to 6)", "reproduced", "so it is"),
         PaperCell("1", "9", "worse", "<"),
     ])  # fmt: skip

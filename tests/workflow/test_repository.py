@@ -135,7 +135,7 @@ def test_what_is_imported_often_imports_nothing_heavy(imports, heavy):
 
 def rows(paper):
     """The lines of the page's table of the paper's claims, as the report has them."""
-    for claim, cells in printed_numbers.rows(paper).items():
+    for claim, cells in printed_numbers.build_table(paper).items():
         shown = ([cell.printed for cell in cells], [cell.ours for cell in cells],
                  [cell.verdict for cell in cells])  # fmt: skip
         yield f"| {claim} | " + " | ".join("; ".join(dict.fromkeys(of)) for of in shown) + " |"
@@ -153,5 +153,5 @@ def test_the_pages_have_the_claims_and_times_of_the_reference():
     text = " ".join((ROOT / "README.md").read_text().split())
     for said in (f"`make` takes {whole:.0f} minutes", f"`make smoke` takes {smoke:g} minutes",
                  printed_numbers.describe_setting(paper, region),
-                 printed_numbers.count(paper)):  # fmt: skip
+                 printed_numbers.describe_counts(paper)):  # fmt: skip
         assert said in text

@@ -7,13 +7,13 @@ from galloping.reproducibility.lock import OF_STUDY
 from galloping.report import data_dictionary
 from galloping.reproducibility.receipts import RECEIPTS, receipt_path
 from galloping.study import shown
-from galloping.study.cells import Study, without
+from galloping.study.cells import Study, drop_swept_parameters
 from galloping.results import OURS_FAMILY
 from galloping.configuration.kinds import PAPER
 
 try:
     files = [read(file) for file in workflow.configfiles]  # the Snakefile's own comes last
-    STUDY = Study(load(merged(config, files[-1:] + files[:-1])))
+    STUDY = Study(load(clean_merged(config, files[-1:] + files[:-1])))
 except ConfigurationError as error:
     sys.exit(str(error))
 if OF_STUDY not in os.environ:  # `make` has said so itself
@@ -74,7 +74,7 @@ def released(wildcards):
 
 def line_without(case, parameters):
     """A line as released, without its own values of what a sweep varies, which the sweep ignores."""
-    return {f"cases.{case}": without(STUDY.case(case).released, *parameters)}
+    return {f"cases.{case}": drop_swept_parameters(STUDY.case(case).released, *parameters)}
 
 
 def of_sweep(key):

@@ -62,7 +62,7 @@ def fits_of(*tables):
 
 def joined(parts):
     """The rows of all parts."""
-    return made(tables.scores.together, parts=parts)
+    return made(tables.scores.concatenate, parts=parts)
 
 
 def has_trials(*tables):

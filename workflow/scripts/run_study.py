@@ -27,7 +27,7 @@ from galloping.reproducibility.lock import (
     check_disk,
     clear_unfinished,
     end_orphans,
-    killed,
+    format_killed_message,
     locked,
     make_command,
     marked_environment,
@@ -89,7 +89,7 @@ def main(*arguments: str) -> int:
     except (ConfigurationError, Obstacle) as error:
         sys.exit(str(error))
     except Killed:
-        sys.exit(killed(repair))
+        sys.exit(format_killed_message(repair))
     except OSError as error:
         sys.exit(f"{error.filename or results}: {error.strerror or error}")
 
@@ -130,9 +130,9 @@ def tell(results: str, made: int, seconds: float) -> None:
     if table.exists():
         import pandas as pd
 
-        from galloping.report.printed_numbers import count
+        from galloping.report.printed_numbers import describe_counts
 
-        print(count(pd.read_csv(table)))
+        print(describe_counts(pd.read_csv(table)))
     if report.exists():
         print(f"Report: {report}")
 

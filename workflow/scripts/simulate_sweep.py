@@ -8,7 +8,7 @@ from galloping.cycles.family import LIBRARY
 from galloping.cycles.rows import map_rows, simulation_rows
 from galloping.line.galerkin import STATES
 from galloping.reproducibility.job import run
-from galloping.reproducibility.receipts import grows
+from galloping.reproducibility.receipts import differs_only_in
 from galloping.storage import write_rows
 from galloping.trajectory.simulation import Simulator
 
@@ -35,5 +35,5 @@ def simulate_sweep(case, simulated, line, parameter, values, second, second_valu
 
 
 if __name__ == "__main__":
-    is_grown = grows(snakemake.output.simulated, dict(snakemake.params.items()), "values")
+    is_grown = differs_only_in(snakemake.output.simulated, dict(snakemake.params.items()), "values")
     run(partial(simulate_sweep, is_grown=is_grown), snakemake)

@@ -81,7 +81,7 @@ def test_what_is_safe_is_mended_and_said(tmp_path):
     series = read_series(write(tmp_path / "a.csv", mixed), validate_mapping(MAPPING))
     np.testing.assert_allclose(series.time, TIME, atol=1e-12)
     assert np.isnan(series.values[100:105, 0]).all()
-    assert series.notes[0].endswith("sorted")
+    assert series.notes[0].endswith("sorted by time")
     assert "repeated rows were dropped" in series.notes[1]
 
 

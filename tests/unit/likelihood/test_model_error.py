@@ -15,7 +15,7 @@ from galloping.line.continuous import draw_wind
 from galloping.line.galerkin import STATES, coefficients, make_model
 from galloping.tables.trial_summaries import model_error
 from galloping.trials import real_lines
-from galloping.trials.real_lines import TRUTHS, combined, line_of, linear_modes, motion
+from galloping.trials.real_lines import TRUTHS, combine_sensors, line_of, linear_modes, motion
 
 TIME = np.arange(15001) / 50
 TERMS = library(4, 3)
@@ -29,7 +29,7 @@ def recorded(name):
     gusts = {**RESONANT["truth"]["gusts"], "intensity": truth.intensity}
     clean = motion(RESONANT, line, truth, TIME, draw_wind(line, gusts, TIME, rng))
     noisy = clean + 0.05 * clean.std(axis=0) * rng.standard_normal(clean.shape)
-    return Recording(TIME, STATES, combined(line, truth, noisy))
+    return Recording(TIME, STATES, combine_sensors(line, truth, noisy))
 
 
 def test_a_line_of_nine_modes_is_answered_with_what_the_answer_is_worth():
@@ -58,7 +58,7 @@ def test_the_higher_modes_that_a_sensor_reads_are_named_beside_the_model(tmp_pat
     assert all(mode.growth > 0 for mode in horizontal)
     truth = TRUTHS["9 modes, mid-span"]
     line = line_of(RESONANT, truth)
-    clean = combined(line, truth, motion(RESONANT, line, truth, TIME))
+    clean = combine_sensors(line, truth, motion(RESONANT, line, truth, TIME))
     own = found.simulate(clean[0], TIME).states
     late = TIME >= 200
     true, alone, together = (

@@ -18,7 +18,7 @@ from galloping.identification.observations import Code
 from galloping.line.galerkin import STATES
 from galloping.streams import make_generator
 from galloping.trajectory.simulation import time_grid
-from galloping.trials.attempts import against_truth, measured
+from galloping.trials.attempts import against_truth, simulate_recording
 from galloping.trials.published import PERIODS, SETTINGS, SYSTEMS
 from galloping.trials.recorded_lines import TERMS, lines
 
@@ -36,7 +36,7 @@ def published(name: str, level: float, periods: float = PERIODS) -> Known:
         "protocol": "state", "level": level, "seed": SEED, "replicate": 0,
     }  # fmt: skip
     motion = simulate(true, SYSTEMS[name].start, time).states
-    return true, measured(columns, true, time, motion).recording
+    return true, simulate_recording(columns, true, time, motion).recording
 
 
 def random_line(number: int, release: int, seed: int) -> Known:

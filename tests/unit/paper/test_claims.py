@@ -158,7 +158,7 @@ def test_what_the_study_lacks_is_not_run_and_what_differs_is_not_judged():
     other = paper_table(claims_table(few, settings(cases=[])), {}, {"departures": {CASE: reason}})
     other = other[other["role"] != "beyond"]
     assert set(other["verdict"]) == {"not judged"} and set(other["reason"]) == {reason}
-    assert other["printed"].notna().all() and reason in report.count(other)
+    assert other["printed"].notna().all() and reason in report.describe_counts(other)
 
 
 def test_a_growing_motion_is_not_steady_and_a_fast_one_not_slow():
@@ -184,8 +184,8 @@ def test_the_first_screen_counts_and_lists_them():
         .groupby("statement")["held"]
         .all()
     )
-    assert report.count(table).startswith(f"{held.sum()} of {len(held)} statements")
-    rows = report.rows(table)
+    assert report.describe_counts(table).startswith(f"{held.sum()} of {len(held)} statements")
+    rows = report.build_table(table)
     assert [cell.printed for cell in rows["amplitude error from 30000 points"]] == [
         "0.83 %", "1.03 %"]  # fmt: skip
     (found,) = rows["all terms found at noise 0.05"]
@@ -193,7 +193,10 @@ def test_the_first_screen_counts_and_lists_them():
     (gradual,) = rows["few false terms at noise 0.01"]
     assert (gradual.printed, gradual.ours) == ("gradual", "1")
     failed = table["verdict"].isin(("worse", "better", "undecided", "seldom met", "not met"))
-    assert len(report.unheld(table)) == (failed & ~table["verdict"].isin(paper_claims.HELD)).sum()
+    assert (
+        len(report.describe_failures(table))
+        == (failed & ~table["verdict"].isin(paper_claims.HELD)).sum()
+    )
     drawn(lambda: draw_printed(table, {"case": CASE}))
 
 

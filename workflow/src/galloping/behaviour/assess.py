@@ -361,7 +361,9 @@ def _describe_equilibrium(of: _Drawn, rest: np.ndarray, size: np.ndarray) -> Res
             frequency = Value.of(
                 abs(rate) / (2 * np.pi), interval_of_draws(np.abs(own) / (2 * np.pi))
             )
-            damping = Value.of(_damping_ratios(rate), interval_of_draws(_damping_ratios(own)))
+            damping = Value.of(
+                float(_damping_ratios(rate)), interval_of_draws(_damping_ratios(own))
+            )
         else:
             frequency, damping = (
                 Value(0.0, 0.0, 0.0),

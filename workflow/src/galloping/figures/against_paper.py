@@ -40,7 +40,7 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
     numbers = rows[[BY_NAME[name].is_number for name in rows["claim"]]]
     bounds = rows[[BY_NAME[name].is_r2 for name in rows["claim"]]]
     if numbers.empty and bounds.empty:
-        return parts.nothing_at_all("the paper's claims are not judged in this study")
+        return parts.make_empty_figure("the paper's claims are not judged in this study")
     height = 0.85 + 0.185 * max(len(numbers), len(bounds))
     figure, ((left, right),) = parts.panels(height, 1, 2, width_ratios=(1.1, 1))
     parts.letter(left, 0, "errors that the paper prints")

@@ -49,7 +49,7 @@ def draw_coefficients(
     """
     levels = list(settings["levels"].values())
     if not levels:
-        return parts.nothing_at_all("no noise level above zero, or no true values")
+        return parts.make_empty_figure("no noise level above zero, or no true values")
     terms = polynomial_library(len(STATES), settings["degree"])
     found = [
         identified_terms(model.model, identified[cell][settings["method"]], terms)

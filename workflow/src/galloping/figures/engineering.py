@@ -197,7 +197,7 @@ def write_still(path: str | os.PathLike, reason: str) -> None:
         What is shown instead of the motion.
     """
     with styled(8):
-        _write_gif(path, parts.nothing_at_all(reason), lambda frame: (), range(1))
+        _write_gif(path, parts.make_empty_figure(reason), lambda frame: (), range(1))
 
 
 def _write_gif(

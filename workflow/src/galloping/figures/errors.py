@@ -125,7 +125,7 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
     chosen = replace_cells(table, draws, settings)
     chosen = chosen[chosen["level"] > 0]
     if chosen.empty:
-        return parts.nothing_at_all("the paper's method has no noisy recordings in this study")
+        return parts.make_empty_figure("the paper's method has no noisy recordings in this study")
     quantities = [QUANTITIES[name] for name in settings["quantities"]]
     height = 0.85 + (1.75 if len(quantities) == 1 else 1.35 * len(quantities))
     figure, grid = parts.panels(height, len(quantities), width=SINGLE, sharex=True)
@@ -134,7 +134,7 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
         places.prepare(axes, settings["labels"][settings["protocol"]] if axes is panes[-1] else "")
         columns = [name for name in quantity.columns if chosen.get(name, NONE).notna().any()]
         if not columns:
-            parts.nothing(axes, "this line has no such values")
+            parts.write_reason(axes, "this line has no such values")
             continue
         by_place = {name: _tabulate_interval(chosen, x, name) for name in columns}
         stars = [claim.printed for name in columns for claim in printed(name, case)]
@@ -220,7 +220,7 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
     figure, ((axes,),) = parts.panels(3.7, width=SINGLE)
     errors = _tabulate_errors(table, peers, case, protocol)
     if errors.empty:
-        parts.nothing(axes, "this study has no noisy recordings to show")
+        parts.write_reason(axes, "this study has no noisy recordings to show")
         return figure
     places = parts.LogAxis.of(errors["level"])
     places.prepare(axes, settings["label"])

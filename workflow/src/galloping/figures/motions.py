@@ -93,9 +93,9 @@ def draw_histories(
     """
     true, cells = trajectory[0], settings["cells"]
     if true.status != "ok":
-        return parts.nothing_at_all(f"nothing to show: the line itself {true.status}")
+        return parts.make_empty_figure(f"nothing to show: the line itself {true.status}")
     if not cells:
-        return parts.nothing_at_all("nothing to show: this study has no such recordings")
+        return parts.make_empty_figure("nothing to show: this study has no such recordings")
     figure, grid = parts.panels(
         0.8 + ROW * len(cells), len(cells), width=style.SINGLE, sharex=True, sharey=True
     )
@@ -159,7 +159,7 @@ def draw_limit_cycles(
     line, to mark motions beyond small angles, or None.
     """
     if cycles.empty:
-        return parts.nothing_at_all("this study varies no single parameter")
+        return parts.make_empty_figure("this study varies no single parameter")
     figure, grids = parts.case_grids(list(settings["cases"]), 1, len(STATES), 0.9, 1.9)
     for row, (case, grid) in enumerate(grids.items()):
         own = {"case": case, "parameter": settings["parameter"]}
@@ -231,7 +231,7 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
         over = {"x_parameter": "wind_speed", "y_parameter": "tension"}
         table = parts.where(table, case=settings["case"], **over).drop_duplicates(["x", "y"])
     if table.empty:
-        return parts.nothing_at_all("this study does not vary wind and tension together")
+        return parts.make_empty_figure("this study does not vary wind and tension together")
     table = table.assign(y=table["y"] / settings["y_scale"])
     figure, (panels,) = parts.panels(3.1, 1, 2)
     ratio = table.pivot(index="y", columns="x", values="frequency_ratio")
@@ -278,7 +278,7 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
     the recording, m/s) and, where another method is to be compared, peer.
     """
     if table.empty:
-        return parts.nothing_at_all("no model of this study states how sure it is")
+        return parts.make_empty_figure("no model of this study states how sure it is")
     own = {name: settings[name] for name in ("case", "protocol", "replicate")}
     chosen = parts.where(table, **own).sort_values("wind_m_s")
     methods = [method for method in (settings["method"], settings.get("peer")) if method]

@@ -34,7 +34,7 @@ class ShownFigure(Figure):
         return written.getvalue()
 
 
-def nothing(axes: Axes, reason: str) -> None:
+def write_reason(axes: Axes, reason: str) -> None:
     """Empty a panel of a figure, and write in it the reason why there is nothing to plot."""
     hidden: dict[str, Any] = {
         "bottom": False,
@@ -55,10 +55,10 @@ def panels(
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
-def nothing_at_all(reason: str) -> Figure:
+def make_empty_figure(reason: str) -> Figure:
     """Create a figure that contains only a text: the reason why there is nothing to plot."""
     figure, ((axes,),) = panels(1.2)
-    nothing(axes, reason)
+    write_reason(axes, reason)
     return figure
 
 

@@ -54,9 +54,11 @@ def section(paper: pd.DataFrame, varied: pd.DataFrame | None, region: pd.DataFra
     """
     return {
         "setting": describe_setting(paper, region),
-        "count": count(paper),
-        "rows": {statement: merged(cells) for statement, cells in rows(paper).items()},
-        "failures": unheld(paper),
+        "count": describe_counts(paper),
+        "rows": {
+            statement: merge_directions(cells) for statement, cells in build_table(paper).items()
+        },
+        "failures": describe_failures(paper),
         "by_settings": "" if varied is None else by_settings(varied),
     }
 
@@ -94,7 +96,7 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
     return text
 
 
-def count(paper: pd.DataFrame) -> str:
+def describe_counts(paper: pd.DataFrame) -> str:
     """Describe as text how many statements of the reproduced paper are confirmed and how many not.
 
     A statement is counted once, and is reproduced if all of its rows are. paper: paper.csv.
@@ -123,7 +125,7 @@ def count(paper: pd.DataFrame) -> str:
     return text
 
 
-def rows(paper: pd.DataFrame) -> dict[str, list[PaperCell]]:
+def build_table(paper: pd.DataFrame) -> dict[str, list[PaperCell]]:
     """Build the table that compares the paper's statements with the study's results, by statement.
 
     It has counted claims, and claims that the same draw satisfies together. Both directions of a
@@ -140,7 +142,7 @@ def rows(paper: pd.DataFrame) -> dict[str, list[PaperCell]]:
     return found
 
 
-def merged(cells: list[PaperCell]) -> PaperCell:
+def merge_directions(cells: list[PaperCell]) -> PaperCell:
     """Merge table cells for the vertical and the horizontal direction, with common text once."""
     texts = {
         name: "; ".join(dict.fromkeys(getattr(cell, name) for cell in cells))
@@ -149,7 +151,7 @@ def merged(cells: list[PaperCell]) -> PaperCell:
     return PaperCell(**texts, held=all(cell.holds for cell in cells))
 
 
-def unheld(paper: pd.DataFrame) -> list[str]:
+def describe_failures(paper: pd.DataFrame) -> list[str]:
     """Write a sentence for each claim of the reproduced paper that was tested and not confirmed."""
     failed = paper[~paper["verdict"].isin([*HELD, "not run", "not judged", "beyond judgement"])]
     return [f"{row['claim']}: {row['verdict']}; {row['reason']}." for _, row in failed.iterrows()]

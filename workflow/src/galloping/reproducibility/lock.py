@@ -56,7 +56,7 @@ def locked(results: str, repair: str, *, repairing: bool = False) -> Iterator[in
         except BlockingIOError:
             raise Obstacle(_describe_holder(mark.read())) from None
         if mark.read() and not repairing:  # with the lock: another run may have ended just now
-            raise Obstacle(killed(repair))
+            raise Obstacle(format_killed_message(repair))
         mark.truncate(0)
         mark.write(str(os.getpid()))
         mark.flush()
@@ -87,7 +87,7 @@ def check_places(results: str) -> None:
         raise Obstacle(f"{path} is a {found} where a {wanted} belongs: move it away and run again.")
 
 
-def killed(repair: str) -> str:
+def format_killed_message(repair: str) -> str:
     """Format the message that a run of the study was killed and which command continues it."""
     return f"A run in this folder was killed: `{repair}` takes it from there."
 

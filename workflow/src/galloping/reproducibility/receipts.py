@@ -111,7 +111,7 @@ def _is_sound(receipt: Receipt) -> bool:
     )
 
 
-def grows(path: str | Path, settings: Mapping, key: str) -> bool:
+def differs_only_in(path: str | Path, settings: Mapping, key: str) -> bool:
     """Decide whether an intact file was made with given settings, apart from those of one key."""
     receipt = read_receipt(path)
     if receipt is None or not receipt.kept or not Path(path).exists():

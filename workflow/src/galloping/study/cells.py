@@ -19,7 +19,7 @@ from galloping.recording.measurement import BY_NAME, Protocol
 from galloping.results import JOINT, NOISE, SUBSET
 
 
-def without(line: Mapping, *parameters: str | None) -> dict:
+def drop_swept_parameters(line: Mapping, *parameters: str | None) -> dict:
     """Remove from a line's settings the values of the parameters that a sweep varies.
 
     No sweep depends on these values.

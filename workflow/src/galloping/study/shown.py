@@ -16,7 +16,7 @@ from galloping.study.cells import Case, Cell, Study
 Pair = tuple[Protocol, Method]
 
 
-def runs(pair: Pair) -> bool:
+def is_usable_pair(pair: Pair) -> bool:
     """Decide whether a method can use the full-length recordings of a measurement setup."""
     protocol, method = pair
     return method.can_use(protocol, uniform=True)
@@ -28,7 +28,9 @@ def paper_pair(study: Study) -> Pair:
     Usable is what the study can run.
     """
     pairs = list(
-        filter(runs, ((protocol, m) for m in study.methods for protocol in study.protocols))
+        filter(
+            is_usable_pair, ((protocol, m) for m in study.methods for protocol in study.protocols)
+        )
     )
     papers = (pair for pair in pairs if is_papers(pair))
     return next(papers, pairs[0])

@@ -108,7 +108,7 @@ def draw_fit(recording: Recording, motions: Sequence[tuple[np.ndarray, np.ndarra
     motions: of each stretch the times (n,), s, and the channels (n, n_sensed) of the model.
     """
     if not motions:
-        return parts.nothing_at_all("the recording gives no model to draw beside it")
+        return parts.make_empty_figure("the recording gives no model to draw beside it")
     figure, panels, samples = _channels(recording, len(motions))
     for (_, column, k), axes in panels.items():
         time, motion = motions[column]
@@ -153,7 +153,7 @@ def draw_forecast(
     recordings: recording before each forecast. length: s, of each panel.
     """
     if not forecasts:
-        return parts.nothing_at_all("the recording gives no model to forecast with")
+        return parts.make_empty_figure("the recording gives no model to forecast with")
     figure, panels, _ = _channels(recordings[-1], len(forecasts))
     samples = [Sensed.by(one).samples(one) for one in recordings]
     for (row, column, k), axes in panels.items():
@@ -180,7 +180,7 @@ def draw_assessment(of: Assessment, units: Mapping[str, str]) -> Figure:
     """
     cycles = [(c.at[of.along], cycle) for c in of.conditions for cycle in c.cycles if of.along]
     if not cycles:
-        return parts.nothing_at_all("no limit cycle along a range of an input")
+        return parts.make_empty_figure("no limit cycle along a range of an input")
     states = list(cycles[0][1].half_range)
     figure, (row,) = parts.panels(0.6 + 2.2, columns=len(states), sharex=True)
     for k, (axes, state) in enumerate(zip(row, states, strict=True)):

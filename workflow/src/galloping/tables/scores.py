@@ -24,7 +24,7 @@ PEERS = (
 )  # fmt: skip
 
 
-def together(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+def concatenate(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Concatenate several tables in order; columns that a table lacks are empty."""
     filled = [part for part in parts.values() if len(part)]
     return pd.concat(filled, ignore_index=True) if filled else pd.DataFrame(columns=["case"])
@@ -36,7 +36,7 @@ def all_scores(cells: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     The order of the rows does not depend on that of the argument.
     """
     keys = ["case", "protocol", "method", "cell", "replicate"]
-    return together(cells).sort_values(keys, kind="stable", ignore_index=True)
+    return concatenate(cells).sort_values(keys, kind="stable", ignore_index=True)
 
 
 def of_kind(scores: pd.DataFrame, kind: str) -> pd.DataFrame:

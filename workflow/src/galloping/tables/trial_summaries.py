@@ -24,7 +24,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import binomtest
 
-from galloping.tables.scores import together
+from galloping.tables.scores import concatenate
 
 DRAWS = 128
 METHODS = {
@@ -71,7 +71,7 @@ def systems(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     the right terms.
     """
     keys = ["system", "states", "samples", "level", "method"]
-    return _summarise_groups(together(parts), keys, _summarise_systems)
+    return _summarise_groups(concatenate(parts), keys, _summarise_systems)
 
 
 def model_error(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -81,7 +81,7 @@ def model_error(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     by trial and batch.
     """
     return _summarise_groups(
-        together(parts), ["truth", "sensors", "method"], _summarise_model_error
+        concatenate(parts), ["truth", "sensors", "method"], _summarise_model_error
     )
 
 
@@ -93,7 +93,7 @@ def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
     trial.
     """
     kinds = {name: settings["kinds"][name.split("/")[0]].replace("_", " ") for name in parts}
-    fits = together({name: part.assign(group=kinds[name]) for name, part in parts.items()})
+    fits = concatenate({name: part.assign(group=kinds[name]) for name, part in parts.items()})
     asked = fits.reindex(columns=["exact_support", "ok_and_wrong"]).astype(float)
     fits = fits.assign(**asked).fillna({"path": ""})
     table = _summarise_groups(fits, ["group", "method", "path"], lambda own: {
@@ -110,7 +110,7 @@ def published_terms(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     `galloping.trials.published.exact_terms`.
     """
     keys = ["system", "duration", "level", "method"]
-    return _summarise_groups(together(parts), keys, _summarise_exact_terms)
+    return _summarise_groups(concatenate(parts), keys, _summarise_exact_terms)
 
 
 def published_intervals(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -119,7 +119,9 @@ def published_intervals(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     There is a row for each coefficient, number of samples and method. parts: fits of
     `galloping.trials.published.relaxation_intervals`.
     """
-    return _summarise_groups(together(parts), ["case", "samples", "method"], _summarise_intervals)
+    return _summarise_groups(
+        concatenate(parts), ["case", "samples", "method"], _summarise_intervals
+    )
 
 
 def _summarise_groups(

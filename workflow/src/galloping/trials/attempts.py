@@ -39,7 +39,7 @@ class Attempt:
     causes: frozenset[Code] = frozenset()
 
 
-def measured(
+def simulate_recording(
     columns: Mapping[str, Any], true: PolynomialModel, time: np.ndarray, states: np.ndarray
 ) -> Attempt:
     """Simulate one noisy recording of a given motion of a known system.

@@ -130,7 +130,7 @@ def trial(
 def _judge_decay(decay: FreeDecay, found: IdentifiedModel) -> dict[str, float]:
     """Compute errors and coverage of the results for both modes."""
     first, second = decay.poles
-    pole, errors = told(found)
+    pole, errors = estimate_pole(found)
     row = {
         "terms": int(found.support.sum()),
         **_pole_errors("v", pole, first),
@@ -145,7 +145,7 @@ def _judge_decay(decay: FreeDecay, found: IdentifiedModel) -> dict[str, float]:
     return row
 
 
-def told(found: IdentifiedModel) -> tuple[complex, np.ndarray]:
+def estimate_pole(found: IdentifiedModel) -> tuple[complex, np.ndarray]:
     """Compute growth rate and frequency of a model's small motions, with standard errors.
 
     The model has one coordinate.

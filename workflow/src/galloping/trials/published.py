@@ -26,7 +26,7 @@ from galloping.model.terms import known_model
 from galloping.recording.samples import Recording
 from galloping.streams import make_generator
 from galloping.trajectory.simulation import Simulator
-from galloping.trials.attempts import Attempt, identified_by, measured, trial_of
+from galloping.trials.attempts import Attempt, identified_by, simulate_recording, trial_of
 
 PERIODS = 30
 REMEMBERED = 4  # periods of a chaotic flow from which its bound is formed
@@ -100,7 +100,7 @@ def systems(
                     "system": case, "states": len(true.states), "samples": count,
                     "protocol": "state", "level": level, "seed": seed, "replicate": replicate,
                 }  # fmt: skip
-                yield replace(measured(columns, true, time, x), deviations=deviations)
+                yield replace(simulate_recording(columns, true, time, x), deviations=deviations)
 
 
 def _bound_deviations(

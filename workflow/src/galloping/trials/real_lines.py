@@ -107,7 +107,7 @@ def motion(
     return continuous.sensor_readings(line, states, LAYOUTS[truth.sensors])
 
 
-def combined(line: continuous.Span, truth: SensedLine, values: np.ndarray) -> np.ndarray:
+def combine_sensors(line: continuous.Span, truth: SensedLine, values: np.ndarray) -> np.ndarray:
     """Combine the readings of all sensors to displacements and velocities of two modes.
 
     values: (n, n_sensors, 4). Returns the states, (n, 4).
@@ -133,7 +133,7 @@ def linear_modes(model: PolynomialModel) -> np.ndarray:
     return np.array([-2.0 * v.real, v.imag, -2.0 * w.real, w.imag])
 
 
-def answer(
+def predict_quantities(
     identified: IdentifiedModel, start: np.ndarray, time: np.ndarray, simulator: Simulator,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
@@ -213,15 +213,15 @@ def trial(
         measured = {SPEED: Input(time, speed)} if truth.wind and speed is not None else {}
         return motion(parameters, line, truth, time, speed), measured, rng
 
-    steady = combined(line, truth, motion(parameters, line, truth, time))
+    steady = combine_sensors(line, truth, motion(parameters, line, truth, time))
     unseen, unseen_wind, _ = moved("unseen")
-    unseen = combined(line, truth, unseen)
+    unseen = combine_sensors(line, truth, unseen)
     true = _true_quantities(line, steady[time >= STEADY])
     others = _other_winds(parameters, truth, time) if truth.wind else {}
     for replicate in replicates:
         clean, measured, rng = moved(replicate)
         noise = NOISE * clean.std(axis=0) * rng.standard_normal(clean.shape)
-        values = combined(line, truth, clean + noise)
+        values = combine_sensors(line, truth, clean + noise)
         if not truth.velocities:
             values[:, 2:] = np.nan
         recordings = [Recording(time, STATES, values, inputs=measured)]
@@ -237,7 +237,9 @@ def trial(
             if identified.status != "refused":
                 draws = make_generator(seed, "model_error", case, replicate, method)
                 held = identified.at(dict.fromkeys(inputs, line.speed))
-                row |= _judge_values(*answer(held, steady[0], time, simulator, draws), true)
+                row |= _judge_values(
+                    *predict_quantities(held, steady[0], time, simulator, draws), true
+                )
                 row["terms"] = int(identified.support.sum())
                 forecasts = partial(driven, inputs=unseen_wind)
                 row["forecast_r2"] = forecast_r2(identified.model, unseen, time, forecasts)
@@ -260,7 +262,7 @@ def _other_winds(
         speed = parameters["wind"]["speed"] + change
         case = {**parameters, "wind": {**parameters["wind"], "speed": speed}}
         line = line_of(case, truth)
-        states = combined(line, truth, motion(case, line, truth, time))
+        states = combine_sensors(line, truth, motion(case, line, truth, time))
         found[speed] = steady_amplitude(states[time >= STEADY])[:2]
     return found
 

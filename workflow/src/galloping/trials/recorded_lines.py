@@ -32,7 +32,7 @@ from galloping.model.polynomial import PolynomialModel, design_matrix, polynomia
 from galloping.recording.samples import Recording
 from galloping.streams import make_generator
 from galloping.trajectory.simulation import Simulator, time_grid
-from galloping.trials.attempts import Attempt, deviations_at_the_bound, measured, trial_of
+from galloping.trials.attempts import Attempt, deviations_at_the_bound, simulate_recording, trial_of
 
 DEFAULT, RANDOM, LONG_AND_STEADY = "default line", "random lines", "long and steady"  # groups
 TERMS = polynomial_library(len(STATES), 3)
@@ -87,7 +87,9 @@ def of_the_default_line(
         for level in levels:
             columns = {"group": DEFAULT, "case": case, "protocol": protocol, "level": level}
             made = [
-                measured(columns | {"seed": seed, "replicate": r}, line.model, line.time, states)
+                simulate_recording(
+                    columns | {"seed": seed, "replicate": r}, line.model, line.time, states
+                )
                 for r in replicates
             ]
             deviations = deviations_at_the_bound(made[0], states)
@@ -163,7 +165,7 @@ def of_random_lines(
                         "group": RANDOM, "case": case, "protocol": protocol, "level": level,
                         "seed": seed, "replicate": number, "release": release,
                     }  # fmt: skip
-                    attempt = measured(columns, true, time, states)
+                    attempt = simulate_recording(columns, true, time, states)
                     deviations = deviations_at_the_bound(attempt, states)
                     columns |= {"duration": duration}  # on which the noise does not depend
                     yield replace(attempt, columns=columns, deviations=deviations)
@@ -195,7 +197,7 @@ def of_long_and_steady_motions(
             "group": LONG_AND_STEADY, "case": case, "protocol": "state", "level": level,
             "seed": seed, "replicate": replicate,
         }  # fmt: skip
-        yield measured(columns, true, time, states)
+        yield simulate_recording(columns, true, time, states)
 
 
 def _settled_motion(
