@@ -1,5 +1,6 @@
 """Comparison of the paper's printed numbers with ours: sentences and rows, from tables."""
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,13 +69,14 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
 
     paper: paper.csv. region: paper_region.csv.
     """
-    bounds = sum(not claim.is_number for claim in PRINTED)
+    others = sum(not claim.is_number for claim in PRINTED)
     text = (
-        f"The paper does not state {len(UNKNOWNS)} numbers that the study needs, such as the wind "
-        "speed and the threshold of its method. These numbers were fitted to what the paper states "
-        f"about noisy recordings: {len(NUMBERS)} errors, {bounds} bounds and statements in words, "
-        "and a steady motion. Agreement with the fitted statements shows consistency; it does not "
-        "confirm the paper."
+        f"The paper does not state {len(UNKNOWNS)} numbers that the study needs for the line with "
+        "internal resonance, such as the wind speed and the threshold of its method. These numbers "
+        "were fitted to what the paper states about noisy recordings of this line: "
+        f"{len(NUMBERS)} printed errors, {others} other claims (bounds of R2, and comparisons in "
+        "words), and a steady amplitude. Agreement with the fitted claims shows consistency; it "
+        "does not confirm the paper."
     )
     if region is not None:
         first = region.drop_duplicates("unknown").set_index("unknown")["verdict"]
@@ -85,13 +87,13 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
     if len(joint):
         first = joint[joint["case"] == joint["case"].iloc[0]].to_dict("records")
         for row in first:
-            group = row["claim"].removesuffix(" in the same draw")
+            count = int(re.findall(r"\d+", row["claim"])[0])
             text += f" {_format_percent(row['share_met'])} of the noise realisations satisfy "
-            text += f"{group.replace('words', 'statements in words')} at once"
             text += (
-                ": the fitted ones, and those about noise-free recordings."
-                if "words" in group
-                else "."
+                f"all {count} bounds and comparisons at once: the {others} above, and "
+                f"{count - others} about recordings without noise."
+                if "words" in row["claim"]
+                else f"all {count} bounds of R2 at once."
             )
     return text
 
@@ -110,7 +112,7 @@ def describe_counts(paper: pd.DataFrame) -> str:
     text += f", {lacking} were not run." if lacking else "."
     first = next(iter(paper["case"]), "")
     missed = [
-        statement if case == first else f"{statement} ({case.replace('_', '-')})"
+        statement if case == first else f"{statement} ({case.replace('_', '-')} line)"
         for case, statement in statements.index[~statements]
     ]
     if missed:
