@@ -174,10 +174,10 @@ class Range:
 def correct_guess(
     problem: BranchProblem, guess: np.ndarray, border: np.ndarray, accuracy: float = CORRECTED
 ) -> Equations:
-    """Correct a guess to a solution of the equations, by Newton steps in a plane.
+    """Correct a predicted point of a branch by Newton steps, perpendicular to a direction.
 
-    The plane goes through the guess (n,), across `border` (n,). accuracy: length of the last
-    correction, in steps. Raises NotConverged.
+    The steps are in the plane through the guess (n,) that is perpendicular to `border` (n,).
+    accuracy: length of the last correction, in steps. Raises NotConverged.
     """
     at, previous = problem.linearise(problem.unknowns(guess)), np.inf
     for _ in range(CORRECTIONS):

@@ -162,7 +162,7 @@ def settle_in_periods(
     pace: Pace,
     sizes: np.ndarray | float = 0.0,
 ) -> Settled:
-    """Simulate an oscillator of any units until its motion has settled, and classify the motion.
+    """Simulate an oscillator for many periods until its motion settles, and classify the motion.
 
     The duration is in periods of the oscillator.
 

@@ -48,7 +48,7 @@ VARIANTS = {
 
 
 def reduction_table(settings: Mapping) -> pd.DataFrame:
-    """Compare the two-mode model with all variants of the continuous line, as a table.
+    """Tabulate the errors of the two-mode model against lines with many modes, gusts and drag.
 
     The table is that of `reduction` for VARIANTS. settings: case; seed, length_scale and spectrum
     of the gusts.

@@ -82,7 +82,7 @@ def pendulum(mass: float, positions: Sequence[float]) -> Measure:
 
 
 def ice_removal() -> Measure:
-    """Make the measure against galloping that removes the ice, and so the aerodynamic lift."""
+    """Create the countermeasure to galloping that removes the ice, and so the aerodynamic lift."""
     bare = {"reading": "custom", "vertical": [0.0, 0.0, 0.0], "horizontal": [0.0, 0.0, 0.0]}
     return Measure("ice removed", lambda case: {**case, "ice": bare}, source=CIGRE)
 

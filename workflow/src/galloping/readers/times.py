@@ -62,7 +62,7 @@ def find_instants(
 def seconds_of(
     table: FileTable, mapping: ColumnMapping, times: pd.Index | None
 ) -> tuple[np.ndarray, str, float]:
-    """Return sample times in s since the first, and the first time as a date and in seconds.
+    """Return sample times in s since the first sample, and the first time as a date and in s.
 
     The date is '' if the times have none.
     """

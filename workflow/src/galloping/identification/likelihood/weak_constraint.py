@@ -164,7 +164,7 @@ class StretchFit:
 
 
 def make_integrable(fit: StretchFit, following: StretchFit) -> StretchFit:
-    """Shorten the step from one fit to the next until every segment can be integrated."""
+    """Shorten the step of the coefficients until the model can be integrated over each segment."""
     for _ in range(MOST_HALVINGS):
         try:
             following.normal_equations  # noqa: B018 - which the next step needs

@@ -44,7 +44,7 @@ def channel_noise(recording: Recording, smoothed: Smooth) -> tuple[np.ndarray, n
 
 
 def with_scales(recordings: list[Recording], period: float) -> list[Recording]:
-    """Divide channels by their unknown scales, found by comparison with measured derivatives.
+    """Estimate the unknown scale of each channel by its measured derivative, and divide by it.
 
     period: s, the shortest of the motion. Raises IdentificationError if no channel determines a
     scale.

@@ -179,7 +179,7 @@ def tried_filters(
     terms: tuple[Exponents, ...],
     applied: Callable[[_Frame], Iterator[TriedFilter]],
 ) -> list[TriedFilter]:
-    """Apply candidate filters to all recordings; return the data to compare the filters.
+    """Apply each candidate smoothing filter to all recordings; return its regression problems.
 
     applied: `smoothing_filters` or `weak_form_filters`. Empty if derivatives were measured, samples
     are not equally spaced, or the stretches of a recording are too short to be held out.
