@@ -14,7 +14,7 @@ from galloping.behaviour.forecast import check_followed
 from galloping.behaviour.objections import outlives_recording, with_objections
 from galloping.identification.observations import Code
 from galloping.model.polynomial import PolynomialModel
-from galloping.summary.numbers import Estimate, findings
+from galloping.summary.numbers import Estimate, compute_numbers
 from galloping.summary.summarise import dynamics, summarise
 from galloping.summary.wording import in_words
 
@@ -53,7 +53,7 @@ def test_of_a_motion_that_has_died_out_nothing_but_noise_is_left_to_forecast():
 def test_random_forces_are_not_missed_but_held_in_a_band():
     recording = motions.in_random_forces()
     found = maximum_likelihood(recording, polynomial_library(4, 1), forced=())
-    told = findings(summarise(found, recording, forced=())).forecast.channels
+    told = compute_numbers(summarise(found, recording, forced=())).forecast.channels
     assert found.is_forced and told and all(np.isnan(one.missed_percent) for one in told)
 
 

@@ -62,9 +62,10 @@ def find_instants(
 def seconds_of(
     table: FileTable, mapping: ColumnMapping, times: pd.Index | None
 ) -> tuple[np.ndarray, str, float]:
-    """Return sample times in s since the first sample, and the first time as a date and in s.
+    """Convert the column of times of a file to seconds since the first sample.
 
-    The date is '' if the times have none.
+    Returns the seconds, the first time as a date, '' if the times have none, and the first time in
+    the clock of the file, s.
     """
     name = mapping.time.column if mapping.time else ""  # a rate alone has no empty column
     if mapping.rate is not None:

@@ -33,7 +33,7 @@ from galloping.readers.units import state_unit
 from galloping.recording.samples import Recording, typical_inputs
 from galloping.storage import write_json, write_rows, write_text
 from galloping.summary.csv_rows import MODEL_COLUMNS, forecast_rows, model_rows
-from galloping.summary.numbers import findings
+from galloping.summary.numbers import compute_numbers
 from galloping.summary.summarise import METHODS, Summary, longest_period, summarise_with
 from galloping.summary.terminal import SEARCHED, json_text
 from galloping.summary.wording import escape_markdown, render_summary
@@ -290,7 +290,7 @@ def write_outputs(
     write_rows(folder / "model.csv", model_rows(identified, inputs), list(MODEL_COLUMNS))
     write_rows(folder / "forecast.csv", ahead, list(tables["forecast.csv"]))
     write_json(folder / "datapackage.json", _describe_package(tables))
-    told = findings(of, field.reports, beside)
+    told = compute_numbers(of, field.reports, beside)
     write_text(folder / "summary.json", json_text(asdict(told), indent=2) + "\n")
     write_text(folder / "summary.md", render_summary(of, told, field.reports))
 

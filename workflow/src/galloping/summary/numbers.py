@@ -163,7 +163,7 @@ class FurtherRecording:
 
 
 @dataclass(frozen=True)
-class Findings:
+class SummaryNumbers:
     """All numbers of the summary of an identified model, as written to summary.json.
 
     columns: of files that do not contain a state directly. random_forces: density of each, with its
@@ -190,9 +190,9 @@ class Findings:
     compared: tuple[str, SystemEstimates] | None
 
 
-def findings(
+def compute_numbers(
     of: "Summary", reports: Sequence[dict] = (), beside: tuple[str, Dynamics | None] | None = None
-) -> Findings:
+) -> SummaryNumbers:
     """Collect all numbers of the summary of an identified model.
 
     Parameters
@@ -215,7 +215,7 @@ def findings(
     strengths, lasting = _force_densities(found, known) if found.is_forced else ({}, ())
     count, share = _count_stretches(of.recordings, found)
     is_refused = found.status == "refused"
-    return Findings(
+    return SummaryNumbers(
         status=found.status,
         reason=found.reason,
         findings=tuple(each.as_dict() for each in found.findings),

@@ -29,11 +29,11 @@ from galloping.summary.helps import (
 from galloping.summary.numbers import (
     PERCENT,
     Estimate,
-    Findings,
     HeldOutChannel,
     RecordedMotion,
+    SummaryNumbers,
     SystemEstimates,
-    findings,
+    compute_numbers,
     is_damping_undetermined,
     is_undamped,
 )
@@ -76,10 +76,10 @@ def summary_text(
     reports: of `quality`, if the recordings come from files. beside: a name, and known properties
     of the line by that name.
     """
-    return render_summary(of, findings(of, reports, beside), reports)
+    return render_summary(of, compute_numbers(of, reports, beside), reports)
 
 
-def render_summary(of: "Summary", told: Findings, reports: Sequence[dict] = ()) -> str:
+def render_summary(of: "Summary", told: SummaryNumbers, reports: Sequence[dict] = ()) -> str:
     """Render the text of summary.md from a summary and the numbers collected from it.
 
     reports: as of `summary_text`.
@@ -341,7 +341,7 @@ def _doubling(time: Estimate) -> str:
     return in_words(time)
 
 
-def _beyond_recorded(told: Findings) -> list[str]:
+def _beyond_recorded(told: SummaryNumbers) -> list[str]:
     """Describe how far a limit cycle exceeds the recorded motion, by coordinate, if it does."""
     half = {one.name: (one.high - one.low) / 2.0 for one in told.recorded}
     return [

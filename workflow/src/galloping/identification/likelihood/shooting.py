@@ -234,7 +234,7 @@ class Linearised:
 
 
 def cut_segments(condensed: Condensed, windows: int, allowed: np.ndarray) -> Segments:
-    """Divide the windows of recordings into segments of about a given number of windows.
+    """Divide recordings, in short windows of samples, into shooting segments of a given length.
 
     Each segment is a chain of its own. allowed: (n_windows,) whether a segment may start at a
     window; otherwise it starts at the nearest window that is allowed. One may start at the first
