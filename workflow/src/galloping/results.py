@@ -25,7 +25,7 @@ OURS_FAMILY = "likelihood"
 
 @dataclass(frozen=True)
 class Derived:
-    """Equations of a line, with its named coefficients and quantities such as the sag.
+    """Equations of an overhead line, with its named coefficients and quantities such as the sag.
 
     model: its equations. coefficients: by the paper's symbols, SI units, on the left-hand side.
     quantities: such as the sag, by name with unit.
@@ -38,7 +38,7 @@ class Derived:
 
 @dataclass(frozen=True)
 class Motion:
-    """Simulated states of a line, and their derivatives, over time from one initial state.
+    """Simulated states of an overhead line, and their derivatives, from one initial state.
 
     names: of the n_states states. time: (n,) s. states: (n, n_states), SI units.
     rates: (n, n_states), of the states, per second. status: `ok`, or why the motion ended early.

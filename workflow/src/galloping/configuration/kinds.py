@@ -28,7 +28,7 @@ EXAMPLES = {name: (f"examples/{name}.csv", f"examples/{name}.yaml") for name in 
 
 @dataclass(frozen=True)
 class Kind:
-    """Kind of trial: the table of its results, and the cases, methods and options it allows.
+    """Kind of numerical experiment: its table of results, and the cases and methods it allows.
 
     table: which summarises its rows. cases: available ones; a batch is of one of them. methods:
     those compared by default. options: further keys, with their defaults. usable: methods that it

@@ -64,7 +64,7 @@ class Parameter:
     change: Callable[[Mapping, float], dict] | None = None
 
     def at(self, case: Mapping, value: float) -> dict:
-        """Return a case (settings of a line and its wind) with this parameter changed."""
+        """Return a case (settings of an overhead line and its wind) with this parameter changed."""
         if self.change is not None:
             return self.change(case, value)
         own = dict(case)
@@ -123,12 +123,12 @@ def parameter(name: str) -> Parameter:
 
 
 def line_model(case: Mapping) -> PolynomialModel:
-    """Derive the two-mode model of a line and its wind, on the common LIBRARY of terms."""
+    """Derive the two-mode model of an overhead line in a wind, on the common LIBRARY of terms."""
     return galerkin.make_model(galerkin.coefficients(case)).on_library(LIBRARY)
 
 
 def line_family(case: Mapping, name: str) -> Family:
-    """Derive the two-mode models of a line along one of its parameters, such as wind speed.
+    """Derive two-mode models of an overhead line along one parameter, such as wind speed.
 
     name: of PARAMETERS. Raises ValueError for a name that no sweep can vary.
     """
@@ -155,7 +155,7 @@ def critical_wind(case: Mapping) -> float:
 
 
 def initial_state(case: Mapping) -> list[float]:
-    """Return the initial displacements and velocities of a case (a line in a wind) as a list.
+    """Return the initial displacements and velocities of an overhead line as a list.
 
     They are in the order of the states.
     """

@@ -21,7 +21,7 @@ DAMPING = (("dq_v", "vertical"), ("dq_w", "horizontal"))
 
 @dataclass(frozen=True)
 class Design:
-    """Design conditions of a line: wind speed, initial state, phase distance and clearance.
+    """Design conditions of an overhead line: wind, initial state, phase distance and clearance.
 
     wind: m/s. start: (n_states,) initial state. distance: (horizontal, vertical) in m of two phases
     at rest. limit: clearance that they must keep, m.
@@ -34,12 +34,12 @@ class Design:
 
 
 def damping_ratios(case: Mapping) -> dict[str, float]:
-    """Return the structural damping ratio of each mode, by name of its velocity."""
+    """Return the structural damping ratio of each mode, as a dict by the velocity of the mode."""
     return {state: case["damping"][name] for state, name in DAMPING}
 
 
 def derive_parts(case: Mapping) -> Split:
-    """Derive structural and aerodynamic parts of a line model from the data of the line.
+    """Derive structural and aerodynamic parts of an overhead line model from the data of the line.
 
     They have no uncertainty.
     """
@@ -51,7 +51,7 @@ def derive_parts(case: Mapping) -> Split:
 
 
 def apply_measure(parts: Split, case: Mapping, measure: Measure) -> Split:
-    """Compute the model of a line after a countermeasure to galloping, such as a damper.
+    """Compute the model of an overhead line after a countermeasure to galloping, such as a damper.
 
     The model is identified, or that of `derived`. Each part changes in proportion, as it does in
     the derivation. parts: of the line that `case` describes.
@@ -107,7 +107,7 @@ def with_measure(
     simulator: Simulator,
     draws: np.ndarray,
 ) -> dict:
-    """Compute onset wind, amplitudes and clearance of a line with one galloping countermeasure.
+    """Compute onset, amplitudes and clearance of an overhead line with one countermeasure.
 
     The result is a table row. The line that `case` describes is identified or `derived`. draws: (n,
     n_values) samples of the parts' values, for the intervals; may be empty. A number has the

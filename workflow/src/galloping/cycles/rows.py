@@ -29,7 +29,7 @@ CEILING = 2.0  # sags: a larger orbit is no line's any more
 def line_diagram(
     case: Mapping, name: str, low: float, high: float, simulator: Simulator
 ) -> Diagram:
-    """Compute the bifurcation diagram of a line along one of its parameters.
+    """Compute the bifurcation diagram of an overhead line along one of its parameters.
 
     Without a Hopf bifurcation in the range, it starts from the final motion of the case in the
     middle of the range; a range without a limit cycle is listed among the failures. Raises
@@ -53,7 +53,7 @@ def line_diagram(
 
 
 def settled_line(case: Mapping, simulator: Simulator, watch: Watch = SPAN) -> Settled:
-    """Simulate a line from its initial state until its motion has settled."""
+    """Simulate an overhead line from its initial state until its motion has settled."""
     return settle(simulator, line_model(case), np.array(initial_state(case)), watch)
 
 
@@ -127,7 +127,7 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
 def simulation_rows(
     label: str, case: Mapping, name: str, values: Sequence[float], simulator: Simulator
 ) -> list[dict]:
-    """Simulate a line at each value of a parameter, and tabulate its final motions.
+    """Simulate an overhead line at each value of a parameter; tabulate how each motion ends.
 
     Each motion begins at the initial state of the case.
     """
@@ -158,7 +158,7 @@ def map_rows(
     up: tuple[str, Sequence[float]],
     simulator: Simulator,
 ) -> list[dict]:
-    """Simulate a line on a grid of two parameters, and tabulate its final motions.
+    """Simulate an overhead line on a grid of two parameters; tabulate how each motion ends.
 
     Each motion begins at the initial state of the case. across, up: name and values of each.
     """
@@ -233,7 +233,7 @@ def clearance_rows(
 def simulate_true_amplitudes(
     case: Mapping, winds: Sequence[float], simulator: Simulator
 ) -> np.ndarray:
-    """Compute the true amplitudes of a line at each wind speed by simulation.
+    """Compute the true amplitudes of an overhead line at each wind speed by simulation.
 
     Final half ranges (v, w), (n_winds, 2); NaN without a limit cycle.
     """

@@ -22,7 +22,7 @@ PLOT_RATE = 20.0  # Hz, an order of magnitude above the fastest harmonic that ma
 
 
 def gallops(model: PolynomialModel) -> bool:
-    """Decide whether the equilibrium of a line in its wind is unstable, so that it gallops.
+    """Decide whether an overhead line gallops: its equilibrium in the wind is unstable.
 
     Some eigenvalue of the linearised equations has a positive real part (Den Hartog 1932, with
     damping). Otherwise the motion decays, and its amplitude depends on the time.

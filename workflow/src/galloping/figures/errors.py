@@ -105,7 +105,7 @@ def printed(column: str, case: str) -> list[Claim]:
 
 
 def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | None = None) -> Figure:
-    """Plot median errors and 5-95 % ranges against noise or sample size, with a paper's values.
+    """Plot median and 5-95 % range of coefficient errors over noise realisations.
 
     The medians are over the noise realisations. A panel for each quantity, a line for each of its
     columns.

@@ -28,7 +28,7 @@ def draw_recovery(
     reconstructions: Mapping[str, Mapping[str, Reconstruction]],
     settings: Mapping,
 ) -> Figure:
-    """Plot the true and the reconstructed motion of a line, and how the error grows with time.
+    """Plot true and reconstructed motion of an overhead line, and the growth of the error.
 
     The motion is the end of that of the first case; errors are those of all cases. trajectories:
     motions by case, of which the first counts. reconstructions: by case and method, of the cell at

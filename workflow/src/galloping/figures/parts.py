@@ -285,7 +285,7 @@ def dot(
 
 
 def origin(settings: Mapping) -> str:
-    """Format the names of a line, an identification method and a measurement setup for a title."""
+    """Format names of an overhead line, method and measurement setup for a figure title."""
     method = method_style(settings["method"]).label
     return f"{spoken(settings['case'])}, {method}, protocol {settings['protocol']}"
 

@@ -155,7 +155,7 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
 
 
 def draw_model_error(table: pd.DataFrame) -> Figure:
-    """Plot errors of identified frequencies, damping and amplitudes, for each line and sensor set.
+    """Plot errors of identified frequencies, damping and amplitudes, by overhead line and sensors.
 
     There is a panel for each quantity, and a marker per method. Errors in percent are medians over
     the identified noise realisations, with a line to the worst; the last panel shows how many were

@@ -27,7 +27,7 @@ def refused_model(problem: Problem, findings: Iterable[Finding]) -> IdentifiedMo
 
 
 def expand_terms(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
-    """Extend a model with only some terms of a problem to all terms, with zero coefficients."""
+    """Extend a model to all candidate terms, with zero coefficients for those that it lacked."""
     places = [problem.terms.index(term) for term in identified.model.terms]
 
     def spread_values(values: np.ndarray, elsewhere: float) -> np.ndarray:

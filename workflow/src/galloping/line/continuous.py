@@ -145,7 +145,7 @@ def shapes_at(line: Span, places: Sequence[float]) -> np.ndarray:
 
 
 def natural_modes(line: Span) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the natural frequencies (rad/s) and mode vectors of a line without wind.
+    """Compute the natural frequencies (rad/s) and mode vectors of an overhead line without wind.
 
     Returns frequencies (2, n) and modal coordinates (2, n, n). The first index is in plane, out of
     plane. The modes are in columns, by frequency, scaled to one at mid-span or, if that is their
@@ -160,7 +160,7 @@ def natural_modes(line: Span) -> tuple[np.ndarray, np.ndarray]:
 
 
 def is_symmetric(line: Span, coordinates: np.ndarray) -> np.ndarray:
-    """Decide for each mode of a line whether its shape is symmetric about mid-span.
+    """Decide for each mode of an overhead line whether its shape is symmetric about mid-span.
 
     coordinates: (2, n, n_shapes).
     """
@@ -169,7 +169,7 @@ def is_symmetric(line: Span, coordinates: np.ndarray) -> np.ndarray:
 
 
 def equilibrium(line: Span) -> np.ndarray:
-    """Find the equilibrium state of a line in the mean wind.
+    """Find the equilibrium state of an overhead line in the mean wind.
 
     Returns (4 n,), zero without a static drag. Raises ValueError if no equilibrium is close
     to the line without wind.
@@ -185,7 +185,7 @@ def equilibrium(line: Span) -> np.ndarray:
 
 
 def small_motions(line: Span) -> Modes:
-    """Compute the oscillating modes of a line about its equilibrium in the mean wind."""
+    """Compute the oscillating modes of an overhead line about its equilibrium in the mean wind."""
     rest = equilibrium(line)
     columns = [
         (line.rates(rest + change, line.speed) - line.rates(rest - change, line.speed)) / 2e-5
@@ -225,7 +225,7 @@ def simulate(
     speed: np.ndarray | None = None,
     step: float = STEP,
 ) -> np.ndarray:
-    """Simulate the modal displacements and velocities of a line at given times.
+    """Simulate the modal displacements and velocities of an overhead line at given times.
 
     Returns (q, p, dq, dp), (n, 4 n_modes). start: the state at time[0]. time: (n,) s, equally
     spaced. speed: (n,) wind at those times, linear between them; the mean wind by default. step: s,

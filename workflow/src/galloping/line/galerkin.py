@@ -36,7 +36,7 @@ class Line:
 
     @classmethod
     def from_case(cls, case: Mapping) -> Self:
-        """Make the parameters of a line from a case of the configuration."""
+        """Make the parameters of an overhead line from a case of the configuration."""
         n = case["bundle"]["subconductors"]
         conductor, line, spacers = case["conductor"], case["line"], case["spacers"]
         return cls(
@@ -109,7 +109,7 @@ def integrate(values: np.ndarray, span: float) -> float:
 
 
 def sine_mode(line: Line, order: int = 1) -> ModeShape:
-    """Make the sine mode shape of a line with a given number of half-waves."""
+    """Make the sine mode shape of an overhead line with a given number of half-waves."""
     k, spacers = pi * order / line.span, np.asarray(line.spacer_positions, dtype=float)
     at = k * positions(line.span)
     return ModeShape(np.sin(at), k * np.cos(at), -(k**2) * np.sin(at), np.sin(k * spacers))
@@ -198,7 +198,7 @@ def ice_coefficients(ice: Mapping) -> tuple[tuple[float, ...], tuple[float, ...]
 
 
 def make_mode_shapes(case: Mapping, line: Line) -> tuple[ModeShape, ModeShape]:
-    """Make the vertical and the horizontal mode shape of a line.
+    """Make the vertical and the horizontal mode shape of an overhead line.
 
     The vertical shape is configured, the horizontal one is a sine.
     """
@@ -207,7 +207,7 @@ def make_mode_shapes(case: Mapping, line: Line) -> tuple[ModeShape, ModeShape]:
 
 @dataclass(frozen=True)
 class LinearMode(ModeShape):
-    """Mode of a line without wind: shape, modal mass, frequency and dynamic strain.
+    """Mode of an overhead line without wind: shape, modal mass, frequency and dynamic strain.
 
     mass: modal, kg, spacers included. frequency: rad/s. strain, 1/m, and quadratic, 1/m2: dynamic
     strain of the line by the mode's coordinate and by its square.
@@ -220,7 +220,7 @@ class LinearMode(ModeShape):
 
 
 def make_line_and_modes(case: Mapping) -> tuple[Line, LinearMode, LinearMode]:
-    """Compute a line's parameters and its vertical and horizontal mode, without wind."""
+    """Compute an overhead line's parameters and its vertical and horizontal mode, without wind."""
     line = Line.from_case(case)
     phi, psi = make_mode_shapes(case, line)
     strain = -line.static_curvature() * integrate(phi.shape, line.span) / line.span
@@ -240,7 +240,7 @@ def _linear_mode(line: Line, own: ModeShape, strain: float) -> LinearMode:
 
 
 def coefficients(case: Mapping) -> dict[str, float]:
-    """Compute the coefficients of a line's galloping equations, by symbol such as gamma_1.
+    """Compute the coefficients of the galloping equations of an overhead line, by symbol.
 
     These are gamma_1 to gamma_8 and kappa_1 to kappa_10, in SI units, on the left-hand side. The
     method is a Galerkin projection of the line's energies on its two modes, with quasi-static cubic
@@ -279,7 +279,7 @@ def coefficients(case: Mapping) -> dict[str, float]:
 
 
 def derive(case: Mapping) -> Derived:
-    """Derive a line's galloping equations, their coefficients, and its sag and frequencies."""
+    """Derive the galloping equations of an overhead line, with its sag and frequencies."""
     line, v, w = make_line_and_modes(case)
     values = coefficients(case)
     quantities = {

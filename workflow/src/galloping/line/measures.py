@@ -21,7 +21,7 @@ CIGRE = "CIGRE Technical Brochure 322 (2007)"
 
 @dataclass(frozen=True)
 class Measure:
-    """Measure against galloping, such as a damper, as a change of a line's parameters.
+    """Measure against galloping, such as a damper, as a change of an overhead line's parameters.
 
     label: in words, with its size. change: of the case. damping: viscous dampers to earth, pairs of
     a place on the span (m) and a coefficient (N s/m). masses: added point masses, pairs of a place
@@ -91,7 +91,7 @@ KINDS = {kind.__name__: kind for kind in (tension, damper, spacers, pendulum, ic
 
 
 def typical_measures(case: Mapping) -> tuple[Measure, ...]:
-    """List measures against galloping of usual size for a line, such as more tension.
+    """List measures against galloping of usual size for an overhead line, such as more tension.
 
     Other spacers are included if the line has any.
     """

@@ -224,7 +224,7 @@ class Amounts:
 def line_motion(
     case: Mapping, duration: float, sampling_rate: float
 ) -> tuple[Motion, PolynomialModel]:
-    """Simulate a line from its initial state; return the motion and the line's model."""
+    """Simulate an overhead line from its initial state; return the motion and the line's model."""
     line = make_model(coefficients(case))
     time = time_grid(duration, sampling_rate)
     moved = Simulator(line.states, line.terms)(line, np.array(initial_state(case)), time)

@@ -36,7 +36,7 @@ FARTHEST = 60.0  # m and m/s, summed: a model that gets there has lost its limit
 
 @dataclass(frozen=True)
 class QuickStudy:
-    """Fast simulation of the reproduced paper's study for one motion of a line.
+    """Fast simulation of the reproduced paper's study for one motion of an overhead line.
 
     amounts: noise levels and numbers of samples.
     """

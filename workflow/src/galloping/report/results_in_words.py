@@ -33,7 +33,7 @@ def on_methods(tables: Mapping[str, pd.DataFrame], case: str, protocol: str) -> 
 
 
 def on_engineering(tables: Mapping[str, pd.DataFrame], case: str, protocol: str) -> list[str]:
-    """Write the report's sentences on the galloping of a line, from tables of results.
+    """Write the report's sentences on the galloping of an overhead line, from tables of results.
 
     Parameters are as in `on_methods`.
     """

@@ -90,7 +90,7 @@ class Plan:
 
 
 def as_planned(plan: Plan, known: dict[str, Receipt]) -> set[str]:
-    """Find files made exactly as planned, from inputs that were also made as planned.
+    """Find files that were made with the inputs and settings of the jobs that are planned now.
 
     They are the outputs of complete jobs that no receipt, back to the first, contradicts. known:
     receipts by path. A file that was left elsewhere on purpose counts as present.
@@ -146,7 +146,7 @@ def recorded(configfiles: Sequence[str] = ()) -> set[str]:
 
 
 def record(plan: Plan) -> None:
-    """Make Snakemake treat all existing files as up to date with a plan.
+    """Record in Snakemake that all existing files of planned jobs are up to date.
 
     It uses --touch, which records the same of planned files that are missing.
     """

@@ -20,7 +20,7 @@ from galloping.results import JOINT, NOISE, SUBSET
 
 
 def drop_swept_parameters(line: Mapping, *parameters: str | None) -> dict:
-    """Remove from a line's settings the values of the parameters that a sweep varies.
+    """Remove from an overhead line's settings the values of the parameters that a sweep varies.
 
     No sweep depends on these values.
     """
@@ -96,7 +96,7 @@ class Trial:
 
     @property
     def batches(self) -> tuple[Batch, ...]:
-        """Parts of the trial that separate jobs compute: each case, in groups of replicates.
+        """Parts of a numerical experiment that separate jobs compute: groups of replicates.
 
         Their names are of the case and the replicates.
         """
@@ -211,7 +211,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Study:
-    """All computations of a study (cases, recordings, sweeps, trials), from its settings.
+    """All computations of a study, from its settings: recordings, sweeps and experiments.
 
     The settings are validated.
     """
@@ -239,7 +239,7 @@ class Study:
 
     @cached_property
     def cases(self) -> tuple[Case, ...]:
-        """Cases of the study (each a line in one wind), in the order of the settings."""
+        """Cases of the study (each an overhead line in one wind), in the order of the settings."""
         return tuple(
             Case(
                 name,
@@ -265,7 +265,7 @@ class Study:
         return tuple(registry.BY_NAME[name] for name in self.settings.identification.methods)
 
     def case(self, name: str) -> Case:
-        """Return the case (a line in one wind) that has a given name."""
+        """Return the case (an overhead line in one wind) that has a given name."""
         return next(case for case in self.cases if case.name == name)
 
     @cached_property

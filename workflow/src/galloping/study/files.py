@@ -40,7 +40,7 @@ def read(path: str | os.PathLike) -> object:
 def read_all(
     files: Mapping[str, str | PathLike | Sequence], names: Mapping[str, Sequence[str]]
 ) -> dict:
-    """Read several result files into a dict by name; a list of files becomes a nested dict.
+    """Read result files into a dict with the keys of `paths`, nested for a key with several files.
 
     The names in a nested dict are those in `names`.
     """
@@ -81,7 +81,7 @@ def read_as_written(path: str | os.PathLike) -> pd.DataFrame:
 
 
 def write_model(path: str | os.PathLike, derived: Derived) -> None:
-    """Write the equations and derived quantities of a line to a JSON file, without rounding."""
+    """Write the equations and derived quantities of an overhead line to JSON, without rounding."""
     of = derived.model
     model = {"states": of.states, "terms": of.terms, "coefficients": of.coefficients.tolist()}
     content = {**derived.quantities, "coefficients": dict(derived.coefficients), "model": model}
@@ -89,7 +89,7 @@ def write_model(path: str | os.PathLike, derived: Derived) -> None:
 
 
 def read_model(path: str | os.PathLike) -> Derived:
-    """Read the equations, named coefficients and derived quantities of a line from a file."""
+    """Read the equations, coefficients and derived quantities of an overhead line from a file."""
     content = read_json(path)
     model = content.pop("model")
     equations = PolynomialModel(
@@ -114,7 +114,7 @@ def write_trajectories(path: str | os.PathLike, motions: Sequence[Motion]) -> No
 
 
 def read_trajectories(path: str | os.PathLike) -> tuple[Motion, ...]:
-    """Read the simulated motions of a line, one motion for each initial displacement.
+    """Read the simulated motions of an overhead line, one motion for each initial displacement.
 
     The first is for assessments of models.
     """
@@ -261,7 +261,7 @@ def _by_method(file: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray
 
 
 def write_orbits(path: str | os.PathLike, orbits: Mapping[float, np.ndarray]) -> None:
-    """Write orbits of a line at mid-span to a file, by wind speed in m/s.
+    """Write orbits of an overhead line at mid-span to a file, by wind speed in m/s.
 
     An orbit has n places (w, v) in m about rest, (n, 2).
     """
@@ -269,7 +269,7 @@ def write_orbits(path: str | os.PathLike, orbits: Mapping[float, np.ndarray]) ->
 
 
 def read_orbits(path: str | os.PathLike) -> dict[float, np.ndarray]:
-    """Read orbits of a line at mid-span from a file, by wind speed in m/s.
+    """Read orbits of an overhead line at mid-span from a file, by wind speed in m/s.
 
     An orbit has n places (w, v) in m about rest, (n, 2).
     """

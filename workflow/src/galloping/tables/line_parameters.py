@@ -19,7 +19,7 @@ COLUMNS = ["case", "key", "symbol", "value", "unit", "provenance", "note"]
 
 
 def conductor(settings: dict, region: pd.DataFrame | None = None) -> pd.DataFrame:
-    """Tabulate the parameters of each line except its spacers, with units and sources (table 1).
+    """Tabulate parameters of each overhead line without its spacers, with units and sources.
 
     The aerodynamic coefficients are those of the reading. settings: cases, as in the configuration.
     region: paper_region.csv, inferred from the paper's printed numbers: a value in its interval
@@ -48,7 +48,7 @@ def conductor(settings: dict, region: pd.DataFrame | None = None) -> pd.DataFram
 
 
 def spacers(settings: dict) -> pd.DataFrame:
-    """Tabulate the mass and positions of the spacers of each line (table 2).
+    """Tabulate the mass and positions of the spacers of each overhead line (table 2).
 
     There is a row for each position.
     """

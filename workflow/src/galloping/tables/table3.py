@@ -22,7 +22,7 @@ TERMS = ["equation", "symbol", "term", "true", "identified", "low", "high", "fou
 def identified_terms(
     model: PolynomialModel, results: list[IdentifiedModel], terms: tuple[Exponents, ...]
 ) -> pd.DataFrame:
-    """Tabulate the true coefficients of a line with the median and range of identified values.
+    """Tabulate true coefficients of an overhead line with median and range of identified ones.
 
     There is a row for each true term, and for each other term that a replicate found. model: of the
     line; results: replicates on the library `terms`, in which the line's terms that it lacks are
@@ -89,7 +89,7 @@ def equations(
     identified: Mapping[str, Mapping[str, list[IdentifiedModel]]],
     settings: Mapping,
 ) -> pd.DataFrame:
-    """Tabulate the true terms of a line and the terms identified from single recordings.
+    """Tabulate the true terms of an overhead line and the terms identified from single recordings.
 
     Each fit has a row for each true term and for each false one that it found; values are those of
     the left-hand side. A missing term has an empty value.

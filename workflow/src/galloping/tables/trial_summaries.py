@@ -86,7 +86,7 @@ def model_error(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
-    """Count how often each sequence of algorithm stages led to a model, by trial group and method.
+    """Count how often each sequence of stages of the search led to a model, by group and method.
 
     The most frequent is first. parts: fits, by trial and batch. path: '' for methods with a single
     one. exact_support, ok_and_wrong: NaN if a trial does not have them. settings: `kinds`, by

@@ -175,7 +175,7 @@ def coefficients_as_text(found: IdentifiedModel) -> str:
 
 
 def trial_of(attempts: Callable[..., Iterator[Attempt]]) -> Callable[..., Iterator[dict]]:
-    """Turn a generator of test recordings into a trial that identifies them with all methods.
+    """Turn a generator of test recordings into an experiment that identifies them all.
 
     The trial, see `workflow/rules/evaluate.smk`, yields a row for each fit, see `fits`. attempts:
     makes its recordings, from the seed, the case, the replicates and the kind's options.

@@ -84,7 +84,7 @@ DRIVEN = ("maximum_likelihood", "weak_gls")  # methods that take inputs
 
 
 def line_of(case: Mapping, truth: SensedLine) -> continuous.Span:
-    """Create the continuous line that a trial simulates, in the wind of a configured case."""
+    """Create a model of an overhead line with many modes, in the wind of a given case."""
     return continuous.continuous_line(case, truth.modes, aerodynamic=truth.aerodynamics)
 
 
@@ -95,7 +95,7 @@ def motion(
     time: np.ndarray,
     speed: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Simulate the noise-free displacements and velocities at each sensor of a line.
+    """Simulate the noise-free displacements and velocities at each sensor of an overhead line.
 
     Returns q_v, q_w, dq_v, dq_w: (n, n_sensors, 4). speed: (n,) m/s, the wind, by default steady.
     The modal states count as one sensor.

@@ -26,7 +26,7 @@ SIGNIFICANT = 4.0  # standard errors
 
 
 def resolved_modes(stretches: Sequence[Stretch], modes: DampedModes, is_noise: bool) -> list[int]:
-    """Select the modes whose frequencies differ from those of all modes with more energy.
+    """Select modes whose frequencies can be told apart from those of all stronger modes.
 
     A sinusoid that differs from a mode in its growth alone shows nonlinear motion; but a steady
     oscillation and a large decaying one are a force and its transient.

@@ -51,7 +51,7 @@ def select_with_input_powers(
 
 
 def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray] | None:
-    """Fit the means of coefficients that fluctuate in time, and select the terms of the model.
+    """Fit a model whose coefficients fluctuate randomly in time: select terms, estimate means.
 
     Returns the fit, and the covariance of the means (n_support, n_support).
 

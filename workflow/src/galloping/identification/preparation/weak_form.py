@@ -306,7 +306,7 @@ def _check_functions(problem: Problem, smoothed: list[Smooth]) -> None:
 
 
 def rough_fit(start: Start) -> WeakFit:
-    """Return a fit in weak form; of long recordings, only informative stretches are fitted.
+    """Fit a model by its weak form; of long recordings, use only the most informative stretches.
 
     The longer a motion is in its final state, the more the errors of the weak form, small but the
     same in every period, outweigh the information of the rest of a recording on other motions.

@@ -162,7 +162,7 @@ class SeveralModes:
 
 
 def may_have_split_mode(found: IdentifiedModel) -> bool:
-    """Decide whether a mode of a model is so heavily damped that it may be two close modes.
+    """Decide whether a mode is so heavily damped that it may be two close modes fitted as one.
 
     The innovations then are less white than those of most sound models. With inputs no further mode
     is sought.

@@ -51,7 +51,7 @@ def differentiate(
 
 
 def with_missing_samples(recording: Recording) -> Recording:
-    """Interpolate the missing samples of a recording whose times are part of a uniform grid.
+    """Fill the missing samples of a recording by interpolation, if its times are on a uniform grid.
 
     Values between the samples are from smoothing splines, so that one algorithm serves all samples
     of a recording and a random subset of them. A recording is unchanged if its times are on no
