@@ -40,7 +40,7 @@ def read(path: str | os.PathLike) -> object:
 def read_all(
     files: Mapping[str, str | PathLike | Sequence], names: Mapping[str, Sequence[str]]
 ) -> dict:
-    """Read result files into a dict with the keys of `paths`, nested for a key with several files.
+    """Read result files into a dict with the keys of `files`, nested for a key with several files.
 
     The names in a nested dict are those in `names`.
     """
