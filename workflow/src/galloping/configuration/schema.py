@@ -43,7 +43,7 @@ def item(node: dict) -> dict:
 
 
 def named_value(node: dict) -> dict:
-    """Return the schema node of the values in a mapping whose names the user chooses."""
+    """Return the schema of the values of a mapping, if the user chooses the keys of the mapping."""
     if "patternProperties" in node:
         return next(iter(node["patternProperties"].values()))
     return node["additionalProperties"]

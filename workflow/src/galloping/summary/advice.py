@@ -23,7 +23,7 @@ WEIGHED = 40  # samples that information is summed over: more are weighed, not i
 
 @dataclass(frozen=True)
 class Advice:
-    """Standard errors of the least certain coefficient that further recordings would give.
+    """Error of the least certain coefficient, now and after each of several further recordings.
 
     The errors follow from the Cramér-Rao bound. term: the least certain one, with its equation.
     coefficient; error: its present standard error, in unit. duration: s, of a further recording.

@@ -130,7 +130,7 @@ def data_amount(scores: pd.DataFrame) -> pd.DataFrame:
 
 
 def peers(scores: pd.DataFrame, oracles: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Tabulate error, R2 and share of exact supports of methods, with their own and ideal tuning.
+    """Tabulate the scores of methods with their own tuning beside the best possible tuning.
 
     Errors and R2 are medians over whole records. scores: of all cells, of which those with a best
     possible tuning are shown. oracles: by cell, rows of the same columns for models with this

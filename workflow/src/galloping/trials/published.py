@@ -129,7 +129,7 @@ RELAXATION_START, RELAXATION_END, RELAXATION_NOISE = 1.2, 8.0, 0.06
 def exact_terms(
     seed: int, case: str, replicates: Sequence[int], *, levels: list[float], durations: list[float]
 ) -> Iterator[Attempt]:
-    """Yield recordings for tests of how often exactly the right terms of a system are found.
+    """Yield simulated recordings of a system, to count how often exactly its terms are found.
 
     case: name of the system. Noise and durations are those of a published comparison. levels: of
     the noise, relative to the size of the motion. durations: s, up to LONGEST.
