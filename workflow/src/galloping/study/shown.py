@@ -97,7 +97,7 @@ def sensor_protocol(study: Study) -> Protocol:
 
 
 def equations_beside(study: Study) -> list[tuple[Cell, Method]]:
-    """Choose the recordings and methods whose identified equations a table compares.
+    """List the recordings and methods whose identified equations the report puts side by side.
 
     They are the paper's pair at the lowest noise level and at that of the subsets, and our method
     from sensors at the latter.
