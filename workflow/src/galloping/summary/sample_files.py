@@ -135,7 +135,9 @@ def _integrate(
     ).y[0]  # fmt: skip
 
 
-def draw_limit_cycle(rng: np.random.Generator, length: str = "m", clock: str = "s") -> SampleFile:
+def simulate_limit_cycle(
+    rng: np.random.Generator, length: str = "m", clock: str = "s"
+) -> SampleFile:
     """Simulate a recording of a random van der Pol oscillator in given units of length and time."""
     mode = Oscillation.drawn(rng, 0.16, -0.1)
     (stiffness, growth), time = mode.rates[1], _sample_times(80.0, 20.0)
@@ -147,21 +149,21 @@ def draw_limit_cycle(rng: np.random.Generator, length: str = "m", clock: str = "
     return SampleFile(columns, DISPLACEMENT, real, real.equation(f" {-limit:+.17g} q^2 dq"))
 
 
-def draw_release_after_rest(rng: np.random.Generator) -> SampleFile:
+def simulate_release_after_rest(rng: np.random.Generator) -> SampleFile:
     """Simulate a recording of a free decay that begins after five seconds of rest."""
     mode, time = Oscillation.drawn(rng, 1.0, 0.015), _sample_times(35.0, 50.0)
     columns = {"t [s]": time, "x [m]": _add_noise(rng, mode.free(time - 5.0, 0.05), 3e-4)}
     return SampleFile(columns, DISPLACEMENT, mode, mode.equation(), cause=Code.RELEASED)
 
 
-def draw_decay_to_rest(rng: np.random.Generator) -> SampleFile:
+def simulate_decay_to_rest(rng: np.random.Generator) -> SampleFile:
     """Simulate a recording of a free decay that ends below the noise."""
     mode, time = Oscillation.drawn(rng, 1.0, 0.02), _sample_times(60.0, 50.0)
     columns = {"t [s]": time, "x [m]": _add_noise(rng, mode.free(time, 0.05), 3e-4)}
     return SampleFile(columns, DISPLACEMENT, mode, mode.equation())
 
 
-def draw_knock(rng: np.random.Generator) -> SampleFile:
+def simulate_knock(rng: np.random.Generator) -> SampleFile:
     """Simulate an accelerometer's recording of a free decay with a small knock at half time.
 
     The knock adds a tenth of the initial displacement.
@@ -172,7 +174,7 @@ def draw_knock(rng: np.random.Generator) -> SampleFile:
     return SampleFile(columns, ACCELERATION, mode, cause=Code.KNOCKED)
 
 
-def draw_dry_friction(rng: np.random.Generator, library: str = "") -> SampleFile:
+def simulate_dry_friction(rng: np.random.Generator, library: str = "") -> SampleFile:
     """Simulate an encoder's recording of an oscillation that dry friction damps.
 
     The amplitude falls by twice `slip` in every half period. The resolution is 0.09 degrees.
@@ -191,7 +193,7 @@ def draw_dry_friction(rng: np.random.Generator, library: str = "") -> SampleFile
     return SampleFile(columns, DISPLACEMENT, mode, friction if library else "", library)
 
 
-def draw_large_angles(rng: np.random.Generator, library: str = "") -> SampleFile:
+def simulate_large_angles(rng: np.random.Generator, library: str = "") -> SampleFile:
     """Simulate a recording of a pendulum that starts at 60 degrees.
 
     library: that has the sine.
@@ -204,14 +206,14 @@ def draw_large_angles(rng: np.random.Generator, library: str = "") -> SampleFile
     return SampleFile(columns, DISPLACEMENT, mode, sine if library else "", library)
 
 
-def draw_wrapped_angle(rng: np.random.Generator) -> SampleFile:
+def simulate_wrapped_angle(rng: np.random.Generator) -> SampleFile:
     """Simulate a recording of a pendulum whose angle wraps at 0 and 360 degrees."""
     mode, time = Oscillation.drawn(rng, 0.5, 0.005), _sample_times(30.0, 50.0)
     angle = _add_noise(rng, mode.free(time, 30.0), 0.3) % 360.0
     return SampleFile({"t [s]": time, "x [deg]": angle}, DISPLACEMENT, mode, mode.equation())
 
 
-def draw_two_modes(rng: np.random.Generator) -> SampleFile:
+def simulate_two_modes(rng: np.random.Generator) -> SampleFile:
     """Simulate a recording of decaying heave and pitch of a rigid section, with play in pitch."""
     heave, pitch = Oscillation.drawn(rng, 2.2, 0.028), Oscillation.drawn(rng, 2.8, 0.037)
     time, play = _sample_times(16.0, 100.0), 0.01
@@ -225,7 +227,7 @@ def draw_two_modes(rng: np.random.Generator) -> SampleFile:
     return SampleFile(columns, {"states": ("h", "a", "dh", "da"), "channels": channels}, heave)
 
 
-def draw_unmeasured_machine(rng: np.random.Generator) -> SampleFile:
+def simulate_unmeasured_machine(rng: np.random.Generator) -> SampleFile:
     """Simulate a recording of an oscillator under a harmonic force that is not recorded.
 
     The force has 0.9 of the natural frequency.
@@ -249,17 +251,17 @@ def _record_force(
     return SampleFile(columns, DISPLACEMENT | FORCE, mode, mode.equation(" + F"), library)
 
 
-def draw_step_of_a_force(rng: np.random.Generator) -> SampleFile:
+def simulate_step_of_a_force(rng: np.random.Generator) -> SampleFile:
     """Simulate a recording of an oscillator's response to one step of a recorded force."""
     return _record_force(rng, np.where(np.arange(1500) >= 200, 2.0, 0.0))
 
 
-def draw_held_force(rng: np.random.Generator) -> SampleFile:
+def simulate_held_force(rng: np.random.Generator) -> SampleFile:
     """Simulate a recording of an oscillator under a recorded, piecewise constant random force."""
     return _record_force(rng, 6.0 * rng.standard_normal(1500))
 
 
-def draw_force_of_two_values(rng: np.random.Generator) -> SampleFile:
+def simulate_force_of_two_values(rng: np.random.Generator) -> SampleFile:
     """Simulate a recording of an oscillator under a recorded square-wave force.
 
     The library has powers of the force.
@@ -268,21 +270,21 @@ def draw_force_of_two_values(rng: np.random.Generator) -> SampleFile:
 
 
 FILES: Mapping[str, Callable[[np.random.Generator], SampleFile]] = {
-    "limit cycle in micrometres": partial(draw_limit_cycle, length="um"),
-    "limit cycle in minutes": partial(draw_limit_cycle, clock="min"),
-    "release after rest": draw_release_after_rest,
-    "decay to rest": draw_decay_to_rest,
-    "decay with a knock": draw_knock,
-    "dry friction": draw_dry_friction,
-    "dry friction, its term asked for": partial(draw_dry_friction, library="q + dq + sign(dq)"),
-    "large angles": draw_large_angles,
-    "large angles, sine asked for": partial(draw_large_angles, library="q + sin(q) + dq"),
-    "angle that wraps": draw_wrapped_angle,
-    "two modes to rest": draw_two_modes,
-    "unmeasured machine": draw_unmeasured_machine,
-    "step of a force": draw_step_of_a_force,
-    "held force": draw_held_force,
-    "force of two values": draw_force_of_two_values,
+    "limit cycle in micrometres": partial(simulate_limit_cycle, length="um"),
+    "limit cycle in minutes": partial(simulate_limit_cycle, clock="min"),
+    "release after rest": simulate_release_after_rest,
+    "decay to rest": simulate_decay_to_rest,
+    "decay with a knock": simulate_knock,
+    "dry friction": simulate_dry_friction,
+    "dry friction, its term asked for": partial(simulate_dry_friction, library="q + dq + sign(dq)"),
+    "large angles": simulate_large_angles,
+    "large angles, sine asked for": partial(simulate_large_angles, library="q + sin(q) + dq"),
+    "angle that wraps": simulate_wrapped_angle,
+    "two modes to rest": simulate_two_modes,
+    "unmeasured machine": simulate_unmeasured_machine,
+    "step of a force": simulate_step_of_a_force,
+    "held force": simulate_held_force,
+    "force of two values": simulate_force_of_two_values,
 }
 
 
