@@ -74,9 +74,9 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
         f"The paper does not state {len(UNKNOWNS)} numbers that the study needs for the line with "
         "internal resonance, such as the wind speed and the threshold of its method. These numbers "
         "were fitted to what the paper states about noisy recordings of this line: "
-        f"{len(NUMBERS)} printed errors, {others} other claims (bounds of R2, and comparisons in "
-        "words), and a steady amplitude. Agreement with the fitted claims shows consistency; it "
-        "does not confirm the paper."
+        f"{len(NUMBERS)} printed errors, {others} other claims (bounds of R2, terms that are all "
+        "found, and comparisons in words), and a steady amplitude. Agreement with the fitted "
+        "claims shows consistency; it does not confirm the paper."
     )
     if region is not None:
         first = region.drop_duplicates("unknown").set_index("unknown")["verdict"]
@@ -90,7 +90,7 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
             count = int(re.findall(r"\d+", row["claim"])[0])
             text += f" {_format_percent(row['share_met'])} of the noise realisations satisfy "
             text += (
-                f"all {count} bounds and comparisons at once: the {others} above, and "
+                f"all {count} claims without a number at once: the {others} above, and "
                 f"{count - others} about recordings without noise."
                 if "words" in row["claim"]
                 else f"all {count} bounds of R2 at once."
