@@ -97,7 +97,7 @@ def test_a_clock_that_jumps_parts_a_recording(tmp_path, jump):
     assert not any(
         problem["code"] in ("few_periods", "sampled_coarsely") for problem in report["problems"][:1]
     )
-    assert "part it into recordings" in report["notes"][-1]
+    assert "divided at gaps" in report["notes"][-1]
 
 
 def test_the_end_that_is_held_out_is_long_enough_to_tell():
@@ -122,7 +122,7 @@ def test_a_sensor_that_dies_leaves_the_recording_up_to_then(tmp_path):
     values[time > 70.0, 1] = np.nan
     field = files.read(files.write(tmp_path / "a.csv", time, values))
     assert [np.ptp(one.time) for one in field.recordings] == pytest.approx([70.0])
-    assert "of one sensor alone longer than 6" in field.reports[0]["notes"][-1]
+    assert "than 6 periods of one sensor alone" in field.reports[0]["notes"][-1]
     rates = np.full(states.shape, np.nan)
     rates[:, 3] = np.where(time > 70.0, np.nan, states[:, 3])  # an accelerometer
     alone = np.where(np.arange(4) == 0, states, np.nan)

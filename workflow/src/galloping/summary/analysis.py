@@ -119,9 +119,9 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
         if len(parts) > 1 or len(parts[0].time) < len(of_file.time):
             kept = sum(np.ptp(each.time) for each in parts)
             report["notes"].append(
-                f"gaps longer than a period of {period:.3g} s, or of one sensor alone longer than "
-                f"{SILENT}, part it into recordings of their own: {len(parts)} of {LEAST} periods "
-                f"or more, {kept:.4g} s in all"
+                f"divided at gaps longer than a period of {period:.3g} s, or than {SILENT} periods "
+                f"of one sensor alone: {len(parts)} recordings of {LEAST} periods or more, "
+                f"{kept:.4g} s in all"
             )
         recordings += parts
         names += [

@@ -113,6 +113,7 @@ def render_summary(of: "Summary", told: SummaryNumbers, reports: Sequence[dict] 
         "held": [n for n in found.model.inputs if of.recordings[-1].inputs[n].between == "zero"],
         "odd": any(p["code"] in UNITS for report in reports for p in report["problems"]),
         "repeats": found.has_finding(Code.MOTION_REPEATS),
+        "rested": found.has_finding(Code.RELEASED, Code.CAME_TO_REST),
         "keeps": known is not None and is_undamped(known),
         "blind": known is not None and is_damping_undetermined(found, known),
         "mixed": found.has_finding(*PARTS_DIFFER),
