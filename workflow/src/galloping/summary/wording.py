@@ -107,8 +107,8 @@ def render_summary(of: "Summary", told: SummaryNumbers, reports: Sequence[dict] 
         "units": shown_units(units),
         "conditions": _conditions(found, units),
         "line": line,
-        "gallop": "gallop" if of_span else "oscillate by itself",
-        "gallops": "gallops" if of_span else "oscillates by itself",
+        "gallop": "gallop" if of_span else "sustain oscillations by itself",
+        "gallops": "gallops" if of_span else "sustains oscillations by itself",
         "exact": [n for n in found.model.inputs if not of.recordings[-1].inputs[n].error],
         "held": [n for n in found.model.inputs if of.recordings[-1].inputs[n].between == "zero"],
         "odd": any(p["code"] in UNITS for report in reports for p in report["problems"]),
@@ -408,11 +408,12 @@ def _missed(channels: Sequence[HeldOutChannel]) -> str:
     """Describe the errors of a forecast, by channel; none for random forces."""
     noise = [_motion_of(one.name) for one in channels if one.is_noise]
     missed = [
-        f"{one.missed_percent:.3g} % of {_motion_of(one.name)}"
+        f"{one.missed_percent:.3g} % for {_motion_of(one.name)}"
         for one in channels
         if not one.is_noise and isfinite(one.missed_percent)
     ]
-    parts = [f"The root-mean-square error was {listed(missed)}"] if missed else []
+    error = "Relative to the standard deviation of the recording, the root-mean-square error was"
+    parts = [f"{error} {listed(missed)}"] if missed else []
     parts += [f"Only noise was left of {listed(noise)}"] if noise else []
     return ". ".join(parts)
 
