@@ -225,7 +225,7 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
     places = parts.LogAxis.of(errors["level"])
     places.prepare(axes, settings["label"])
     said = {PAPER_METHOD: "", best_of_pysindy(errors) or "": "best of pysindy: ",
-            ORACLES: "pysindy as the truth would set it: ", OURS: "ours: ", BOUND: ""}  # fmt: skip
+            ORACLES: "pysindy, ", OURS: "ours: ", BOUND: ""}  # fmt: skip
     present = set(errors["method"])
     names = {k: text + method_style(k).label for k, text in said.items() if k in present}
     shown = errors[errors["method"].isin(names)]
@@ -246,9 +246,9 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
         x = [places.position(level, shift[method]) for level in line["level"]]
         parts.series(axes, x, line[["median", "low", "high"]].to_numpy().T, method, limits)
     _note_failures(axes, shown, places)
-    title = [f"{spoken(case)}, protocol {protocol}"]
+    title = [f"{spoken(case)}, measurement setup {protocol}"]
     if levels := beaten_at(errors):
-        title.append(f"the oracle is better than ours at {levels}")
+        title.append(f"pysindy with the best possible tuning is better than ours at {levels}")
     axes.set_title("\n".join(title), fontsize="small")
     keys = parts.method_keys(names)
     parts.legend(figure, *keys, columns=1, loc="outside upper left", handlelength=3)

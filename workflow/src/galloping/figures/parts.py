@@ -287,7 +287,7 @@ def dot(
 def origin(settings: Mapping) -> str:
     """Format names of an overhead line, method and measurement setup for a figure title."""
     method = method_style(settings["method"]).label
-    return f"{spoken(settings['case'])}, {method}, protocol {settings['protocol']}"
+    return f"{spoken(settings['case'])}, {method}, setup {settings['protocol']}"
 
 
 def line_look(method: str) -> dict:

@@ -64,7 +64,7 @@ METHODS = {
     "paper": MethodStyle("paper's method", "#1f78b4", "s", "--"),
     "lasso": MethodStyle("LASSO", "#e69f00", "D", "-."),
     "frols": MethodStyle("FROLS", "#8c6d1f", "H", (0, (6, 1, 2, 1))),
-    "oracle": MethodStyle("oracle", "#3d3d3d", ".", (0, (1, 1)), 1.1),
+    "oracle": MethodStyle("best possible tuning", "#3d3d3d", ".", (0, (1, 1)), 1.1),
     "ensemble": MethodStyle("ensemble", "#2fa86a", "P", ":"),
     "weak": MethodStyle("weak form", "#8a1c3b", "X", (0, (5, 1, 1, 1, 1, 1))),
     "weak_gls": MethodStyle("weak form, GLS", "#7b3fbf", "d", (0, (7, 2)), 1.3),
