@@ -160,3 +160,17 @@ def test_a_slight_drift_is_looked_at_where_every_term_of_the_library_is_there() 
     found = maximum_likelihood(Recording(time, true.states, values), terms)
     assert found.status == "ok", found.reason
     assert found.support[1].all()
+
+
+def test_an_oscillation_of_a_single_state_is_refused_with_the_state_that_it_lacks() -> None:
+    time, rng = np.arange(1200) / 20, np.random.default_rng(1)
+    noise = rng.normal(size=(1200, 1))
+    swing = np.exp(-0.05 * time) * np.cos(time)
+    growth = 1.0 / (1.0 + 9.0 * np.exp(-time / 5.0))
+    moves = {"swing": swing[:, None] + 0.01 * noise, "growth": growth[:, None] + 0.01 * noise}
+    found = {
+        name: maximum_likelihood(Recording(time, ["x"], values), library(1, 3))
+        for name, values in {**moves, "noise": noise}.items()
+    }
+    lacking = [name for name, one in found.items() if one.has_finding(Code.SECOND_STATE_MISSING)]
+    assert lacking == ["swing"] and found["swing"].status == "refused"

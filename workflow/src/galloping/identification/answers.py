@@ -26,6 +26,30 @@ def refused_model(problem: Problem, findings: Iterable[Finding]) -> IdentifiedMo
     return IdentifiedModel.refused(problem.states, problem.terms, findings, problem.inputs)
 
 
+def explain_single_state(
+    identified: IdentifiedModel, recordings: Iterable[Recording]
+) -> IdentifiedModel:
+    """Add to a refusal that a single state which rises and falls needs its rate as a state.
+
+    The motion of one equation of first order without inputs only rises or only falls.
+    """
+    states = identified.model.states
+    if identified.status != "refused" or len(states) > 1 or identified.model.inputs:
+        return identified
+    still = identified.has_finding(Code.NO_MOTION, Code.MOSTLY_NOISE)
+    if still or not any(_rises_and_falls(recording.values[:, 0]) for recording in recordings):
+        return identified
+    return identified.with_findings(Finding.of(Code.SECOND_STATE_MISSING, states[0]))
+
+
+def _rises_and_falls(values: np.ndarray) -> bool:
+    """Decide whether values (n,) pass their middle half at least twice."""
+    values = values[np.isfinite(values)]
+    low, high = np.quantile(values, [0.25, 0.75]) if len(values) else (0.0, 0.0)
+    sides = np.sign((values > high).astype(int) - (values < low))
+    return bool(np.count_nonzero(np.diff(sides[sides != 0])) > 1)
+
+
 def expand_terms(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
     """Extend a model to all candidate terms, with zero coefficients for those that it lacked."""
     places = [problem.terms.index(term) for term in identified.model.terms]

@@ -94,6 +94,7 @@ class Code(StrEnum):
     MOSTLY_NOISE = "mostly_noise"
     NO_MOTION = "no_motion"
     NO_TERM = "no_term"
+    SECOND_STATE_MISSING = "second_state_missing"
     NOT_MEASURED = "not_measured"
     NOT_SENSED = "not_sensed"
     SINGLE_START = "single_start"

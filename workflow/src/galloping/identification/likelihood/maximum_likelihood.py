@@ -18,6 +18,7 @@ from galloping.identification.answers import (
     add_input_errors,
     check_prior_conflict,
     expand_terms,
+    explain_single_state,
     prepend_path,
     refused_model,
 )
@@ -146,7 +147,7 @@ def maximum_likelihood(
         with limit_work(used) as work:
             begun = None if moving.findings else start
             found = work.downgrade_if_ended(_search_model(problem, moving, begun))
-        found = with_findings(found, moving)
+        found = explain_single_state(with_findings(found, moving), used)
     found = add_input_errors(check_prior_conflict(problem, found), recordings, used)
     return add_alias_rivals(problem, found)
 
