@@ -167,7 +167,8 @@ def test_an_oscillation_of_a_single_state_is_refused_with_the_state_that_it_lack
     noise = rng.normal(size=(1200, 1))
     swing = np.exp(-0.05 * time) * np.cos(time)
     growth = 1.0 / (1.0 + 9.0 * np.exp(-time / 5.0))
-    moves = {"swing": swing[:, None] + 0.01 * noise, "growth": growth[:, None] + 0.01 * noise}
+    moves = {"swing": swing, "growth": growth, "step": (time > 15.0).astype(float)}
+    moves = {name: each[:, None] + 0.01 * noise for name, each in moves.items()}
     found = {
         name: maximum_likelihood(Recording(time, ["x"], values), library(1, 3))
         for name, values in {**moves, "noise": noise}.items()

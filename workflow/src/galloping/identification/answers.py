@@ -43,10 +43,11 @@ def explain_single_state(
 
 
 def _rises_and_falls(values: np.ndarray) -> bool:
-    """Decide whether values (n,) pass their middle half at least twice."""
+    """Decide whether values (n,) cross the middle half of their range at least twice."""
     values = values[np.isfinite(values)]
-    low, high = np.quantile(values, [0.25, 0.75]) if len(values) else (0.0, 0.0)
-    sides = np.sign((values > high).astype(int) - (values < low))
+    low, high = np.quantile(values, QUANTILES_90) if len(values) else (0.0, 0.0)
+    quarter = (high - low) / 4.0
+    sides = (values > high - quarter).astype(int) - (values < low + quarter)
     return bool(np.count_nonzero(np.diff(sides[sides != 0])) > 1)
 
 
