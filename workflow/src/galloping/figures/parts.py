@@ -284,12 +284,6 @@ def dot(
 # --- methods and legends ---
 
 
-def origin(settings: Mapping) -> str:
-    """Format names of an overhead line, method and measurement setup for a figure title."""
-    method = method_style(settings["method"]).label
-    return f"{spoken(settings['case'])}, {method}, setup {settings['protocol']}"
-
-
 def line_look(method: str) -> dict:
     """Return matplotlib's keywords for the line and markers of an identification method."""
     style = method_style(method)

@@ -99,13 +99,6 @@ def spoken(name: str) -> str:
     return name.replace("_", " ").replace("non ", "non-")
 
 
-def scientific(value: float) -> str:
-    """Format a number as one digit times a power of ten, in TeX notation."""
-    digit, exponent = f"{value:.0e}".split("e")
-    power = f"10^{{{int(exponent)}}}"
-    return f"${power}$" if digit == "1" else f"${digit} \\times {power}$"
-
-
 @contextmanager
 def styled(font_size: float) -> Iterator[None]:
     """Apply the project's matplotlib style in a `with` block, without the user's own settings."""

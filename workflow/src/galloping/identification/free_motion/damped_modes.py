@@ -52,11 +52,6 @@ class Stretch:
         return float(np.median(np.diff(self.time)))
 
     @cached_property
-    def is_complete(self) -> bool:
-        """Whether no sample of any channel is missing."""
-        return bool(np.isfinite(self.values).all())
-
-    @cached_property
     def sizes(self) -> np.ndarray:
         """Standard deviation of each channel, zero for a channel without samples.
 
