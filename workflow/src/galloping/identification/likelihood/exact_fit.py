@@ -94,8 +94,12 @@ def _fit_starts(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit |
     counts as converged only if its residuals show no misfit, and the best of the others is taken.
     """
     best, has_kinks = None, begun.problem.tables.n_kinks > 0
+    followed: dict[bytes, trajectory_fit.Step | None] = {}
     for name, terms, dear in starts.starts_of_terms(begun):
-        free = trajectory_fit.fit_free_segments(begun, terms)
+        guess = terms.free.tobytes()  # two of them may be the same
+        if guess not in followed:
+            followed[guess] = trajectory_fit.fit_free_segments(begun, terms)
+        free = followed[guess]
         if free is None:
             continue
         unseen = n_unidentifiable_directions(free.information, largest) > 0

@@ -103,12 +103,16 @@ def fit_free_segments(begun: Start, start: WeakFit) -> Step | None:
     segments that are too short hide faults of the recording.
     """
     best, improving, periods = None, True, float(PERIODS_PER_SEGMENT)
+    stretch = np.inf
     for _ in range(4):
         if is_exhausted():
             break
         try:
             fit = prepare_fit(begun, start, periods)
-            periods = fit.record.stretch / begun.period
+            if fit.record.stretch >= stretch:  # of two windows, the shortest
+                break
+            stretch = fit.record.stretch
+            periods = stretch / begun.period
             step = _iterate_free_segments(fit)
         except FloatingPointError:
             continue
