@@ -17,7 +17,7 @@ from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import Resonance
 from galloping.identification.registry import BY_NAME, METHODS
-from galloping.identification.sparse.evidence import differentiate, reduce
+from galloping.identification.sparse.evidence import differentiate, reduce, reduce_by_splines
 from galloping.identification.sparse.stlsq import bagged_medians
 from galloping.identification.sparse.supports import best_threshold, ebic
 from galloping.model.polynomial import PolynomialModel, design_matrix, polynomial_library
@@ -84,7 +84,7 @@ def test_thresholds_give_pysindy_s_model_on_all_samples(resonant, method, thresh
 
 def test_joint_recordings_are_one_regression(resonant):
     first, second = recordings(resonant, "derivative", replicates=2)
-    joint = reduce([first, second], TERMS).plain
+    joint = reduce_by_splines([first, second], TERMS)
     theta = np.vstack([design_matrix(r.values, TERMS) for r in (first, second)])
     dx = np.vstack([r.rates for r in (first, second)])
     assert joint.library.T @ joint.targets == pytest.approx(theta.T @ dx, rel=1e-9)
@@ -223,8 +223,8 @@ def test_bootstraps_are_drawn_by_position(replicates):
 
 def test_bagging_is_that_of_pysindy(resonant):
     (recording,) = recordings(resonant, "derivative")
-    problem = reduce([recording], TERMS)
-    library, targets = problem.plain.library, problem.plain.targets / 1e-3
+    problem = reduce_by_splines([recording], TERMS)
+    library, targets = problem.library, problem.targets / 1e-3
     optimizer = ps.EnsembleOptimizer(
         ps.STLSQ(threshold=1, alpha=0, unbias=False), bagging=True, n_models=5
     )

@@ -11,7 +11,7 @@ from lines import moved, recorded
 from galloping.evaluation.oracle import alternatives, oracles
 from galloping.figures.errors import beaten_at
 from galloping.identification.sparse import stlsq
-from galloping.identification.sparse.evidence import Regressions, reduce
+from galloping.identification.sparse.evidence import Regressions, reduce, reduce_by_splines
 from galloping.identification.sparse.regression import (
     FOLDS,
     HeldOutErrors,
@@ -129,7 +129,7 @@ def test_tuned_smoothing_is_better_than_a_spline_and_worse_than_the_oracle(reson
     true, evidence = resonant[0].on_library(TERMS), reduce([recording], TERMS)
     tuned, plain = (
         stlsq.fit_normalised(each, threshold=None, path_length=30).model.coefficients
-        for each in (evidence, Regressions(evidence.plain, evidence.plain))
+        for each in (evidence, Regressions(reduce_by_splines([recording], TERMS)))
     )
     assert error(true, tuned) < 0.6 * error(true, plain)
     models = alternatives(evidence, partial(stlsq.models_along, threshold_path(30)))

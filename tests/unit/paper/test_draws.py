@@ -10,7 +10,7 @@ from galloping.configuration.load import load, plain
 from galloping.configuration.yaml_file import read
 from galloping.evaluation.score import Truth, evaluate
 from galloping.identification import cell, registry
-from galloping.identification.sparse.evidence import reduce
+from galloping.identification.sparse.evidence import reduce_by_splines
 from galloping.identification.sparse.stlsq import fit
 from galloping.model.polynomial import design_matrix, extend_library, polynomial_library
 from galloping.paper import draws
@@ -54,7 +54,7 @@ def identified(recordings):
 
 def test_one_recording_gives_one_model_by_either_way(line):
     ((recording,),) = items(line, samples=3001)
-    ours = draws.identify_by_paper_method(reduce([recording], TERMS).plain, **SETTING)
+    ours = draws.identify_by_paper_method(reduce_by_splines([recording], TERMS), **SETTING)
     (standard,) = identified([(recording,)])[PAPER_METHOD]
     np.testing.assert_allclose(ours.model.coefficients, standard.model.coefficients, rtol=1e-9)
 

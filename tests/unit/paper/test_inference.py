@@ -25,7 +25,6 @@ from galloping.trials import paper_inference
 
 pytestmark = pytest.mark.xdist_group("inference")
 
-FITS = {"raw": fit_raw, "normalised": fit_normalised}
 KNOWN = dict(zip(unknowns.NAMES, (10.0, 0.0059, 0.0054, 0.53, 0.66, 0.109, 0.0017), strict=True))
 
 
@@ -43,8 +42,9 @@ def test_quick_thresholds_are_those_of_the_method(moved, columns, threshold):
     products = draws.DerivativeNoise(motion, terms, np.ones(4)).draw(0.05, 10000, rng, draws=3)
     quick = identify_coefficients(products, unknowns.MethodReading(threshold, columns=columns))
     for reduced, found in zip(products.regressions(line.states, terms), quick, strict=True):
-        evidence = Regressions(reduced, reduced)
-        model = FITS[columns](evidence, threshold=threshold, path_length=draws.PATH_LENGTH).model
+        fit = fit_raw if columns == "raw" else fit_normalised
+        problem = reduced if columns == "raw" else Regressions(reduced)
+        model = fit(problem, threshold=threshold, path_length=draws.PATH_LENGTH).model
         np.testing.assert_allclose(found, model.coefficients, rtol=1e-6, atol=1e-9)
 
 

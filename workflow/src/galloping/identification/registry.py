@@ -121,7 +121,10 @@ class Method:
 
 METHODS = (
     # a family of its own: an edit of its threshold, which the paper leaves out, refits it alone
-    Method("paper", sparse.stlsq.fit_raw, Paper, family="paper"),
+    Method(
+        "paper", sparse.stlsq.fit_raw, Paper,
+        family="paper", evidence=sparse.evidence.reduce_by_splines,
+    ),
     Method("stlsq", sparse.stlsq.fit_normalised, Scanned),
     # no better than frols where it was tried, at twenty times the cost
     Method("lasso", sparse.lasso.fit_lasso, Thresholded, by_default=False),

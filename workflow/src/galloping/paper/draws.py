@@ -19,7 +19,6 @@ from galloping.evaluation.score import Truth, evaluate
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NO_MODEL, as_finding
 from galloping.identification.sparse import stlsq
-from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import ReducedRegression
 from galloping.line.galerkin import coefficients, make_model
 from galloping.model.polynomial import (
@@ -276,9 +275,9 @@ def paper_draws(
 def identify_by_paper_method(reduced: ReducedRegression, **options: Any) -> IdentifiedModel:
     """Identify a model from a reduced regression by the paper's thresholded least squares.
 
-    options: threshold, kinematics of `stlsq.raw`.
+    options: threshold, kinematics of `stlsq.fit_raw`.
     """
     try:
-        return stlsq.fit_raw(Regressions(reduced, reduced), path_length=PATH_LENGTH, **options)
+        return stlsq.fit_raw(reduced, path_length=PATH_LENGTH, **options)
     except NO_MODEL as error:
         return IdentifiedModel.refused(reduced.states, reduced.terms, [as_finding(error)])

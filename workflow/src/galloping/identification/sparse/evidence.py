@@ -124,40 +124,51 @@ def _spline_basis(time: bytes, every: int) -> tuple[csr_array, np.ndarray]:
 
 @dataclass(frozen=True)
 class Regressions:
-    """Regressions of state derivatives on candidate terms, with default and tuned smoothing.
+    """Regressions of state derivatives on candidate terms, with the smoothing chosen from the data.
 
-    They are of the recordings of one noise realisation. plain: derivatives as measured, or those of
-    a spline whose smoothness generalised cross-validation chooses for each channel. tuned: by the
-    smoothing that predicts held-out stretches best, or `plain` if there is none to choose. filters:
-    all that were tried.
+    They are of the recordings of one noise realisation. tuned: by the smoothing that predicts
+    held-out stretches best, or by `reduce_by_splines` if there is none to choose. filters: all that
+    were tried.
     """
 
-    plain: ReducedRegression
     tuned: ReducedRegression
     filters: tuple[TriedFilter, ...] = ()
 
 
-def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regressions:
-    """Reduce recordings of one system to regressions of state derivatives on candidate terms.
+def reduce_by_splines(
+    recordings: Sequence[Recording], terms: tuple[Exponents, ...]
+) -> ReducedRegression:
+    """Reduce recordings of one system to a regression of state derivatives on candidate terms.
 
-    Derivatives that were not measured come from smoothing, and so do the states: it is chosen if
-    the samples are equally spaced, or part of equally spaced ones. Raises IdentificationError if a
-    value is missing.
+    Derivatives that were not measured, and the states, are those of splines whose smoothness
+    generalised cross-validation chooses for each channel. Raises IdentificationError if a value is
+    missing, ValueError for samples too few for a spline.
     """
     _check_complete(recordings)
     if recordings[0].exact:
         parts = [(r.values, r.rates, np.full(len(r.states), len(r.time))) for r in recordings]
     else:
-        recordings = [with_missing_samples(each) for each in recordings]
-        parts = [differentiate(each.time, each.values) for each in recordings]
+        filled = map(with_missing_samples, recordings)
+        parts = [differentiate(each.time, each.values) for each in filled]
     states, rates, observations = zip(*parts, strict=True)
     x, dx = np.concatenate(states), np.concatenate(rates)
     # block by block, so that a block's library stays in the cache
     blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in block_slices(len(x)))
-    counts = np.sum(observations, axis=0)
-    plain = reduce_blocks(blocks, counts, recordings[0].states, terms)
-    tried = tried_filters(recordings, terms, smoothing_filters)
-    return Regressions(plain, best_filter(tried).reduced if tried else plain, tuple(tried))
+    return reduce_blocks(blocks, np.sum(observations, axis=0), recordings[0].states, terms)
+
+
+def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regressions:
+    """Reduce recordings of one system to regressions with every candidate smoothing filter.
+
+    If derivatives were measured, or samples are not part of equally spaced ones, there is no filter
+    to choose. Raises IdentificationError if a value is missing.
+    """
+    _check_complete(recordings)
+    filled = list(recordings if recordings[0].exact else map(with_missing_samples, recordings))
+    tried = tried_filters(filled, terms, smoothing_filters)
+    if not tried:
+        return Regressions(reduce_by_splines(recordings, terms))
+    return Regressions(best_filter(tried).reduced, tuple(tried))
 
 
 def _check_complete(recordings: Sequence[Recording]) -> None:
@@ -185,4 +196,4 @@ def reduce_weakly(recordings: Sequence[Recording], terms: tuple[Exponents, ...])
             Code.RECORDING_SHORT, samples=sum(len(one.time) for one in recordings)
         )
     chosen = best_filter(tried).reduced
-    return Regressions(chosen, chosen, tuple(tried))
+    return Regressions(chosen, tuple(tried))

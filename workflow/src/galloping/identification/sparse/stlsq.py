@@ -50,7 +50,7 @@ def fit_normalised(
 
 
 def fit_raw(
-    evidence: Regressions,
+    problem: ReducedRegression,
     *,
     threshold: float | None,
     path_length: int,
@@ -62,21 +62,20 @@ def fit_raw(
     by EBIC out of `path_length` from NEGLIGIBLE times the largest coefficient of least squares up
     to it. kinematics: KNOWN replaces an identified rate of a displacement by its velocity.
     """
-    library, targets = evidence.plain.triangle
+    library, targets = problem.triangle
     if threshold is None:
         largest = np.abs(np.linalg.lstsq(library, targets, rcond=None)[0]).max(axis=0)
         candidates = largest[:, np.newaxis] * threshold_path(path_length)
-        chosen = _scan_thresholds(library, targets, candidates, evidence.plain.observations)
+        chosen = _scan_thresholds(library, targets, candidates, problem.observations)
     else:
         chosen = np.full(targets.shape[1], threshold)
     coefficients = fit(library, targets, chosen)
     if kinematics == KNOWN:
-        for rate, velocity in velocity_pairs(evidence.plain.states).items():
+        for rate, velocity in velocity_pairs(problem.states).items():
             coefficients[rate] = 0.0
-            coefficients[
-                rate, evidence.plain.terms.index(linear_term(velocity, len(coefficients)))
-            ] = 1.0
-    return evidence.plain.model(coefficients, chosen)
+            term = problem.terms.index(linear_term(velocity, len(coefficients)))
+            coefficients[rate, term] = 1.0
+    return problem.model(coefficients, chosen)
 
 
 def models_along(path: np.ndarray, grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
