@@ -1,5 +1,7 @@
 """Terms that are no polynomials, and bounds of coefficients, in identification."""
 
+import json
+
 import numpy as np
 import pytest
 from identification_cases import noisy
@@ -16,6 +18,7 @@ from galloping import (
     simulate,
 )
 from galloping.identification.observations import Code
+from galloping.summary.sample_files import trial
 
 DESIGN, REPORTING = 20261128, 20261129  # only the former was looked at while the method was made
 STATES = ("q", "dq")
@@ -45,6 +48,14 @@ def test_a_model_that_sticks_a_swing_late_gets_no_further_term_for_it():
     found = maximum_likelihood(recording, true.terms)
     assert np.array_equal(np.argwhere(found.support), free)
     assert np.abs(errors(found, true, free, std)).max() < 4.0
+
+
+def test_what_only_the_motion_before_its_end_tells_has_an_error_nevertheless():
+    rows = trial(DESIGN, "dry friction, its term asked for", range(3), {"maximum_likelihood": {}})
+    for row in rows:
+        terms = json.loads(row["coefficients"])["dq"].values()
+        assert row["status"] == "approximate" and row["exact_support"]
+        assert all(error > 0.0 for _, error in terms) and row["coverage"] == 1.0
 
 
 @pytest.mark.slow

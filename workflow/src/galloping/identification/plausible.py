@@ -124,7 +124,7 @@ def unconditional_errors(plausible: Plausible, deviation: np.ndarray) -> np.ndar
     mean = np.sqrt(np.sum(weight * (plausible.variances + distance**2), axis=0))
     edge = distance + 2.0 * np.sqrt(plausible.variances)
     order = np.argsort(edge, axis=0, kind="stable")
-    share = MISS_RATE / max(np.count_nonzero(selected), 1)
+    share = MISS_RATE / max(int(selected.sum()), 1)
     reached = np.cumsum(np.take_along_axis(weight, order, 0), axis=0) >= 1.0 - share
     tail = np.take_along_axis(edge, order, 0)[np.argmax(reached, axis=0), np.arange(len(selected))]
     error = np.maximum(mean, tail / 4.0)

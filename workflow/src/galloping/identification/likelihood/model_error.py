@@ -12,11 +12,16 @@ from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
+from scipy.linalg import eigh
 from scipy.special import stdtrit
 
 from galloping.identification.answers import prepend_path, refused_model
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.likelihood.elimination import eliminate_with_jumps, jump_covariance
+from galloping.identification.likelihood.elimination import (
+    JumpNormalEquations,
+    eliminate_with_jumps,
+    jump_covariance,
+)
 from galloping.identification.likelihood.fluctuation import (
     fit_fluctuations,
     select_with_input_powers,
@@ -44,6 +49,7 @@ from galloping.passes import passing
 
 # Total variance over that between stretches: an error alike in all stretches may be as large.
 SYSTEMATIC = 2.0
+UNTOLD = 1e-9  # share of the information below which what a part tells is rounding
 
 MisfitOf = Callable[[ShootingData, np.ndarray], np.ndarray]
 
@@ -328,22 +334,30 @@ def _iterate_fit(
 
 
 def _cross_validate(fit: StretchFit, price: float) -> Approximation:
-    """Estimate covariance and forecasts of a fit by leaving groups of segments out."""
+    """Estimate covariance and forecasts of a fit by leaving groups of segments out.
+
+    What a group alone tells, such as the one before a motion comes to rest, has the covariance of
+    the whole fit.
+    """
     record, precision = fit.record, fit.record.jump_precision(fit.jump)
+    whole = eliminate_with_jumps(record, fit.normal_equations, precision)
     condensed, segments = record.condensed, record.segments
     count = len(fit.starts)
     # of fewer groups the covariance is known worse, and `small_sample_factor`, 1.26 of twelve, is
     # larger; more cost an elimination each, and neighbours err alike; the number was not calibrated
     groups = np.array_split(np.arange(count), min(count, 12))
     changes = np.zeros((len(groups), int(fit.support.sum())))
+    told_once = np.zeros((changes.shape[1], changes.shape[1]))
     residual = np.full(condensed.targets.shape, np.inf)
     for k, group in enumerate(groups):
         passing("forecast stretches that are left out")
         solved = eliminate_with_jumps(
             record, fit.normal_equations, precision, np.isin(np.arange(count), group)
         )
-        change, _ = solve_support(solved.information, solved.right, fit.support)
-        changes[k] = change[fit.support]
+        changes[k], untold = _change_without(solved, whole.information, fit.support)
+        told_once += untold @ untold.T
+        change = np.zeros(len(fit.support))
+        change[fit.support] = changes[k]
         at = slice(group[0], group[-1] + 1)
         own = slice(segments.first[at.start], segments.first[at.stop])
         predicted = record.predict_projections(fit.free + change, record.starts[at], at)
@@ -353,9 +367,27 @@ def _cross_validate(fit: StretchFit, price: float) -> Approximation:
     covariance = (
         SYSTEMATIC * small_sample_factor(len(groups)) * freedom / len(groups) * spread.T @ spread
     )
-    solved = eliminate_with_jumps(record, fit.normal_equations, precision)
-    covariance += prior_covariance(record.problem, solved.information, fit.support)
-    return Approximation(fit, solved.information, covariance, residual, price)
+    covariance += SYSTEMATIC * told_once
+    covariance += prior_covariance(record.problem, whole.information, fit.support)
+    return Approximation(fit, whole.information, covariance, residual, price)
+
+
+def _change_without(
+    part: JumpNormalEquations, whole: np.ndarray, support: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Compute by how much coefficients change if they are fitted to a part of the segments.
+
+    Returns the changes (n_support,), none in directions that the part does not tell, and these
+    directions, (n_support, k), with unit information of the whole. whole: its information.
+    """
+    kept = np.ix_(support, support)
+    unit = 1.0 / np.sqrt(np.diag(whole)[support])
+    scale = np.outer(unit, unit)
+    shares, directions = eigh(part.information[kept] * scale, whole[kept] * scale)
+    directions *= unit[:, None]
+    told = shares > UNTOLD
+    along = directions[:, told] / np.sqrt(shares[told])
+    return along @ (along.T @ part.right[support]), directions[:, ~told]
 
 
 def prior_covariance(problem: Problem, information: np.ndarray, support: np.ndarray) -> np.ndarray:
