@@ -242,6 +242,14 @@ def test_four_unconditional_errors_hold_a_rival_that_is_far_and_hardly_plausible
     assert 4.0 * unconditional_errors(plausible, np.zeros(1)) >= 10.0
 
 
+def test_four_unconditional_errors_hold_for_all_coefficients_together() -> None:
+    # each of ten coefficients has its own rival, of half of a hundredth of the weight
+    weight = np.append(0.95, np.full(10, 0.005))
+    supports, coefficients = np.ones((11, 10), bool), np.vstack([np.zeros(10), 10.0 * np.eye(10)])
+    plausible = Plausible(supports, np.zeros(11), weight, coefficients, supports**2.0)
+    assert np.all(4.0 * unconditional_errors(plausible, np.zeros(10)) >= 10.0)
+
+
 @pytest.mark.parametrize(("z", "doubted"), [(3.7, False), (4.2, True)])
 def test_a_term_that_noise_brings_once_in_a_thousand_is_a_doubt(z: float, doubted: bool) -> None:
     """One of eleven that are absent, by whose z^2 chi^2 falls: less than the price, 19.8."""
