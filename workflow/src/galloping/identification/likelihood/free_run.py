@@ -70,7 +70,8 @@ def sandwich_covariance(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> 
     n_support), from the differences between the stretches' gradients.
 
     Stretches must be so long that they are independent of each other, and so many that their
-    covariance is known: of 40, `small_sample_factor` is 1.07. The number was not calibrated.
+    covariance is known: of 40, `small_sample_factor` is 1.07. With 20 or 80 no answer of `make
+    exam` changes.
     """
     stretches = np.concatenate(
         [

@@ -297,7 +297,9 @@ def _iterate_fit(
     upper limit of the covariance of jumps.
 
     Passes end with a step below 0.05, squared, in standard deviations: errors grow by 2.5 %. The
-    limit of the passes bounds the work of an alternating iteration, and was not calibrated.
+    limit of the passes bounds the work of an alternating iteration. With half or twice as many, 3
+    of 22 approximate models of `make exam` have other terms; the coefficients of the others change
+    by less than 0.6 standard errors.
     """
     record, passes, choosing = fit.record, 5 if price is None else 20, 6
     for passed in range(passes):
@@ -344,7 +346,8 @@ def _cross_validate(fit: StretchFit, price: float) -> Approximation:
     condensed, segments = record.condensed, record.segments
     count = len(fit.starts)
     # of fewer groups the covariance is known worse, and `small_sample_factor`, 1.26 of twelve, is
-    # larger; more cost an elimination each, and neighbours err alike; the number was not calibrated
+    # larger: of six, standard errors are up to twice as large or half as large; more cost an
+    # elimination each, and change standard errors by a tenth at most
     groups = np.array_split(np.arange(count), min(count, 12))
     changes = np.zeros((len(groups), int(fit.support.sum())))
     told_once = np.zeros((changes.shape[1], changes.shape[1]))

@@ -177,8 +177,9 @@ def _fit_curve(
     noise = np.where(scale > 0.0, scale, 1.0)
     deviation, residual = np.full(len(curve), np.nan), np.full(values.shape, np.nan)
     basis = _spline_basis()
-    # two channels are weighed by their sizes first, then twice by the noise that the last fit left,
-    # which was not calibrated; the curve of one channel is the same with any weight
+    # two channels are weighed by their sizes first, then twice by the noise that the last fit left:
+    # with one or four times no answer of `make exam` changes; the curve of one channel is the same
+    # with any weight
     for _ in range(1 if len(curve) == 1 else 3):
         bands = np.zeros((SPLINE_DEGREE + 1, pieces + SPLINE_DEGREE))
         right = np.zeros(pieces + SPLINE_DEGREE)
