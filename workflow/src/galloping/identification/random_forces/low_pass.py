@@ -10,10 +10,11 @@ from galloping.identification.observations import Code
 from galloping.recording.samples import INTERPOLATED, Recording
 
 # Width of the filter's edge, in the frequency in its middle: a wider edge parts close modes less, a
-# narrower one needs more samples beside gaps and ends (REACH). Not calibrated.
+# narrower one needs more samples beside gaps and ends (REACH). With half and twice this width no
+# answer of `make exam` changes.
 ROLL_OFF = 0.1
 REACH = 16.0  # steps after the filter, on each side: what is left out beyond is below a hundredth
-BRIDGED = 0.5  # of such a step, in which samples may be missing: interpolated, not calibrated
+BRIDGED = 0.5  # of such a step, in which samples may be missing: interpolated; likewise
 FLAT = (1.0 - ROLL_OFF) / (1.0 + ROLL_OFF)  # share of `below` that stays as it is
 SAME = 1e-3  # of a step between samples, that rounding makes of it
 
