@@ -82,7 +82,8 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
     # where expectation maximisation begins, and the least: from zero it would never rise
     variance, least = (2e-3 * unit) ** 2, (1e-6 * unit) ** 2
     # fits, each after five passes of the variances, which move slowly: the first without choice of
-    # terms, the last with the terms before; more cost as much again each, and were not calibrated
+    # terms, the last with the terms before; with three or six fits, or three passes, one of ten
+    # answers of `make exam` changes, by less than 0.2 standard errors
     passes = 4
     fine = replace(fit, record=parts, starts=parts.starts, misfit=misfit)
     for passed in range(passes):
