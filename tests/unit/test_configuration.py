@@ -419,7 +419,7 @@ def test_every_key_is_described():
         assert node["description"] and {"default", "unit"} <= node.keys(), path
         assert node["unit"] or node.get("type") not in ("integer", "number"), path
         if path.startswith("cases."):
-            assert node["provenance"] in ("seed", "derived", "assumed") and node["symbol"], path
+            assert node["provenance"] in ("printed", "derived", "assumed") and node["symbol"], path
     assert all(node["description"] for node in schema()["$defs"].values())
 
 

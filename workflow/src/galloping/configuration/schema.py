@@ -70,8 +70,8 @@ def allowed(node: dict, with_unit: bool = True) -> str:
     """Describe in words the allowed values of a setting, such as `> 0 m` or `one of a, b`."""
     unit = node.get("unit", "") if with_unit else ""
     text = _describe_type(node, "" if unit in ("", "1") else unit)
-    text = f"null or {text}" if "optional" in node else text
-    return ", ".join(filter(None, (text, node.get("rule"))))
+    text = ", ".join(filter(None, (text, node.get("rule"))))
+    return f"null or {text}" if "optional" in node else text
 
 
 def _describe_type(node: dict, unit: str) -> str:

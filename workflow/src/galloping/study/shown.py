@@ -62,7 +62,7 @@ def _describe_departure(case: CaseSection | None, paper: CaseSection) -> str:
     ours, papers = plain(case), plain(paper)
     for key, node in leaves(child(schema(), "cases")):
         path = key.split(".")[1:]  # below the name of the case
-        if node.get("provenance") != "seed":
+        if node.get("provenance") != "printed":
             continue
         value, printed = (reduce(getitem, path, values) for values in (ours, papers))
         # where the paper's own case has another value it is ours, as the tension of the second line
