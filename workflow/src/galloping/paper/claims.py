@@ -184,7 +184,7 @@ def judge(claim: Claim, scores: pd.DataFrame) -> dict:
             **nothing,
             "replicates": 0,
             "verdict": "not run",
-            "reason": "the study lacks the draws",
+            "reason": "the study lacks these recordings",
         }
     median, low, high = median_and_interval(values.tolist())
     number = claim.is_number
@@ -231,16 +231,16 @@ def _judge_number(
 ) -> tuple[str, str]:
     finite, printed = np.mean(np.isfinite(values)), claim.printed
     if finite < HALF:
-        return "undecided", f"only {_format_percent(finite)} of the draws give a number"
+        return "undecided", f"only {_format_percent(finite)} of the realisations give a number"
     paper = f"where the paper errs by {printed:g} %"
     if printed > found["high"]:
-        return "better", f"95 % of the draws err by less than {found['high']:.3g} %, {paper}"
+        return "better", f"95 % of the realisations err by less than {found['high']:.3g} %, {paper}"
     if printed < found["low"]:
-        return "worse", f"95 % of the draws err by more than {found['low']:.3g} %, {paper}"
-    text = f"{_format_percent(found['share_met'])} of the draws err less than the paper"
+        return "worse", f"95 % of the realisations err by more than {found['low']:.3g} %, {paper}"
+    text = f"{_format_percent(found['share_met'])} of the realisations err less than the paper"
     if not found["spread"] < WIDE:
         text += (
-            f", but the draws spread from {found['low']:.2g} to {found['high']:.3g} %: nearly any "
+            f", but they spread from {found['low']:.2g} to {found['high']:.3g} %: nearly any "
             "printed error would lie inside"
         )
     return "reproduced", text
@@ -251,9 +251,9 @@ def _judge_bound(
 ) -> tuple[str, str]:
     verdict = "undecided" if np.mean(np.isnan(values)) > HALF else verdict_of_share(found)
     if found["replicates"] == 1:
-        return verdict, "there is no noise to draw"
+        return verdict, "without noise there is a single value"
     shares = [found[name] for name in ("share_met", "share_met_low", "share_met_high")]
-    text = "{} of the draws ({} to {})".format(*map(_format_percent, shares))
+    text = "{} of the realisations ({} to {})".format(*map(_format_percent, shares))
     missed = ~claim.is_met(values)
     if not np.any(missed):
         return verdict, text

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from galloping.paper.agreement import NUMBERS, PRINTED
 from galloping.paper.claims import AT_LEAST, AT_MOST, CLAIMS, HELD, Claim
 from galloping.paper.unknowns import UNKNOWNS
 from galloping.tables.inference import NEAR
@@ -69,20 +68,18 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
 
     paper: paper.csv. region: paper_region.csv.
     """
-    others = sum(not claim.is_number for claim in PRINTED)
     text = (
         f"The paper does not state {len(UNKNOWNS)} numbers that the study needs for the line with "
-        "internal resonance, such as the wind speed and the threshold of its method. These numbers "
-        "were fitted to what the paper states about noisy recordings of this line: "
-        f"{len(NUMBERS)} printed errors, {others} other claims (bounds of R2, terms that are all "
-        "found, and comparisons in words), and a steady amplitude. Agreement with the fitted "
-        "claims shows consistency; it does not confirm the paper."
+        "internal resonance, such as the wind speed. These numbers were fitted to all claims of "
+        "the paper about this line. Agreement with these claims therefore shows that they are "
+        "consistent; it does not confirm the paper."
     )
     if region is not None:
         first = region.drop_duplicates("unknown").set_index("unknown")["verdict"]
-        determined = int((first.reindex([u.name for u in UNKNOWNS]) == "determined").sum())
-        text += f" The fit determines {determined or 'none'} of the {len(UNKNOWNS)} numbers"
-        text += f" within a factor of {NEAR}."
+        count = int((first.reindex([u.name for u in UNKNOWNS]) == "left open").sum())
+        which = "all" if count == len(UNKNOWNS) else f"{count} of the"
+        text += f" For {which} {len(UNKNOWNS)} numbers, the largest plausible value is at least "
+        text += f"{NEAR} times the smallest."
     joint = paper[paper["role"] == "joint"]
     if len(joint):
         first = joint[joint["case"] == joint["case"].iloc[0]].to_dict("records")
@@ -90,10 +87,9 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
             count = int(re.findall(r"\d+", row["claim"])[0])
             text += f" {_format_percent(row['share_met'])} of the noise realisations satisfy "
             text += (
-                f"all {count} claims without a number at once: the {others} above, and "
-                f"{count - others} about recordings without noise."
-                if "words" in row["claim"]
-                else f"all {count} bounds of R2 at once."
+                f"all {count} claims that are not printed errors."
+                if "except" in row["claim"]
+                else f"all {count} bounds of R2."
             )
     return text
 
@@ -188,7 +184,7 @@ def by_settings(varied: pd.DataFrame) -> str:
 
 def _as_cell(row: dict) -> PaperCell:
     claim = BY_NAME.get(row["claim"])
-    printed = _describe_printed(claim) if claim else "in one draw"
+    printed = _describe_printed(claim) if claim else "in one realisation"
     if row["verdict"] in ("not judged", "not run"):
         return PaperCell(printed, "", row["verdict"], row["reason"])
     return PaperCell(printed, _describe_ours(row, claim), row["verdict"], row["reason"])
@@ -207,10 +203,10 @@ def _describe_ours(row: dict, claim: Claim | None) -> str:
     if claim is None or claim.is_yes_or_no:
         if claim and row["share_met_low"] == row["share_met_high"]:  # no noise, one draw
             return "yes" if row["share_met"] == 1 else "no"
-        return f"in {share} of the draws" if claim is None else f"yes in {share} of the draws"
+        return f"in {share} of the realisations"
     median, low, high = (_format_number(row[name]) for name in ("median", "low", "high"))
     if claim.is_r2:
-        return f"{row['median']:.3f}, kept in {share}"
+        return f"{row['median']:.3f}, satisfied in {share}"
     value = f"{median} {claim.unit}".rstrip()
     return value if low == high else f"{value} ({low} to {high})"
 
