@@ -327,7 +327,9 @@ def _search_approximate(begun: Start, objections: Findings) -> tuple[Outcome, bo
 
 def _fit_approximate(begun: Start, objections: Findings) -> Outcome:
     """Fit the approximate model, by the error of free runs if inputs drive the motion."""
-    start = trajectory_fit.prepare_fit(begun, begun.fit, STRETCH_PERIODS)
+    start = attempt(partial(trajectory_fit.prepare_fit, begun, begun.fit, STRETCH_PERIODS))
+    if isinstance(start, NoModel):
+        return NoModel((*objections, *start.findings))
     near = fit_approximation(start, begun.penalty, objections)
     if isinstance(near, NoModel):
         return near

@@ -26,7 +26,7 @@ from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.rate_channels import channel_noise, stack_channels
 from galloping.identification.preparation.smoothing import Smooth
 from galloping.identification.preparation.weak_form import Start, WeakFit
-from galloping.identification.selection import Price
+from galloping.identification.selection import Price, n_unidentifiable_directions
 from galloping.identification.work import is_exhausted
 from galloping.model.polynomial import design_matrix, velocity_pairs
 from galloping.passes import passing
@@ -97,7 +97,8 @@ def fit_free_segments(begun: Start, start: WeakFit) -> Step | None:
     """Fit a model to segments of the recordings, each with an independent initial state.
 
     Segments are halved up to three times, until the fit is close; if it never is, they are as short
-    as halving them still halved the misfit. None if all diverge.
+    as halving them still halved the misfit. None if all diverge, or if they are so short that their
+    initial states alone explain the samples.
 
     From a rough start, particularly of a sensitive system, long segments diverge from the solution;
     segments that are too short hide faults of the recording.
@@ -113,11 +114,13 @@ def fit_free_segments(begun: Start, start: WeakFit) -> Step | None:
                 break
             stretch = fit.record.stretch
             periods = stretch / begun.period
-            step = _iterate_free_segments(fit)
+            step = _iterate_free_segments(fit, begun.largest)
         except FloatingPointError:
             continue
         finally:
             periods /= 2.0
+        if step is None:
+            break
         if step.fit.misfit < CLOSE:
             return step
         improving = best is None or (improving and step.fit.chi2 <= best.fit.chi2 / 2.0)
@@ -134,18 +137,25 @@ def follows_in_segments(begun: Start) -> bool:
     try:
         fit = prepare_fit(begun, begun.fit, PERIODS_PER_SEGMENT)
         long = fit.record.stretch / begun.period >= PERIODS_PER_SEGMENT / 2
-        return long and _iterate_free_segments(fit).fit.misfit < CLOSE
+        step = _iterate_free_segments(fit, begun.largest) if long else None
+        return step is not None and step.fit.misfit < CLOSE
     except FloatingPointError:
         return False
 
 
-def _iterate_free_segments(fit: ShootingFit) -> Step:
-    """Iterate over free segments. Raises FloatingPointError if one diverges."""
+def _iterate_free_segments(fit: ShootingFit, largest: np.ndarray) -> Step | None:
+    """Iterate over free segments; None if they determine no combination of terms.
+
+    largest: (n_candidates,) coefficients of terms as large as the motion. Raises FloatingPointError
+    if a segment diverges.
+    """
     before = fit
     # with three steps fewer are `ok` (docs/identification_parts.csv); then segments are joined,
     # however bad the fit
     for _ in range(5):
         step = take_guarded_step(before, fit, 1, None)
+        if n_unidentifiable_directions(step.information, largest) == len(largest):
+            return None
         before, fit = step.before, step.fit
         if fit.misfit < CLOSE:
             break
