@@ -20,6 +20,7 @@ from galloping.recording.samples import Input, Recording, inputs_at_times, mean_
 from galloping.trajectory.simulation import Simulator, rates_along
 
 ITERATIONS = 4  # of Gauss-Newton on the start, which is nearly linear over a few periods
+CONVERGED = 1e-4  # decrease of chi^2 that a step promises, below which it is the last
 NEARBY = 2  # of them, from a start that is near
 STAGES = (1 / 6, 1 / 3, 2 / 3, 1.0)  # of the samples that a start is told from, one after another
 STEP = 1e-5  # of finite differences of the start, relative to each state's size
@@ -222,7 +223,10 @@ class Following:
                 left = ((target[:n] - motion) * weight[:n]).ravel()
                 design = (own * weight[:n]).reshape(len(start), -1).T
                 size = np.linalg.norm(design, axis=0) + np.finfo(float).tiny
-                start = start + np.linalg.lstsq(design / size, left, rcond=1e-12)[0] / size
+                step = np.linalg.lstsq(design / size, left, rcond=1e-12)[0]
+                start = start + step / size
+                if np.sum((design @ (step / size)) ** 2) < CONVERGED:
+                    break
         return start
 
     def slopes(
