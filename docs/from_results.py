@@ -51,7 +51,8 @@ def claims() -> Table:
     cycles = steady[steady.index.str.contains("cycle")]
     long, wild = steady[steady.index.str.endswith(" s")], steady.loc["sensitive lines"]
     named, coverage = faults["fault_diagnosed"], every["coverage_unconditional"]
-    systems = table_of("trust/systems").groupby("method")[["replicates", "exact_support"]].sum()
+    counts = ["replicates", "exact_support", "ok_and_wrong"]
+    systems = table_of("trust/systems").groupby("method")[counts].sum()
     best = systems["exact_support"].drop(OURS)
     yield "Claim", "Aim", "Found", "Result"
     for claim, aim, shown, is_met in (
@@ -77,6 +78,9 @@ def claims() -> Table:
          f"{percent(systems.loc[OURS, 'exact_support'], systems.loc[OURS, 'replicates'])}; "
          f"`weak_gls` {best['weak_gls']}, weak form {best['weak']}",
          systems.loc[OURS, "exact_support"] > best.max()),
+        ("these systems: models that are `ok` and wrong", "at most 2 %",
+         percent(systems.loc[OURS, "ok_and_wrong"], systems.loc[OURS, "replicates"]),
+         systems.loc[OURS, "ok_and_wrong"] <= 0.02 * systems.loc[OURS, "replicates"]),
         ("recordings of 2,000 to 100,000 s: exact and `ok`", "all",
          percent(long[["exact_support", "ok"]].min(axis=1).sum(), long["fits"].sum()),
          long[["exact_support", "ok"]].min(axis=1).sum() == long["fits"].sum()),

@@ -87,7 +87,7 @@ def test_a_mapping_is_proposed_to_be_checked_and_then_used(tmp_path):
     assert said.exit_code == 0
     doubts = [line.partition(" in ")[0] for line in said.output.splitlines()[1:]]
     assert doubts == ["Check 'z'", "Check 'y'"] and "the file says no unit" in said.output
-    assert "is not plain" in run("inspect", path, code=1)
+    assert "does not say what it measures" in run("inspect", path, code=1)
     assert "columns 'z', 'y' have no unit" in run("inspect", path, "--map", map_file, code=1)
     map_file.write_text(map_file.read_text().replace("null", "m"))
     assert "z measures q_v" in run("inspect", path, "--map", map_file)

@@ -29,7 +29,7 @@ def refused_model(problem: Problem, findings: Iterable[Finding]) -> IdentifiedMo
 def explain_single_state(
     identified: IdentifiedModel, recordings: Iterable[Recording]
 ) -> IdentifiedModel:
-    """Add to a refusal that a single state which rises and falls needs its rate as a state.
+    """Refuse a single state which rises and falls: it needs its rate as a second state.
 
     The motion of one equation of first order without inputs only rises or only falls.
     """
@@ -39,7 +39,8 @@ def explain_single_state(
     still = identified.has_finding(Code.NO_MOTION, Code.MOSTLY_NOISE)
     if still or not any(_rises_and_falls(recording.values[:, 0]) for recording in recordings):
         return identified
-    return identified.with_findings(Finding.of(Code.SECOND_STATE_MISSING, states[0]))
+    cause = Finding.of(Code.SECOND_STATE_MISSING, states[0])
+    return replace(identified, findings=()).with_findings(cause)
 
 
 def _rises_and_falls(values: np.ndarray) -> bool:

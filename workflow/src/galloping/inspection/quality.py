@@ -51,20 +51,25 @@ def inspect_recording(series: "Series", mapping: "ColumnMapping") -> dict:
     and a description. Frequencies in Hz, times in s, values in SI units.
     """
     time = series.time
-    steps = np.diff(time)
+    sampled = np.flatnonzero(np.isfinite(series.values).any(axis=1))
+    begins, steps = time[sampled], np.diff(time[sampled])
     step = float(np.median(steps))
     gaps = np.flatnonzero(steps > REPORTED_GAP * step)
     report: dict[str, Any] = {
         "file": series.path.name,
         "start": series.start,
         "sampling": {
-            "samples": len(time),
+            "samples": len(sampled),
             "duration_s": float(time[-1] - time[0]),
-            "sampled_s": sampled_time(time),
+            "sampled_s": sampled_time(begins),
             "rate_hz": 1.0 / step,
             "irregularity_percent": float(100 * np.std(steps[steps <= REPORTED_GAP * step]) / step),
             "gaps": [
-                {"row": int(series.rows[k]), "from_s": float(time[k]), "length_s": float(steps[k])}
+                {
+                    "row": int(series.rows[sampled[k]]),
+                    "from_s": float(begins[k]),
+                    "length_s": float(steps[k]),
+                }
                 for k in gaps[np.argsort(-steps[gaps])][:20]
             ],
             "gaps_total": len(gaps),

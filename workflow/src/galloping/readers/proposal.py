@@ -242,10 +242,10 @@ def propose(
     if not channels:
         for measured, name in _guess(table, others, unit_of).items():
             channels.append(written(name, measures=measured))
-            unit = "" if unit_of(name) else _likely(table, name, others)
+            unit = "" if table.unit(name) else unit_of(name) or _likely(table, name, others)
             doubts[name] = Doubt(
-                f"what column {name!r} measures is not plain, and could only be guessed from its "
-                "place among the columns",
+                f"the name of column {name!r} does not say what it measures, which could only be "
+                "guessed from its place among the columns",
                 f"say so, such as {measure_option(measured, name, unit)}, or check and edit the "
                 f"mapping that `galloping inspect {table.path} --write-map map.yaml` writes",
             )

@@ -306,7 +306,7 @@ def _check_units(table: FileTable, mapping: ColumnMapping, of_time: bool) -> Non
         names, several = ", ".join(repr(name) for name, _ in bare), len(bare) > 1
         raise FileError(
             f"{table.path}: column{'s' * several} {names} {'have' if several else 'has'} no unit; "
-            f"add {unit_options(bare)}, or whatever they are in (unit: in a mapping), or write it "
+            f"add {unit_options(bare)} if that is right (unit: in a mapping), or write the unit "
             "behind the column's name, in []"
         )
 

@@ -178,9 +178,11 @@ def draw_assessment(of: Assessment, units: Mapping[str, str]) -> Figure:
 
     units: of inputs, by name.
     """
-    cycles = [(c.at[of.along], cycle) for c in of.conditions for cycle in c.cycles if of.along]
+    if not of.along:
+        raise ValueError("--figure: draws amplitudes over a range of an input, such as --at U=4:16")
+    cycles = [(c.at[of.along], cycle) for c in of.conditions for cycle in c.cycles]
     if not cycles:
-        return parts.make_empty_figure("no limit cycle along a range of an input")
+        return parts.make_empty_figure(f"no limit cycle in this range of {of.along}")
     states = list(cycles[0][1].half_range)
     figure, (row,) = parts.panels(0.6 + 2.2, columns=len(states), sharex=True)
     for k, (axes, state) in enumerate(zip(row, states, strict=True)):

@@ -135,8 +135,9 @@ def parse_input_values(
     for text in texts:
         name, _, said = (part.strip() for part in text.partition("="))
         if name not in inputs:
-            has = f"has the inputs {', '.join(inputs)}" if inputs else "has no inputs"
-            raise ValueError(f"--at {text}: the model {has}")
+            has = f"has the inputs {', '.join(inputs)}"
+            none = "has no inputs; identify it with an input, such as --input U=COLUMN"
+            raise ValueError(f"--at {text}: the model {has if inputs else none}")
         try:
             values = [float(part) for part in said.split(":")]
         except ValueError:

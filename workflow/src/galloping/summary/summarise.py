@@ -218,7 +218,7 @@ def summarise_with(
     identify: the method of the model. names, faults, are_one: as of `with_objections`. Raises
     ValueError if there is a model and no channel oscillates.
     """
-    recordings = apply_model_filter(found, without_omissions(found, recordings))
+    recordings = _used_recordings(found, recordings)
     period, last = longest_period(recordings), recordings[-1]
     untried, is_still = "", False
     with part("compare the recordings", until=0.3):
@@ -243,7 +243,7 @@ def summarise_with(
         return Summary(
             found,
             tuple(recordings),
-            dynamics(found, recordings, seed=seed),
+            _compute_dynamics(found, recordings, seed),
             held_out,
             untried,
             is_still,
@@ -279,9 +279,16 @@ def dynamics(
     ValueError
         If an argument has another form.
     """
-    given = _check_recordings(found, recordings)
+    given = _used_recordings(found, recordings)
     if not len(found.extrapolation_shift):
         found = with_extrapolation(found, given)
+    return _compute_dynamics(found, given, seed)
+
+
+def _compute_dynamics(
+    found: IdentifiedModel, given: Sequence[Recording], seed: int
+) -> Dynamics | None:
+    """Compute the dynamics of a model from the parts of recordings that it was identified from."""
     at = typical_inputs(found.model.inputs, given)
     around, rng = Surroundings.of(given), np.random.default_rng(seed)
     said = of_line.dynamics(found.at(at) if at else found, around, rng)
@@ -326,7 +333,7 @@ def forecast(
         If there is no model, it does not follow the recording, an input is unknown, most models
         drawn from its covariance diverge, or an argument has another form.
     """
-    (recording,) = _check_recordings(found, recording)
+    *_, recording = _used_recordings(found, recording)
     if window is None:
         window = PERIODS * _check_period(longest_period([recording]))
     end = recording.time[-1]
@@ -336,6 +343,12 @@ def forecast(
     if found.status != "refused":
         check_followed(found, recording, window)
     return ahead.forecast(found, recording, times, window, np.random.default_rng(seed), inputs)
+
+
+def _used_recordings(found: IdentifiedModel, recordings: object) -> list[Recording]:
+    """Return the parts of recordings that a model was identified from, without filtered motion."""
+    given = _check_recordings(found, recordings)
+    return apply_model_filter(found, without_omissions(found, given))
 
 
 def _check_recordings(found: object, recordings: object) -> list[Recording]:
@@ -350,7 +363,7 @@ def _check_recordings(found: object, recordings: object) -> list[Recording]:
             f"recordings: have the states {', '.join(given[0].states)}; the model has "
             f"{', '.join(found.model.states)}"
         )
-    return apply_model_filter(found, without_omissions(found, given))
+    return given
 
 
 def longest_period(recordings: Sequence[Recording]) -> float:

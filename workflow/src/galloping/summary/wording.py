@@ -414,7 +414,7 @@ def _missed(channels: Sequence[HeldOutChannel]) -> str:
     ]
     error = "Relative to the standard deviation of the recording, the root-mean-square error was"
     parts = [f"{error} {listed(missed)}"] if missed else []
-    parts += [f"Only noise was left of {listed(noise)}"] if noise else []
+    parts += [f"No motion larger than the noise was left of {listed(noise)}"] if noise else []
     return ". ".join(parts)
 
 

@@ -245,7 +245,9 @@ def _identify_mean_model(
     values = np.column_stack([poles.real, poles.imag])
     weights = errors**-2 / np.sum(errors**-2, axis=0)
     growth, omega = np.sum(weights * values, axis=0)
-    spread = np.diag(np.sum(weights * (values - [growth, omega]) ** 2, axis=0))
+    # of values about the mean, and of the mean itself: parts may agree by chance
+    scatter = np.sum(weights * (values - [growth, omega]) ** 2, axis=0)
+    spread = np.diag(scatter * len(parts) / (len(parts) - 1) + np.sum(errors**-2, axis=0) ** -1)
     ((coordinate, velocity),) = motion.channels.pairs.items()
     system, by_entry = np.zeros((2, 2)), np.zeros((2, 2, 2))
     system[coordinate, velocity] = 1.0
