@@ -428,11 +428,11 @@ def test_parameters_carry_their_source():
     settings = load({"cases": {"paper": {}, "other": {"line": {"tension": 35000}, "ice": ice}}})
     rows = conductor(plain(settings)).set_index(["case", "symbol"])
     about = ["key", "value", "unit", "provenance"]
-    assert rows.loc[("paper", "H"), about].to_list() == ["line.tension", 25000, "N", "seed"]
+    assert rows.loc[("paper", "H"), about].to_list() == ["line.tension", 25000, "N", "printed"]
     assert rows.loc[("paper", "EA"), "note"] == "printed 3.0e4, read in kN"
     assert rows.loc["paper"].loc[["D", "beta_3"], "provenance"].to_list() == ["assumed", "derived"]
     changed = rows.loc[("other", "H"), ["value", "provenance", "note"]].to_list()
-    assert changed == [35000, "assumed", "default 25000 (seed)"]
+    assert changed == [35000, "assumed", "default 25000 (printed)"]
     assert rows.loc[("other", "beta_3"), "value"] == 3
 
 

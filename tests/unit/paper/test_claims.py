@@ -189,7 +189,7 @@ def test_the_first_screen_counts_and_lists_them():
     assert [cell.printed for cell in rows["amplitude error from 30000 points"]] == [
         "0.83 %", "1.03 %"]  # fmt: skip
     (found,) = rows["all terms found at noise 0.05"]
-    assert (found.printed, found.ours) == ("all", "yes in 100 % of the draws")
+    assert (found.printed, found.ours) == ("all", "in 100 % of the realisations")
     (gradual,) = rows["few false terms at noise 0.01"]
     assert (gradual.printed, gradual.ours) == ("gradual", "1")
     failed = table["verdict"].isin(("worse", "better", "undecided", "seldom met", "not met"))
