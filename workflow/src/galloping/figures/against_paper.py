@@ -52,7 +52,7 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
             left.plot(limits[1], k, ">", color=OURS, ms=4, clip_on=False)
         left.plot(row.printed, k, "*", color=style.PAPER, ms=8, mew=0, zorder=5)
     parts.rows(left, [_shorten_claim(name) for name in numbers["claim"]], lines=False)
-    parts.letter(right, 1, "share that satisfies a bound")
+    parts.letter(right, 1, "realisations that satisfy a bound")
     columns = ["share_met", "share_met_low", "share_met_high"]
     shares, low, high = 100 * bounds[columns].to_numpy(float).T
     right.barh(np.arange(len(bounds)), shares, height=0.55, color=OURS, alpha=0.45)
@@ -67,15 +67,16 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
         lines=False,
     )  # fmt: skip
     star = parts.key("printed in the paper", marker="*", color=style.PAPER, ms=8, mew=0)
-    ours = "realisations of the paper's method: median, 5 to 95 %"
+    ours = "our realisations: median, 5 to 95 %"
     dot = parts.key(ours, color=OURS, marker="o", ms=4, ls="-")
-    parts.legend(figure, star, dot)
+    share = parts.key("95 % interval of a share", color=OURS, ls="-", lw=1.0)
+    parts.legend(figure, star, dot, share)
     inside = (
         (numbers["low"] <= numbers["printed"]) & (numbers["printed"] <= numbers["high"])
     ).sum()
     figure.set_label(
         f"{inside} of {len(numbers)} printed errors lie within the 5 to 95 % range; a bound on R² "
-        f"is kept by {np.min(shares):.0f} to {np.max(shares):.0f} % of the realisations"
+        f"is satisfied by {np.min(shares):.0f} to {np.max(shares):.0f} % of the realisations"
         if len(numbers) and len(bounds)
         else ""
     )
