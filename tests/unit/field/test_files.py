@@ -141,10 +141,13 @@ def test_quality_tells_noise_frequency_outliers_gaps_and_clipping(tmp_path):
     values = 1000 * np.sin(2.6 * time) + 50 * rng.standard_normal(len(time))
     values[7] = 1e5
     frame = pd.DataFrame({"t": time, "v": values, "w": np.clip(np.cos(1.3 * time), -1, 0.9)})
-    report = questioned(tmp_path / "a.csv", frame.drop(index=range(2000, 2100)))
-    assert report["sampling"]["gaps_total"] == 1 and report["sampling"]["gaps"][0] == {
-        "row": 2001, "from_s": pytest.approx(79.96), "length_s": pytest.approx(4.04),
-    }  # fmt: skip
+    left_out, empty = frame.drop(index=range(2000, 2100)), frame.copy()
+    empty.loc[range(2000, 2100), ["v", "w"]] = np.nan
+    for each in (empty, left_out):
+        report = questioned(tmp_path / "a.csv", each)
+        assert report["sampling"]["gaps_total"] == 1 and report["sampling"]["gaps"][0] == {
+            "row": 2001, "from_s": pytest.approx(79.96), "length_s": pytest.approx(4.04),
+        }  # fmt: skip
     v = report["channels"]["v"]
     assert v["noise"] == pytest.approx(0.05, rel=0.05)
     assert v["dominant_frequencies_hz"][0] == pytest.approx(2.6 / (2 * np.pi), abs=0.004)

@@ -117,6 +117,23 @@ def test_damping_that_no_model_follows_is_told_by_its_envelope():
     assert 0.0 < damping.low < damping.high
 
 
+def test_parts_of_a_decay_that_agree_by_chance_have_their_own_errors():
+    time = np.arange(1200) / 20.0
+    states = solve_ivp(
+        lambda t, x: [x[1], -x[0] - 0.1 * x[1] - 0.5 * x[0] ** 3 + 0.4 * np.sin(1.7 * t)],
+        (0.0, 60.0), [1.0, 0.0], t_eval=time, rtol=1e-10, atol=1e-12,
+    ).y.T  # fmt: skip
+    noise = np.random.default_rng(5).standard_normal(states.shape)
+    recording = Recording(time, ("q", "dq"), states + 0.05 * states.std(axis=0) * noise)
+    found = maximum_likelihood(recording, LIBRARY)
+    damping = found.model.terms.index((0, 1))
+    assert codes(found) == [Code.NOT_EXPONENTIAL] and len(found.envelope) == 2
+    alone = [2.0 * part.growth_error for part in found.envelope]
+    assert found.standard_errors[1, damping] > 0.8 * min(alone)
+    (used,) = summarise(found, recording).recordings
+    assert np.isfinite(used.values).all()
+
+
 def test_the_term_that_a_library_lacks_is_named_beside_the_envelope():
     time, stiffness = np.arange(4000) / 100.0, 4.0 * np.pi**2
     states = solve_ivp(

@@ -14,7 +14,12 @@ from identification_cases import model, noisy
 from galloping import Input, PolynomialModel, Recording, Simulator, maximum_likelihood, simulate
 from galloping import polynomial_library as library
 from galloping.identification.likelihood.instrument import FORCES
+from galloping.identification.likelihood.starts import starts_of_terms
+from galloping.identification.likelihood.trajectory_fit import fit_free_segments
 from galloping.identification.observations import Code
+from galloping.identification.preparation.weak_form import make_start
+from galloping.identification.prior_knowledge import PRIOR
+from galloping.identification.problem import make_problem
 from galloping.line.galerkin import STATES
 from galloping.streams import make_generator
 from galloping.trajectory.simulation import time_grid
@@ -105,6 +110,13 @@ def test_forces_that_change_slowly_show_between_four_segments() -> None:
     recording = noisy(OSCILLATOR, motion, time, 0.05, 202611277)
     found = maximum_likelihood(recording, OSCILLATOR.terms)
     assert found.status == "approximate" and found.has_finding(*FORCES)
+
+
+def test_segments_whose_initial_states_explain_all_samples_are_not_joined() -> None:
+    true, recording = published("brusselator", 0.1)
+    start = make_start(make_problem(true.states, true.terms, prior=PRIOR), [recording])
+    (_, terms, _), *_ = starts_of_terms(start)
+    assert fit_free_segments(start, terms) is None
 
 
 @pytest.mark.parametrize("path", OPEN)

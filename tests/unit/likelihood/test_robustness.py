@@ -173,5 +173,9 @@ def test_an_oscillation_of_a_single_state_is_refused_with_the_state_that_it_lack
         name: maximum_likelihood(Recording(time, ["x"], values), library(1, 3))
         for name, values in {**moves, "noise": noise}.items()
     }
-    lacking = [name for name, one in found.items() if one.has_finding(Code.SECOND_STATE_MISSING)]
+    lacking = [
+        name
+        for name, one in found.items()
+        if [each.code for each in one.findings] == [Code.SECOND_STATE_MISSING]
+    ]
     assert lacking == ["swing"] and found["swing"].status == "refused"
