@@ -385,10 +385,13 @@ def _change_without(
     """Compute by how much coefficients change if they are fitted to a part of the segments.
 
     Returns the changes (n_support,), none in directions that the part does not tell, and these
-    directions, (n_support, k), with unit information of the whole. whole: its information.
+    directions, (n_support, k), with unit information of the whole. whole: its information. Raises
+    LinAlgError if rounding has left no information on a coefficient.
     """
-    kept = np.ix_(support, support)
-    unit = 1.0 / np.sqrt(np.diag(whole)[support])
+    kept, own = np.ix_(support, support), np.diag(whole)[support]
+    if not (np.all(own > 0.0) and np.isfinite(part.information[kept]).all()):
+        raise np.linalg.LinAlgError("the stretches do not determine a coefficient")
+    unit = 1.0 / np.sqrt(own)
     scale = np.outer(unit, unit)
     shares, directions = eigh(part.information[kept] * scale, whole[kept] * scale)
     directions *= unit[:, None]
