@@ -1,6 +1,6 @@
 # make            the environment, the whole study and its report
 # make smoke      the same in a few minutes, in results/smoke
-# make trust      may the verdicts be trusted? trials on thousands of recordings, in results/trust
+# make trust      how often is each status right? trials on thousands of recordings, in results/trust
 # make reality    what a recording gives of a line that is not its own model, in results/reality
 # make published  the settings of published methods, beside their numbers, in results/published
 # make exam       has an edit changed what is identified? some 300 recordings beside the reference

@@ -43,7 +43,6 @@ VARIANTS = {
     "gusts 5 %": LineVariant(9, intensity=0.05),
     "antisymmetric 1 mm": LineVariant(9, antisymmetric=1e-3),
     "antisymmetric 10 mm": LineVariant(9, antisymmetric=1e-2),
-    "relative, antisym. 10 mm": LineVariant(9, "relative", antisymmetric=1e-2),
 }
 
 

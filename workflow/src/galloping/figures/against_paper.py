@@ -52,7 +52,7 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
             left.plot(limits[1], k, ">", color=OURS, ms=4, clip_on=False)
         left.plot(row.printed, k, "*", color=style.PAPER, ms=8, mew=0, zorder=5)
     parts.rows(left, [_shorten_claim(name) for name in numbers["claim"]], lines=False)
-    parts.letter(right, 1, "realisations that satisfy a bound")
+    parts.letter(right, 1, "share that meets a bound")
     columns = ["share_met", "share_met_low", "share_met_high"]
     shares, low, high = 100 * bounds[columns].to_numpy(float).T
     right.barh(np.arange(len(bounds)), shares, height=0.55, color=OURS, alpha=0.45)

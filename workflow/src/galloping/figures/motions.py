@@ -292,13 +292,15 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
         axes.set_ylabel("amplitude, m")
     axes.set_xlabel("wind speed, m/s")
     parts.legend(figure, columns=2)
-    ours = parts.where(chosen, method=settings["method"]).dropna(subset=["predicted_m", "true_m"])
+    every = {name: settings[name] for name in ("case", "protocol", "method")}
+    ours = parts.where(table, **every).dropna(subset=["predicted_m", "true_m"])
     if len(ours):
         error = 100 * (ours["predicted_m"] / ours["true_m"] - 1).abs().max()
         least, most = ours["wind_m_s"].min(), ours["wind_m_s"].max()
         figure.set_label(
             f"From one recording at {settings['recorded']:g} m/s, amplitudes at {least:g} to "
-            f"{most:g} m/s are predicted within {error:.2g} %"
+            f"{most:g} m/s are predicted; the largest error in {ours['replicate'].nunique()} "
+            f"recordings is {error:.2g} %"
         )
     return figure
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from galloping.paper.claims import AT_LEAST, AT_MOST, CLAIMS, HELD, Claim
+from galloping.paper.claims import AT_LEAST, AT_MOST, CLAIMS, HELD, WIDE, Claim
 from galloping.paper.unknowns import UNKNOWNS
 from galloping.tables.inference import NEAR
 
@@ -71,15 +71,15 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
     text = (
         f"The paper does not state {len(UNKNOWNS)} numbers that the study needs for the line with "
         "internal resonance, such as the wind speed. These numbers were fitted to all claims of "
-        "the paper about this line. Agreement with these claims therefore shows that they are "
-        "consistent; it does not confirm the paper."
+        "the paper about this line. Agreement therefore shows that the claims are consistent with "
+        "each other; it does not confirm the paper."
     )
     if region is not None:
         first = region.drop_duplicates("unknown").set_index("unknown")["verdict"]
         count = int((first.reindex([u.name for u in UNKNOWNS]) == "left open").sum())
         which = "all" if count == len(UNKNOWNS) else f"{count} of the"
-        text += f" For {which} {len(UNKNOWNS)} numbers, the largest plausible value is at least "
-        text += f"{NEAR} times the smallest."
+        text += f" The claims determine these numbers poorly: for {which} {len(UNKNOWNS)}, the "
+        text += f"largest plausible value is at least {NEAR} times the smallest."
     joint = paper[paper["role"] == "joint"]
     if len(joint):
         first = joint[joint["case"] == joint["case"].iloc[0]].to_dict("records")
@@ -91,6 +91,13 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
                 if "except" in row["claim"]
                 else f"all {count} bounds of R2."
             )
+    numbers = paper[(paper["role"] == "counted") & paper["spread"].notna()]
+    wide = int((~(numbers["spread"] < WIDE)).sum())
+    if wide:
+        text += (
+            f" For {wide} of {len(numbers)} printed errors, the largest error of our realisations"
+        )
+        text += f" is more than {WIDE:g} times the smallest: nearly any printed error would agree."
     return text
 
 
@@ -100,12 +107,13 @@ def describe_counts(paper: pd.DataFrame) -> str:
     A statement is counted once, and is reproduced if all of its rows are. paper: paper.csv.
     """
     single = paper[paper["role"] == "counted"]
-    judged = single[~single["verdict"].isin(("not judged", "not run"))]
-    held = judged.assign(held=judged["verdict"].isin(HELD)).groupby(["case", "statement"])["held"]
-    statements = held.all()
-    text = f"{statements.sum()} of {len(statements)} statements of the paper are reproduced"
-    lacking = single[single["verdict"] == "not run"]["statement"].nunique()
-    text += f", {lacking} were not run." if lacking else "."
+    judged = single[single["verdict"] != "not judged"]
+    lacks = judged["verdict"].eq("not run").groupby([judged["case"], judged["statement"]]).any()
+    held = judged["verdict"].isin(HELD).groupby([judged["case"], judged["statement"]]).all()
+    statements = held[~lacks]
+    text = f"{statements.sum()} of {len(statements)} statements of the paper are reproduced."
+    if lacks.any():
+        text += f" {lacks.sum()} further statements need recordings that this study does not have."
     first = next(iter(paper["case"]), "")
     missed = [
         statement if case == first else f"{statement} ({case.replace('_', '-')} line)"
@@ -162,6 +170,7 @@ def by_settings(varied: pd.DataFrame) -> str:
     """
     if varied.empty:
         return ""
+    varied = varied[varied["verdict"] != "not run"]
     held = varied.groupby(["parameter", "value", "unit", "is_default"], sort=False)["is_reproduced"]
     held = held.agg(["sum", "size"]).reset_index()
     own = held[held["is_default"]]
@@ -174,11 +183,10 @@ def by_settings(varied: pd.DataFrame) -> str:
         + (f" {row['unit']}" if row["unit"] != "1" else "")
         for row in worst.sort_values("sum").to_dict("records")
     )
-    of = f"{own['sum'].iloc[0]} at the study's settings; " if len(own) else ""
+    of = f"{own['sum'].iloc[0]} are reproduced at the study's settings; " if len(own) else ""
     return (
-        "The paper leaves some settings open, and they decide what holds. Of "
-        f"{others['size'].iloc[0]} claims about the first line hold {of}with one setting "
-        f"changed, {examples}."
+        f"The paper leaves some settings open. Of {others['size'].iloc[0]} claims about the first "
+        f"line that were run, {of}with one setting changed, the fewest are {examples}."
     )
 
 

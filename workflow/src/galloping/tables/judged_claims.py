@@ -128,7 +128,7 @@ def _joint_rows(claims: Sequence[Claim], case: str, draws: pd.DataFrame) -> list
     bounds = [
         claim
         for claim in claims
-        if claim.is_counted and not claim.is_number and claim.column in draws
+        if claim.is_counted and not claim.is_number and claim.level > 0 and claim.column in draws
     ]
     of_r2 = [claim for claim in bounds if claim.is_r2]
     rows = []

@@ -14,6 +14,7 @@ from galloping.configuration.load import load, plain
 from galloping.configuration.schema import child, leaves, schema
 from galloping.configuration.settings import Settings
 from galloping.line.galerkin import ice_coefficients
+from galloping.paper.agreement import CASE
 
 COLUMNS = ["case", "key", "symbol", "value", "unit", "provenance", "note"]
 
@@ -22,8 +23,8 @@ def conductor(settings: dict, region: pd.DataFrame | None = None) -> pd.DataFram
     """Tabulate parameters of each overhead line without its spacers, with units and sources.
 
     The aerodynamic coefficients are those of the reading. settings: cases, as in the configuration.
-    region: paper_region.csv, inferred from the paper's printed numbers: a value in its interval
-    there is `inferred`, and the interval noted.
+    region: paper_region.csv, inferred from the paper's printed numbers of one line: a value of this
+    line in its interval there is `inferred`, and the interval noted.
     """
     study = load({"cases": settings["cases"]})
     table = _tabulate_parameters(study)
@@ -38,7 +39,8 @@ def conductor(settings: dict, region: pd.DataFrame | None = None) -> pd.DataFram
     if region is None:
         return table.reset_index(drop=True)
     for place, row in enumerate(table.to_dict("records")):
-        found = region[(region["key"] == row["key"]) & region["best"].notna()]
+        is_own = row["case"] == CASE and region["best"].notna()
+        found = region[is_own & (region["key"] == row["key"])]
         value = np.nan if isinstance(row["value"], str) else float(row["value"])
         for low, high in found[["low", "high"]].to_numpy()[:1]:
             if low <= value <= high:
