@@ -123,4 +123,4 @@ def test_pages_are_whole(tmp_path):
     ):
         assert shown in read(tmp_path / "pages" / f"{name}.html")
     for name in ("trust", "methods"):  # one definition, included
-        assert "20 % of the posterior weight" in read(tmp_path / "pages" / f"{name}.html")
+        assert "(posterior weight) of at most 20 %" in read(tmp_path / "pages" / f"{name}.html")

@@ -192,7 +192,7 @@ def by_settings(varied: pd.DataFrame) -> str:
 
 def _as_cell(row: dict) -> PaperCell:
     claim = BY_NAME.get(row["claim"])
-    printed = _describe_printed(claim) if claim else "in one realisation"
+    printed = _describe_printed(claim) if claim else "at once"
     if row["verdict"] in ("not judged", "not run"):
         return PaperCell(printed, "", row["verdict"], row["reason"])
     return PaperCell(printed, _describe_ours(row, claim), row["verdict"], row["reason"])
@@ -214,7 +214,7 @@ def _describe_ours(row: dict, claim: Claim | None) -> str:
         return f"in {share} of the realisations"
     median, low, high = (_format_number(row[name]) for name in ("median", "low", "high"))
     if claim.is_r2:
-        return f"{row['median']:.3f}, satisfied in {share}"
+        return f"{row['median']:.3f}, met in {share}"
     value = f"{median} {claim.unit}".rstrip()
     return value if low == high else f"{value} ({low} to {high})"
 

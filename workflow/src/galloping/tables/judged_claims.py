@@ -140,7 +140,7 @@ def _joint_rows(claims: Sequence[Claim], case: str, draws: pd.DataFrame) -> list
             share, low, high = (100 * found[key] for key in ("share_met", "share_met_low",
                                                              "share_met_high"))  # fmt: skip
             rows.append({
-                "claim": f"all {len(group)} {name} in the same realisation", "role": JOINT,
+                "claim": f"all {len(group)} {name} at once", "role": JOINT,
                 "case": case, "direction": "",
                 **{NAMES.get(key, key): value for key, value in found.items()},
                 "verdict": verdict_of_share(found),

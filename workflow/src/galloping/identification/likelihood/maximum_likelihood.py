@@ -329,7 +329,7 @@ def _fit_approximate(begun: Start, objections: Findings) -> Outcome:
     """Fit the approximate model, by the error of free runs if inputs drive the motion."""
     start = attempt(partial(trajectory_fit.prepare_fit, begun, begun.fit, STRETCH_PERIODS))
     if isinstance(start, NoModel):
-        return NoModel((*objections, *start.findings))
+        return NoModel((*objections, *(one for one in start.findings if one not in objections)))
     near = fit_approximation(start, begun.penalty, objections)
     if isinstance(near, NoModel):
         return near
