@@ -139,7 +139,10 @@ def test_prediction():
     settings = {"case": "line", "protocol": "state", "method": "maximum_likelihood",
                 "replicate": 0, "recorded": 12.0, "peer": "stlsq"}  # fmt: skip
     figure = draw_prediction(pd.DataFrame(told), settings)
-    assert "recordings is 0 %" in figure.get_label()
+    assert (
+        "8 to 12 m/s are predicted; the largest error of all recordings is 0 %"
+        in figure.get_label()
+    )
     lines = {line.get_label(): line for line in figure.axes[0].lines}
     ours = lines["maximum likelihood (not identifiable)"]  # the status, beside the name alone
     np.testing.assert_allclose(ours.get_ydata(), true[:, 0])

@@ -94,10 +94,8 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
     numbers = paper[(paper["role"] == "counted") & paper["spread"].notna()]
     wide = int((~(numbers["spread"] < WIDE)).sum())
     if wide:
-        text += (
-            f" For {wide} of {len(numbers)} printed errors, the largest error of our realisations"
-        )
-        text += f" is more than {WIDE:g} times the smallest: nearly any printed error would agree."
+        text += f" For {wide} of {len(numbers)} printed errors, nine in ten of our realisations "
+        text += f"spread over more than a factor of {WIDE:g}: nearly any printed error would agree."
     return text
 
 

@@ -39,8 +39,9 @@ def conductor(settings: dict, region: pd.DataFrame | None = None) -> pd.DataFram
     if region is None:
         return table.reset_index(drop=True)
     for place, row in enumerate(table.to_dict("records")):
-        is_own = row["case"] == CASE and region["best"].notna()
-        found = region[is_own & (region["key"] == row["key"])]
+        if row["case"] != CASE:
+            continue
+        found = region[(region["key"] == row["key"]) & region["best"].notna()]
         value = np.nan if isinstance(row["value"], str) else float(row["value"])
         for low, high in found[["low", "high"]].to_numpy()[:1]:
             if low <= value <= high:

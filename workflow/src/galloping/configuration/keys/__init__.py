@@ -4,7 +4,7 @@ Columns. list: empty for a single value, `any` number of values, `2` or `3` of t
 or `some`, one at least and distinct. type: `real`, `whole`, `bool`, names separated by ` | `, or
 what the section's class says (`text`, `name`, `mapping`, `section`). default: empty where that of
 the type is meant. symbol: with `{}` for the number of the item where the value is a list.
-provenance: `printed` is printed in the paper, `derived` follows from it, `inferred` comes from its
+provenance: `printed` is in the paper, `derived` follows from it, `inferred` comes from its
 printed numbers (only in tables of results), `assumed` is ours. note: on the source. rule: what is
 checked beyond type and range. why: the reason for the range, which is that of lines that are built.
 

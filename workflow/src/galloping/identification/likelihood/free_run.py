@@ -51,10 +51,10 @@ def approximate_free_runs(
     differences between the gradients of up to 40 stretches (sandwich; P. J. Huber, 1967), with a
     factor for an error common to all stretches.
     """
-    _, covariance = solve_support(information, np.zeros(len(fit.free)), fit.support)
-    covariance = sandwich_covariance(_window_gradients(fit, residual), covariance)
+    _, inverse = solve_support(information, np.zeros(len(fit.free)), fit.support)
+    covariance = sandwich_covariance(_window_gradients(fit, residual), inverse)
     record, condensed = fit.record, fit.record.condensed
-    covariance += prior_covariance(record.problem, information, fit.support)
+    covariance += prior_covariance(record.problem, inverse, fit.support)
     made = Approximation(fit, information, covariance, residual, penalty, ("free runs",))
     squares = condensed.sum_squares(residual)
     left = np.sqrt((squares + condensed.remainder) / np.maximum(condensed.counts, 1))
