@@ -7,10 +7,10 @@ import pytest
 
 from galloping.identification.likelihood.elimination import (
     chain_segments,
-    eliminate_states,
+    eliminate_chains,
     eliminate_with_jumps,
 )
-from galloping.identification.likelihood.shooting import Linearised, Segments, qr_eliminate
+from galloping.identification.likelihood.shooting import Linearised, Segments, eliminate_states
 from galloping.identification.likelihood.weak_constraint import NormalEquations
 
 COUNT, STATES, N, ROWS = 6, 2, 3, 8
@@ -59,14 +59,13 @@ def test_eliminated_states_leave_the_best_coefficients_and_follow_them(jump: flo
         precision = np.tile(np.eye(STATES) / jump**2, (COUNT, 1, 1))
         found = eliminate_with_jumps(record, linear, precision)
     else:
-        parts = [qr_eliminate(*each, N) for each in zip(DESIGN, RESIDUAL, strict=True)]
-        information = sum(rest.T @ rest for _, rest, _ in parts)
-        right = sum(left @ rest for _, rest, left in parts)
-        kept = np.array([own for own, *_ in parts])
+        rows = np.concatenate([DESIGN, RESIDUAL[..., None]], axis=2).reshape(-1, N + STATES + 1)
+        kept, rest = eliminate_states(rows, ROWS * np.arange(COUNT + 1), N)
+        information, right = rest[:, :N].T @ rest[:, :N], rest[:, -1] @ rest[:, :N]
         linear = Linearised(kept, information, right, np.zeros((2, 1)), ENDS, SLOPES)
         segments = chain_segments(linear, SEGMENTS)
         assert segments.chains.tolist() == OWNER.tolist()
-        found = eliminate_states(linear, segments, STARTS)
+        found = eliminate_chains(linear, segments, STARTS)
         assert found.gap == pytest.approx(
             np.abs(ENDS - np.roll(STARTS, -1, 0))[[0, 1, 2, 4]].max(0)
         )

@@ -17,10 +17,12 @@ from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.identification.work import count_work
 
-MAX_STEPS = 30  # of Gauss-Newton
+MAX_STEPS, MAX_LAST_STEPS = 30, 4  # of Gauss-Newton, and of them after a fit of means
 MIN_SAMPLES = 8  # of a channel of a stretch
 CONVERGED = 1e-3  # step in standard errors
 ROUNDING = 1e-10  # least noise, in units of the motion; least share of information that counts
+# Means of samples that a first fit takes in the shortest period. They tell 0.6 % less of a mode.
+MEANS_PER_PERIOD = 24
 
 
 @dataclass(frozen=True)
@@ -170,6 +172,9 @@ def fit_poles(
 ) -> DampedModes:
     """Fit damped sinusoids to samples of free motion, from initial guesses of their poles.
 
+    If a period has many samples, means of neighbours are fitted first: these are damped sinusoids
+    with the same poles.
+
     Parameters
     ----------
     stretches : sequence of Stretch
@@ -184,10 +189,51 @@ def fit_poles(
     """
     steady = np.zeros(len(poles), bool) if is_steady is None else is_steady
     free = np.append(~steady, np.ones(len(poles), bool))
+    step = min(one.step for one in stretches)
+    count = int(2.0 * np.pi / (MEANS_PER_PERIOD * step * max(poles.imag)))
+    means = _average_neighbours(stretches, count) if count > 1 else []
+    if means:
+        poles, _ = _iterate(means, poles, free, MAX_STEPS)
+    poles, here = _iterate(stretches, poles, free, MAX_LAST_STEPS if means else MAX_STEPS)
+    scaled, scale = here.scale_information(free)
+    if not np.linalg.cond(scaled) < 1.0 / ROUNDING:
+        raise IdentificationError(Code.NO_OSCILLATION)
+    covariance = np.zeros((len(free), len(free)))
+    covariance[np.ix_(free, free)] = np.linalg.inv(scaled) / np.outer(scale, scale)
+    return DampedModes(
+        poles, covariance, here.amplitudes, here.offsets, here.offset_errors, here.noise,
+        here.residuals, here.misfit,
+    )  # fmt: skip
+
+
+def _average_neighbours(stretches: Sequence[Stretch], count: int) -> list[Stretch]:
+    """Average each `count` samples in a row; a mean is missing where a sample is.
+
+    None are returned if a tenth of the samples of a channel of a stretch would be lost.
+    """
+    found = []
+    for one in stretches:
+        n = len(one.time) // count
+        time, values = one.time[: n * count], one.values[: n * count]
+        means = values.reshape(n, count, -1).mean(axis=1)
+        kept, given = (np.isfinite(each).sum(axis=0) for each in (means, one.values))
+        if n == 0 or np.any(kept * count < 0.9 * given):
+            return []
+        found.append(Stretch(time.reshape(n, count).mean(axis=1), means, one.drift_degrees))
+    return found
+
+
+def _iterate(
+    stretches: Sequence[Stretch], poles: np.ndarray, free: np.ndarray, most: int
+) -> tuple[np.ndarray, "_NormalEquations"]:
+    """Take up to `most` Gauss-Newton steps on the poles; return these and the linearisation there.
+
+    free: (2 n_modes,) which growths and frequencies change.
+    """
     here = _linearise(stretches, poles)
     fastest = np.pi / min(one.step for one in stretches)
     damping = 1e-3
-    for _ in range(MAX_STEPS):
+    for _ in range(most):
         scaled, scale = here.scale_information(free)
         scaled += damping * np.eye(len(scale))
         step = np.zeros(len(free))
@@ -203,15 +249,7 @@ def fit_poles(
             break
         else:
             damping = 10.0 * max(damping, 1e-6)
-    scaled, scale = here.scale_information(free)
-    if not np.linalg.cond(scaled) < 1.0 / ROUNDING:
-        raise IdentificationError(Code.NO_OSCILLATION)
-    covariance = np.zeros((len(free), len(free)))
-    covariance[np.ix_(free, free)] = np.linalg.inv(scaled) / np.outer(scale, scale)
-    return DampedModes(
-        poles, covariance, here.amplitudes, here.offsets, here.offset_errors, here.noise,
-        here.residuals, here.misfit,
-    )  # fmt: skip
+    return poles, here
 
 
 @dataclass(frozen=True)

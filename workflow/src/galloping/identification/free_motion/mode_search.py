@@ -222,7 +222,7 @@ def fit_modes(
             break
         left = found.residuals
         is_spread = np.count_nonzero(is_close(found.poles, found.poles[0])) > MAX_CLOSE
-        if (is_spread or count + 1 > MANY_MODES) and unexplained_power_share(
+        if (is_spread or count + 1 >= MANY_MODES) and unexplained_power_share(
             stretches, found
         ) > MAX_LEFT:
             return None, False

@@ -7,16 +7,16 @@ small part of the whole, would be lost in rounding. If the state may jump from s
 """
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
+from numba import njit
 
 from galloping.identification.likelihood.shooting import (
     SEGMENT,
     Linearised,
     Segments,
     ShootingData,
-    qr_eliminate,
+    eliminate_states,
 )
 from galloping.identification.likelihood.weak_constraint import NormalEquations
 from galloping.identification.work import count_work
@@ -89,20 +89,79 @@ def chain_segments(linearised: Linearised, segments: Segments, longest: float = 
     unit = np.sqrt(np.append(np.diag(linearised.information), of_states))
     inverse = np.divide(1.0, unit, out=np.zeros(len(unit)), where=unit > 0.0)
     count_work(SEGMENT * len(linearised.ends))
-    chains = np.zeros(len(linearised.ends), np.int64)
-    identity = np.eye(n_states, n + n_states, n)
-    relation, length = identity, 1
-    for g in range(1, len(chains)):
-        relation = _apply_chain_rule(linearised.end_derivatives[g - 1], relation, n)
-        growth = np.linalg.norm(relation * inverse * unit[n:, None], 2)
-        other = segments.recording[g] != segments.recording[g - 1]
-        broken = other or growth > MAX_SEGMENT_GROWTH or length == longest
-        chains[g] = chains[g - 1] + broken
-        relation, length = (identity, 1) if broken else (relation, length + 1)
+    other = np.diff(segments.recording, prepend=0) != 0
+    chains = _link_segments(
+        linearised.end_derivatives, other, unit[n:], inverse, longest, MAX_SEGMENT_GROWTH
+    )
     return replace(segments, chains=chains)
 
 
-def eliminate_states(
+@njit(cache=True, error_model="numpy")
+def _apply_chain_rule(slopes, relation, n, out):
+    """Write slopes by n coefficients and an earlier state to `out`, from those of a later state.
+
+    slopes: (n_states, n + n_states) by the coefficients and the later state. relation: as large, of
+    the later state by the coefficients and the earlier state.
+    """
+    for i in range(len(out)):
+        for c in range(out.shape[1]):
+            total = slopes[i, c] if c < n else 0.0
+            for k in range(len(relation)):
+                total += slopes[i, n + k] * relation[k, c]
+            out[i, c] = total
+
+
+@njit(cache=True, error_model="numpy")
+def _link_segments(end_derivatives, other, size, inverse, longest, most):
+    """Return the chain of each segment, (n_segments,).
+
+    end_derivatives: as of `Linearised`. other: (n_segments,) whether a recording begins. size:
+    (n_states,), inverse: (n + n_states,) units of the ends, and of the coefficients and starts.
+    longest, most: segments of a chain, and growth, in these units, in all.
+    """
+    count, n_states, width = end_derivatives.shape
+    n = width - n_states
+    chains, length = np.zeros(count, np.int64), 1
+    identity = np.eye(n_states, width, n)
+    relation, following = identity.copy(), identity.copy()
+    for g in range(1, count):
+        _apply_chain_rule(end_derivatives[g - 1], relation, n, following)
+        growth = 0.0
+        for i in range(n_states):
+            for c in range(width):
+                growth += (following[i, c] * size[i] * inverse[c]) ** 2
+        broken = other[g] or not growth < most**2 or length >= longest
+        chains[g] = chains[g - 1] + broken
+        length = 1 if broken else length + 1
+        relation[:] = identity if broken else following
+    return chains
+
+
+@njit(cache=True, error_model="numpy")
+def _relate_states(end_derivatives, mismatch, begins):
+    """Express the first state of every segment by that of its chain.
+
+    mismatch: (n_segments, n_states) of the end of each with the beginning of the next. begins:
+    (n_segments,) whether a chain begins. Returns (n_segments, n_states, n + n_states) derivatives
+    by the coefficients and the chain's first state, and (n_segments, n_states) constants.
+    """
+    count, n_states, width = end_derivatives.shape
+    n = width - n_states
+    relations, constants = np.zeros((count, n_states, width)), np.zeros((count, n_states))
+    for g in range(count):
+        if begins[g]:
+            for i in range(n_states):
+                relations[g, i, n + i] = 1.0
+            continue
+        _apply_chain_rule(end_derivatives[g - 1], relations[g - 1], n, relations[g])
+        for i in range(n_states):
+            constants[g, i] = mismatch[g - 1, i]
+            for k in range(n_states):
+                constants[g, i] += end_derivatives[g - 1, i, n + k] * constants[g - 1, k]
+    return relations, constants
+
+
+def eliminate_chains(
     linearised: Linearised, segments: Segments, starts: np.ndarray
 ) -> ContinuousNormalEquations:
     """Reduce a linearised multiple-shooting fit to normal equations of the coefficients alone.
@@ -113,60 +172,43 @@ def eliminate_states(
     n_segments, n_states = starts.shape
     n = len(linearised.right)
     count_work(n_segments * (2 * SEGMENT + 1e-9 * n_states * n**2))
-    information, right = linearised.information.copy(), linearised.right.copy()
-    response = np.zeros((n_segments, n_states, n + 1))
-    gap, fall = np.zeros(n_states), 0.0
-    for begin, end in pairwise(segments.bounds):
-        relation, constant = np.eye(n_states, n + n_states, n), np.zeros(n_states)
-        relations, rows, residual = [], [], []
-        for g in range(begin, end):
-            relations.append((relation, constant))
-            own, derivative = linearised.rows[g], linearised.end_derivatives[g]
-            rows.append(_apply_chain_rule(own[:, :-1], relation, n))
-            residual.append(own[:, -1] - own[:, n:-1] @ constant)
-            if g + 1 < end:
-                mismatch = linearised.ends[g] - starts[g + 1]
-                gap = np.maximum(gap, np.abs(mismatch))
-                constant = derivative[:, n:] @ constant + mismatch
-                relation = _apply_chain_rule(derivative, relation, n)
-        kept, remaining, left = qr_eliminate(np.vstack(rows), np.concatenate(residual), n)
-        first, undetermined = _solve_first_state(kept, n)
-        fall += float(np.sum(kept[:, -1] ** 2) - np.sum(undetermined[:, -1] ** 2))
-        remaining = np.vstack([remaining, undetermined[:, :n]])
-        information += remaining.T @ remaining
-        right += np.append(left, undetermined[:, n]) @ remaining
-        for g, (relation, constant) in zip(range(begin, end), relations, strict=True):
-            response[g] = _apply_chain_rule(relation, first, n)
-            response[g, :, n] += constant
+    bounds, rows = segments.bounds, linearised.rows
+    begins = np.isin(np.arange(n_segments), bounds)
+    mismatch = linearised.ends - np.roll(starts, -1, axis=0)
+    relations, constants = _relate_states(linearised.end_derivatives, mismatch, begins)
+    joined = rows[:, :, n:-1] @ relations
+    joined[:, :, :n] += rows[:, :, :n]
+    residual = rows[:, :, -1] - np.einsum("gij,gj->gi", rows[:, :, n:-1], constants)
+    stacked = np.concatenate([joined, residual[..., None]], axis=2).reshape(-1, n + n_states + 1)
+    kept, remaining = eliminate_states(stacked, bounds * n_states, n)
+    first, undetermined = _solve_first_states(kept, n)
+    remaining = np.vstack([np.delete(remaining, np.s_[n:-1], axis=1), *undetermined])
+    fall = float(np.sum(kept[:, :, -1] ** 2) - np.sum(undetermined[:, :, -1] ** 2))
+    information = linearised.information + remaining[:, :n].T @ remaining[:, :n]
+    right = linearised.right + remaining[:, n] @ remaining[:, :n]
+    response = relations[:, :, n:] @ np.repeat(first, np.diff(bounds), axis=0)
+    response[:, :, :n] += relations[:, :, :n]
+    response[:, :, n] += constants
+    gap = np.abs(mismatch[:-1][~begins[1:]]).max(axis=0, initial=0.0)
     return ContinuousNormalEquations(information, right, response, gap, fall)
 
 
-def _apply_chain_rule(slopes: np.ndarray, state: np.ndarray, n: int) -> np.ndarray:
-    """Apply the chain rule: slopes of a result by n coefficients and by what a state depends on.
+def _solve_first_states(rows: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Solve for the first states of chains, linear in the coefficients' change.
 
-    slopes: (m, n + n_states) of the result by the coefficients and the state. state: (n_states, n
-    or more) of the state by the coefficients and whatever else it depends on.
+    rows: (n_chains, n_states, n + n_states + 1). Directions that the rows do not determine remain
+    unchanged. Returns the states, (n_chains, n_states, n + 1), the constant last, and the equations
+    that remain for these directions, a design and a residual, as large, zero elsewhere.
     """
-    found = slopes[:, n:] @ state
-    found[:, :n] += slopes[:, :n]
-    return found
-
-
-def _solve_first_state(rows: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Solve for the first state of a chain, linear in the coefficients' change.
-
-    rows: (n_states, n + n_states + 1). Directions that the rows do not determine remain unchanged.
-    Returns the state, (n_states, n + 1), the constant last, and the remaining equations of these
-    directions, a design and a residual, (n_undetermined, n + 1).
-    """
-    block = rows[:, n:-1]
-    scale = 1.0 / np.maximum(np.linalg.norm(block, axis=0), np.finfo(float).tiny)
-    u, s, v = np.linalg.svd(block * scale)
-    known = s > UNDETERMINED * s[0]
-    turned = u.T @ np.delete(rows, np.s_[n:-1], axis=1)
-    solved = scale[:, None] * (v[known].T / s[known] @ turned[known])
-    solved[:, :n] *= -1.0
-    return solved, turned[~known]
+    block = rows[:, :, n:-1]
+    scale = 1.0 / np.maximum(np.linalg.norm(block, axis=1), np.finfo(float).tiny)
+    u, s, v = np.linalg.svd(block * scale[:, None, :])
+    known = (s > UNDETERMINED * s[:, :1])[..., None]
+    turned = u.transpose(0, 2, 1) @ np.delete(rows, np.s_[n:-1], axis=2)
+    shares = np.divide(turned, s[..., None], out=np.zeros(turned.shape), where=known)
+    solved = scale[..., None] * (v.transpose(0, 2, 1) @ shares)
+    solved[:, :, :n] *= -1.0
+    return solved, np.where(known, 0.0, turned)
 
 
 def eliminate_with_jumps(

@@ -87,8 +87,8 @@ def fit_exact(begun: Start) -> IdentifiedModel | NoModel:
 def _fit_starts(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit | None:
     """Fit initial guesses in order until one converges.
 
-    Otherwise the fit is that of the first guess that follows the data, or of the first that can be
-    integrated; None if none can.
+    Otherwise the fit is that of the fewest terms of those that follow the data, or the first that
+    can be integrated; None if none can.
 
     Near kinks chi^2 has several minima: if a motion sticks, no slope leads to another. A guess then
     counts as converged only if its residuals show no misfit, and the best of the others is taken.
@@ -118,8 +118,8 @@ def _fit_starts(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit |
             return joined
         if best is None or (best.objection and not joined.objection):
             best = joined
-        elif has_kinks and not joined.objection:
-            best = min(best, joined, key=lambda one: one.misfit)
+        elif not joined.objection:
+            best = min(best, joined, key=lambda one: one.misfit if has_kinks else one.n_terms)
     return best
 
 

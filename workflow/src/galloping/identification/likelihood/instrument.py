@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
 from galloping.identification.likelihood.condense import PROJECTIONS
-from galloping.identification.likelihood.elimination import Eliminated, eliminate_states
+from galloping.identification.likelihood.elimination import Eliminated, eliminate_chains
 from galloping.identification.likelihood.shooting import (
     Linearised,
     Segments,
@@ -80,7 +80,7 @@ def find_faults(fit: ShootingFit, penalty: float) -> list[Fault]:
         return linearise(wider, np.vstack([problem.candidates[terms], entries]), columns)
 
     own = linearise_terms(fit.support)
-    quadratic = eliminate_states(own, segments, fit.starts)
+    quadratic = eliminate_chains(own, segments, fit.starts)
     scores = [score_test(quadratic.information, quadratic.right, test.mixture) for test in tests]
     tested = [replace(test, z=z) for test, z in zip(tests, scores, strict=True)]
     tested += _test_gaps(own, fit) + _test_variances(fit, residual, rates)
@@ -89,7 +89,7 @@ def find_faults(fit: ShootingFit, penalty: float) -> list[Fault]:
     # times in a hundred, which costs a pass of the fit and no more
     doubtful = [k for k, z in enumerate(scores) if z > 2.5]
     if doubtful and max(scores) < np.sqrt(penalty):
-        quadratic = eliminate_states(
+        quadratic = eliminate_chains(
             linearise_terms(np.ones(len(fit.support), bool)), segments, fit.starts
         )
         for k in doubtful:
@@ -283,7 +283,7 @@ def _test_gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
     among = np.arange(len(linear.right)) < fit.support.sum()
 
     def misfit_fall(joined: Segments) -> float:
-        quadratic = eliminate_states(linear, joined, starts)
+        quadratic = eliminate_chains(linear, joined, starts)
         change, _ = solve_support(quadratic.information, quadratic.right, among)
         return quadratic.fall + float(change @ quadratic.right)
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
-from galloping.identification.likelihood.elimination import eliminate_states
+from galloping.identification.likelihood.elimination import eliminate_chains
 from galloping.identification.likelihood.instrument import score_test
 from galloping.identification.likelihood.shooting import HUGE, ShootingFit, linearise
 from galloping.identification.observations import Code, Finding
@@ -67,7 +67,7 @@ def find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
     )
     entries = [(i, len(problem.terms) + k) for k, (i, *_) in enumerate(kinds)]
     linear = linearise(wide, np.vstack([problem.candidates, entries]))
-    left = eliminate_states(linear, record.segments, fit.starts)
+    left = eliminate_chains(linear, record.segments, fit.starts)
     among = np.arange(n + extra) < n
     change, _ = solve_support(left.information, left.right, among)
     chi2 = float(linear.squares.sum()) - left.fall - float(change @ left.right)

@@ -15,7 +15,7 @@ import numpy as np
 from galloping.identification.likelihood.elimination import (
     ContinuousNormalEquations,
     chain_segments,
-    eliminate_states,
+    eliminate_chains,
 )
 from galloping.identification.likelihood.shooting import (
     HUGE,
@@ -135,7 +135,7 @@ def _descend_chi2(fit: ShootingFit) -> Step:
 
 
 def _quadratic_model(fit: ShootingFit) -> ContinuousNormalEquations:
-    return eliminate_states(linearise(fit), fit.record.segments, fit.starts)
+    return eliminate_chains(linearise(fit), fit.record.segments, fit.starts)
 
 
 def _coefficient_step(fit: ShootingFit, quadratic: ContinuousNormalEquations) -> np.ndarray:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.repetition import FollowedRecording
@@ -267,7 +268,7 @@ def linearise(
     FloatingPointError if the solution diverges within a segment.
     """
     record, sigma, free, starts = fit.record, fit.sigma, fit.free, fit.starts
-    problem, segments = record.problem, record.segments
+    problem, segments, (_, *shape) = record.problem, record.segments, record.condensed.targets.shape
     pairs = problem.candidates if pairs is None else pairs
     n_states = starts.shape[1]
     direct = 0 if columns is None else columns.shape[3]
@@ -279,23 +280,24 @@ def linearise(
     ends = np.empty(starts.shape)
     end_derivatives = np.zeros((*starts.shape, m))
     by_dynamics = np.r_[: len(pairs), n:m]
-    at_once = 8  # segments: their derivatives fit in the cache
+    # segments, of some 500 windows in all: their derivatives fit in the cache
+    at_once = max(500 * len(starts) // len(record.condensed.targets), 1)
     for group, windows, residual, derivatives, *reached in record.iterate_linearised(
         free, starts, pairs, at_once
     ):
         ends[group], end_derivatives[group][..., by_dynamics] = reached
         if columns is not None:
             derivatives = np.insert(derivatives, [len(pairs)] * direct, columns[windows], axis=3)
-        for g in range(group.start, group.stop):
-            own = slice(*(segments.first[g : g + 2] - windows.start))
-            weight = 1.0 / sigma[segments.recording[g]][:, None]
-            scaled = residual[own] * weight
-            squares[segments.recording[g]] += np.einsum("wor,wor->o", scaled, scaled)
-            rows = derivatives[own]
-            rows *= weight[..., None]
-            kept[g], rest, gap = qr_eliminate(rows.reshape(-1, m), scaled.ravel(), n)
-            information += rest.T @ rest
-            right += gap @ rest
+        first = segments.first[group.start : group.stop + 1] - windows.start
+        owner = np.repeat(segments.recording[group], np.diff(first))
+        weight = 1.0 / sigma[owner][:, :, None]
+        scaled = residual * weight
+        np.add.at(squares, owner, np.sum(scaled**2, axis=2))
+        rows = np.concatenate([derivatives * weight[..., None], scaled[..., None]], axis=3)
+        own, remaining = eliminate_states(rows.reshape(-1, m + 1), first * np.prod(shape), n)
+        kept[group] = own
+        information += remaining[:, :n].T @ remaining[:, :n]
+        right += remaining[:, -1] @ remaining[:, :n]
     count_work((1.1e-8 + 3e-11 * n) * m * record.condensed.targets.size + SEGMENT * len(starts))
     precision = problem.candidate_values(problem.precision, pairs)
     values = problem.candidate_values(problem.coefficients(free), pairs)
@@ -304,20 +306,50 @@ def linearise(
     return Linearised(kept, information, right, squares, ends, end_derivatives)
 
 
-def qr_eliminate(
-    rows: np.ndarray, residual: np.ndarray, n: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Transform a least-squares problem by QR so that only its first rows contain the states.
+def eliminate_states(rows: np.ndarray, first: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rotate least-squares problems so that only the first rows of each contain its state.
 
-    The states are the columns from `n` on. rows: (n_rows, n + n_states), residual: (n_rows,).
-    Returns the first rows, (n_states, n + n_states + 1), with the residual as last column, and the
-    others' design (n_rows, n) and residual (n_rows,), regressions on the first n columns alone.
+    rows: (n_rows, n + n_states + 1) of the problems one after another, used as memory: the design
+    of coefficients and of the state, and the residual. first: (n_problems + 1,) first row of each.
+    Returns the first rows (n_problems, n_states, n + n_states + 1), and the others, in which the
+    first rows are zero, regressions on the coefficients alone.
     """
-    q, r = np.linalg.qr(rows[:, n:])
-    design = q.T @ rows[:, :n]
-    own = q.T @ residual
-    first = np.hstack([design, r, own[:, None]])
-    return first, rows[:, :n] - q @ design, residual - q @ own
+    n_states = rows.shape[1] - n - 1
+    _rotate_rows(rows, first, n, n_states)
+    places = first[:-1, None] + np.arange(n_states)
+    own = rows[places]
+    rows[places] = 0.0
+    return own, rows
+
+
+@njit(cache=True, fastmath={"contract", "nsz"}, error_model="numpy")
+def _rotate_rows(rows, first, n, n_states):
+    """Rotate rows in place, as of `eliminate_states`, by Householder's reflections."""
+    width = rows.shape[1]
+    share = np.empty(width)
+    for g in range(len(first) - 1):
+        for c in range(n, n + n_states):
+            top, squares = first[g] + c - n, 0.0
+            for r in range(top, first[g + 1]):
+                squares += rows[r, c] ** 2
+            if squares == 0.0:
+                continue
+            size = np.sqrt(squares)
+            rows_first = rows[top, c]
+            head = rows_first + (size if rows_first > 0.0 else -size)  # of the mirror's normal
+            for k in range(width):
+                share[k] = head * rows[top, k]
+            for r in range(top + 1, first[g + 1]):
+                normal = rows[r, c]
+                for k in range(width):
+                    share[k] += normal * rows[r, k]
+            for k in range(width):
+                share[k] /= size * abs(head)
+                rows[top, k] -= head * share[k]
+            for r in range(top + 1, first[g + 1]):
+                normal = rows[r, c]
+                for k in range(width):
+                    rows[r, k] -= normal * share[k]
 
 
 def segment_residuals(

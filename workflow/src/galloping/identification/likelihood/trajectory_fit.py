@@ -11,7 +11,7 @@ from galloping.identification.likelihood.condense import (
     Condensed,
     condense_recordings,
 )
-from galloping.identification.likelihood.elimination import chain_segments, eliminate_states
+from galloping.identification.likelihood.elimination import chain_segments, eliminate_chains
 from galloping.identification.likelihood.residual_tests import ROUNDING
 from galloping.identification.likelihood.shooting import (
     MOST_HALVINGS,
@@ -38,6 +38,11 @@ OF_NOISE, FINEST_FOR_INPUTS = 0.1, 96
 PERIODS_PER_SEGMENT = 6  # short enough for a rough start to converge from
 CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
 MOST_PASSES = 20  # with joined segments
+# An iteration is stuck if its steps are halved so often in two passes one after the other. Of 529
+# fits of free segments on design seeds, 35 were stuck, and none of these came close. Of 407 joins,
+# 318 converged; 34 were stuck, or their segments had not met to within MET of a state's size after
+# MET_BY passes, and none of these converged.
+HALVED, MET_BY, MET = 3, 9, 0.2
 CONVERGED = 0.01  # squared length of a step, in standard deviations: errors grow by half a percent
 
 
@@ -48,7 +53,8 @@ class Step:
     before, fit: the fits before and after it. Segments are in chains. information: of the
     regression on all candidates; right: half the decrease of chi^2 with each, at the new fit.
     decrement: squared length of the step, in units of its covariance. gap: largest mismatch of
-    segments before the step, in units of each state's size.
+    segments before the step, in units of each state's size. halvings: of the step that led to
+    `before`, until this one could be taken.
     """
 
     before: ShootingFit
@@ -57,6 +63,11 @@ class Step:
     right: np.ndarray
     decrement: float
     gap: float
+    halvings: int = 0
+
+    def is_stuck_after(self, last: "Step | None") -> bool:
+        """Decide whether the iteration is stuck, from the halvings of this and the last step."""
+        return last is not None and min(self.halvings, last.halvings) >= HALVED
 
     def path(self, period: float) -> Iterator[str]:
         """Yield words on the lengths of windows and segments, such as '6 periods'.
@@ -91,6 +102,11 @@ class JoinedFit:
     def misfit(self) -> float:
         """Misfit of the last fit: chi^2 divided by the number of projections of the samples."""
         return self.step.fit.misfit
+
+    @property
+    def n_terms(self) -> int:
+        """Number of terms of the last fit."""
+        return int(self.step.fit.support.sum())
 
 
 def fit_free_segments(begun: Start, start: WeakFit) -> Step | None:
@@ -149,7 +165,7 @@ def _iterate_free_segments(fit: ShootingFit, largest: np.ndarray) -> Step | None
     largest: (n_candidates,) coefficients of terms as large as the motion. Raises FloatingPointError
     if a segment diverges.
     """
-    before = fit
+    before, last = fit, None
     # with three steps fewer are `ok` (docs/identification_parts.csv); then segments are joined,
     # however bad the fit
     for _ in range(5):
@@ -157,8 +173,9 @@ def _iterate_free_segments(fit: ShootingFit, largest: np.ndarray) -> Step | None
         if n_unidentifiable_directions(step.information, largest) == len(largest):
             return None
         before, fit = step.before, step.fit
-        if fit.misfit < CLOSE:
+        if fit.misfit < CLOSE or step.is_stuck_after(last):
             break
+        last = step
     return step
 
 
@@ -285,7 +302,7 @@ def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> Joined
     # not critical: from chains of two or of eight on, three recordings have the same model
     chain = count if np.array_equal(best, step.fit.support) else 4
     choosing = 14  # passes of MOST_PASSES: in all of them fewer settle (identification_parts.csv)
-    whole, settled = False, False
+    whole, settled, gap, last = False, False, np.inf, None
     try:
         for passed in range(choosing if unseen else MOST_PASSES):
             times = max(dear / 2 ** (passed // 2), 1.0)
@@ -299,9 +316,12 @@ def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> Joined
             # the gap is that before the step, which leaves about its square, 1e-6 of each state
             converged = step.decrement < CONVERGED and step.gap < 1e-3 and times == 1.0
             settled = unchanged and was_whole and converged
-            if settled:
+            gap = min(gap, step.gap)
+            if settled or step.is_stuck_after(last) or (passed + 1 >= MET_BY and gap > MET):
                 break
-            whole = unchanged and was_whole
+            if is_exhausted():
+                break
+            last, whole = step, unchanged and was_whole
             if not whole:
                 chain = count if unchanged else 4 * chain
     except FloatingPointError as error:
@@ -310,6 +330,8 @@ def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> Joined
     follows = settled or (unseen and was_whole and misfit < CLOSE)
     code = Code.NOT_FOLLOWED if misfit > CLOSE else Code.NOT_PREFERRED
     objection = None if follows else Finding.of(code, chi2=misfit)
+    if objection and is_exhausted():
+        objection = Finding.of(Code.LIMIT_OF_WORK)
     return JoinedFit(free, step, ("settled" if settled else "unsettled",), settled, objection)
 
 
@@ -323,19 +345,36 @@ def take_guarded_step(
     FloatingPointError if halving does not help, or the work is exhausted.
     """
     passing("follow the recording in segments")
-    for _ in range(MOST_HALVINGS):
+    for halvings in range(MOST_HALVINGS):
         if is_exhausted():
             raise NotConvergedError(Code.LIMIT_OF_WORK)
         try:
-            step = _gauss_newton(fit, longest, price)
-            if step.fit.misfit < CLOSE or step.fit.chi2 < 1.5 * fit.chi2:
-                return step
+            # a misfit alone takes a third of the time of a step
+            if halvings == 0 or _is_possible(fit, _with_misfit(fit)):
+                step = _gauss_newton(fit, longest, price)
+                if _is_possible(fit, step.fit):
+                    return replace(step, halvings=halvings)
         except FloatingPointError:
             pass
         free, starts = (previous.free + fit.free) / 2.0, (previous.starts + fit.starts) / 2.0
         support = previous.support | fit.support
         fit = replace(previous, record=fit.record, free=free, support=support, starts=starts)
     raise NotConvergedError(Code.ITERATION_DIVERGES)
+
+
+def _is_possible(fit: ShootingFit, found: ShootingFit) -> bool:
+    """Decide whether the misfit at a fit, found after the step to it, permits the next step."""
+    return found.misfit < CLOSE or found.chi2 < 1.5 * fit.chi2
+
+
+def _with_misfit(fit: ShootingFit) -> ShootingFit:
+    """Compute the misfit and the noise of a fit; raises FloatingPointError if it diverges."""
+    record = fit.record
+    remaining, _ = segment_residuals(record, fit.free, fit.starts)
+    owner = np.repeat(record.segments.recording, np.diff(record.segments.first))
+    squares = np.zeros(fit.sigma.shape)
+    np.add.at(squares, owner, np.sum(remaining**2, axis=2))
+    return update_noise(fit, squares)
 
 
 def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) -> Step:
@@ -348,7 +387,7 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
     segments = record.segments
     if longest is not None:
         segments = chain_segments(linear, segments, longest)
-    quadratic = eliminate_states(linear, segments, fit.starts)
+    quadratic = eliminate_chains(linear, segments, fit.starts)
     information, right, support = quadratic.information, quadratic.right, fit.support
     if price is not None:
         support = _choose_terms(fit, information, right, price)
