@@ -10,8 +10,9 @@ from galloping.identification.likelihood.elimination import (
     eliminate_chains,
     eliminate_with_jumps,
 )
-from galloping.identification.likelihood.shooting import Linearised, Segments, eliminate_states
-from galloping.identification.likelihood.weak_constraint import NormalEquations
+from galloping.identification.likelihood.shooting import Linearised, Segments
+from galloping.identification.likelihood.square_root import separate_states
+from galloping.identification.likelihood.weak_constraint import LinearisedStretches
 
 COUNT, STATES, N, ROWS = 6, 2, 3, 8
 OWNER = np.array([0, 0, 0, 0, 1, 1])
@@ -23,9 +24,9 @@ STARTS, ENDS = RNG.normal(size=(2, COUNT, STATES))
 SLOPES = RNG.normal(size=(COUNT, STATES, N + STATES))
 
 
-def dense(jump: float) -> np.ndarray:
-    """(N + COUNT STATES,) best change of coefficients and states; jump: deviation, 0 where each
-    segment begins where the one before ends.
+def dense_rows(jump: float) -> tuple[np.ndarray, np.ndarray]:
+    """Design (n, N + COUNT STATES) of coefficients and states, and residual; jump: deviation, 0
+    where each segment begins where the one before ends.
     """
     rows, right = [], []
     for g in range(COUNT):
@@ -40,27 +41,31 @@ def dense(jump: float) -> np.ndarray:
             following[:, own.stop : own.stop + STATES] = np.eye(STATES)
             rows.append(following / max(jump, 1e-7))
             right.append((ENDS[g] - STARTS[g + 1]) / max(jump, 1e-7))
-    return np.linalg.lstsq(np.vstack(rows), np.concatenate(right), rcond=None)[0]
+    return np.vstack(rows), np.concatenate(right)
 
 
 @pytest.mark.parametrize("jump", [0.0, 0.3])
 def test_eliminated_states_leave_the_best_coefficients_and_follow_them(jump: float) -> None:
+    rows = np.concatenate([DESIGN, RESIDUAL[..., None]], axis=2).reshape(-1, N + STATES + 1)
+    kept, rest = separate_states(rows, ROWS * np.arange(COUNT + 1), N)
     if jump:
-        both = np.concatenate([DESIGN, RESIDUAL[..., None]], axis=2)
-        products = both.transpose(0, 2, 1) @ both
-        linear = NormalEquations(
-            np.zeros(N), STARTS, products[:, :-1, :-1], products[:, :-1, -1], RESIDUAL, ENDS,
-            SLOPES[:, :, :N], SLOPES[:, :, N:],
+        rest = rest.reshape(COUNT, ROWS, -1)
+        linear = LinearisedStretches(
+            np.zeros(N), STARTS, kept, rest[:, :, :N].transpose(0, 2, 1) @ rest[:, :, :N],
+            np.einsum("gr,grn->gn", rest[:, :, -1], rest[:, :, :N]), RESIDUAL, ENDS, SLOPES, kept,
+            np.zeros(0, int),
         )  # fmt: skip
         unknown = SimpleNamespace(with_prior=lambda information, right, _: (information, right))
         record = SimpleNamespace(
             followed_segments=np.flatnonzero(np.diff(OWNER) == 0), problem=unknown
         )
-        precision = np.tile(np.eye(STATES) / jump**2, (COUNT, 1, 1))
-        found = eliminate_with_jumps(record, linear, precision)
+        found = eliminate_with_jumps(record, linear, np.tile(np.eye(STATES) / jump, (COUNT, 1, 1)))
+        told = np.linalg.inv(dense_rows(jump)[0][:, N:].T @ dense_rows(jump)[0][:, N:])
+        for g in range(COUNT):
+            own = slice(STATES * g, STATES * (g + 1))
+            assert found.variance[g] == pytest.approx(told[own, own], rel=1e-5)
+        assert found.covariance[0] == pytest.approx(told[:STATES, STATES : 2 * STATES], rel=1e-5)
     else:
-        rows = np.concatenate([DESIGN, RESIDUAL[..., None]], axis=2).reshape(-1, N + STATES + 1)
-        kept, rest = eliminate_states(rows, ROWS * np.arange(COUNT + 1), N)
         information, right = rest[:, :N].T @ rest[:, :N], rest[:, -1] @ rest[:, :N]
         linear = Linearised(kept, information, right, np.zeros((2, 1)), ENDS, SLOPES)
         segments = chain_segments(linear, SEGMENTS)
@@ -69,7 +74,7 @@ def test_eliminated_states_leave_the_best_coefficients_and_follow_them(jump: flo
         assert found.gap == pytest.approx(
             np.abs(ENDS - np.roll(STARTS, -1, 0))[[0, 1, 2, 4]].max(0)
         )
-    best = dense(jump)
+    best = np.linalg.lstsq(*dense_rows(jump), rcond=None)[0]
     change = np.linalg.solve(found.information, found.right)
     assert change == pytest.approx(best[:N], rel=1e-5)
     assert found.move_states(change).ravel() == pytest.approx(best[N:], rel=1e-5)

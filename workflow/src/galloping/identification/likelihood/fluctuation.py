@@ -15,9 +15,10 @@ from galloping.identification.likelihood.elimination import eliminate_with_jumps
 from galloping.identification.likelihood.shooting import ShootingData
 from galloping.identification.likelihood.weak_constraint import (
     STRETCH_PERIODS,
-    NormalEquations,
+    LinearisedStretches,
     StretchFit,
     make_integrable,
+    rate_coefficients,
     white_misfit,
 )
 from galloping.identification.problem import Problem
@@ -65,10 +66,8 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
     record, problem = fit.record, fit.record.problem
     equation, term = problem.candidates.T
     exponents = exponent_matrix(problem.terms, len(problem.names))[term]
-    of_rate = exponents[:, np.unique(equation)].sum(axis=1) == 1
-    linear = (np.abs(exponents).sum(axis=1) == 1) & (problem.degrees == 1)
-    rates = np.flatnonzero(linear & of_rate)
-    misfit = white_misfit(record, fit.normal_equations.residual)
+    rates = rate_coefficients(problem)
+    misfit = white_misfit(record, fit.linearised.residual)
     excess = _log_excess(record, misfit)
     windows = np.diff(record.segments.first)
     divisible = windows.min() >= PARTS and len(windows) <= 200  # a part needs 50 kB and more
@@ -90,7 +89,7 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
         if is_exhausted():
             return None
         passing("try coefficients that fluctuate")
-        misfit = white_misfit(parts, fine.normal_equations.residual)
+        misfit = white_misfit(parts, fine.linearised.residual)
         # fluctuations explain 0.56 or more of what is left where gusts are all that the library
         # lacks, 0.32 to 0.50 on a line with more modes in the same gusts, of which the terms that
         # are then chosen imitate the modes, and 0.06 or less without gusts
@@ -98,9 +97,9 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
             return None
         support, jump = fine.support, fine.jump
         for settling in reversed(range(5)):
-            wider = _add_fluctuations(parts, fine.normal_equations, rates, variance)
-            precision = _change_precision(parts, jumping, jump, size, variance)
-            solved = eliminate_with_jumps(parts, wider, precision)
+            wider = _add_fluctuations(parts, fine.linearised, variance)
+            roots = _change_roots(parts, jumping, jump, size, variance)
+            solved = eliminate_with_jumps(parts, wider, roots)
             right = solved.right + solved.information @ fine.free
             if not settling and 0 < passed < passes - 1:
                 support = select_with_input_powers(
@@ -141,43 +140,41 @@ def _divide_segments(record: ShootingData) -> tuple[ShootingData, np.ndarray]:
 
 
 def _add_fluctuations(
-    record: ShootingData, linear: NormalEquations, rates: np.ndarray, variance: np.ndarray
-) -> NormalEquations:
-    """Add fluctuations of the coefficients `rates` (n_rates,) to each segment's state.
+    record: ShootingData, linear: LinearisedStretches, variance: np.ndarray
+) -> LinearisedStretches:
+    """Add fluctuations of the coefficients `linear.rates` to each segment's state.
 
     Fluctuations act as their coefficients do, and have their `variance` (n_rates,) where a
     recording begins.
     """
-    n, (n_states, extra) = linear.by_coefficients.shape[2], (linear.ends.shape[1], len(rates))
-    twice, own = np.append(np.arange(n + n_states), rates), slice(n + n_states, None)
-    information = np.ascontiguousarray(linear.information[:, twice][:, :, twice])
-    information[record.first_segments, own, own] += np.diag(1.0 / variance)
+    (count, n_states), n, extra = linear.starts.shape, linear.right.shape[1], len(variance)
+    begin = np.zeros((count, extra, linear.wide_rows.shape[2]))
+    begin[record.first_segments, :, n + n_states : -1] = np.diag(variance**-0.5)
     added = ((0, 0), (0, extra))
-    by_state = np.pad(linear.by_state, (*added, (0, extra)))
-    by_state[:, :n_states, n_states:] = linear.by_coefficients[:, :, rates]
-    by_state[:, n_states:, n_states:] = MEMORY * np.eye(extra)
+    slopes = np.pad(linear.end_derivatives, (*added, (0, extra)))
+    slopes[:, :n_states, n + n_states :] = linear.end_derivatives[:, :, linear.rates]
+    slopes[:, n_states:, n + n_states :] = MEMORY * np.eye(extra)
     return replace(
-        linear, starts=np.pad(linear.starts, added), information=information,
-        right=linear.right[:, twice], ends=np.pad(linear.ends, added),
-        by_coefficients=np.pad(linear.by_coefficients, (*added, (0, 0))), by_state=by_state,
+        linear, starts=np.pad(linear.starts, added), ends=np.pad(linear.ends, added),
+        rows=np.concatenate([linear.wide_rows, begin], axis=1), end_derivatives=slopes,
     )  # fmt: skip
 
 
-def _change_precision(
+def _change_roots(
     record: ShootingData,
     jumping: np.ndarray,
     jump: np.ndarray,
     size: np.ndarray,
     variance: np.ndarray,
 ) -> np.ndarray:
-    """Compute the inverse covariance of the change of state and fluctuations.
+    """Compute roots of the inverse covariance of the change of state and fluctuations.
 
     Returns (n_segments, n_states + n_rates, n_states + n_rates), from each segment to the next.
     States jump after `jumping` alone.
     """
-    states = record.jump_precision(np.diag((1e-4 * size) ** 2))  # as good as continuous
-    states[jumping] = record.jump_precision(jump)[jumping]
+    states = record.jump_roots(np.diag((1e-4 * size) ** 2))  # as good as continuous
+    states[jumping] = record.jump_roots(jump)[jumping]
     n_states = len(size)
-    precision = np.pad(states, ((0, 0), (0, len(variance)), (0, len(variance))))
-    precision[:, n_states:, n_states:] = np.diag(1.0 / ((1.0 - MEMORY**2) * variance))
-    return precision
+    roots = np.pad(states, ((0, 0), (0, len(variance)), (0, len(variance))))
+    roots[:, n_states:, n_states:] = np.diag(((1.0 - MEMORY**2) * variance) ** -0.5)
+    return roots

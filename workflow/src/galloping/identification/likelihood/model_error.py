@@ -18,7 +18,7 @@ from scipy.special import stdtrit
 from galloping.identification.answers import prepend_path, refused_model
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.elimination import (
-    JumpNormalEquations,
+    Eliminated,
     eliminate_with_jumps,
     jump_covariance,
 )
@@ -306,7 +306,7 @@ def _iterate_fit(
         if passed and is_exhausted():
             break
         passing("approximate in stretches")
-        solved = eliminate_with_jumps(record, fit.normal_equations, record.jump_precision(fit.jump))
+        solved = eliminate_with_jumps(record, fit.linearised, record.jump_roots(fit.jump))
         right, support = solved.right + solved.information @ fit.free, fit.support
         if price is not None and passed < choosing:
             support = select_with_input_powers(
@@ -316,14 +316,14 @@ def _iterate_fit(
         change = free - fit.free
         starts = solved.move_states(change, fit.starts)
         jump = jump_covariance(
-            record, fit.normal_equations, solved, 0.0 * change, record.followed_segments
+            record, fit.linearised, solved, 0.0 * change, record.followed_segments
         )
         if most_jump is not None:
             share = np.minimum(1.0, np.sqrt(np.diag(most_jump) / np.diag(jump)))
             jump = jump * np.outer(share, share)
         same, misfit = (
             np.array_equal(support, fit.support),
-            misfit_of(record, fit.normal_equations.residual),
+            misfit_of(record, fit.linearised.residual),
         )
         if price is not None:
             # else a fit and the covariance of what it leaves may alternate with others
@@ -341,8 +341,8 @@ def _cross_validate(fit: StretchFit, price: float) -> Approximation:
     What a group alone tells, such as the one before a motion comes to rest, has the covariance of
     the whole fit.
     """
-    record, precision = fit.record, fit.record.jump_precision(fit.jump)
-    whole = eliminate_with_jumps(record, fit.normal_equations, precision)
+    record, roots = fit.record, fit.record.jump_roots(fit.jump)
+    whole = eliminate_with_jumps(record, fit.linearised, roots)
     condensed, segments = record.condensed, record.segments
     count = len(fit.starts)
     # of fewer groups the covariance is known worse, and `small_sample_factor`, 1.26 of twelve, is
@@ -355,7 +355,7 @@ def _cross_validate(fit: StretchFit, price: float) -> Approximation:
     for k, group in enumerate(groups):
         passing("forecast stretches that are left out")
         solved = eliminate_with_jumps(
-            record, fit.normal_equations, precision, np.isin(np.arange(count), group)
+            record, fit.linearised, roots, np.isin(np.arange(count), group)
         )
         changes[k], untold = _change_without(solved, whole.information, fit.support)
         told_once += untold @ untold.T
@@ -380,7 +380,7 @@ def _cross_validate(fit: StretchFit, price: float) -> Approximation:
 
 
 def _change_without(
-    part: JumpNormalEquations, whole: np.ndarray, support: np.ndarray
+    part: Eliminated, whole: np.ndarray, support: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute by how much coefficients change if they are fitted to a part of the segments.
 

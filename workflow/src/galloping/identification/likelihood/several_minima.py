@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from galloping.identification.likelihood.elimination import (
-    ContinuousNormalEquations,
+    Eliminated,
     chain_segments,
     eliminate_chains,
 )
@@ -134,11 +134,11 @@ def _descend_chi2(fit: ShootingFit) -> Step:
     return Step(before, fit, quadratic.information, right, decrement, float(quadratic.gap.max()))
 
 
-def _quadratic_model(fit: ShootingFit) -> ContinuousNormalEquations:
+def _quadratic_model(fit: ShootingFit) -> Eliminated:
     return eliminate_chains(linearise(fit), fit.record.segments, fit.starts)
 
 
-def _coefficient_step(fit: ShootingFit, quadratic: ContinuousNormalEquations) -> np.ndarray:
+def _coefficient_step(fit: ShootingFit, quadratic: Eliminated) -> np.ndarray:
     """Compute the Gauss-Newton step of the coefficients, (n,)."""
     problem, right = fit.record.problem, quadratic.right
     return problem.solve_within_bounds(quadratic.information, right, fit.support, fit.free)[0]

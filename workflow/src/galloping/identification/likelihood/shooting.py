@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.repetition import FollowedRecording
+from galloping.identification.likelihood.square_root import separate_states
 from galloping.identification.problem import Problem
 from galloping.identification.work import count_work
 from galloping.recording.samples import Recording
@@ -136,13 +136,13 @@ class ShootingData:
         moved = self.condensed.step * terms[pairs[:, 1]] / self.extent[pairs[:, 0]]
         return self.extent[:, None] * np.append(moved, 1.0 / self.extent)
 
-    def jump_precision(self, jump: np.ndarray) -> np.ndarray:
-        """Compute the inverse covariance of the state's jump after each segment.
+    def jump_roots(self, jump: np.ndarray) -> np.ndarray:
+        """Compute a root of the inverse covariance of the state's jump after each segment.
 
         jump: (n_states, n_states) covariance at full motion. Returns (n_segments, n_states,
-        n_states).
+        n_states); a root times the jump has unit covariance.
         """
-        return np.linalg.inv(jump) / self.segment_sizes[:, None, None] ** 2
+        return np.linalg.inv(np.linalg.cholesky(jump)) / self.segment_sizes[:, None, None]
 
     def iterate_linearised(
         self, free: np.ndarray, starts: np.ndarray, pairs: np.ndarray, at_once: int
@@ -294,7 +294,7 @@ def linearise(
         scaled = residual * weight
         np.add.at(squares, owner, np.sum(scaled**2, axis=2))
         rows = np.concatenate([derivatives * weight[..., None], scaled[..., None]], axis=3)
-        own, remaining = eliminate_states(rows.reshape(-1, m + 1), first * np.prod(shape), n)
+        own, remaining = separate_states(rows.reshape(-1, m + 1), first * np.prod(shape), n)
         kept[group] = own
         information += remaining[:, :n].T @ remaining[:, :n]
         right += remaining[:, -1] @ remaining[:, :n]
@@ -304,52 +304,6 @@ def linearise(
     information[np.diag_indices(len(pairs))] += precision
     right[: len(pairs)] += precision * (problem.candidate_values(problem.expected, pairs) - values)
     return Linearised(kept, information, right, squares, ends, end_derivatives)
-
-
-def eliminate_states(rows: np.ndarray, first: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rotate least-squares problems so that only the first rows of each contain its state.
-
-    rows: (n_rows, n + n_states + 1) of the problems one after another, used as memory: the design
-    of coefficients and of the state, and the residual. first: (n_problems + 1,) first row of each.
-    Returns the first rows (n_problems, n_states, n + n_states + 1), and the others, in which the
-    first rows are zero, regressions on the coefficients alone.
-    """
-    n_states = rows.shape[1] - n - 1
-    _rotate_rows(rows, first, n, n_states)
-    places = first[:-1, None] + np.arange(n_states)
-    own = rows[places]
-    rows[places] = 0.0
-    return own, rows
-
-
-@njit(cache=True, fastmath={"contract", "nsz"}, error_model="numpy")
-def _rotate_rows(rows, first, n, n_states):
-    """Rotate rows in place, as of `eliminate_states`, by Householder's reflections."""
-    width = rows.shape[1]
-    share = np.empty(width)
-    for g in range(len(first) - 1):
-        for c in range(n, n + n_states):
-            top, squares = first[g] + c - n, 0.0
-            for r in range(top, first[g + 1]):
-                squares += rows[r, c] ** 2
-            if squares == 0.0:
-                continue
-            size = np.sqrt(squares)
-            rows_first = rows[top, c]
-            head = rows_first + (size if rows_first > 0.0 else -size)  # of the mirror's normal
-            for k in range(width):
-                share[k] = head * rows[top, k]
-            for r in range(top + 1, first[g + 1]):
-                normal = rows[r, c]
-                for k in range(width):
-                    share[k] += normal * rows[r, k]
-            for k in range(width):
-                share[k] /= size * abs(head)
-                rows[top, k] -= head * share[k]
-            for r in range(top + 1, first[g + 1]):
-                normal = rows[r, c]
-                for k in range(width):
-                    rows[r, k] -= normal * share[k]
 
 
 def segment_residuals(

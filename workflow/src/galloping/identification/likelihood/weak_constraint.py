@@ -1,7 +1,7 @@
 """Segments of a recording whose equations allow jumps of the state between them.
 
 Weak-constraint estimation (Y. Tremolet, Q. J. R. Meteorol. Soc. 132, 2006): the misfit of the
-segments, white or with a spectrum, and its normal equations, linearised about a fit.
+segments, white or with a spectrum, and its linearisation about a fit.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,10 @@ from scipy.interpolate import BSpline
 from scipy.linalg import lapack
 
 from galloping.identification.likelihood.shooting import MOST_HALVINGS, ShootingData
+from galloping.identification.likelihood.square_root import separate_states
+from galloping.identification.problem import Problem
 from galloping.identification.work import count_work
+from galloping.model.polynomial import exponent_matrix
 
 # Periods of a stretch. Measured: with 3 to 6 a model's error hides in the jumps, and amplitudes are
 # up to three times as far off; with 20 or more gusts do not, and dampings are.
@@ -65,24 +68,39 @@ def coloured_misfit(record: ShootingData, residual: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class NormalEquations:
-    """Normal equations of each segment, in the coefficients and the segment's initial state.
+class LinearisedStretches:
+    """Whitened residuals of each segment, linearised in the coefficients and the segment's state.
 
-    There are m unknowns, n coefficients and the state. free, starts: (n,), (n_segments, n_states),
-    about which the equations are linearised. information: (n_segments, m, m); right: (n_segments,
-    m). residual: (n_windows, n_observed, n_rows), not whitened. ends: (n_segments, n_states) last
-    states, and derivatives of these: by_coefficients (n_segments, n_states, n), by_state
-    (n_segments, n_states, n_states).
+    free, starts: (n,), (n_segments, n_states), about which they are linearised. rows: (n_segments,
+    m, n + n_states + 1) of coefficients, state and residual; information: (n_segments, n, n),
+    right: (n_segments, n), of all other rows, which contain the coefficients alone. residual:
+    (n_windows, n_observed, n_rows), not whitened. ends: (n_segments, n_states) last states;
+    end_derivatives: (n_segments, n_states, n + n_states). wide_rows: `rows` where the coefficients
+    `rates` (n_rates,) differ in this segment: their columns stand once more after the state.
     """
 
     free: np.ndarray
     starts: np.ndarray
+    rows: np.ndarray
     information: np.ndarray
     right: np.ndarray
     residual: np.ndarray
     ends: np.ndarray
-    by_coefficients: np.ndarray
-    by_state: np.ndarray
+    end_derivatives: np.ndarray
+    wide_rows: np.ndarray
+    rates: np.ndarray
+
+
+def rate_coefficients(problem: Problem) -> np.ndarray:
+    """Return the indices of candidates linear in a state whose equation is identified.
+
+    They are the dampings of a line.
+    """
+    equation, term = problem.candidates.T
+    exponents = exponent_matrix(problem.terms, len(problem.names))[term]
+    of_rate = exponents[:, np.unique(equation)].sum(axis=1) == 1
+    linear = (np.abs(exponents).sum(axis=1) == 1) & (problem.degrees == 1)
+    return np.flatnonzero(linear & of_rate)
 
 
 @dataclass(frozen=True)
@@ -103,14 +121,15 @@ class StretchFit:
     jump: np.ndarray
 
     @cached_property
-    def normal_equations(self) -> NormalEquations:
-        """Normal equations of all segments, linearised about the present fit.
+    def linearised(self) -> LinearisedStretches:
+        """Residuals of all segments, linearised about the present fit.
 
         Raises FloatingPointError if the fit diverges.
         """
-        record, count, n = self.record, len(self.starts), len(self.free)
-        m = n + self.starts.shape[1]
-        information, right = np.empty((count, m, m)), np.empty((count, m))
+        record, (count, n_states), n = self.record, self.starts.shape, len(self.free)
+        m, rates = n + n_states, rate_coefficients(record.problem)
+        wide_rows = np.zeros((count, n_states + len(rates), m + len(rates) + 1))
+        information, right = np.empty((count, n, n)), np.empty((count, n))
         residual = np.empty(record.condensed.targets.shape)
         ends, slopes = np.empty(self.starts.shape), np.empty((*self.starts.shape, m))
         whitened = None
@@ -121,14 +140,18 @@ class StretchFit:
             # after the first segment, in which most fits diverge that do: whitening takes long
             whitened = whitened or self._make_whitening()
             residual[own], (ends[group], slopes[group]) = left, reached
-            both = np.concatenate([rows, left[..., None]], axis=3)
-            count_work((8e-9 + 1.5e-10 * self.misfit.shape[1]) * both.size)
-            both = whitened(both, own, record.segments.recording[group.start]).reshape(-1, m + 1)
-            products = both.T @ both
-            information[group], right[group] = products[:m, :m], products[:m, m]
-        return NormalEquations(
-            self.free, self.starts, information, right, residual, ends, slopes[:, :, :n],
-            slopes[:, :, n:],
+            both = np.concatenate([rows, rows[..., rates], left[..., None]], axis=3)
+            count_work((8e-9 + 1.5e-10 * self.misfit.shape[1]) * rows.size)
+            both = whitened(both, own, record.segments.recording[group.start])
+            both = np.ascontiguousarray(both).reshape(-1, both.shape[3])
+            both = np.pad(both, ((0, max(wide_rows.shape[1] - len(both), 0)), (0, 0)))
+            wide_rows[group], others = separate_states(both, np.array([0, len(both)]), n)
+            information[group] = others[:, :n].T @ others[:, :n]
+            right[group] = others[:, -1] @ others[:, :n]
+        rows = np.delete(wide_rows, np.s_[m:-1], axis=2)
+        return LinearisedStretches(
+            self.free, self.starts, rows, information, right, residual, ends, slopes, wide_rows,
+            rates,
         )  # fmt: skip
 
     def _make_whitening(self) -> Callable[[np.ndarray, slice, int], np.ndarray]:
@@ -167,7 +190,7 @@ def make_integrable(fit: StretchFit, following: StretchFit) -> StretchFit:
     """Shorten the step of the coefficients until the model can be integrated over each segment."""
     for _ in range(MOST_HALVINGS):
         try:
-            following.normal_equations  # noqa: B018 - which the next step needs
+            following.linearised  # noqa: B018 - which the next step needs
             return following
         except FloatingPointError:
             following = replace(

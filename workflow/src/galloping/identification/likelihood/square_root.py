@@ -1,0 +1,199 @@
+"""Square-root information filter of segments in chains, compiled.
+
+Rows of least-squares problems are rotated, never multiplied with each other: what a segment tells
+of the coefficients is a small part of what it tells of its state, and rounding would hide it.
+(G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977.)
+
+All compiled functions are in one module, for a cached one notices edits of its own module alone.
+"""
+
+import numpy as np
+from numba import njit
+
+FREE, EQUAL, JUMP = range(3)  # how the state of the next segment depends on the end of a segment
+
+
+def separate_states(rows: np.ndarray, first: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rotate least-squares problems so that only the first rows of each contain its state.
+
+    rows: (n_rows, n + n_states + 1) of the problems one after another, used as memory: the design
+    of coefficients and of the state, and the residual. first: (n_problems + 1,) first row of each.
+    Returns the first rows (n_problems, n_states, n + n_states + 1), and the others, in which the
+    first rows are zero, regressions on the coefficients alone.
+    """
+    n_states = rows.shape[1] - n - 1
+    _rotate_rows(rows, first, n, n_states)
+    places = first[:-1, None] + np.arange(n_states)
+    own = rows[places]
+    rows[places] = 0.0
+    return own, rows
+
+
+@njit(cache=True, fastmath={"contract", "nsz"}, error_model="numpy")
+def _rotate_rows(rows, first, n, n_states):
+    """Rotate rows in place, as of `separate_states`, by Householder's reflections."""
+    width = rows.shape[1]
+    share = np.empty(width)
+    for g in range(len(first) - 1):
+        for c in range(n, n + n_states):
+            top, squares = first[g] + c - n, 0.0
+            for r in range(top, first[g + 1]):
+                squares += rows[r, c] ** 2
+            if squares == 0.0:
+                continue
+            size, head = np.sqrt(squares), rows[top, c]
+            head += size if head > 0.0 else -size  # of the mirror's normal
+            for k in range(width):
+                share[k] = head * rows[top, k]
+            for r in range(top + 1, first[g + 1]):
+                normal = rows[r, c]
+                for k in range(width):
+                    share[k] += normal * rows[r, k]
+            for k in range(width):
+                share[k] /= size * abs(head)
+                rows[top, k] -= head * share[k]
+            for r in range(top + 1, first[g + 1]):
+                normal = rows[r, c]
+                for k in range(width):
+                    rows[r, k] -= normal * share[k]
+
+
+@njit(cache=True, error_model="numpy")
+def _apply_chain_rule(rows, slopes, n, out):
+    """Write `rows` to `out`, their state replaced by what it depends on.
+
+    rows: (m, n + n_states) of coefficients and a state. slopes: (n_states, n + n_states) of this
+    state by the coefficients and another state.
+    """
+    for i in range(len(out)):
+        for c in range(slopes.shape[1]):
+            total = rows[i, c] if c < n else 0.0
+            for k in range(len(slopes)):
+                total += rows[i, n + k] * slopes[k, c]
+            out[i, c] = total
+
+
+@njit(cache=True, error_model="numpy")
+def link_segments(end_derivatives, begins, size, inverse, longest, most):
+    """Return the chain of each segment, (n_segments,).
+
+    end_derivatives: (n_segments, n_states, n + n_states) of a segment's end by the coefficients and
+    its first state. begins: (n_segments,) whether a recording begins. size: (n_states,), inverse:
+    (n + n_states,) units of the ends, and of the coefficients and first states. longest, most:
+    segments of a chain, and growth, in these units, in all.
+    """
+    count, n_states, width = end_derivatives.shape
+    n = width - n_states
+    chains, length = np.zeros(count, np.int64), 1
+    identity = np.eye(n_states, width, n)
+    relation, following = identity.copy(), identity.copy()
+    for g in range(1, count):
+        _apply_chain_rule(end_derivatives[g - 1], relation, n, following)
+        growth = 0.0
+        for i in range(n_states):
+            for c in range(width):
+                growth += (following[i, c] * size[i] * inverse[c]) ** 2
+        broken = begins[g] or not growth < most**2 or length >= longest
+        chains[g] = chains[g - 1] + broken
+        length = 1 if broken else length + 1
+        relation[:] = identity if broken else following
+    return chains
+
+
+@njit(cache=True, error_model="numpy")
+def filter_back(rows, end_derivatives, mismatch, links, roots):
+    """Eliminate the states of segments from the last one back to the first.
+
+    rows: (n_segments, m, n + n_states + 1) of the coefficients, a segment's first state and the
+    residual. end_derivatives: as of `link_segments`. mismatch: (n_segments, n_states) of the end of
+    each segment with the first state of the next. links: (n_segments,) FREE, EQUAL or JUMP. roots:
+    (n_segments, n_states, n_states); times a jump they have unit covariance.
+
+    Returns rows (n_segments, n_states, n + n_states + 1) of each segment's first state, which
+    contain all that it and later ones tell; the remaining equations (n_segments, m, n + 1) of the
+    coefficients; and how the first state of the next segment follows: `relations` (n_segments,
+    n_states, n + n_states + 1) to the coefficients, this segment's state and a constant, and
+    `spreads` (n_segments, n_states, n_states), a root of its covariance then.
+    """
+    count, m, width = rows.shape
+    n_states = roots.shape[1]
+    n, last = width - n_states - 1, width - 1
+    kept, relations = np.zeros((2, count, n_states, width))
+    remaining, spreads = np.zeros((count, m, n + 1)), np.zeros((count, n_states, n_states))
+    own, joint = np.zeros((m + n_states, width)), np.zeros((2 * n_states, width + n_states))
+    of_own, of_joint = np.array([0, m + n_states]), np.array([0, 2 * n_states])
+    for g in range(count - 1, -1, -1):
+        own[:m] = rows[g]
+        _rotate_rows(own, of_own, n, n_states)
+        kept[g] = own[:n_states]
+        remaining[g, :, :n], remaining[g, :, n] = own[n_states:, :n], own[n_states:, last]
+        own[m:] = 0.0  # what later segments tell of the state of the one before
+        if g == 0 or links[g - 1] == FREE:
+            continue
+        slopes, gap, relation = end_derivatives[g - 1], mismatch[g - 1], relations[g - 1]
+        if links[g - 1] == EQUAL:
+            relation[:, :last], relation[:, last] = slopes, gap
+            _apply_chain_rule(kept[g], slopes, n, own[m:])
+            for i in range(n_states):
+                own[m + i, last] = kept[g, i, last]
+                for k in range(n_states):
+                    own[m + i, last] -= kept[g, i, n + k] * gap[k]
+            continue
+        # of coefficients, state, state of the segment before, residual
+        joint[:] = 0.0
+        joint[:n_states, : n + n_states] = kept[g, :, :last]
+        joint[:n_states, -1] = kept[g, :, last]
+        for i in range(n_states):
+            for k in range(n_states):
+                root = roots[g - 1, i, k]
+                joint[n_states + i, n + k] += root
+                joint[n_states + i, -1] += root * gap[k]
+                for c in range(n):
+                    joint[n_states + i, c] -= root * slopes[k, c]
+                for c in range(n, last):
+                    joint[n_states + i, n_states + c] -= root * slopes[k, c]
+        _rotate_rows(joint, of_joint, n, n_states)
+        own[m:, :n], own[m:, n:] = joint[n_states:, :n], joint[n_states:, n + n_states :]
+        for i in range(n_states - 1, -1, -1):
+            relation[i, :n], relation[i, n:last] = -joint[i, :n], -joint[i, n + n_states : -1]
+            relation[i, last], spreads[g - 1, i, i] = joint[i, -1], 1.0
+            for k in range(i + 1, n_states):
+                relation[i] -= joint[i, n + k] * relation[k]
+                spreads[g - 1, i] -= joint[i, n + k] * spreads[g - 1, k]
+            relation[i] /= joint[i, n + i]
+            spreads[g - 1, i] /= joint[i, n + i]
+    return kept, remaining, relations, spreads
+
+
+@njit(cache=True, error_model="numpy")
+def follow_states(relations, spreads, begins, first, first_variance):
+    """Compute the states of all segments from the first ones of chains, and their covariances.
+
+    relations, spreads: as of `filter_back`. begins: (n_segments,) whether a chain begins. first:
+    (n_chains, n_states, n + 1) responses of its first state to the coefficients, and a constant.
+    first_variance: (n_chains, n_states, n_states). Returns responses (n_segments, n_states, n + 1),
+    and covariances (n_segments, n_states, n_states) of each state with itself and with the next.
+    """
+    count, n_states, width = relations.shape
+    n = width - n_states - 1
+    response = np.zeros((count, n_states, n + 1))
+    variance, covariance = np.zeros((2, count, n_states, n_states))
+    chain = -1
+    for g in range(count):
+        if begins[g]:
+            chain += 1
+            response[g], variance[g] = first[chain], first_variance[chain]
+            continue
+        relation, spread = relations[g - 1], spreads[g - 1]
+        for i in range(n_states):
+            response[g, i, :n], response[g, i, n] = relation[i, :n], relation[i, width - 1]
+            for k in range(n_states):
+                response[g, i] += relation[i, n + k] * response[g - 1, k]
+                for j in range(n_states):
+                    covariance[g - 1, j, i] += variance[g - 1, j, k] * relation[i, n + k]
+        for i in range(n_states):
+            for j in range(n_states):
+                for k in range(n_states):
+                    variance[g, i, j] += relation[i, n + k] * covariance[g - 1, k, j]
+                    variance[g, i, j] += spread[i, k] * spread[j, k]
+    return response, variance, covariance
