@@ -30,7 +30,8 @@ from galloping.identification.work import count_work
 MAX_SEGMENT_GROWTH = 1e6
 # Relative singular value below which a direction of a state is not solved for: three times
 # TRUNCATION, the integrator's relative error, which makes up singular values of its own size.
-UNDETERMINED = 3e-7
+# Between jumps, whose precision may differ by any factor, only rounding counts.
+UNDETERMINED, ROUNDED = 3e-7, 1e-13
 LEAST_JUMP = 1e-12  # variance, of the mean square of a state
 
 
@@ -39,17 +40,17 @@ class Eliminated:
     """Normal equations of the coefficients after elimination of the segments' first states.
 
     information: (n, n), right: (n,) of the coefficients' change. response: (n_segments, n_states, n
-    + 1), of each state to the coefficients' change, and constant. variance, covariance:
-    (n_segments, n_states, n_states), of each segment's first state, and of that with the next
-    segment's, at given coefficients. gap: (n_states,) largest mismatch between segments without a
-    jump. fall: decrease of chi^2 when the first states of chains alone are moved to their best.
+    + 1), of each state to the coefficients' change, and constant. variance, jump_variance:
+    (n_segments, n_states, n_states) covariance of each segment's first state, and of the jump after
+    it, at given coefficients. gap: (n_states,) largest mismatch between segments without a jump.
+    fall: decrease of chi^2 when the first states of chains alone are moved to their best.
     """
 
     information: np.ndarray
     right: np.ndarray
     response: np.ndarray
     variance: np.ndarray
-    covariance: np.ndarray
+    jump_variance: np.ndarray
     gap: np.ndarray
     fall: float
 
@@ -97,7 +98,7 @@ def eliminate_chains(linearised: Linearised, segments: Segments, starts: np.ndar
     mismatch = linearised.ends - np.roll(starts, -1, axis=0)
     return _eliminate(
         linearised.rows, linearised.information, linearised.right, linearised.end_derivatives,
-        mismatch, links, roots,
+        mismatch, links, roots, UNDETERMINED,
     )  # fmt: skip
 
 
@@ -124,6 +125,7 @@ def eliminate_with_jumps(
         np.where(used[:, None, None], linear.rows, 0.0),
         linear.information[used].sum(axis=0), linear.right[used].sum(axis=0),
         linear.end_derivatives, linear.ends - np.roll(linear.starts, -1, axis=0), links, roots,
+        ROUNDED,
     )  # fmt: skip
     information, right = record.problem.with_prior(found.information, found.right, linear.free)
     return replace(found, information=information, right=right)
@@ -137,37 +139,40 @@ def _eliminate(
     mismatch: np.ndarray,
     links: np.ndarray,
     roots: np.ndarray,
+    least: float,
 ) -> Eliminated:
     """Eliminate the segments' first states, see `square_root.filter_back`.
 
-    information, right: of the coefficients, by other equations.
+    information, right: of the coefficients, by other equations. least: as of `_solve_first_states`.
     """
     n, begins = len(right), np.append(True, links[:-1] == FREE)
     kept, left, relations, spreads = filter_back(rows, end_derivatives, mismatch, links, roots)
-    first, first_variance, undetermined = _solve_first_states(kept[begins], n)
-    response, variance, covariance = follow_states(
-        relations, spreads, begins, first, first_variance
+    first, first_variance, undetermined = _solve_first_states(kept[begins], n, least)
+    response, variance, jump_variance = follow_states(
+        relations, spreads, end_derivatives, begins, first, first_variance
     )
     remaining = np.concatenate([left.reshape(-1, n + 1), undetermined.reshape(-1, n + 1)])
     information = information + remaining[:, :n].T @ remaining[:, :n]
     right = right + remaining[:, n] @ remaining[:, :n]
     fall = float(np.sum(kept[begins, :, -1] ** 2) - np.sum(undetermined[:, :, n] ** 2))
     gap = np.abs(mismatch[links == EQUAL]).max(axis=0, initial=0.0)
-    return Eliminated(information, right, response, variance, covariance, gap, fall)
+    return Eliminated(information, right, response, variance, jump_variance, gap, fall)
 
 
-def _solve_first_states(rows: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _solve_first_states(
+    rows: np.ndarray, n: int, least: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Solve for the first states of chains, linear in the coefficients' change.
 
-    rows: (n_chains, n_states, n + n_states + 1). Directions that the rows do not determine remain
-    unchanged. Returns the states, (n_chains, n_states, n + 1), the constant last; their covariance;
+    rows: (n_chains, n_states, n + n_states + 1). Directions that the rows do not determine, with
+    relative singular values below `least`, remain unchanged. Returns the states, (n_chains, n_states, n + 1), the constant last; their covariance;
     and the equations that remain for undetermined directions, a design and a residual, (n_chains,
     n_states, n + 1), zero elsewhere.
     """
     block = rows[:, :, n:-1]
     scale = 1.0 / np.maximum(np.linalg.norm(block, axis=1), np.finfo(float).tiny)
     u, s, v = np.linalg.svd(block * scale[:, None, :])
-    known = (s > UNDETERMINED * s[:, :1])[..., None]
+    known = (s > least * s[:, :1])[..., None]
     turned = u.transpose(0, 2, 1) @ np.delete(rows, np.s_[n:-1], axis=2)
     inverse = np.divide(1.0, s[..., None], out=np.zeros(known.shape), where=known)
     root = scale[..., None] * (inverse * v).transpose(0, 2, 1)
@@ -190,14 +195,11 @@ def jump_covariance(
     entries than the states.
     """
     n, n_states = len(change), record.states.shape[1]
-    slopes = linear.end_derivatives[at]
-    by_state, step = slopes[:, :, n:], solved.move_states(change)
+    slopes, step = linear.end_derivatives[at], solved.move_states(change)
     ends = linear.ends[at] + slopes[:, :, :n] @ change
-    ends += np.einsum("gij,gj->gi", by_state, step[at])
+    ends += np.einsum("gij,gj->gi", slopes[:, :, n:], step[at])
     gap = linear.starts[at + 1] + step[at + 1] - ends
-    mixed = by_state @ solved.covariance[at]
-    spread = solved.variance[at + 1] + by_state @ solved.variance[at] @ by_state.transpose(0, 2, 1)
-    squares = gap[:, :, None] * gap[:, None, :] + (spread - mixed - mixed.transpose(0, 2, 1))
+    squares = gap[:, :, None] * gap[:, None, :] + solved.jump_variance[at]
     squares = squares[:, :n_states, :n_states] / record.segment_sizes[at, None, None] ** 2
     floor = np.mean(record.states**2, axis=0) + np.finfo(float).tiny
     return np.sum(squares, axis=0) / max(len(at), 1) + LEAST_JUMP * np.diag(floor)

@@ -166,18 +166,19 @@ def filter_back(rows, end_derivatives, mismatch, links, roots):
 
 
 @njit(cache=True, error_model="numpy")
-def follow_states(relations, spreads, begins, first, first_variance):
+def follow_states(relations, spreads, end_derivatives, begins, first, first_variance):
     """Compute the states of all segments from the first ones of chains, and their covariances.
 
     relations, spreads: as of `filter_back`. begins: (n_segments,) whether a chain begins. first:
     (n_chains, n_states, n + 1) responses of its first state to the coefficients, and a constant.
     first_variance: (n_chains, n_states, n_states). Returns responses (n_segments, n_states, n + 1),
-    and covariances (n_segments, n_states, n_states) of each state with itself and with the next.
+    and covariances (n_segments, n_states, n_states) of each state and of the jump after it.
     """
     count, n_states, width = relations.shape
     n = width - n_states - 1
     response = np.zeros((count, n_states, n + 1))
-    variance, covariance = np.zeros((2, count, n_states, n_states))
+    variance, of_jump = np.zeros((2, count, n_states, n_states))
+    moved, change = np.zeros((2, n_states, n_states))
     chain = -1
     for g in range(count):
         if begins[g]:
@@ -189,11 +190,19 @@ def follow_states(relations, spreads, begins, first, first_variance):
             response[g, i, :n], response[g, i, n] = relation[i, :n], relation[i, width - 1]
             for k in range(n_states):
                 response[g, i] += relation[i, n + k] * response[g - 1, k]
-                for j in range(n_states):
-                    covariance[g - 1, j, i] += variance[g - 1, j, k] * relation[i, n + k]
-        for i in range(n_states):
-            for j in range(n_states):
-                for k in range(n_states):
-                    variance[g, i, j] += relation[i, n + k] * covariance[g - 1, k, j]
-                    variance[g, i, j] += spread[i, k] * spread[j, k]
-    return response, variance, covariance
+                moved[i, k] = relation[i, n + k]
+                change[i, k] = moved[i, k] - end_derivatives[g - 1, i, n + k]
+        _add_covariance(moved, variance[g - 1], spread, variance[g])
+        _add_covariance(change, variance[g - 1], spread, of_jump[g - 1])
+    return response, variance, of_jump
+
+
+@njit(cache=True, error_model="numpy")
+def _add_covariance(a, b, root, out):
+    """Add the covariance a b a' + root root' to `out`; all matrices are as large."""
+    for i in range(len(out)):
+        for j in range(len(out)):
+            for k in range(len(out)):
+                out[i, j] += root[i, k] * root[j, k]
+                for m in range(len(out)):
+                    out[i, j] += a[i, k] * b[k, m] * a[j, m]
