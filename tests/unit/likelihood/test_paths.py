@@ -15,7 +15,7 @@ from galloping import Input, PolynomialModel, Recording, Simulator, maximum_like
 from galloping import polynomial_library as library
 from galloping.identification.likelihood.instrument import FORCES
 from galloping.identification.likelihood.starts import starts_of_terms
-from galloping.identification.likelihood.trajectory_fit import fit_free_segments
+from galloping.identification.likelihood.trajectory_fit import fit_free_segments, join_segments
 from galloping.identification.observations import Code
 from galloping.identification.preparation.weak_form import make_start
 from galloping.identification.prior_knowledge import PRIOR
@@ -117,6 +117,17 @@ def test_segments_whose_initial_states_explain_all_samples_are_not_joined() -> N
     start = make_start(make_problem(true.states, true.terms, prior=PRIOR), [recording])
     (_, terms, _), *_ = starts_of_terms(start)
     assert fit_free_segments(start, terms) is None
+
+
+def test_a_join_ends_where_its_steps_are_halved_again_and_again() -> None:
+    true, recording = published("brusselator", 0.1)
+    start = make_start(make_problem(true.states, true.terms, prior=PRIOR), [recording])
+    *_, (_, terms, _) = starts_of_terms(start)
+    free = fit_free_segments(start, terms)
+    assert free is not None
+    joined = join_segments(free, start.price, 1.0, unseen=True)
+    # without that end a later step diverges, however short it is
+    assert not joined.settled and joined.objection.code == Code.NOT_FOLLOWED
 
 
 @pytest.mark.parametrize("path", OPEN)
