@@ -8,16 +8,16 @@ Gauss-Newton steps are taken on the poles.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from galloping.identification.no_model import IdentificationError
+from galloping.identification.no_model import IdentificationError, NoModel, attempt
 from galloping.identification.observations import Code
 from galloping.identification.work import count_work
 
-MAX_STEPS, MAX_LAST_STEPS = 30, 4  # of Gauss-Newton, and of them after a fit of means
+MAX_STEPS, MAX_STEPS_AFTER_MEANS = 30, 4  # of Gauss-Newton; those on samples after a fit to means
 MIN_SAMPLES = 8  # of a channel of a stretch
 CONVERGED = 1e-3  # step in standard errors
 ROUNDING = 1e-10  # least noise, in units of the motion; least share of information that counts
@@ -172,8 +172,8 @@ def fit_poles(
 ) -> DampedModes:
     """Fit damped sinusoids to samples of free motion, from initial guesses of their poles.
 
-    If a period has many samples, means of neighbours are fitted first: these are damped sinusoids
-    with the same poles.
+    If a period has many samples, means of neighbours are fitted first: where samples are equally
+    spaced, these are damped sinusoids with the same poles.
 
     Parameters
     ----------
@@ -189,12 +189,14 @@ def fit_poles(
     """
     steady = np.zeros(len(poles), bool) if is_steady is None else is_steady
     free = np.append(~steady, np.ones(len(poles), bool))
-    step = min(one.step for one in stretches)
+    step = max(one.step for one in stretches)
     count = int(2.0 * np.pi / (MEANS_PER_PERIOD * step * max(poles.imag)))
-    means = _average_neighbours(stretches, count) if count > 1 else []
+    means, max_steps = _average_neighbours(stretches, count) if count > 1 else [], MAX_STEPS
     if means:
-        poles, _ = _iterate(means, poles, free, MAX_STEPS)
-    poles, here = _iterate(stretches, poles, free, MAX_LAST_STEPS if means else MAX_STEPS)
+        found = attempt(partial(_iterate, means, poles, free, MAX_STEPS))
+        if not isinstance(found, NoModel):
+            (poles, _), max_steps = found, MAX_STEPS_AFTER_MEANS
+    poles, here = _iterate(stretches, poles, free, max_steps)
     scaled, scale = here.scale_information(free)
     if not np.linalg.cond(scaled) < 1.0 / ROUNDING:
         raise IdentificationError(Code.NO_OSCILLATION)
@@ -207,33 +209,34 @@ def fit_poles(
 
 
 def _average_neighbours(stretches: Sequence[Stretch], count: int) -> list[Stretch]:
-    """Average each `count` samples in a row; a mean is missing where a sample is.
+    """Average each `count` samples in a row; a mean is missing where a sample is, or across a gap.
 
-    None are returned if a tenth of the samples of a channel of a stretch would be lost.
+    The list is empty if more than a tenth of a channel's samples would be lost.
     """
     found = []
     for one in stretches:
         n = len(one.time) // count
         time, values = one.time[: n * count], one.values[: n * count]
-        means = values.reshape(n, count, -1).mean(axis=1)
+        time, means = time.reshape(n, count), values.reshape(n, count, -1).mean(axis=1)
+        means[np.ptp(time, axis=1) > 1.5 * (count - 1) * one.step] = np.nan
         kept, given = (np.isfinite(each).sum(axis=0) for each in (means, one.values))
         if n == 0 or np.any(kept * count < 0.9 * given):
             return []
-        found.append(Stretch(time.reshape(n, count).mean(axis=1), means, one.drift_degrees))
+        found.append(Stretch(time.mean(axis=1), means, one.drift_degrees))
     return found
 
 
 def _iterate(
-    stretches: Sequence[Stretch], poles: np.ndarray, free: np.ndarray, most: int
+    stretches: Sequence[Stretch], poles: np.ndarray, free: np.ndarray, max_steps: int
 ) -> tuple[np.ndarray, "_NormalEquations"]:
-    """Take up to `most` Gauss-Newton steps on the poles; return these and the linearisation there.
+    """Take Gauss-Newton steps on the poles; return these and the linearisation there.
 
     free: (2 n_modes,) which growths and frequencies change.
     """
     here = _linearise(stretches, poles)
     fastest = np.pi / min(one.step for one in stretches)
     damping = 1e-3
-    for _ in range(most):
+    for _ in range(max_steps):
         scaled, scale = here.scale_information(free)
         scaled += damping * np.eye(len(scale))
         step = np.zeros(len(free))

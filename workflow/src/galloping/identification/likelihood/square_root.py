@@ -4,7 +4,8 @@ Rows of least-squares problems are rotated, never multiplied with each other: wh
 of the coefficients is a small part of what it tells of its state, and rounding would hide it.
 (G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977.)
 
-All compiled functions are in one module, for a cached one notices edits of its own module alone.
+Compiled functions that call each other are in one module, for a cached one notices edits of its own
+module alone.
 """
 
 import numpy as np
@@ -16,12 +17,17 @@ FREE, EQUAL, JUMP = range(3)  # how the state of the next segment depends on the
 def separate_states(rows: np.ndarray, first: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Rotate least-squares problems so that only the first rows of each contain its state.
 
-    rows: (n_rows, n + n_states + 1) of the problems one after another, used as memory: the design
-    of coefficients and of the state, and the residual. first: (n_problems + 1,) first row of each.
+    rows: (n_rows, n + n_states + 1) of the problems one after another, overwritten: the design of
+    coefficients and of the state, and the residual. first: (n_problems + 1,) first row of each.
     Returns the first rows (n_problems, n_states, n + n_states + 1), and the others, in which the
-    first rows are zero, regressions on the coefficients alone.
+    first rows are zero, regressions on the coefficients alone. A problem with fewer rows than
+    states has rows of zeros besides.
     """
     n_states = rows.shape[1] - n - 1
+    lacking = np.maximum(n_states - np.diff(first), 0)
+    if lacking.any():
+        rows = np.insert(rows, np.repeat(first[1:], lacking), 0.0, axis=0)
+        first = first + np.append(0, np.cumsum(lacking))
     _rotate_rows(rows, first, n, n_states)
     places = first[:-1, None] + np.arange(n_states)
     own = rows[places]
@@ -33,7 +39,7 @@ def separate_states(rows: np.ndarray, first: np.ndarray, n: int) -> tuple[np.nda
 def _rotate_rows(rows, first, n, n_states):
     """Rotate rows in place, as of `separate_states`, by Householder's reflections."""
     width = rows.shape[1]
-    share = np.empty(width)
+    projection = np.empty(width)
     for g in range(len(first) - 1):
         for c in range(n, n + n_states):
             top, squares = first[g] + c - n, 0.0
@@ -42,20 +48,20 @@ def _rotate_rows(rows, first, n, n_states):
             if squares == 0.0:
                 continue
             size, head = np.sqrt(squares), rows[top, c]
-            head += size if head > 0.0 else -size  # of the mirror's normal
+            head += size if head > 0.0 else -size  # first entry of Householder's vector
             for k in range(width):
-                share[k] = head * rows[top, k]
+                projection[k] = head * rows[top, k]
             for r in range(top + 1, first[g + 1]):
                 normal = rows[r, c]
                 for k in range(width):
-                    share[k] += normal * rows[r, k]
+                    projection[k] += normal * rows[r, k]
             for k in range(width):
-                share[k] /= size * abs(head)
-                rows[top, k] -= head * share[k]
+                projection[k] /= size * abs(head)
+                rows[top, k] -= head * projection[k]
             for r in range(top + 1, first[g + 1]):
                 normal = rows[r, c]
                 for k in range(width):
-                    rows[r, k] -= normal * share[k]
+                    rows[r, k] -= normal * projection[k]
 
 
 @njit(cache=True, error_model="numpy")
@@ -74,13 +80,14 @@ def _apply_chain_rule(rows, slopes, n, out):
 
 
 @njit(cache=True, error_model="numpy")
-def link_segments(end_derivatives, begins, size, inverse, longest, most):
+def link_segments(end_derivatives, begins_recording, errors, max_segments, max_growth):
     """Return the chain of each segment, (n_segments,).
 
     end_derivatives: (n_segments, n_states, n + n_states) of a segment's end by the coefficients and
-    its first state. begins: (n_segments,) whether a recording begins. size: (n_states,), inverse:
-    (n + n_states,) units of the ends, and of the coefficients and first states. longest, most:
-    segments of a chain, and growth, in these units, in all.
+    its first state. begins_recording: (n_segments,) boolean. errors: (n + n_states,) standard
+    errors of the coefficients and of a state, as one segment tells them, zero where it tells
+    nothing. max_segments: of a chain. max_growth: Frobenius norm of the derivatives of a chain's
+    end by the coefficients and its first state, in these units.
     """
     count, n_states, width = end_derivatives.shape
     n = width - n_states
@@ -92,8 +99,9 @@ def link_segments(end_derivatives, begins, size, inverse, longest, most):
         growth = 0.0
         for i in range(n_states):
             for c in range(width):
-                growth += (following[i, c] * size[i] * inverse[c]) ** 2
-        broken = begins[g] or not growth < most**2 or length >= longest
+                if errors[n + i] > 0.0:
+                    growth += (following[i, c] * errors[c] / errors[n + i]) ** 2
+        broken = begins_recording[g] or not growth < max_growth**2 or length >= max_segments
         chains[g] = chains[g - 1] + broken
         length = 1 if broken else length + 1
         relation[:] = identity if broken else following
@@ -107,7 +115,7 @@ def filter_back(rows, end_derivatives, mismatch, links, roots):
     rows: (n_segments, m, n + n_states + 1) of the coefficients, a segment's first state and the
     residual. end_derivatives: as of `link_segments`. mismatch: (n_segments, n_states) of the end of
     each segment with the first state of the next. links: (n_segments,) FREE, EQUAL or JUMP. roots:
-    (n_segments, n_states, n_states); times a jump they have unit covariance.
+    (n_segments, n_states, n_states); the product of one and the jump has unit covariance.
 
     Returns rows (n_segments, n_states, n + n_states + 1) of each segment's first state, which
     contain all that it and later ones tell; the remaining equations (n_segments, m, n + 1) of the
@@ -120,24 +128,24 @@ def filter_back(rows, end_derivatives, mismatch, links, roots):
     n, last = width - n_states - 1, width - 1
     kept, relations = np.zeros((2, count, n_states, width))
     remaining, spreads = np.zeros((count, m, n + 1)), np.zeros((count, n_states, n_states))
-    own, joint = np.zeros((m + n_states, width)), np.zeros((2 * n_states, width + n_states))
-    of_own, of_joint = np.array([0, m + n_states]), np.array([0, 2 * n_states])
+    later, joint = np.zeros((m + n_states, width)), np.zeros((2 * n_states, width + n_states))
+    later_bounds, joint_bounds = np.array([0, m + n_states]), np.array([0, 2 * n_states])
     for g in range(count - 1, -1, -1):
-        own[:m] = rows[g]
-        _rotate_rows(own, of_own, n, n_states)
-        kept[g] = own[:n_states]
-        remaining[g, :, :n], remaining[g, :, n] = own[n_states:, :n], own[n_states:, last]
-        own[m:] = 0.0  # what later segments tell of the state of the one before
+        later[:m] = rows[g]
+        _rotate_rows(later, later_bounds, n, n_states)
+        kept[g] = later[:n_states]
+        remaining[g, :, :n], remaining[g, :, n] = later[n_states:, :n], later[n_states:, last]
+        later[m:] = 0.0  # what this and later segments tell of the state of the one before
         if g == 0 or links[g - 1] == FREE:
             continue
         slopes, gap, relation = end_derivatives[g - 1], mismatch[g - 1], relations[g - 1]
         if links[g - 1] == EQUAL:
             relation[:, :last], relation[:, last] = slopes, gap
-            _apply_chain_rule(kept[g], slopes, n, own[m:])
+            _apply_chain_rule(kept[g], slopes, n, later[m:])
             for i in range(n_states):
-                own[m + i, last] = kept[g, i, last]
+                later[m + i, last] = kept[g, i, last]
                 for k in range(n_states):
-                    own[m + i, last] -= kept[g, i, n + k] * gap[k]
+                    later[m + i, last] -= kept[g, i, n + k] * gap[k]
             continue
         # of coefficients, state, state of the segment before, residual
         joint[:] = 0.0
@@ -152,8 +160,8 @@ def filter_back(rows, end_derivatives, mismatch, links, roots):
                     joint[n_states + i, c] -= root * slopes[k, c]
                 for c in range(n, last):
                     joint[n_states + i, n_states + c] -= root * slopes[k, c]
-        _rotate_rows(joint, of_joint, n, n_states)
-        own[m:, :n], own[m:, n:] = joint[n_states:, :n], joint[n_states:, n + n_states :]
+        _rotate_rows(joint, joint_bounds, n, n_states)
+        later[m:, :n], later[m:, n:] = joint[n_states:, :n], joint[n_states:, n + n_states :]
         for i in range(n_states - 1, -1, -1):
             relation[i, :n], relation[i, n:last] = -joint[i, :n], -joint[i, n + n_states : -1]
             relation[i, last], spreads[g - 1, i, i] = joint[i, -1], 1.0
@@ -166,11 +174,11 @@ def filter_back(rows, end_derivatives, mismatch, links, roots):
 
 
 @njit(cache=True, error_model="numpy")
-def follow_states(relations, spreads, end_derivatives, begins, first, first_variance):
+def follow_states(relations, spreads, end_derivatives, begins_chain, first, first_variance):
     """Compute the states of all segments from the first ones of chains, and their covariances.
 
-    relations, spreads: as of `filter_back`. begins: (n_segments,) whether a chain begins. first:
-    (n_chains, n_states, n + 1) responses of its first state to the coefficients, and a constant.
+    relations, spreads: as of `filter_back`. begins_chain: (n_segments,) boolean. first: (n_chains,
+    n_states, n + 1) responses of its first state to the coefficients, and a constant.
     first_variance: (n_chains, n_states, n_states). Returns responses (n_segments, n_states, n + 1),
     and covariances (n_segments, n_states, n_states) of each state and of the jump after it.
     """
@@ -181,7 +189,7 @@ def follow_states(relations, spreads, end_derivatives, begins, first, first_vari
     moved, change = np.zeros((2, n_states, n_states))
     chain = -1
     for g in range(count):
-        if begins[g]:
+        if begins_chain[g]:
             chain += 1
             response[g], variance[g] = first[chain], first_variance[chain]
             continue
@@ -199,10 +207,13 @@ def follow_states(relations, spreads, end_derivatives, begins, first, first_vari
 
 @njit(cache=True, error_model="numpy")
 def _add_covariance(a, b, root, out):
-    """Add the covariance a b a' + root root' to `out`; all matrices are as large."""
+    """Add the covariance a b a' + root root' to `out`; all are (n_states, n_states)."""
+    product = np.zeros(out.shape)
     for i in range(len(out)):
         for j in range(len(out)):
             for k in range(len(out)):
-                out[i, j] += root[i, k] * root[j, k]
-                for m in range(len(out)):
-                    out[i, j] += a[i, k] * b[k, m] * a[j, m]
+                product[i, j] += a[i, k] * b[k, j]
+    for i in range(len(out)):
+        for j in range(len(out)):
+            for k in range(len(out)):
+                out[i, j] += product[i, k] * a[j, k] + root[i, k] * root[j, k]

@@ -38,11 +38,11 @@ OF_NOISE, FINEST_FOR_INPUTS = 0.1, 96
 PERIODS_PER_SEGMENT = 6  # short enough for a rough start to converge from
 CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
 MOST_PASSES = 20  # with joined segments
-# An iteration is stuck if its steps are halved so often in two passes one after the other. Of 529
-# fits of free segments on design seeds, 35 were stuck, and none of these came close. Of 407 joins,
-# 318 converged; 34 were stuck, or their segments had not met to within MET of a state's size after
-# MET_BY passes, and none of these converged.
-HALVED, MET_BY, MET = 3, 9, 0.2
+# An iteration is stuck if each of two consecutive steps is halved so often. Of 529 fits of free
+# segments on design seeds, 35 were stuck, and none of these came close. Of 407 joins, 318 converged;
+# 34 were stuck, or their segments had not met to within LARGE_GAP of a state's size after GAP_PASSES
+# passes, and none of these converged.
+STUCK_HALVINGS, GAP_PASSES, LARGE_GAP = 3, 9, 0.2
 CONVERGED = 0.01  # squared length of a step, in standard deviations: errors grow by half a percent
 
 
@@ -53,8 +53,8 @@ class Step:
     before, fit: the fits before and after it. Segments are in chains. information: of the
     regression on all candidates; right: half the decrease of chi^2 with each, at the new fit.
     decrement: squared length of the step, in units of its covariance. gap: largest mismatch of
-    segments before the step, in units of each state's size. halvings: of the step that led to
-    `before`, until this one could be taken.
+    segments before the step, in units of each state's size. halvings: number of halvings of the
+    step to `before`.
     """
 
     before: ShootingFit
@@ -65,9 +65,9 @@ class Step:
     gap: float
     halvings: int = 0
 
-    def is_stuck_after(self, last: "Step | None") -> bool:
-        """Decide whether the iteration is stuck, from the halvings of this and the last step."""
-        return last is not None and min(self.halvings, last.halvings) >= HALVED
+    def is_stuck_after(self, previous: "Step | None") -> bool:
+        """Decide whether the iteration is stuck, from the halvings of this and a previous step."""
+        return previous is not None and min(self.halvings, previous.halvings) >= STUCK_HALVINGS
 
     def path(self, period: float) -> Iterator[str]:
         """Yield words on the lengths of windows and segments, such as '6 periods'.
@@ -112,9 +112,9 @@ class JoinedFit:
 def fit_free_segments(begun: Start, start: WeakFit) -> Step | None:
     """Fit a model to segments of the recordings, each with an independent initial state.
 
-    Segments are halved up to three times, until the fit is close; if it never is, they are as short
-    as halving them still halved the misfit. None if all diverge, or if they are so short that their
-    initial states alone explain the samples.
+    Segments are halved up to three times, until the fit is close, or until they are so short that
+    their initial states alone explain the samples. If the fit is never close, segments are as short
+    as halving them still halved the misfit. None if there is no fit.
 
     From a rough start, particularly of a sensitive system, long segments diverge from the solution;
     segments that are too short hide faults of the recording.
@@ -313,11 +313,15 @@ def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> Joined
             if times == 1.0 and not step.fit.support.any():
                 raise NotConvergedError(Code.NO_TERM)
             was_whole = whole or chain >= count
-            # the gap is that before the step, which leaves about its square, 1e-6 of each state
+            # the gap is measured before the step; about its square remains, 1e-6 of each state
             converged = step.decrement < CONVERGED and step.gap < 1e-3 and times == 1.0
             settled = unchanged and was_whole and converged
             gap = min(gap, step.gap)
-            if settled or step.is_stuck_after(last) or (passed + 1 >= MET_BY and gap > MET):
+            if (
+                settled
+                or step.is_stuck_after(last)
+                or (passed + 1 >= GAP_PASSES and gap > LARGE_GAP)
+            ):
                 break
             if is_exhausted():
                 break
@@ -350,31 +354,31 @@ def take_guarded_step(
             raise NotConvergedError(Code.LIMIT_OF_WORK)
         try:
             # a misfit alone takes a third of the time of a step
-            if halvings == 0 or _is_possible(fit, _with_misfit(fit)):
+            if halvings == 0 or _is_acceptable(fit, _evaluate_misfit(fit)):
                 step = _gauss_newton(fit, longest, price)
-                if _is_possible(fit, step.fit):
+                if _is_acceptable(fit, step.fit):
                     return replace(step, halvings=halvings)
         except FloatingPointError:
             pass
         free, starts = (previous.free + fit.free) / 2.0, (previous.starts + fit.starts) / 2.0
         support = previous.support | fit.support
-        fit = replace(previous, record=fit.record, free=free, support=support, starts=starts)
+        fit = replace(fit, free=free, support=support, starts=starts, sigma=previous.sigma)
     raise NotConvergedError(Code.ITERATION_DIVERGES)
 
 
-def _is_possible(fit: ShootingFit, found: ShootingFit) -> bool:
-    """Decide whether the misfit at a fit, found after the step to it, permits the next step."""
+def _is_acceptable(fit: ShootingFit, found: ShootingFit) -> bool:
+    """Decide whether chi^2 at a fit is low enough to continue from it.
+
+    found: the fit with its chi^2.
+    """
     return found.misfit < CLOSE or found.chi2 < 1.5 * fit.chi2
 
 
-def _with_misfit(fit: ShootingFit) -> ShootingFit:
+def _evaluate_misfit(fit: ShootingFit) -> ShootingFit:
     """Compute the misfit and the noise of a fit; raises FloatingPointError if it diverges."""
     record = fit.record
     remaining, _ = segment_residuals(record, fit.free, fit.starts)
-    owner = np.repeat(record.segments.recording, np.diff(record.segments.first))
-    squares = np.zeros(fit.sigma.shape)
-    np.add.at(squares, owner, np.sum(remaining**2, axis=2))
-    return update_noise(fit, squares)
+    return update_noise(fit, record.condensed.sum_squares(remaining))
 
 
 def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) -> Step:

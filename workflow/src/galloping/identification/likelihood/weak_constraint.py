@@ -20,8 +20,8 @@ from galloping.identification.problem import Problem
 from galloping.identification.work import count_work
 from galloping.model.polynomial import exponent_matrix
 
-# Periods of a stretch. Measured: with 3 to 6 a model's error hides in the jumps, and amplitudes are
-# up to three times as far off; with 20 or more gusts do not, and dampings are.
+# Periods of a stretch. Measured: with 3 to 6 jumps absorb a model's error, and amplitudes are up to
+# three times as far off; with 20 or more they do not absorb gusts, and dampings are as far off.
 STRETCH_PERIODS = 10
 
 
@@ -72,11 +72,12 @@ class LinearisedStretches:
     """Whitened residuals of each segment, linearised in the coefficients and the segment's state.
 
     free, starts: (n,), (n_segments, n_states), about which they are linearised. rows: (n_segments,
-    m, n + n_states + 1) of coefficients, state and residual; information: (n_segments, n, n),
-    right: (n_segments, n), of all other rows, which contain the coefficients alone. residual:
-    (n_windows, n_observed, n_rows), not whitened. ends: (n_segments, n_states) last states;
-    end_derivatives: (n_segments, n_states, n + n_states). wide_rows: `rows` where the coefficients
-    `rates` (n_rates,) differ in this segment: their columns stand once more after the state.
+    n_states + n_rates, n + n_states + 1) of coefficients, state and residual; information:
+    (n_segments, n, n), right: (n_segments, n), of all other rows, which contain the coefficients
+    alone. residual: (n_windows, n_observed, n_rows), not whitened. ends: (n_segments, n_states)
+    last states; end_derivatives: (n_segments, n_states, n + n_states). wide_rows: `rows` with the
+    columns of the coefficients `rates` (n_rates,) repeated after the state, for deviations of these
+    coefficients in the segment.
     """
 
     free: np.ndarray
@@ -144,7 +145,6 @@ class StretchFit:
             count_work((8e-9 + 1.5e-10 * self.misfit.shape[1]) * rows.size)
             both = whitened(both, own, record.segments.recording[group.start])
             both = np.ascontiguousarray(both).reshape(-1, both.shape[3])
-            both = np.pad(both, ((0, max(wide_rows.shape[1] - len(both), 0)), (0, 0)))
             wide_rows[group], others = separate_states(both, np.array([0, len(both)]), n)
             information[group] = others[:, :n].T @ others[:, :n]
             right[group] = others[:, -1] @ others[:, :n]
