@@ -39,9 +39,9 @@ PERIODS_PER_SEGMENT = 6  # short enough for a rough start to converge from
 CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
 MOST_PASSES = 20  # with joined segments
 # An iteration is stuck if each of two consecutive steps is halved so often. Of 529 fits of free
-# segments on design seeds, 35 were stuck, and none of these came close. Of 407 joins, 318 converged;
-# 34 were stuck, or their segments had not met to within LARGE_GAP of a state's size after GAP_PASSES
-# passes, and none of these converged.
+# segments on design seeds, 35 were stuck; none of these came close. Of 407 joins, 318 converged. 34
+# were stuck, or their segments had not met to within LARGE_GAP of a state's size after GAP_PASSES
+# passes; none of these converged.
 STUCK_HALVINGS, GAP_PASSES, LARGE_GAP = 3, 9, 0.2
 CONVERGED = 0.01  # squared length of a step, in standard deviations: errors grow by half a percent
 
