@@ -100,12 +100,12 @@ class JoinedFit:
 
     @property
     def misfit(self) -> float:
-        """Misfit of the last fit: chi^2 divided by the number of projections of the samples."""
+        """Misfit before the last step: chi^2 over the number of projections of the samples."""
         return self.step.fit.misfit
 
     @property
     def n_terms(self) -> int:
-        """Number of terms of the last fit."""
+        """Number of terms after the last step."""
         return int(self.step.fit.support.sum())
 
 
@@ -345,7 +345,8 @@ def take_guarded_step(
     """Take a Gauss-Newton step; if it diverges, repeat it from nearer to the previous fit.
 
     A step fails if it diverges, or raises a misfit that is not close by half; then it is taken from
-    half as far from `previous`, and so on. The other arguments are as in `_gauss_newton`. Raises
+    half as far from `previous`, and so on. The misfit half way is compared with that one pass
+    earlier, `previous.chi2`. The other arguments are as in `_gauss_newton`. Raises
     FloatingPointError if halving does not help, or the work is exhausted.
     """
     passing("follow the recording in segments")
