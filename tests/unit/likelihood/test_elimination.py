@@ -1,7 +1,5 @@
 """Both eliminations of segments' states, against the dense least squares that they solve."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,6 @@ from galloping.identification.likelihood.elimination import (
 )
 from galloping.identification.likelihood.shooting import Linearised, Segments
 from galloping.identification.likelihood.square_root import separate_states
-from galloping.identification.likelihood.weak_constraint import LinearisedStretches
 
 COUNT, STATES, N, ROWS = 6, 2, 3, 8
 OWNER = np.array([0, 0, 0, 0, 1, 1])
@@ -48,18 +45,12 @@ def dense_rows(jump: float) -> tuple[np.ndarray, np.ndarray]:
 def test_eliminated_states_leave_the_best_coefficients_and_follow_them(jump: float) -> None:
     rows = np.concatenate([DESIGN, RESIDUAL[..., None]], axis=2).reshape(-1, N + STATES + 1)
     kept, rest = separate_states(rows, ROWS * np.arange(COUNT + 1), N)
+    information, right = rest[:, :N].T @ rest[:, :N], rest[:, -1] @ rest[:, :N]
+    folds = np.zeros(COUNT, int)
+    linear = Linearised(STARTS, kept, folds, information[None], right[None], RESIDUAL, ENDS, SLOPES)
     if jump:
-        rest = rest.reshape(COUNT, ROWS, -1)
-        linear = LinearisedStretches(
-            np.zeros(N), STARTS, kept, rest[:, :, :N].transpose(0, 2, 1) @ rest[:, :, :N],
-            np.einsum("gr,grn->gn", rest[:, :, -1], rest[:, :, :N]), RESIDUAL, ENDS, SLOPES, kept,
-            np.zeros(0, int),
-        )  # fmt: skip
-        unknown = SimpleNamespace(with_prior=lambda information, right, _: (information, right))
-        record = SimpleNamespace(
-            followed_segments=np.flatnonzero(np.diff(OWNER) == 0), problem=unknown
-        )
-        found = eliminate_with_jumps(record, linear, np.tile(np.eye(STATES) / jump, (COUNT, 1, 1)))
+        roots = np.tile(np.eye(STATES) / jump, (COUNT, 1, 1))
+        found = eliminate_with_jumps(linear, SEGMENTS, roots)
         root = np.linalg.inv(np.linalg.qr(dense_rows(jump)[0][:, N:], mode="r"))
         told = root @ root.T  # not by squares of rows, which lose half of the digits
         for g in range(COUNT):
@@ -69,11 +60,9 @@ def test_eliminated_states_leave_the_best_coefficients_and_follow_them(jump: flo
         of_jump = both @ told[: 2 * STATES, : 2 * STATES] @ both.T
         assert found.jump_variance[0] == pytest.approx(of_jump, rel=1e-5)
     else:
-        information, right = rest[:, :N].T @ rest[:, :N], rest[:, -1] @ rest[:, :N]
-        linear = Linearised(kept, information, right, np.zeros((2, 1)), ENDS, SLOPES)
         segments = chain_segments(linear, SEGMENTS)
         assert segments.chains.tolist() == OWNER.tolist()
-        found = eliminate_chains(linear, segments, STARTS)
+        found = eliminate_chains(linear, segments)
         assert found.gap == pytest.approx(
             np.abs(ENDS - np.roll(STARTS, -1, 0))[[0, 1, 2, 4]].max(0)
         )

@@ -165,7 +165,11 @@ class Problem:
         return self.terms.index(linear_term(state, len(self.names)))
 
     def same_state_monomial(self, support: np.ndarray) -> np.ndarray:
-        """Find candidates that equal selected terms, or differ only in powers of inputs."""
+        """Find candidates that equal selected terms, or differ only in powers of inputs.
+
+        A recording near one mean wind hardly distinguishes such terms, and to leave one of them out
+        would claim a law for other winds.
+        """
         n, m = len(self.states), len(self.names)
         names = [(i, *self.terms[j][:n], *self.terms[j][m:]) for i, j in self.candidates]
         found = set(compress(names, support))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -163,70 +162,43 @@ class Tableau:
     gradient: np.ndarray
     information: np.ndarray
 
-    @property
-    def removal_rises(self) -> np.ndarray:
-        """Rise of chi^2 if each present term alone is removed, (n_kept,)."""
-        return self.coefficients**2 / np.diag(self.covariance)
+    def rises(self, n_leave: int, n_enter: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Compute the rise of chi^2 if terms are removed, added or exchanged.
 
-    def addition_falls(self) -> np.ndarray:
-        """Compute the fall of chi^2 if each absent term alone is added, (n_out,)."""
-        return self.gradient**2 / np.diag(self.information)
-
-    @cached_property
-    def pair_places(self) -> np.ndarray:
-        """Pairs of absent terms that could be added, as indices in `out`, (2, n_pairs)."""
-        return np.array(np.triu_indices(len(self.out), 1))
-
-    def pair_falls(self) -> np.ndarray:
-        """Compute the fall of chi^2 if each pair of absent terms is added, (n_pairs,).
-
-        Zero for two terms that are equal.
+        n_leave, n_enter: number of present terms that are removed and of absent ones that are
+        added, up to two each. Returns the rises (n_ways_to_leave, n_ways_to_enter), and the indices
+        of the terms of each way, (n_ways, n_leave) and (n_ways, n_enter). Two added terms that
+        differ only by rounding do not lower chi^2.
         """
-        between = self.information[tuple(self.pair_places)]
-        return _pair_falls(self.gradient, np.diag(self.information), between, self.pair_places)
-
-    def exchange_rises(self) -> np.ndarray:
-        """Compute the rise of chi^2 if a present term is exchanged for an absent term.
-
-        Shape (n_kept, n_out).
-        """
-        variance = np.diag(self.covariance)[:, None]
-        gradient = self.gradient + self.share * (self.coefficients[:, None] / variance)
-        return self.removal_rises[:, None] - gradient**2 / (
-            np.diag(self.information) + self.share**2 / variance
-        )
-
-    def exchange_rises_for_two(self) -> np.ndarray:
-        """Compute the rise of chi^2 if a present term is exchanged for two absent terms.
-
-        Shape (n_kept, n_pairs).
-        """
-        variance, (i, j) = np.diag(self.covariance)[:, None], self.pair_places
-        gradient = self.gradient + self.share * (self.coefficients[:, None] / variance)
-        per_variance = self.share / variance
-        diagonal = np.diag(self.information) + self.share * per_variance
-        between = self.information[i, j] + self.share[:, i] * per_variance[:, j]
-        return self.removal_rises[:, None] - _pair_falls(
-            gradient, diagonal, between, self.pair_places
-        )
-
-    def exchange_rises_of_two(self) -> tuple[np.ndarray, np.ndarray]:
-        """Compute the rise of chi^2 if two present terms are exchanged for an absent term.
-
-        Shape (n_pairs, n_out). Returns the pairs too, (n_pairs, 2).
-        """
-        pairs = np.column_stack(np.triu_indices(len(self.kept), 1))
-        i, j = pairs.T
-        block = self.covariance[pairs[:, :, None], pairs[:, None, :]]
-        weight = np.linalg.inv(block)
-        c = self.coefficients[pairs]
+        leave, enter = _choices(len(self.kept), n_leave), _choices(len(self.out), n_enter)
+        weight = np.linalg.inv(self.covariance[leave[:, :, None], leave[:, None, :]])
+        c, share = self.coefficients[leave], self.share[leave]
         pull = np.einsum("pij,pj->pi", weight, c)
-        share = np.stack([self.share[i], self.share[j]], axis=1)
+        rise = np.sum(c * pull, axis=1)[:, None]
+        # of the absent terms, once those that leave are removed
+        weighted = weight @ share
         gradient = self.gradient + np.einsum("pi,pio->po", pull, share)
-        information = np.diag(self.information) + np.einsum(
-            "pio,pij,pjo->po", share, weight, share, optimize=True
-        )
-        return np.sum(c * pull, axis=1)[:, None] - gradient**2 / information, pairs
+        diagonal = np.diag(self.information) + np.einsum("pio,pio->po", share, weighted)
+        if n_enter == 1:
+            rise = rise - gradient**2 / diagonal
+        elif n_enter == 2:
+            i, j = enter.T
+            between = np.tile(self.information[i, j], (len(leave), 1))
+            for k in range(n_leave):
+                between += share[:, k, i] * weighted[:, k, j]
+            (g, h), (d, e) = ((values[:, i], values[:, j]) for values in (gradient, diagonal))
+            determinant = d * e - between**2
+            gain = g**2 * e + h**2 * d - 2.0 * (g * h) * between
+            good = determinant > DEPENDENT * d * e
+            rise = rise - np.divide(gain, determinant, out=np.zeros_like(gain), where=good)
+        return rise, self.kept[leave], self.out[enter]
+
+
+def _choices(n: int, count: int) -> np.ndarray:
+    """Return all choices of none, one or two of n places, (n_choices, count)."""
+    if count == 0:
+        return np.zeros((1, 0), int)
+    return np.arange(n)[:, None] if count == 1 else np.column_stack(np.triu_indices(n, 1))
 
 
 def make_tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
@@ -254,22 +226,6 @@ def make_tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
     )  # fmt: skip
 
 
-def _pair_falls(
-    gradient: np.ndarray, diagonal: np.ndarray, between: np.ndarray, two: np.ndarray
-) -> np.ndarray:
-    """Compute the fall of chi^2 when two terms are added, (..., n_pairs).
-
-    It is zero for terms that differ only by rounding. diagonal: (..., n), between: (..., n_pairs),
-    of the information about them.
-    """
-    (g, h), (d, e) = (values[..., two].swapaxes(0, -2) for values in (gradient, diagonal))
-    product = d * e
-    determinant = product - between**2
-    gain = g**2 * e + h**2 * d - 2.0 * (g * h) * between
-    good = determinant > DEPENDENT * product
-    return np.divide(gain, determinant, out=np.zeros_like(gain), where=good)
-
-
 def find_moves(
     here: Tableau, support: np.ndarray, prices: np.ndarray, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -279,27 +235,13 @@ def find_moves(
     added, or one is exchanged for one or two, or two for one. Returns the rise of chi^2 plus
     `prices` (n,) with each, (m,), increasing, and the supports that they lead to, (m, n).
     """
-    kept, out, none = here.kept[:, None], here.out[:, None], np.zeros((1, 0), int)
-    two = here.out[here.pair_places.T]
-    count_work(1.2e-7 * len(kept) * (len(two) + len(out) * len(kept) / 2))  # moves of three terms
-    # rises (n_leave, n_enter), and the terms of each row that leave and of each column that enter
-    options = [
-        (here.removal_rises[:, None], kept, none),
-        (-here.addition_falls()[None], none, out),
-        (-here.pair_falls()[None], none, two),
-        (here.exchange_rises(), kept, out),
-        (here.exchange_rises_for_two(), kept, two),
+    kept, out = len(here.kept), len(here.out)
+    count_work(6e-8 * kept * out * (out + kept))  # moves of three terms
+    options = [here.rises(*move) for move in ((1, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 1))]
+    priced = [
+        (rises + prices[enter].sum(axis=1) - prices[leave].sum(axis=1)[:, None]).ravel()
+        for rises, leave, enter in options
     ]
-    if len(kept) > 1:
-        rises, pairs = here.exchange_rises_of_two()
-        options.append((rises, here.kept[pairs], out))
-    priced = []
-    for rises, leave, enter in options:
-        for terms in enter.T:
-            rises = rises + prices[terms]
-        for terms in leave.T:
-            rises = rises - prices[terms][:, None]
-        priced.append(rises.ravel())
     rise, ends = np.concatenate(priced), np.cumsum([len(each) for each in priced])
     edge = np.partition(rise, most - 1)[most - 1] if most < len(rise) else np.inf
     best = np.flatnonzero(rise <= edge)

@@ -22,7 +22,8 @@ from galloping.identification.likelihood.square_root import (
     follow_states,
     link_segments,
 )
-from galloping.identification.likelihood.weak_constraint import LinearisedStretches
+from galloping.identification.problem import Problem
+from galloping.identification.selection import Price
 from galloping.identification.work import count_work
 
 # Of a chain's end with its first state; errors of the integrator grow alike. With 1e8 and with 1e10
@@ -36,10 +37,45 @@ LEAST_JUMP = 1e-12  # variance of a jump, relative to the mean square of a state
 
 
 @dataclass(frozen=True)
-class Eliminated:
+class NormalEquations:
+    """Quadratic model of the misfit in the coefficients, about those of a fit.
+
+    information: (n, n), right: (n,) half the decrease of chi^2 with each coefficient.
+    """
+
+    information: np.ndarray
+    right: np.ndarray
+
+    def choose_terms(
+        self, problem: Problem, free: np.ndarray, support: np.ndarray, price: Price | float
+    ) -> np.ndarray:
+        """Choose the best terms, (n,), searched from all candidates and from a support.
+
+        free: (n,) coefficients of the fit.
+        """
+        tried = [np.ones(len(support), bool), support]
+        return problem.select_terms(self.information, self.right, tried, price, free)
+
+    def best_coefficients(
+        self, problem: Problem, free: np.ndarray, support: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Compute the best coefficients (n,) of a support within their bounds.
+
+        Returns their covariance (n_support, n_support) without bounds as well. free: (n,)
+        coefficients of the fit.
+        """
+        # solved for the change: on a long chain, rounding of the coefficients outweighs their noise
+        kept = np.where(support, free, 0.0)
+        right = self.right + self.information @ (free - kept)
+        change, covariance = problem.solve_within_bounds(self.information, right, support, kept)
+        return kept + change, covariance
+
+
+@dataclass(frozen=True)
+class Eliminated(NormalEquations):
     """Normal equations of the coefficients after elimination of the segments' first states.
 
-    information: (n, n), right: (n,) of the coefficients' change. response: (n_segments, n_states, n
+    response: (n_segments, n_states, n
     + 1), of each state to the coefficients' change, and constant. variance, jump_variance:
     (n_segments, n_states, n_states) covariance of each segment's first state, and of the jump after
     it, at given coefficients, zero in directions that nothing determines. gap: (n_states,) largest
@@ -47,8 +83,6 @@ class Eliminated:
     chains alone are moved to their best.
     """
 
-    information: np.ndarray
-    right: np.ndarray
     response: np.ndarray
     variance: np.ndarray
     jump_variance: np.ndarray
@@ -73,9 +107,10 @@ def chain_segments(linearised: Linearised, segments: Segments, longest: float = 
     of 288 recordings of Lorenz's system with 20 to 40 % of noise, chains that grow by 2,000 lead to
     213 exact models, by 1e6 to 246.
     """
-    n = len(linearised.right)
+    n = linearised.right.shape[1]
     of_states = np.sum(linearised.rows[:, :, n:-1] ** 2, axis=1).mean(axis=0)
-    told = np.sqrt(np.append(np.diag(linearised.information), of_states))
+    of_coefficients = np.einsum("kii->i", linearised.information)
+    told = np.sqrt(np.append(of_coefficients, of_states))
     errors = np.divide(1.0, told, out=np.zeros(len(told)), where=told > 0.0)
     count_work(SEGMENT * len(linearised.ends))
     begins = np.diff(segments.recording, prepend=0) != 0
@@ -83,72 +118,54 @@ def chain_segments(linearised: Linearised, segments: Segments, longest: float = 
     return replace(segments, chains=chains)
 
 
-def eliminate_chains(linearised: Linearised, segments: Segments, starts: np.ndarray) -> Eliminated:
+def eliminate_chains(linear: Linearised, segments: Segments) -> Eliminated:
     """Reduce a linearised multiple-shooting fit to normal equations of the coefficients alone.
 
-    Each segment of a chain begins where the one before ends. starts: (n_segments, n_states), about
-    which the segments are linearised.
+    Each segment of a chain begins where the one before ends.
     """
-    (count, n_states), n = starts.shape, len(linearised.right)
-    count_work(count * (2 * SEGMENT + 1e-9 * n_states * n**2))
-    links = np.full(count, FREE)
-    links[:-1][np.diff(segments.chains) == 0] = EQUAL
-    roots = np.zeros((count, n_states, n_states))
-    mismatch = linearised.ends - np.roll(starts, -1, axis=0)
-    return _eliminate(
-        linearised.rows, linearised.information, linearised.right, linearised.end_derivatives,
-        mismatch, links, roots, UNDETERMINED,
-    )  # fmt: skip
+    links = np.where(np.diff(segments.chains, append=-1) == 0, EQUAL, FREE)
+    roots = np.zeros((*linear.starts.shape, linear.starts.shape[1]))
+    return _eliminate(linear, links, roots, UNDETERMINED)
 
 
 def eliminate_with_jumps(
-    record: ShootingData,
-    linear: LinearisedStretches,
-    roots: np.ndarray,
-    left_out: np.ndarray | None = None,
+    linear: Linearised, segments: Segments, roots: np.ndarray, left_out: int | None = None
 ) -> Eliminated:
     """Reduce stretches with jumps between them to normal equations of the coefficients.
 
-    The priors of coefficients are included. roots: (n_segments, n_states, n_states) of the inverse
-    covariance of the jump after each. left_out: (n_segments,) whose data, and whose jumps to and
-    from them, do not count.
+    roots: (n_segments, n_states, n_states) of the inverse covariance of the jump after each.
+    left_out: fold whose data, and whose jumps to and from it, do not count.
     """
-    count, n = len(linear.starts), linear.right.shape[1]
-    count_work(count * (7e-5 + 5e-10 * roots.shape[1] * n**2))
-    used = np.ones(count, bool) if left_out is None else ~left_out
-    links = np.full(count, FREE)
-    links[record.followed_segments] = JUMP
-    links[~used] = FREE
-    links[:-1][~used[1:]] = FREE
-    found = _eliminate(
-        np.where(used[:, None, None], linear.rows, 0.0),
-        linear.information[used].sum(axis=0), linear.right[used].sum(axis=0),
-        linear.end_derivatives, linear.ends - np.roll(linear.starts, -1, axis=0), links, roots,
-        UNDETERMINED_WITH_JUMPS,
-    )  # fmt: skip
-    information, right = record.problem.with_prior(found.information, found.right, linear.free)
-    return replace(found, information=information, right=right)
+    links = np.where(np.diff(segments.recording, append=-1) == 0, JUMP, FREE)
+    if left_out is not None:
+        out = linear.fold == left_out
+        links[out | np.append(out[1:], False)] = FREE
+        linear = replace(
+            linear,
+            rows=np.where(out[:, None, None], 0.0, linear.rows),
+            information=np.delete(linear.information, left_out, axis=0),
+            right=np.delete(linear.right, left_out, axis=0),
+        )
+    return _eliminate(linear, links, roots, UNDETERMINED_WITH_JUMPS)
 
 
 def _eliminate(
-    rows: np.ndarray,
-    information: np.ndarray,
-    right: np.ndarray,
-    end_derivatives: np.ndarray,
-    mismatch: np.ndarray,
-    links: np.ndarray,
-    roots: np.ndarray,
-    rcond: float,
+    linear: Linearised, links: np.ndarray, roots: np.ndarray, rcond: float
 ) -> Eliminated:
     """Eliminate the segments' first states, see `square_root.filter_back`.
 
-    information, right: from rows without states. rcond: as of `_solve_first_states`.
+    rcond: as of `_solve_first_states`.
     """
+    information, right = linear.information.sum(axis=0), linear.right.sum(axis=0)
+    count_work(len(links) * (2 * SEGMENT + 1e-9 * roots.shape[1] * len(right) ** 2))
+    mismatch = linear.ends - np.roll(linear.starts, -1, axis=0)
     n, begins = len(right), np.append(True, links[:-1] == FREE)
-    kept, left, relations, spreads = filter_back(rows, end_derivatives, mismatch, links, roots)
+    kept, left, relations, spreads = filter_back(
+        linear.rows, linear.end_derivatives, mismatch, links, roots
+    )
     first, first_variance, undetermined = _solve_first_states(kept[begins], n, rcond)
     response, variance, jump_variance = follow_states(
-        relations, spreads, end_derivatives, begins, first, first_variance
+        relations, spreads, linear.end_derivatives, begins, first, first_variance
     )
     remaining = np.concatenate([left.reshape(-1, n + 1), undetermined.reshape(-1, n + 1)])
     information = information + remaining[:, :n].T @ remaining[:, :n]
@@ -183,7 +200,7 @@ def _solve_first_states(
 
 def jump_covariance(
     record: ShootingData,
-    linear: LinearisedStretches,
+    linear: Linearised,
     solved: Eliminated,
     change: np.ndarray,
     at: np.ndarray,

@@ -22,7 +22,7 @@ from galloping.identification.likelihood.residual_tests import (
     diagnose_residuals,
 )
 from galloping.identification.likelihood.several_minima import refine_fit
-from galloping.identification.likelihood.shooting import Segments, ShootingFit, segment_residuals
+from galloping.identification.likelihood.shooting import ShootingFit, segment_residuals
 from galloping.identification.likelihood.verdict import (
     Regression,
     assess_fit,
@@ -137,13 +137,10 @@ def _chain_residuals(begun: Start, fit: ShootingFit) -> tuple[np.ndarray, Residu
 
     Raises FloatingPointError if the model diverges over a chain.
     """
-    segments, bounds = fit.record.segments, fit.record.segments.bounds
-    begins, each = bounds[:-1], np.arange(len(bounds) - 1)
-    whole = Segments(segments.first[bounds], segments.recording[begins], each)
-    record = replace(fit.record, segments=whole)
-    remaining, _ = segment_residuals(record, fit.free, fit.starts[begins])
+    whole = fit.whole_chains
+    remaining, _ = segment_residuals(whole.record, fit.free, whole.starts)
     return remaining, diagnose_residuals(
-        record.condensed, remaining, fit.n_parameters, begun.period
+        fit.record.condensed, remaining, fit.n_parameters, begun.period
     )
 
 

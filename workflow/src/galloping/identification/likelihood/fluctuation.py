@@ -12,16 +12,14 @@ import numpy as np
 
 from galloping.identification.likelihood.condense import WINDOWS_PER_PERIOD
 from galloping.identification.likelihood.elimination import eliminate_with_jumps, jump_covariance
-from galloping.identification.likelihood.shooting import ShootingData
+from galloping.identification.likelihood.shooting import Linearised, ShootingData
 from galloping.identification.likelihood.weak_constraint import (
     STRETCH_PERIODS,
-    LinearisedStretches,
     StretchFit,
     make_integrable,
     rate_coefficients,
     white_misfit,
 )
-from galloping.identification.problem import Problem
 from galloping.identification.work import is_exhausted
 from galloping.model.polynomial import exponent_matrix
 from galloping.passes import passing
@@ -32,23 +30,6 @@ PARTS = 24
 # Correlation of a fluctuation with itself one part later: it falls over four periods. Measured:
 # dampings and amplitudes in gusts are as good with the true spectrum of the wind as with 2 to 7.
 MEMORY = np.exp(-STRETCH_PERIODS / (PARTS * 4.0))
-
-
-def select_with_input_powers(
-    problem: Problem,
-    information: np.ndarray,
-    right: np.ndarray,
-    support: np.ndarray,
-    price: float,
-) -> np.ndarray:
-    """Select terms by a penalty, each with all terms that differ only in powers of the inputs.
-
-    The selection is searched from all terms and from `support` (n,). A recording near one mean wind
-    hardly distinguishes such terms, and to leave one of them out would claim a law for other winds.
-    price: of each term, in units of chi^2.
-    """
-    tried = [np.ones(len(right), bool), support]
-    return problem.same_state_monomial(problem.select_terms(information, right, tried, price))
 
 
 def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray] | None:
@@ -84,7 +65,7 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
     # terms, the last with the terms before; with three or six fits, or three passes, one of ten
     # answers of `make exam` changes, by less than 0.2 standard errors
     passes = 4
-    fine = replace(fit, record=parts, starts=parts.starts, misfit=misfit)
+    fine = replace(fit, record=parts, starts=parts.starts, misfit=misfit, repeated=rates)
     for passed in range(passes):
         if is_exhausted():
             return None
@@ -97,22 +78,21 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
             return None
         support, jump = fine.support, fine.jump
         for settling in reversed(range(5)):
-            wider = _add_fluctuations(parts, fine.linearised, variance)
+            wider = _add_fluctuations(parts, fine.linearised, rates, variance)
             roots = _change_roots(parts, jumping, jump, size, variance)
-            solved = eliminate_with_jumps(parts, wider, roots)
-            right = solved.right + solved.information @ fine.free
+            solved = eliminate_with_jumps(wider, parts.segments, roots)
             if not settling and 0 < passed < passes - 1:
-                support = select_with_input_powers(
-                    problem, solved.information, right, support, penalty
-                )
-            free, covariance = problem.solve_within_bounds(solved.information, right, support)
+                support = solved.choose_terms(problem, fine.free, support, penalty)
+                support = problem.same_state_monomial(support)
+            free, covariance = solved.best_coefficients(problem, fine.free, support)
             change = free - fine.free
             jump = jump_covariance(parts, wider, solved, change, jumping)
             step = solved.move_states(change)
             own = np.diagonal(solved.variance, axis1=1, axis2=2) + step**2
             variance = np.maximum(own[:, len(size) :].mean(axis=0), least)
-        free, starts = fine.free + change, fine.starts + step[:, : len(size)]
-        fine = make_integrable(fine, StretchFit(parts, free, support, starts, misfit, jump))
+        starts = fine.starts + step[:, : len(size)]
+        moved = replace(fine, free=free, support=support, starts=starts, misfit=misfit, jump=jump)
+        fine = make_integrable(fine, moved)
     if not fine.support.any():
         return None
     return replace(fit, free=fine.free, support=fine.support), covariance
@@ -140,23 +120,23 @@ def _divide_segments(record: ShootingData) -> tuple[ShootingData, np.ndarray]:
 
 
 def _add_fluctuations(
-    record: ShootingData, linear: LinearisedStretches, variance: np.ndarray
-) -> LinearisedStretches:
-    """Add fluctuations of the coefficients `linear.rates` to each segment's state.
+    record: ShootingData, linear: Linearised, rates: np.ndarray, variance: np.ndarray
+) -> Linearised:
+    """Add fluctuations of the coefficients `rates` (n_rates,) to each segment's state.
 
-    Fluctuations act as their coefficients do, and have their `variance` (n_rates,) where a
-    recording begins.
+    Fluctuations act as their coefficients do, whose columns `linear` repeats, and have their
+    `variance` (n_rates,) where a recording begins.
     """
     (count, n_states), n, extra = linear.starts.shape, linear.right.shape[1], len(variance)
-    begin = np.zeros((count, extra, linear.wide_rows.shape[2]))
+    begin = np.zeros((count, extra, linear.rows.shape[2]))
     begin[record.first_segments, :, n + n_states : -1] = np.diag(variance**-0.5)
     added = ((0, 0), (0, extra))
     slopes = np.pad(linear.end_derivatives, (*added, (0, extra)))
-    slopes[:, :n_states, n + n_states :] = linear.end_derivatives[:, :, linear.rates]
+    slopes[:, :n_states, n + n_states :] = linear.end_derivatives[:, :, rates]
     slopes[:, n_states:, n + n_states :] = MEMORY * np.eye(extra)
     return replace(
         linear, starts=np.pad(linear.starts, added), ends=np.pad(linear.ends, added),
-        rows=np.concatenate([linear.wide_rows, begin], axis=1), end_derivatives=slopes,
+        rows=np.concatenate([linear.rows, begin], axis=1), end_derivatives=slopes,
     )  # fmt: skip
 
 

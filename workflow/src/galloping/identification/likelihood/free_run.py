@@ -5,7 +5,6 @@ Inputs determine the phase, so that errors do not accumulate (simulation error, 
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -22,7 +21,6 @@ from galloping.identification.likelihood.shooting import (
     Segments,
     ShootingData,
     ShootingFit,
-    linearise,
     segment_residuals,
 )
 from galloping.identification.likelihood.trajectory_fit import (
@@ -107,7 +105,9 @@ def fit_free_runs(
         if step.decrement < CONVERGED:
             break
     remaining, _ = segment_residuals(record, fit.free, fit.starts)
-    run = approximate_free_runs(fit, linearise(fit).information, remaining, penalty, objections)
+    run = approximate_free_runs(
+        fit, fit.linearise().information.sum(axis=0), remaining, penalty, objections
+    )
     return replace(run, detection_limits=near.detection_limits)
 
 
@@ -148,11 +148,9 @@ def _chain_slopes(
     Yields the chain's windows, the slopes (n_windows, n_observed, n_rows, n_pairs + n_states) over
     the noise, and one over the noise (n_observed, 1).
     """
-    condensed, segments = fit.record.condensed, fit.record.segments
-    compiled = fit.record.problem.compile_system(fit.free, pairs)
-    for begin, end in pairwise(segments.bounds):
-        first = segments.first[[begin, end]]
-        rows = condensed.integrate_segments(compiled, first, fit.starts[begin : begin + 1], True)[1]
-        weight = 1.0 / fit.sigma[segments.recording[begin]][:, None]
-        rows *= weight[..., None]
-        yield slice(*first), rows, weight
+    whole, at_once = fit.whole_chains, 1
+    for _, windows, _, rows, *_ in whole.record.iterate_linearised(
+        fit.free, whole.starts, pairs, at_once
+    ):
+        weight = 1.0 / fit.sigma[whole.record.window_recordings[windows.start]][:, None]
+        yield windows, rows * weight[..., None], weight

@@ -18,7 +18,6 @@ from galloping.identification.likelihood.shooting import (
     Segments,
     ShootingData,
     ShootingFit,
-    linearise,
     segment_residuals,
 )
 from galloping.identification.observations import Code, Finding
@@ -77,10 +76,10 @@ def find_faults(fit: ShootingFit, penalty: float) -> list[Fault]:
     entries, columns, tests = _fault_parameters(fit.record, rates, late)
 
     def linearise_terms(terms: np.ndarray) -> Linearised:
-        return linearise(wider, np.vstack([problem.candidates[terms], entries]), columns)
+        return wider.linearise(np.vstack([problem.candidates[terms], entries]), columns)
 
     own = linearise_terms(fit.support)
-    quadratic = eliminate_chains(own, segments, fit.starts)
+    quadratic = eliminate_chains(own, segments)
     scores = [score_test(quadratic.information, quadratic.right, test.mixture) for test in tests]
     tested = [replace(test, z=z) for test, z in zip(tests, scores, strict=True)]
     tested += _test_gaps(own, fit) + _test_variances(fit, residual, rates)
@@ -89,9 +88,7 @@ def find_faults(fit: ShootingFit, penalty: float) -> list[Fault]:
     # times in a hundred, which costs a pass of the fit and no more
     doubtful = [k for k, z in enumerate(scores) if z > 2.5]
     if doubtful and max(scores) < np.sqrt(penalty):
-        quadratic = eliminate_chains(
-            linearise_terms(np.ones(len(fit.support), bool)), segments, fit.starts
-        )
+        quadratic = eliminate_chains(linearise_terms(np.ones(len(fit.support), bool)), segments)
         for k in doubtful:
             beside = _score_beside_term(quadratic, fit, tests[k])
             instead = _score_instead_of_terms(quadratic, fit, tests[k], penalty)
@@ -237,7 +234,8 @@ def _score_beside_term(quadratic: Eliminated, fit: ShootingFit, test: Fault) -> 
     whitened = whiten(quadratic.information[:n, :n], quadratic.right[:n], fit.free)
     here = make_tableau(whitened, fit.support & whitened.is_usable)
     if len(here.out):
-        more[here.out[np.argmax(here.addition_falls())]] = True
+        (rises,), *_ = here.rises(0, 1)
+        more[here.out[np.argmin(rises)]] = True
     kept = np.append(more, np.ones(len(test.mixture), bool))
     return score_test(
         quadratic.information[np.ix_(kept, kept)], quadratic.right[kept], test.mixture
@@ -280,10 +278,10 @@ def _test_gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
     linear: by the terms of the fit, and then by parameters of faults.
     """
     segments, starts = fit.record.segments, fit.starts
-    among = np.arange(len(linear.right)) < fit.support.sum()
+    among = np.arange(linear.right.shape[1]) < fit.support.sum()
 
     def misfit_fall(joined: Segments) -> float:
-        quadratic = eliminate_chains(linear, joined, starts)
+        quadratic = eliminate_chains(linear, joined)
         change, _ = solve_support(quadratic.information, quadratic.right, among)
         return quadratic.fall + float(change @ quadratic.right)
 

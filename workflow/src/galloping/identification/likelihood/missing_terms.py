@@ -13,7 +13,7 @@ from numpy.polynomial.legendre import leggauss, legvander
 
 from galloping.identification.likelihood.elimination import eliminate_chains
 from galloping.identification.likelihood.instrument import score_test
-from galloping.identification.likelihood.shooting import HUGE, ShootingFit, linearise
+from galloping.identification.likelihood.shooting import ShootingFit
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
 from galloping.identification.selection import solve_support
@@ -26,7 +26,6 @@ from galloping.model.polynomial import (
     velocity_pairs,
 )
 from galloping.recording.samples import powers_of_legendre
-from galloping.trajectory.taylor import at_points, integrate
 
 # Times in a window at which a force is known, and degree of its polynomial over a window.
 POINTS, DEGREE = 10, 5
@@ -66,11 +65,12 @@ def find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
         fit, sigma=fit.reference, record=replace(record, problem=wider, condensed=condensed)
     )
     entries = [(i, len(problem.terms) + k) for k, (i, *_) in enumerate(kinds)]
-    linear = linearise(wide, np.vstack([problem.candidates, entries]))
-    left = eliminate_chains(linear, record.segments, fit.starts)
+    linear = wide.linearise(np.vstack([problem.candidates, entries]))
+    left = eliminate_chains(linear, record.segments)
     among = np.arange(n + extra) < n
     change, _ = solve_support(left.information, left.right, among)
-    chi2 = float(linear.squares.sum()) - left.fall - float(change @ left.right)
+    squares = record.condensed.sum_squares(linear.residual) / fit.reference**2
+    chi2 = float(squares.sum()) - left.fall - float(change @ left.right)
     falls = [
         score_test(left.information[np.ix_(own, own)], left.right[own], np.ones(1)) ** 2
         for own in (np.append(among[:n], np.arange(extra) == k) for k in range(extra))
@@ -105,21 +105,10 @@ def _forces_along_motion(fit: ShootingFit, terms: tuple[Exponents, ...]) -> np.n
 
     Each is the polynomial over a window that is nearest in the mean square, by powers of the time.
     """
-    record, n_states = fit.record, fit.starts.shape[1]
-    condensed, problem = record.condensed, record.problem
+    problem, n_states = fit.record.problem, fit.starts.shape[1]
     nodes, weights = leggauss(POINTS)
-    places, windows = (nodes + 1.0) / 2.0, len(condensed.targets)
-    compiled = problem.compile_system(fit.free, problem.candidates[:0])
-    window = np.repeat(np.arange(windows), POINTS)
-    powers, samples, _ = at_points(compiled, window, np.tile(places, windows), windows, n_states)
-    states, *_ = integrate(
-        compiled, condensed.step, record.segments.first, fit.starts, powers, np.arange(n_states),
-        condensed.inputs, False, samples,
-    )  # fmt: skip
-    states = states.transpose(0, 2, 1).reshape(-1, n_states)
-    if not np.all(np.abs(states) < HUGE):
-        raise FloatingPointError("the model diverges within a segment")
+    states = fit.states_at((nodes + 1.0) / 2.0)
     plain = tuple((*term[:n_states], *term[len(problem.names) :]) for term in terms)
-    values = design_matrix(states, plain).reshape(windows, POINTS, -1)
+    values = design_matrix(states.reshape(-1, n_states), plain).reshape(*states.shape[:2], -1)
     project = legvander(nodes, DEGREE) * weights[:, None] * (np.arange(DEGREE + 1) + 0.5)
     return np.einsum("pd,dk,wpt->wkt", project, powers_of_legendre(DEGREE), values)

@@ -22,10 +22,7 @@ from galloping.identification.likelihood.elimination import (
     eliminate_with_jumps,
     jump_covariance,
 )
-from galloping.identification.likelihood.fluctuation import (
-    fit_fluctuations,
-    select_with_input_powers,
-)
+from galloping.identification.likelihood.fluctuation import fit_fluctuations
 from galloping.identification.likelihood.further_modes import (
     find_further_modes,
     further_mode_findings,
@@ -101,17 +98,14 @@ class Approximation:
         their means over a recording.
         """
         condensed = self.fit.record.condensed
-        shares = np.zeros(len(condensed.observed))
-        for o in range(len(shares)):
-            motion = error = 0.0
-            recordings = zip(pairwise(condensed.first), condensed.noise_variance, strict=True)
-            for (a, b), noise in recordings:
-                targets, residual = condensed.targets[a:b, o, 0], self.residual[a:b, o, 0]
-                motion += np.sum(np.abs(np.fft.rfft(targets)[1:]) ** 2)
-                left = np.abs(np.fft.rfft(residual)[1:]) ** 2
-                error += np.sum(left - noise[o] * np.count_nonzero(targets))
-            shares[o] = np.sqrt(max(error, 0.0) / max(motion, np.finfo(float).tiny))
-        return shares
+        motion, error = np.zeros((2, len(condensed.observed)))
+        for (a, b), noise in zip(pairwise(condensed.first), condensed.noise_variance, strict=True):
+            targets, residual = condensed.targets[a:b, :, 0], self.residual[a:b, :, 0]
+            motion += (b - a) * np.var(targets, axis=0)
+            with np.errstate(invalid="ignore"):  # of forecasts that diverge
+                error += (b - a) * np.var(residual, axis=0)
+            error -= noise * np.count_nonzero(targets, axis=0)
+        return np.sqrt(np.maximum(error, 0.0) / np.maximum(motion, np.finfo(float).tiny))
 
 
 def fit_approximation(
@@ -306,25 +300,19 @@ def _iterate_fit(
         if passed and is_exhausted():
             break
         passing("approximate in stretches")
-        solved = eliminate_with_jumps(record, fit.linearised, record.jump_roots(fit.jump))
-        right, support = solved.right + solved.information @ fit.free, fit.support
+        linear, problem, support = fit.linearised, record.problem, fit.support
+        solved = eliminate_with_jumps(linear, record.segments, record.jump_roots(fit.jump))
         if price is not None and passed < choosing:
-            support = select_with_input_powers(
-                record.problem, solved.information, right, support, price
-            )
-        free, _ = record.problem.solve_within_bounds(solved.information, right, support)
+            support = solved.choose_terms(problem, fit.free, support, price)
+            support = problem.same_state_monomial(support)
+        free, _ = solved.best_coefficients(problem, fit.free, support)
         change = free - fit.free
         starts = solved.move_states(change, fit.starts)
-        jump = jump_covariance(
-            record, fit.linearised, solved, 0.0 * change, record.followed_segments
-        )
+        jump = jump_covariance(record, linear, solved, 0.0 * change, record.followed_segments)
         if most_jump is not None:
             share = np.minimum(1.0, np.sqrt(np.diag(most_jump) / np.diag(jump)))
             jump = jump * np.outer(share, share)
-        same, misfit = (
-            np.array_equal(support, fit.support),
-            misfit_of(record, fit.linearised.residual),
-        )
+        same, misfit = np.array_equal(support, fit.support), misfit_of(record, linear.residual)
         if price is not None:
             # else a fit and the covariance of what it leaves may alternate with others
             misfit = (misfit + fit.misfit) / 2.0
@@ -336,42 +324,34 @@ def _iterate_fit(
 
 
 def _cross_validate(fit: StretchFit, price: float) -> Approximation:
-    """Estimate covariance and forecasts of a fit by leaving groups of segments out.
+    """Estimate covariance and forecasts of a fit by leaving folds of segments out.
 
-    What a group alone tells, such as the one before a motion comes to rest, has the covariance of
+    What a fold alone tells, such as the one before a motion comes to rest, has the covariance of
     the whole fit.
     """
     record, roots = fit.record, fit.record.jump_roots(fit.jump)
-    whole = eliminate_with_jumps(record, fit.linearised, roots)
-    condensed, segments = record.condensed, record.segments
-    count = len(fit.starts)
-    # of fewer groups the covariance is known worse, and `small_sample_factor`, 1.26 of twelve, is
-    # larger: of six, standard errors are up to twice as large or half as large; more cost an
-    # elimination each, and change standard errors by a tenth at most
-    groups = np.array_split(np.arange(count), min(count, 12))
-    changes = np.zeros((len(groups), int(fit.support.sum())))
+    condensed, segments, linear = record.condensed, record.segments, fit.linearised
+    whole = eliminate_with_jumps(linear, segments, roots)
+    n_folds = len(linear.right) - 1
+    changes = np.zeros((n_folds, int(fit.support.sum())))
     told_once = np.zeros((changes.shape[1], changes.shape[1]))
     residual = np.full(condensed.targets.shape, np.inf)
-    for k, group in enumerate(groups):
+    for k in range(n_folds):
         passing("forecast stretches that are left out")
-        solved = eliminate_with_jumps(
-            record, fit.linearised, roots, np.isin(np.arange(count), group)
-        )
+        solved = eliminate_with_jumps(linear, segments, roots, k)
         changes[k], untold = _change_without(solved, whole.information, fit.support)
         told_once += untold @ untold.T
         change = np.zeros(len(fit.support))
         change[fit.support] = changes[k]
-        at = slice(group[0], group[-1] + 1)
+        at = slice(*np.searchsorted(linear.fold, [k, k + 1]))
         own = slice(segments.first[at.start], segments.first[at.stop])
         predicted = record.predict_projections(fit.free + change, record.starts[at], at)
         residual[own] = condensed.targets[own] - predicted
     spread = changes - changes.mean(axis=0)
-    freedom = max(len(groups) - 1, 1)
-    covariance = (
-        SYSTEMATIC * small_sample_factor(len(groups)) * freedom / len(groups) * spread.T @ spread
-    )
+    freedom = max(n_folds - 1, 1)
+    covariance = SYSTEMATIC * small_sample_factor(n_folds) * freedom / n_folds * spread.T @ spread
     covariance += SYSTEMATIC * told_once
-    # A few groups may agree by chance: no variance is below that of the whole fit. Of the exam's 27
+    # A few folds may agree by chance: no variance is below that of the whole fit. Of the exam's 27
     # approximate models, three have an error that this raises, by a tenth to two fifths.
     _, least = solve_support(whole.information, np.zeros(len(fit.support)), fit.support)
     covariance += np.diag(np.maximum(np.diag(least - covariance), 0.0))

@@ -18,10 +18,7 @@ from galloping.identification.likelihood.elimination import (
     eliminate_chains,
 )
 from galloping.identification.likelihood.shooting import (
-    HUGE,
-    Segments,
     ShootingFit,
-    linearise,
     segment_residuals,
 )
 from galloping.identification.likelihood.trajectory_fit import (
@@ -36,7 +33,6 @@ from galloping.identification.observations import Code
 from galloping.identification.selection import Price, solve_support
 from galloping.identification.work import is_exhausted
 from galloping.model.intervals import draw_normal
-from galloping.trajectory.taylor import at_points, integrate
 
 MOST_STEPS, MOST_HALVINGS = 12, 7
 MOST_CHOICES = 5  # of terms, each by the quadratic model of the least minimum before
@@ -67,24 +63,17 @@ def _settle_terms(step: Step, price: Price) -> Step:
     Raises FloatingPointError if the motion diverges, or terms come and go.
     """
     record = step.fit.record
-    record = replace(record, segments=chain_segments(linearise(step.fit), record.segments))
-    support = _choose_terms(step, price)
+    record = replace(record, segments=chain_segments(step.fit.linearise(), record.segments))
+    support = step.best_terms(price)
     for _ in range(MOST_CHOICES):
         if not support.any() or is_exhausted():
             break
         free = np.where(support, step.fit.free, 0.0)
         step = _find_least(replace(step.fit, record=record, support=support, free=free))
-        support = _choose_terms(step, price)
+        support = step.best_terms(price)
         if np.array_equal(support, step.fit.support):
             return step
     raise NotConvergedError(Code.NO_TERM)
-
-
-def _choose_terms(step: Step, price: Price) -> np.ndarray:
-    """Choose the best terms, (n,), by the quadratic model of a step."""
-    about, problem = step.fit.free, step.fit.record.problem
-    tried = [np.ones(len(about), bool), step.fit.support]
-    return problem.select_terms(step.information, step.right, tried, price, about)
 
 
 def _find_least(fit: ShootingFit) -> Step:
@@ -111,8 +100,7 @@ def _descend_chi2(fit: ShootingFit) -> Step:
     """
     fit = _match_segments(fit)
     for _ in range(MOST_STEPS):
-        quadratic = _quadratic_model(fit)
-        change = _coefficient_step(fit, quadratic)
+        quadratic, change = _quadratic_model(fit)
         starts, share, better = quadratic.move_states(change), 1.0, None
         for _ in range(MOST_HALVINGS):
             moved = replace(fit, free=fit.free + share * change, starts=fit.starts + share * starts)
@@ -125,23 +113,19 @@ def _descend_chi2(fit: ShootingFit) -> Step:
         before, fit = fit, better or fit
         if fall < CONVERGED or is_exhausted():
             break
-    quadratic = _quadratic_model(fit)
-    change = _coefficient_step(fit, quadratic)
+    quadratic, change = _quadratic_model(fit)
     decrement = float(change @ quadratic.information @ change)
     right = quadratic.right
     if decrement > CONVERGED:  # at a kink
         right = right - quadratic.information @ change
-    return Step(before, fit, quadratic.information, right, decrement, float(quadratic.gap.max()))
+    return Step(quadratic.information, right, before, fit, decrement, float(quadratic.gap.max()))
 
 
-def _quadratic_model(fit: ShootingFit) -> Eliminated:
-    return eliminate_chains(linearise(fit), fit.record.segments, fit.starts)
-
-
-def _coefficient_step(fit: ShootingFit, quadratic: Eliminated) -> np.ndarray:
-    """Compute the Gauss-Newton step of the coefficients, (n,)."""
-    problem, right = fit.record.problem, quadratic.right
-    return problem.solve_within_bounds(quadratic.information, right, fit.support, fit.free)[0]
+def _quadratic_model(fit: ShootingFit) -> tuple[Eliminated, np.ndarray]:
+    """Compute the normal equations of a fit, and its Gauss-Newton step of the coefficients (n,)."""
+    quadratic = eliminate_chains(fit.linearise(), fit.record.segments)
+    free, _ = quadratic.best_coefficients(fit.record.problem, fit.free, fit.support)
+    return quadratic, free - fit.free
 
 
 def _match_segments(fit: ShootingFit) -> ShootingFit:
@@ -150,32 +134,10 @@ def _match_segments(fit: ShootingFit) -> ShootingFit:
     Returns the fit with its noise and chi^2 of that motion. Raises FloatingPointError if it
     diverges.
     """
-    record, segments = fit.record, fit.record.segments
-    bounds = segments.bounds
-    begins = bounds[:-1]
-    whole = Segments(segments.first[bounds], segments.recording[begins], np.arange(len(begins)))
-    left, _ = segment_residuals(replace(record, segments=whole), fit.free, fit.starts[begins])
-    starts = _motion_states(fit)[segments.first[:-1]]
-    return update_noise(replace(fit, starts=starts), record.condensed.sum_squares(left))
-
-
-def _motion_states(fit: ShootingFit) -> np.ndarray:
-    """Compute the states where windows begin, from the first state of each chain.
-
-    Returns (n_windows, n_states). Raises FloatingPointError if the motion diverges.
-    """
-    record, bounds = fit.record, fit.record.segments.bounds
-    problem, condensed, n = record.problem, record.condensed, fit.starts.shape[1]
-    compiled = problem.compile_system(fit.free, problem.candidates[:0])
-    window = np.arange(len(condensed.targets))
-    functionals, samples, _ = at_points(compiled, window, 0.0 * window, len(window), n)
-    states, *_ = integrate(
-        compiled, condensed.step, record.segments.first[bounds], fit.starts[bounds[:-1]],
-        functionals, np.arange(n), condensed.inputs, False, samples,
-    )  # fmt: skip
-    if not np.all(np.abs(states) < HUGE):
-        raise FloatingPointError("the model diverges over the recording")
-    return states[:, :, 0]
+    whole = fit.whole_chains
+    left, _ = segment_residuals(whole.record, fit.free, whole.starts)
+    starts = whole.states_at(np.zeros(1))[fit.record.segments.first[:-1], 0]
+    return update_noise(replace(fit, starts=starts), fit.record.condensed.sum_squares(left))
 
 
 def _draw_starts(fit: ShootingFit) -> list[ShootingFit]:
@@ -188,7 +150,7 @@ def _draw_starts(fit: ShootingFit) -> list[ShootingFit]:
     if moving is None:
         return []
     step = _descend_chi2(moving)
-    quadratic, free = _quadratic_model(step.fit), step.fit.free
+    (quadratic, _), free = _quadratic_model(step.fit), step.fit.free
     _, covariance = solve_support(step.information, np.zeros(len(free)), fit.support)
     changes = np.zeros((1 + DRAWS, len(free)))
     changes[1:, fit.support] = draw_normal(
@@ -210,7 +172,7 @@ def _fit_while_moving(fit: ShootingFit) -> ShootingFit | None:
     None if nothing sticks, or too few windows remain.
     """
     record, condensed = fit.record, fit.record.condensed
-    states, segments = _motion_states(fit), record.segments
+    states, segments = fit.whole_chains.states_at(np.zeros(1))[:, 0], record.segments
     stuck = np.zeros(len(states), bool)
     for weights, offset in record.problem.tables.arguments[: record.problem.tables.n_kinks]:
         argument = states @ weights + offset

@@ -5,9 +5,10 @@ coefficients. Chains of one segment leave all first states free; one chain per r
 convergence, single shooting.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from galloping.identification.likelihood.square_root import separate_states
 from galloping.identification.problem import Problem
 from galloping.identification.work import count_work
 from galloping.recording.samples import Recording
+from galloping.trajectory.taylor import at_points, integrate
 
 # Times the recorded motion, or a derivative of its size, from which a solution counts as diverged:
 # no motion comes near it, and squares and products of such numbers are still finite.
@@ -75,6 +77,11 @@ class ShootingData:
     def followed_segments(self) -> np.ndarray:
         """Indices of the segments that are not the last of their recording."""
         return np.flatnonzero(np.diff(self.segments.recording) == 0)
+
+    @cached_property
+    def window_recordings(self) -> np.ndarray:
+        """Index of the recording of each window, (n_windows,)."""
+        return np.repeat(self.segments.recording, np.diff(self.segments.first))
 
     @property
     def stretch(self) -> float:
@@ -170,6 +177,90 @@ class ShootingData:
 
 
 @dataclass(frozen=True)
+class Linearised:
+    """Residuals of all segments, linearised in the coefficients and the segments' initial states.
+
+    A segment's rows are rotated so that only the first of them contain its state: these are `rows`;
+    the others are regressions on the coefficients alone. Otherwise the remainder after elimination
+    of the state, a small part of the whole, would be lost in rounding.
+
+    starts: (n_segments, n_states), about which they are linearised. rows: (n_segments, m, n + m +
+    1), of coefficients, state and residual; m is n_states, or more with repeated columns (see
+    `linearise`). fold: (n_segments,) index of the part of the data that a segment belongs to.
+    information: (n_folds + 1, n, n), right: (n_folds + 1, n), of the other rows of each fold, and
+    of the prior. residual: (n_windows, n_observed, n_rows), not whitened. ends: (n_segments,
+    n_states) last states; end_derivatives: (n_segments, n_states, n + n_states).
+    """
+
+    starts: np.ndarray
+    rows: np.ndarray
+    fold: np.ndarray
+    information: np.ndarray
+    right: np.ndarray
+    residual: np.ndarray
+    ends: np.ndarray
+    end_derivatives: np.ndarray
+
+
+def linearise(
+    record: ShootingData,
+    free: np.ndarray,
+    starts: np.ndarray,
+    whiten: Callable[[np.ndarray, slice], np.ndarray],
+    at_once: int,
+    *,
+    pairs: np.ndarray | None = None,
+    columns: np.ndarray | None = None,
+    repeated: Sequence[int] | np.ndarray = (),
+    n_folds: int = 1,
+) -> Linearised:
+    """Linearise the residuals of segments in coefficients and initial states.
+
+    free: (n_candidates,) coefficients, starts: (n_segments, n_states), about which to linearise.
+    whiten: function of rows (n, n_observed, n_rows, n_columns) and of their windows that returns
+    the rows in units of the noise. at_once: number of segments that are simulated together; one if
+    there are several folds. pairs: (n_pairs, 2) coefficients (equation, term) to linearise by, by
+    default the candidates. columns: (n_windows, n_observed, n_rows, n_columns), derivatives of the
+    predicted projections by parameters of the instrument, which count as coefficients after the
+    others. repeated: coefficients whose columns are repeated after the state, for their deviations
+    in the segment. n_folds: parts of the data, of as many segments each. Raises FloatingPointError
+    if the solution diverges within a segment.
+    """
+    problem, targets = record.problem, record.condensed.targets
+    pairs = problem.candidates if pairs is None else pairs
+    (count, n_states), direct = starts.shape, 0 if columns is None else columns.shape[3]
+    n, m = len(pairs) + direct, n_states + len(repeated)
+    kept, fold = np.empty((count, m, n + m + 1)), np.arange(count) * n_folds // count
+    information, right = np.zeros((n_folds + 1, n, n)), np.zeros((n_folds + 1, n))
+    residual, ends = np.empty(targets.shape), np.empty(starts.shape)
+    slopes = np.zeros((*starts.shape, n + n_states))
+    by_dynamics = np.r_[: len(pairs), n : n + n_states]
+    for group, windows, left, rows, *reached in record.iterate_linearised(
+        free, starts, pairs, at_once
+    ):
+        residual[windows] = left
+        ends[group], slopes[group][..., by_dynamics] = reached
+        if columns is not None:
+            rows = np.insert(rows, [len(pairs)] * direct, columns[windows], axis=3)
+        rows = np.concatenate([rows, rows[..., list(repeated)], left[..., None]], axis=3)
+        rows = np.ascontiguousarray(whiten(rows, windows)).reshape(-1, n + m + 1)
+        first = record.segments.first[group.start : group.stop + 1] - windows.start
+        kept[group], others = separate_states(rows, first * left[0].size, n)
+        own = fold[group.start]
+        information[own] += others[:, :n].T @ others[:, :n]
+        right[own] += others[:, -1] @ others[:, :n]
+    count_work((1.1e-8 + 3e-11 * n) * (n + m) * targets.size + SEGMENT * count)
+    precision, expected, values = (
+        problem.candidate_values(each, pairs)
+        for each in (problem.precision, problem.expected, problem.coefficients(free))
+    )
+    known = np.arange(len(pairs))
+    information[-1, known, known] = precision
+    right[-1, known] = precision * (expected - values)
+    return Linearised(starts, kept, fold, information, right, residual, ends, slopes)
+
+
+@dataclass(frozen=True)
 class ShootingFit:
     """Iterate of a multiple-shooting fit: coefficients, segments' initial states, and noise.
 
@@ -198,6 +289,46 @@ class ShootingFit:
         chains = int(self.record.segments.chains[-1]) + 1
         return int(self.support.sum()) + chains * self.starts.shape[1]
 
+    @property
+    def whole_chains(self) -> Self:
+        """The same fit with each chain as one segment, from the first state of the chain."""
+        segments, bounds = self.record.segments, self.record.segments.bounds
+        begins = bounds[:-1]
+        whole = Segments(segments.first[bounds], segments.recording[begins], np.arange(len(begins)))
+        record = replace(self.record, segments=whole)
+        return replace(self, record=record, starts=self.starts[begins])
+
+    def linearise(
+        self, pairs: np.ndarray | None = None, columns: np.ndarray | None = None
+    ) -> Linearised:
+        """Linearise the residuals; the arguments and exceptions are those of `linearise`."""
+        record, weight = self.record, 1.0 / self.sigma[:, :, None, None]
+        # segments, of some 500 windows in all: their derivatives fit in the cache
+        at_once = max(500 * len(self.starts) // len(record.condensed.targets), 1)
+        return linearise(
+            record, self.free, self.starts,
+            lambda rows, windows: rows * weight[record.window_recordings[windows]], at_once,
+            pairs=pairs, columns=columns,
+        )  # fmt: skip
+
+    def states_at(self, places: np.ndarray) -> np.ndarray:
+        """Compute the states of the segments' motion at some times of every window.
+
+        places: (n_places,) times from the window's beginning, in windows. Returns (n_windows,
+        n_places, n_states). Raises FloatingPointError if the motion diverges.
+        """
+        record, windows, n = self.record, len(self.record.states), self.starts.shape[1]
+        compiled = record.problem.compile_system(self.free, record.problem.candidates[:0])
+        window = np.repeat(np.arange(windows), len(places))
+        powers, samples, _ = at_points(compiled, window, np.tile(places, windows), windows, n)
+        states, *_ = integrate(
+            compiled, record.condensed.step, record.segments.first, self.starts, powers,
+            np.arange(n), record.condensed.inputs, False, samples,
+        )  # fmt: skip
+        if not np.all(np.abs(states) < HUGE):
+            raise FloatingPointError("the model diverges within a segment")
+        return states.transpose(0, 2, 1)
+
     def follow_recordings(self, recordings: Sequence[Recording]) -> list[FollowedRecording]:
         """Return the fitted states at the beginnings of the segments, for each recording.
 
@@ -210,28 +341,6 @@ class ShootingFit:
             FollowedRecording(times[owner == k], self.starts[owner == k], np.ptp(one.time))
             for k, one in enumerate(recordings)
         ]
-
-
-@dataclass(frozen=True)
-class Linearised:
-    """Residuals of all segments, linearised in the coefficients and the segments' initial states.
-
-    A segment's rows are rotated so that only the first n_states of them contain its state: these
-    are `rows`; the others are regressions on the coefficients alone. Otherwise the remainder after
-    elimination of the state, a small part of the whole, would be lost in rounding.
-
-    rows: (n_segments, n_states, n + n_states + 1), of coefficients, state and residual.
-    information: (n, n), right: (n,), of all other rows together. squares: (n_recordings,
-    n_observed) sums of squared residuals, in units of sigma^2. ends: (n_segments, n_states) last
-    states; end_derivatives: (n_segments, n_states, n + n_states).
-    """
-
-    rows: np.ndarray
-    information: np.ndarray
-    right: np.ndarray
-    squares: np.ndarray
-    ends: np.ndarray
-    end_derivatives: np.ndarray
 
 
 def cut_segments(condensed: Condensed, windows: int, allowed: np.ndarray) -> Segments:
@@ -255,55 +364,6 @@ def cut_segments(condensed: Condensed, windows: int, allowed: np.ndarray) -> Seg
     owner = np.concatenate(recording)
     bounds = np.append(np.concatenate(first), condensed.first[-1])
     return Segments(bounds, owner, np.arange(len(owner)))
-
-
-def linearise(
-    fit: ShootingFit, pairs: np.ndarray | None = None, columns: np.ndarray | None = None
-) -> Linearised:
-    """Linearise the residuals of a multiple-shooting fit in coefficients and initial states.
-
-    pairs: (n_pairs, 2) coefficients (equation, term) to linearise by, by default the candidates.
-    columns: (n_windows, n_observed, n_rows, n_columns), derivatives of the predicted projections by
-    parameters of the instrument, which count as coefficients after the others. Raises
-    FloatingPointError if the solution diverges within a segment.
-    """
-    record, sigma, free, starts = fit.record, fit.sigma, fit.free, fit.starts
-    problem, segments, (_, *shape) = record.problem, record.segments, record.condensed.targets.shape
-    pairs = problem.candidates if pairs is None else pairs
-    n_states = starts.shape[1]
-    direct = 0 if columns is None else columns.shape[3]
-    n = len(pairs) + direct
-    m = n + n_states
-    kept = np.empty((len(starts), n_states, m + 1))
-    information, right = np.zeros((n, n)), np.zeros(n)
-    squares = np.zeros(sigma.shape)
-    ends = np.empty(starts.shape)
-    end_derivatives = np.zeros((*starts.shape, m))
-    by_dynamics = np.r_[: len(pairs), n:m]
-    # segments, of some 500 windows in all: their derivatives fit in the cache
-    at_once = max(500 * len(starts) // len(record.condensed.targets), 1)
-    for group, windows, residual, derivatives, *reached in record.iterate_linearised(
-        free, starts, pairs, at_once
-    ):
-        ends[group], end_derivatives[group][..., by_dynamics] = reached
-        if columns is not None:
-            derivatives = np.insert(derivatives, [len(pairs)] * direct, columns[windows], axis=3)
-        first = segments.first[group.start : group.stop + 1] - windows.start
-        owner = np.repeat(segments.recording[group], np.diff(first))
-        weight = 1.0 / sigma[owner][:, :, None]
-        scaled = residual * weight
-        np.add.at(squares, owner, np.sum(scaled**2, axis=2))
-        rows = np.concatenate([derivatives * weight[..., None], scaled[..., None]], axis=3)
-        own, remaining = separate_states(rows.reshape(-1, m + 1), first * np.prod(shape), n)
-        kept[group] = own
-        information += remaining[:, :n].T @ remaining[:, :n]
-        right += remaining[:, -1] @ remaining[:, :n]
-    count_work((1.1e-8 + 3e-11 * n) * m * record.condensed.targets.size + SEGMENT * len(starts))
-    precision = problem.candidate_values(problem.precision, pairs)
-    values = problem.candidate_values(problem.coefficients(free), pairs)
-    information[np.diag_indices(len(pairs))] += precision
-    right[: len(pairs)] += precision * (problem.candidate_values(problem.expected, pairs) - values)
-    return Linearised(kept, information, right, squares, ends, end_derivatives)
 
 
 def segment_residuals(

@@ -11,14 +11,17 @@ from galloping.identification.likelihood.condense import (
     Condensed,
     condense_recordings,
 )
-from galloping.identification.likelihood.elimination import chain_segments, eliminate_chains
+from galloping.identification.likelihood.elimination import (
+    NormalEquations,
+    chain_segments,
+    eliminate_chains,
+)
 from galloping.identification.likelihood.residual_tests import ROUNDING
 from galloping.identification.likelihood.shooting import (
     MOST_HALVINGS,
     ShootingData,
     ShootingFit,
     cut_segments,
-    linearise,
     segment_residuals,
 )
 from galloping.identification.no_model import NotConvergedError, as_finding
@@ -47,23 +50,24 @@ CONVERGED = 0.01  # squared length of a step, in standard deviations: errors gro
 
 
 @dataclass(frozen=True)
-class Step:
+class Step(NormalEquations):
     """Gauss-Newton step of a multiple-shooting fit, with the normal equations after it.
 
-    before, fit: the fits before and after it. Segments are in chains. information: of the
-    regression on all candidates; right: half the decrease of chi^2 with each, at the new fit.
-    decrement: squared length of the step, in units of its covariance. gap: largest mismatch of
-    segments before the step, in units of each state's size. halvings: number of halvings of the
-    step to `before`.
+    before, fit: the fits before and after it. Segments are in chains. decrement: squared length of
+    the step, in units of its covariance. gap: largest mismatch of segments before the step, in
+    units of each state's size. halvings: number of halvings of the step to `before`.
     """
 
     before: ShootingFit
     fit: ShootingFit
-    information: np.ndarray
-    right: np.ndarray
     decrement: float
     gap: float
     halvings: int = 0
+
+    def best_terms(self, price: Price) -> np.ndarray:
+        """Choose the best terms, (n,), about the fit after the step."""
+        fit = self.fit
+        return self.choose_terms(fit.record.problem, fit.free, fit.support, price)
 
     def is_stuck_after(self, previous: "Step | None") -> bool:
         """Decide whether the iteration is stuck, from the halvings of this and a previous step."""
@@ -298,7 +302,7 @@ def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> Joined
     does not converge while terms are chosen never will, and the last model represents the others.
     """
     step, count = free, len(free.fit.starts)
-    best = _choose_terms(step.fit, step.information, step.right, price.scale_by(dear))
+    best = step.best_terms(price.scale_by(dear))
     # not critical: from chains of two or of eight on, three recordings have the same model
     chain = count if np.array_equal(best, step.fit.support) else 4
     choosing = 14  # passes of MOST_PASSES: in all of them fewer settle (identification_parts.csv)
@@ -388,28 +392,25 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
     The noise is that of the projections, since coloured noise scatters differently within a window.
     longest: as in `chain_segments`, None to keep the existing chains.
     """
-    record, linear = fit.record, linearise(fit)
-    segments = record.segments
+    record, linear = fit.record, fit.linearise()
+    segments, problem = record.segments, record.problem
     if longest is not None:
         segments = chain_segments(linear, segments, longest)
-    quadratic = eliminate_chains(linear, segments, fit.starts)
-    information, right, support = quadratic.information, quadratic.right, fit.support
+    quadratic, support = eliminate_chains(linear, segments), fit.support
     if price is not None:
-        support = _choose_terms(fit, information, right, price)
-    # solved for the change: on a long chain, rounding of the coefficients outweighs their noise
-    free = np.where(support, fit.free, 0.0)
-    rest = right + information @ (fit.free - free)
-    free = free + record.problem.solve_within_bounds(information, rest, support, free)[0]
+        support = quadratic.choose_terms(problem, fit.free, support, price)
+    free, _ = quadratic.best_coefficients(problem, fit.free, support)
     change = free - fit.free
     starts = quadratic.move_states(change, fit.starts)
     record = replace(record, segments=segments)
     moved = replace(fit, record=record, free=free, support=support, starts=starts)
-    moved = update_noise(moved, linear.squares * fit.sigma**2)
+    moved = update_noise(moved, record.condensed.sum_squares(linear.residual))
+    information, right = quadratic.information, quadratic.right
     decrement = float(change @ information @ change)
     # a state may be zero wherever segments end, but for rounding
     size = np.maximum(abs(linear.ends).max(axis=0), ROUNDING * abs(record.states).max(axis=0))
     gap = float(np.max(quadratic.gap / (size + np.finfo(float).tiny)))
-    return Step(fit, moved, information, right - information @ change, decrement, gap)
+    return Step(information, right - information @ change, fit, moved, decrement, gap)
 
 
 def update_noise(fit: ShootingFit, squares: np.ndarray) -> ShootingFit:
@@ -423,11 +424,3 @@ def update_noise(fit: ShootingFit, squares: np.ndarray) -> ShootingFit:
     # or a variance below zero; not critical
     sigma = np.maximum(np.sqrt(squares / np.maximum(rows - share, 0.2 * rows + 1.0)), floor)
     return replace(fit, sigma=sigma, chi2=float(np.sum(squares / fit.reference**2)))
-
-
-def _choose_terms(
-    fit: ShootingFit, information: np.ndarray, right: np.ndarray, price: Price
-) -> np.ndarray:
-    """Choose the best support, searched from all candidates and from the terms of the fit."""
-    tried = [np.ones(len(fit.support), bool), fit.support]
-    return fit.record.problem.select_terms(information, right, tried, price, fit.free)

@@ -276,13 +276,13 @@ def find_open_questions(
     found = [Finding.of(Code.RIVAL_TERMS, share=share, **rival)]
     found = found if share > MOST_RIVAL_WEIGHT else []
     here = make_tableau(whitened, plausible.supports[0])
-    alone = np.arange(len(here.out))[None]
-    for places, falls in ((alone, here.addition_falls()), (here.pair_places, here.pair_falls())):
+    for count in (1, 2):
+        (rises,), _, added = here.rises(0, count)
         # noise alone raises a doubt once in a thousand over all terms that could be added, and over
         # all pairs; with 0.005, 55 of 1,000 models were doubted for it alone, 5 wrong
-        if len(falls) and falls.max() > chdtri(len(places), 0.001 / len(falls)):
-            added = problem.candidate_names(here.out[places[:, np.argmax(falls)]])
-            found.append(Finding.of(Code.TERM_PLAUSIBLE, terms=added, chi2=-falls.max()))
+        if len(rises) and -rises.min() > chdtri(count, 0.001 / len(rises)):
+            names = problem.candidate_names(added[np.argmin(rises)])
+            found.append(Finding.of(Code.TERM_PLAUSIBLE, terms=names, chi2=rises.min()))
     return found
 
 

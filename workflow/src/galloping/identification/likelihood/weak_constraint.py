@@ -4,7 +4,7 @@ Weak-constraint estimation (Y. Tremolet, Q. J. R. Meteorol. Soc. 132, 2006): the
 segments, white or with a spectrum, and its linearisation about a fit.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -14,8 +14,12 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.interpolate import BSpline
 from scipy.linalg import lapack
 
-from galloping.identification.likelihood.shooting import MOST_HALVINGS, ShootingData
-from galloping.identification.likelihood.square_root import separate_states
+from galloping.identification.likelihood.shooting import (
+    MOST_HALVINGS,
+    Linearised,
+    ShootingData,
+    linearise,
+)
 from galloping.identification.problem import Problem
 from galloping.identification.work import count_work
 from galloping.model.polynomial import exponent_matrix
@@ -23,6 +27,10 @@ from galloping.model.polynomial import exponent_matrix
 # Periods of a stretch. Measured: with 3 to 6 jumps absorb a model's error, and amplitudes are up to
 # three times as far off; with 20 or more they do not absorb gusts, and dampings are as far off.
 STRETCH_PERIODS = 10
+# Folds, each of which is left out in turn. Of fewer the covariance is known worse, and
+# `small_sample_factor`, 1.26 of twelve, is larger: of six, standard errors are up to twice as large
+# or half as large; more cost an elimination each, and change standard errors by a tenth at most.
+FOLDS = 12
 
 
 def white_autocovariance(record: ShootingData, variance: np.ndarray) -> np.ndarray:
@@ -67,31 +75,6 @@ def coloured_misfit(record: ShootingData, residual: np.ndarray) -> np.ndarray:
     return misfit
 
 
-@dataclass(frozen=True)
-class LinearisedStretches:
-    """Whitened residuals of each segment, linearised in the coefficients and the segment's state.
-
-    free, starts: (n,), (n_segments, n_states), about which they are linearised. rows: (n_segments,
-    n_states + n_rates, n + n_states + 1) of coefficients, state and residual; information:
-    (n_segments, n, n), right: (n_segments, n), of all other rows, which contain the coefficients
-    alone. residual: (n_windows, n_observed, n_rows), not whitened. ends: (n_segments, n_states)
-    last states; end_derivatives: (n_segments, n_states, n + n_states). wide_rows: `rows` with the
-    columns of the coefficients `rates` (n_rates,) repeated after the state, for deviations of these
-    coefficients in the segment.
-    """
-
-    free: np.ndarray
-    starts: np.ndarray
-    rows: np.ndarray
-    information: np.ndarray
-    right: np.ndarray
-    residual: np.ndarray
-    ends: np.ndarray
-    end_derivatives: np.ndarray
-    wide_rows: np.ndarray
-    rates: np.ndarray
-
-
 def rate_coefficients(problem: Problem) -> np.ndarray:
     """Return the indices of candidates linear in a state whose equation is identified.
 
@@ -111,7 +94,7 @@ class StretchFit:
     free, support: (n_candidates,) coefficients and which are present. starts: (n_segments,
     n_states) first states. misfit: (n_recordings, n_lags, n_observed, n_rows) autocovariance of the
     residuals of projections, by the lag in windows, zero beyond the last. jump: (n_states,
-    n_states) covariance of the state's jumps at full motion.
+    n_states) covariance of the state's jumps at full motion. repeated: as of `linearise`.
     """
 
     record: ShootingData
@@ -120,57 +103,41 @@ class StretchFit:
     starts: np.ndarray
     misfit: np.ndarray
     jump: np.ndarray
+    repeated: Sequence[int] | np.ndarray = ()
 
     @cached_property
-    def linearised(self) -> LinearisedStretches:
-        """Residuals of all segments, linearised about the present fit.
+    def linearised(self) -> Linearised:
+        """Residuals of all segments, linearised about the present fit, in up to FOLDS folds.
 
         Raises FloatingPointError if the fit diverges.
         """
-        record, (count, n_states), n = self.record, self.starts.shape, len(self.free)
-        m, rates = n + n_states, rate_coefficients(record.problem)
-        wide_rows = np.zeros((count, n_states + len(rates), m + len(rates) + 1))
-        information, right = np.empty((count, n, n)), np.empty((count, n))
-        residual = np.empty(record.condensed.targets.shape)
-        ends, slopes = np.empty(self.starts.shape), np.empty((*self.starts.shape, m))
-        whitened = None
         at_once = 1  # segment: the rows of all of a long recording do not fit in memory
-        for group, own, left, rows, *reached in record.iterate_linearised(
-            self.free, self.starts, record.problem.candidates, at_once
-        ):
-            # after the first segment, in which most fits diverge that do: whitening takes long
-            whitened = whitened or self._make_whitening()
-            residual[own], (ends[group], slopes[group]) = left, reached
-            both = np.concatenate([rows, rows[..., rates], left[..., None]], axis=3)
-            count_work((8e-9 + 1.5e-10 * self.misfit.shape[1]) * rows.size)
-            both = whitened(both, own, record.segments.recording[group.start])
-            both = np.ascontiguousarray(both).reshape(-1, both.shape[3])
-            wide_rows[group], others = separate_states(both, np.array([0, len(both)]), n)
-            information[group] = others[:, :n].T @ others[:, :n]
-            right[group] = others[:, -1] @ others[:, :n]
-        rows = np.delete(wide_rows, np.s_[m:-1], axis=2)
-        return LinearisedStretches(
-            self.free, self.starts, rows, information, right, residual, ends, slopes, wide_rows,
-            rates,
+        return linearise(
+            self.record, self.free, self.starts,
+            # made after the first segment, in which most fits diverge that do: it takes long
+            lambda rows, windows: self._whitening(rows, windows), at_once,
+            repeated=self.repeated, n_folds=min(len(self.starts), FOLDS),
         )  # fmt: skip
 
-    def _make_whitening(self) -> Callable[[np.ndarray, slice, int], np.ndarray]:
-        """Make a function that whitens the projections of a segment, to variance one.
+    @cached_property
+    def _whitening(self) -> Callable[[np.ndarray, slice], np.ndarray]:
+        """Function that whitens the projections of a segment, to variance one.
 
-        The function takes rows (n_windows, n_observed, n_rows, m) of a segment, the segment's
-        windows and its recording's index, and returns rows of the same shape, zero where a
-        projection is absent.
+        The function takes rows (n_windows, n_observed, n_rows, m) of a segment and the segment's
+        windows, and returns rows of the same shape, zero where a projection is absent.
         """
+        owner = self.record.window_recordings
         if self.misfit.shape[1] == 1:  # white
             weight = 1.0 / np.sqrt(self.misfit[:, 0, :, :, None])
-            return lambda rows, own, recording: rows * weight[recording]
+            return lambda rows, own: rows * weight[owner[own.start]]
         lags = np.arange(self.misfit.shape[1])
         covariance = np.moveaxis(self.misfit, 1, -1)[..., np.abs(np.subtract.outer(lags, lags))]
         factors = np.linalg.cholesky(covariance)
         there = self.record.condensed.is_present
 
-        def whiten_rows(rows: np.ndarray, own: slice, recording: int) -> np.ndarray:
-            found, n = np.zeros(rows.shape), len(rows)
+        def whiten_rows(rows: np.ndarray, own: slice) -> np.ndarray:
+            found, n, recording = np.zeros(rows.shape), len(rows), owner[own.start]
+            count_work(1.5e-10 * len(lags) * rows.size)
             for o, k in np.ndindex(rows.shape[1:3]):
                 present = there[own, o, k]
                 if not present.any():  # LAPACK prints a message where there are none
