@@ -7,8 +7,6 @@ subject is: derivatives in test_maximum_likelihood; accelerations alone in test_
 fluctuating coefficients in test_model_error; coloured noise in test_robustness.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from identification_cases import model, noisy
@@ -18,7 +16,6 @@ from galloping import polynomial_library as library
 from galloping.identification.likelihood.instrument import FORCES
 from galloping.identification.likelihood.starts import starts_of_terms
 from galloping.identification.likelihood.trajectory_fit import (
-    STUCK_HALVINGS,
     fit_free_segments,
 )
 from galloping.identification.observations import Code
@@ -122,17 +119,6 @@ def test_segments_whose_initial_states_explain_all_samples_are_not_joined() -> N
     start = make_start(make_problem(true.states, true.terms, prior=PRIOR), [recording])
     (_, terms, _), *_ = starts_of_terms(start)
     assert fit_free_segments(start, terms) is None
-
-
-def test_an_iteration_is_stuck_where_two_steps_in_a_row_are_halved_often() -> None:
-    true, recording = published("brusselator", 0.1)
-    start = make_start(make_problem(true.states, true.terms, prior=PRIOR), [recording])
-    *_, (_, terms, _) = starts_of_terms(start)
-    step = fit_free_segments(start, terms)
-    assert step is not None and not step.is_stuck_after(None)
-    halved = replace(step, halvings=STUCK_HALVINGS)
-    assert halved.is_stuck_after(halved)
-    assert not halved.is_stuck_after(replace(step, halvings=STUCK_HALVINGS - 1))
 
 
 @pytest.mark.parametrize("path", OPEN)

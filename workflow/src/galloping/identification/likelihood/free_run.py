@@ -26,7 +26,7 @@ from galloping.identification.likelihood.shooting import (
 from galloping.identification.likelihood.trajectory_fit import (
     CONVERGED,
     MOST_PASSES,
-    take_guarded_step,
+    take_step,
 )
 from galloping.identification.no_model import NoModel
 from galloping.identification.observations import Code, Finding
@@ -100,7 +100,7 @@ def fit_free_runs(
     if not has_forgotten_start(fit):
         return NoModel()
     for _ in range(MOST_PASSES):
-        step = take_guarded_step(previous, fit, None, None)
+        step = take_step(previous, fit, None, None)
         previous, fit = step.before, step.fit
         if step.decrement < CONVERGED:
             break

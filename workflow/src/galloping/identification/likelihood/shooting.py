@@ -8,13 +8,15 @@ convergence, single shooting.
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.repetition import FollowedRecording
 from galloping.identification.likelihood.square_root import separate_states
+from galloping.identification.no_model import NotConvergedError
+from galloping.identification.observations import Code
 from galloping.identification.problem import Problem
 from galloping.identification.work import count_work
 from galloping.recording.samples import Recording
@@ -24,6 +26,8 @@ from galloping.trajectory.taylor import at_points, integrate
 # no motion comes near it, and squares and products of such numbers are still finite.
 HUGE = 1e30
 MOST_HALVINGS = 6  # of windows, and of a Gauss-Newton step (docs/identification_parts.csv)
+Fit = TypeVar("Fit", bound=Any)  # with `free`, `support` and `starts`
+Found = TypeVar("Found")
 SEGMENT = 5e-5  # s of work, in which a segment is linearised, or put in a chain
 
 
@@ -381,3 +385,22 @@ def segment_residuals(
     if not np.all(np.abs(ends) < HUGE * record.extent):
         raise FloatingPointError("the model diverges over the recording")
     return record.condensed.targets - predicted, truncation
+
+
+def shorten_step(use: Callable[[Fit], Found], before: Fit, fit: Fit) -> Found:
+    """Call a function of a fit, and halve the step to the fit as long as the model diverges.
+
+    before: the fit from which the step leads to `fit`. Raises NotConvergedError if halving the step
+    MOST_HALVINGS times does not help.
+    """
+    for _ in range(MOST_HALVINGS):
+        try:
+            return use(fit)
+        except FloatingPointError:
+            fit = replace(
+                fit,
+                free=(before.free + fit.free) / 2.0,
+                starts=(before.starts + fit.starts) / 2.0,
+                support=before.support | fit.support,
+            )
+    raise NotConvergedError(Code.ITERATION_DIVERGES)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from galloping.identification.likelihood.shooting import (
     ShootingFit,
     cut_segments,
     segment_residuals,
+    shorten_step,
 )
 from galloping.identification.no_model import NotConvergedError, as_finding
 from galloping.identification.observations import Code, Finding
@@ -41,11 +43,6 @@ OF_NOISE, FINEST_FOR_INPUTS = 0.1, 96
 PERIODS_PER_SEGMENT = 6  # short enough for a rough start to converge from
 CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
 MOST_PASSES = 20  # with joined segments
-# An iteration is stuck if each of two consecutive steps is halved so often. Of 407 joins on design
-# seeds, 318 converged. 20 were stuck, or their segments had not met to within LARGE_GAP of a
-# state's size after GAP_PASSES passes; none of these converged. With three halvings, and with nine
-# passes, a line of accelerometers alone and one with much noise lose their models.
-STUCK_HALVINGS, GAP_PASSES, LARGE_GAP = 4, 12, 0.2
 CONVERGED = 0.01  # squared length of a step, in standard deviations: errors grow by half a percent
 
 
@@ -55,23 +52,18 @@ class Step(NormalEquations):
 
     before, fit: the fits before and after it. Segments are in chains. decrement: squared length of
     the step, in units of its covariance. gap: largest mismatch of segments before the step, in
-    units of each state's size. halvings: number of halvings of the step to `before`.
+    units of each state's size.
     """
 
     before: ShootingFit
     fit: ShootingFit
     decrement: float
     gap: float
-    halvings: int = 0
 
     def best_terms(self, price: Price) -> np.ndarray:
         """Choose the best terms, (n,), about the fit after the step."""
         fit = self.fit
         return self.choose_terms(fit.record.problem, fit.free, fit.support, price)
-
-    def is_stuck_after(self, previous: "Step | None") -> bool:
-        """Decide whether the iteration is stuck, from the halvings of this and a previous step."""
-        return previous is not None and min(self.halvings, previous.halvings) >= STUCK_HALVINGS
 
     def path(self, period: float) -> Iterator[str]:
         """Yield words on the lengths of windows and segments, such as '6 periods'.
@@ -169,17 +161,16 @@ def _iterate_free_segments(fit: ShootingFit, largest: np.ndarray) -> Step | None
     largest: (n_candidates,) coefficients of terms as large as the motion. Raises FloatingPointError
     if a segment diverges.
     """
-    before, last = fit, None
+    before = fit
     # with three steps fewer are `ok` (docs/identification_parts.csv); then segments are joined,
     # however bad the fit
     for _ in range(5):
-        step = take_guarded_step(before, fit, 1, None)
+        step = take_step(before, fit, 1, None)
         if n_unidentifiable_directions(step.information, largest) == len(largest):
             return None
         before, fit = step.before, step.fit
-        if fit.misfit < CLOSE or step.is_stuck_after(last):
+        if fit.misfit < CLOSE:
             break
-        last = step
     return step
 
 
@@ -306,13 +297,13 @@ def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> Joined
     # not critical: from chains of two or of eight on, three recordings have the same model
     chain = count if np.array_equal(best, step.fit.support) else 4
     choosing = 14  # passes of MOST_PASSES: in all of them fewer settle (identification_parts.csv)
-    whole, settled, gap, last = False, False, np.inf, None
+    whole, settled = False, False
     try:
         for passed in range(choosing if unseen else MOST_PASSES):
             times = max(dear / 2 ** (passed // 2), 1.0)
             longest = None if whole else chain  # chains that come and go would never settle
             of_pass = price.scale_by(times) if passed < choosing else None
-            step = take_guarded_step(step.before, step.fit, longest, of_pass)
+            step = take_step(step.before, step.fit, longest, of_pass)
             unchanged = np.array_equal(step.fit.support, step.before.support)
             if times == 1.0 and not step.fit.support.any():
                 raise NotConvergedError(Code.NO_TERM)
@@ -320,16 +311,9 @@ def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> Joined
             # the gap is measured before the step; about its square remains, 1e-6 of each state
             converged = step.decrement < CONVERGED and step.gap < 1e-3 and times == 1.0
             settled = unchanged and was_whole and converged
-            gap = min(gap, step.gap)
-            if (
-                settled
-                or step.is_stuck_after(last)
-                or (passed + 1 >= GAP_PASSES and gap > LARGE_GAP)
-            ):
+            if settled or is_exhausted():
                 break
-            if is_exhausted():
-                break
-            last, whole = step, unchanged and was_whole
+            whole = unchanged and was_whole
             if not whole:
                 chain = count if unchanged else 4 * chain
     except FloatingPointError as error:
@@ -343,47 +327,18 @@ def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> Joined
     return JoinedFit(free, step, ("settled" if settled else "unsettled",), settled, objection)
 
 
-def take_guarded_step(
-    previous: ShootingFit, fit: ShootingFit, longest: float | None, price: Price | None
+def take_step(
+    before: ShootingFit, fit: ShootingFit, longest: float | None, price: Price | None
 ) -> Step:
-    """Take a Gauss-Newton step; if it diverges, repeat it from nearer to the previous fit.
+    """Take a Gauss-Newton step from a fit or, if it diverges, from nearer to the one before it.
 
-    A step fails if it diverges, or raises a misfit that is not close by half; then it is taken from
-    half as far from `previous`, and so on. The misfit half way is compared with that one pass
-    earlier, `previous.chi2`. The other arguments are as in `_gauss_newton`. Raises
-    FloatingPointError if halving does not help, or the work is exhausted.
+    The other arguments are as in `_gauss_newton`. Raises FloatingPointError if the model diverges
+    nevertheless, or the work is exhausted.
     """
     passing("follow the recording in segments")
-    for halvings in range(MOST_HALVINGS):
-        if is_exhausted():
-            raise NotConvergedError(Code.LIMIT_OF_WORK)
-        try:
-            # a misfit alone takes a third of the time of a step
-            if halvings == 0 or _is_acceptable(fit, _evaluate_misfit(fit)):
-                step = _gauss_newton(fit, longest, price)
-                if _is_acceptable(fit, step.fit):
-                    return replace(step, halvings=halvings)
-        except FloatingPointError:
-            pass
-        free, starts = (previous.free + fit.free) / 2.0, (previous.starts + fit.starts) / 2.0
-        support = previous.support | fit.support
-        fit = replace(previous, record=fit.record, free=free, support=support, starts=starts)
-    raise NotConvergedError(Code.ITERATION_DIVERGES)
-
-
-def _is_acceptable(fit: ShootingFit, found: ShootingFit) -> bool:
-    """Decide whether chi^2 at a fit is low enough to continue from it.
-
-    found: the fit with its chi^2.
-    """
-    return found.misfit < CLOSE or found.chi2 < 1.5 * fit.chi2
-
-
-def _evaluate_misfit(fit: ShootingFit) -> ShootingFit:
-    """Compute the misfit and the noise of a fit; raises FloatingPointError if it diverges."""
-    record = fit.record
-    remaining, _ = segment_residuals(record, fit.free, fit.starts)
-    return update_noise(fit, record.condensed.sum_squares(remaining))
+    if is_exhausted():
+        raise NotConvergedError(Code.LIMIT_OF_WORK)
+    return shorten_step(partial(_gauss_newton, longest=longest, price=price), before, fit)
 
 
 def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) -> Step:

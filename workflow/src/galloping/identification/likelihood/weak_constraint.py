@@ -5,7 +5,7 @@ segments, white or with a spectrum, and its linearisation about a fit.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -15,10 +15,10 @@ from scipy.interpolate import BSpline
 from scipy.linalg import lapack
 
 from galloping.identification.likelihood.shooting import (
-    MOST_HALVINGS,
     Linearised,
     ShootingData,
     linearise,
+    shorten_step,
 )
 from galloping.identification.problem import Problem
 from galloping.identification.work import count_work
@@ -154,16 +154,10 @@ class StretchFit:
 
 
 def make_integrable(fit: StretchFit, following: StretchFit) -> StretchFit:
-    """Shorten the step of the coefficients until the model can be integrated over each segment."""
-    for _ in range(MOST_HALVINGS):
-        try:
-            following.linearised  # noqa: B018 - which the next step needs
-            return following
-        except FloatingPointError:
-            following = replace(
-                following,
-                free=(fit.free + following.free) / 2.0,
-                starts=(fit.starts + following.starts) / 2.0,
-                support=fit.support | following.support,
-            )
-    raise FloatingPointError("no model found that can be integrated over a few periods")
+    """Shorten the step between fits until the model can be integrated over each segment."""
+
+    def integrable(tried: StretchFit) -> StretchFit:
+        tried.linearised  # noqa: B018 - which the next step needs
+        return tried
+
+    return shorten_step(integrable, fit, following)
