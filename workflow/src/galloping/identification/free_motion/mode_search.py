@@ -30,12 +30,14 @@ MAX_LEFT, MANY_MODES = 0.2, 4
 HARMONIC = 0.003, 1.5
 FALSE_ALARM_RATE = 1e-3  # of a mode that is not there, over all frequencies and decays of a search
 MAX_DAMPING = 0.3  # ratio of a mode that oscillates
-WINDOW_RATIO = 2.0  # between the decays of two windows: a mode between them keeps 97 % of its power
+WINDOW_RATIO = 2  # between the decays of two windows: a mode between them keeps 97 % of its power
+EMPTY = 16  # decays by a factor e, after which a window has ended: rounding of the power is left
 MIN_PERIODS = 2.0  # of the longest stretch: what is slower is a drift
 MAX_FREQUENCY = 0.98  # of half the sampling rate
 # Bins of a periodogram whose median is the noise around a frequency, and around slow ones, where
 # drifts are steep.
 NOISE_BINS, SLOW_BINS = 129, 17
+POWER_WORK, LEVEL_WORK = 1.3e-8, 3e-8  # s a bin of a periodogram, and of its noise
 COLOURED = 1.6  # ratio of that noise to white noise, which chance makes once in a thousand
 
 
@@ -90,49 +92,97 @@ def strongest_mode(
     size = 2 ** int(np.ceil(np.log2(2.0 * longest / step + 2.0)))
     omega = 2.0 * np.pi * np.fft.rfftfreq(size, step)
     most = np.log2(max(MAX_DAMPING * omega[-1] * longest, 2.0))
-    decays = np.append(0.0, WINDOW_RATIO ** np.arange(0.0, most) / longest)
-    windows = np.append(decays, -decays[1:])
-    powers, excess = np.zeros((2, len(windows), len(omega)))
-    omitted = _near_modes(omega, poles, 2.0 * np.pi / longest)
-    series = 0
+    faster = WINDOW_RATIO ** np.arange(int(np.ceil(most)))  # decays, in units of the slowest
+    parts = np.maximum(faster // EMPTY, 1)
+    series, spans = [], []
     for stretch, residual in zip(stretches, residuals, strict=True):
         place = np.round(stretch.time / step).astype(int)
         for column, motion in zip(residual.T, stretch.sizes, strict=True):
             known = np.isfinite(column)
             if np.count_nonzero(known) < MIN_SAMPLES:
                 continue
-            time, values = stretch.time[known], column[known]
-            variance = np.mean(values**2)
-            if variance <= (ROUNDING * motion) ** 2:
+            if np.mean(column[known] ** 2) <= (ROUNDING * motion) ** 2:
                 continue
-            series += 1
-            level = np.ones(len(omega))
-            for k, decay in enumerate(windows):
-                weight = np.exp(-abs(decay) * (time if decay >= 0.0 else time[-1] - time))
-                grid = np.bincount(place[known], weight * values, size)
-                power = np.abs(np.fft.rfft(grid, size)) ** 2 / (np.sum(weight**2) * variance)
-                if poles is not None:  # also noise that leaks far where a window is short
-                    wider = 1.0 + abs(decay) * stretch.duration / np.pi
-                    of_bins = wider * size / (place[-1] + 1), omitted, k == 0
-                    level = np.maximum(level, noise_level(power, *of_bins))
-                powers[k] += power
-                excess[k] += power / level
-            count_work(2e-8 * len(windows) * size)
-    is_told = np.abs(windows)[:, np.newaxis] < MAX_DAMPING * omega
+            time = stretch.time[known] / longest
+            series.append(_windowed_powers(time, column[known], place[known], size, parts))
+            spans.append((stretch.duration, place[-1] + 1))
+    if not series:
+        return Candidate(0j, 0.0, np.inf)
+    windows = np.concatenate([[0.0], faster, -faster]) / longest
+    strides = np.concatenate([[1], parts, parts])  # between the bins of their periodograms
+    looks = len(windows) * longest / step / 2.0
+    allowed = float(gammainccinv(len(series), FALSE_ALARM_RATE / looks))
     slowest, fastest = 2.0 * np.pi * MIN_PERIODS / longest, MAX_FREQUENCY * omega[-1]
-    is_told &= (omega > max(slowest, band[0])) & (omega < min(fastest, band[1]))
+    is_told = (omega > max(slowest, band[0])) & (omega < min(fastest, band[1]))
     if apart is not None:
         is_told &= ~is_part_of(1j * omega, apart)
-    if not series or not is_told.any():
-        return Candidate(0j, 0.0, np.inf)
-    looks = len(windows) * longest / step / 2.0
-    allowed = float(gammainccinv(series, FALSE_ALARM_RATE / looks))
-    excess = np.where(is_told, excess, 0.0)
-    # leakage of a strong mode exceeds the noise elsewhere, but not the mode itself
-    powers = np.where(excess >= min(allowed, excess.max()), powers, 0.0)
-    row, bin_ = np.unravel_index(np.argmax(powers), powers.shape)
-    pole = complex(-windows[row], omega[bin_])
-    return Candidate(pole, float(excess[row, bin_]), allowed)
+    powers = [np.sum(own, axis=0) for own in zip(*series, strict=True)]
+    for power, decay, stride in zip(powers, windows, strides, strict=True):
+        power *= is_told[::stride] & (abs(decay) < MAX_DAMPING * omega[::stride])
+    peaks = np.array([power.max() for power in powers])
+    omitted = _near_modes(omega, poles, 2.0 * np.pi / longest)
+    levels = np.ones((len(series), len(omega)))  # of the noise, at least white
+    best, strongest = Candidate(0j, 0.0, allowed), allowed
+    for k, (decay, stride) in enumerate(zip(windows, strides, strict=True)):
+        if peaks[k:].max() <= strongest:
+            break
+        if poles is not None:  # also noise that leaks far where a window is short
+            for level, own, (duration, places) in zip(levels, series, spans, strict=True):
+                oversampled = (1.0 + abs(decay) * duration / np.pi) * size / stride / places
+                own_level = noise_level(own[k], oversampled, omitted[::stride], k == 0)
+                at_all = np.interp(omega, omega[::stride], own_level)
+                np.maximum(level, at_all, out=level)
+                count_work(LEVEL_WORK * len(omega))
+        # leakage of a strong mode exceeds the noise elsewhere, but not the mode itself
+        bins = np.flatnonzero(powers[k] > strongest)
+        excess = sum(
+            own[k][bins] / level[stride * bins] for own, level in zip(series, levels, strict=True)
+        )
+        bins, excess = bins[excess > allowed], excess[excess > allowed]
+        if len(bins):
+            highest = np.argmax(powers[k][bins])
+            strongest = powers[k][bins[highest]]
+            pole = complex(-decay, omega[stride * bins[highest]])
+            best = Candidate(pole, float(excess[highest]), allowed)
+    return best
+
+
+def _windowed_powers(
+    time: np.ndarray, values: np.ndarray, place: np.ndarray, size: int, parts: np.ndarray
+) -> list[np.ndarray]:
+    """Compute periodograms of a series in a flat window, and in windows that decay and that grow.
+
+    Each decays or grows twice as fast as the one before. White noise has unit power.
+
+    Parameters
+    ----------
+    time, values : (n,) arrays
+        The unit of time is that in which the first window decays by a factor e.
+    place : (n,) integer array
+        Of the samples on a uniform grid.
+    size : int
+        Of the transform in the flat window.
+    parts : (n_decays,) integer array
+        Divisors of this size and of the unit of time, for shorter windows of each decay.
+    """
+    variance = np.mean(values**2)
+
+    def power(weight: np.ndarray, part: int) -> np.ndarray:
+        count_work(POWER_WORK * size / part)
+        rows = len(weight)
+        found = np.fft.rfft(np.bincount(place[:rows], weight * values[:rows], size // part))
+        return (found.real**2 + found.imag**2) / (weight @ weight * variance)
+
+    place = place - place[0]
+    powers = [power(np.ones(len(time)), 1)]
+    for lag in (time - time[0], (time[-1] - time)[::-1]):
+        weight = np.exp(-lag)
+        for part in parts:
+            weight = weight[: np.searchsorted(lag, 1.0 / part, side="right")]
+            powers.append(power(weight, part))
+            weight = weight**WINDOW_RATIO
+        values, place = values[::-1], (place[-1] - place)[::-1]
+    return powers
 
 
 def _near_modes(omega: np.ndarray, poles: np.ndarray | None, resolution: float) -> np.ndarray:
