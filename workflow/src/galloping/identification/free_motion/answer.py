@@ -67,9 +67,7 @@ def find_free_motion(recordings: Sequence[Recording]) -> FreeMotion | None:
     if not (is_single or unmeasured_displacements(recordings[0])):
         return None
     motion = classify_motion(recordings)
-    if not isinstance(motion, FreeMotion):
-        return None
-    return motion if motion.is_linear or is_single else None
+    return motion if motion and (motion.is_linear or is_single) else None
 
 
 def identify_free_motion(
@@ -155,7 +153,7 @@ def without_omissions(found: IdentifiedModel, recordings: Sequence[Recording]) -
     if PATH not in str(found.diagnostics.get("path", "")):
         return moving.recordings
     motion = classify_motion(moving.until_rest)
-    if not isinstance(motion, FreeMotion):
+    if motion is None:
         return moving.recordings
     if found.diagnostics["path"] == PATH and not found.envelope:
         motion = motion.linear or motion

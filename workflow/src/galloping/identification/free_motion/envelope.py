@@ -142,23 +142,23 @@ def _part_edges(
     return [*edges, end]
 
 
-def decays(sizes: Sequence[float] | np.ndarray) -> bool:
-    """Decide whether amplitudes of an oscillation, in the order of time, fall throughout.
+def falls_or_rises(amplitudes: Sequence[np.ndarray]) -> bool:
+    """Decide whether the amplitude of an oscillation falls, or rises, throughout its stretches.
 
-    They must fall by a factor of MIN_CHANGE or more.
+    It must change by a factor of MIN_CHANGE or more in each, all in the same direction.
+
+    Parameters
+    ----------
+    amplitudes : sequence of (n_windows,) arrays
+        Of each stretch, in the order of time.
     """
-    return _falls_throughout(np.asarray(sizes))
-
-
-def grows(sizes: Sequence[float] | np.ndarray) -> bool:
-    """Decide whether amplitudes of an oscillation, in the order of time, rise throughout.
-
-    They must rise by a factor of MIN_CHANGE or more.
-    """
-    return _falls_throughout(np.asarray(sizes)[::-1])
-
-
-def _falls_throughout(sizes: np.ndarray) -> bool:
-    if len(sizes) < 3 or sizes[0] < MIN_CHANGE * sizes[-1]:
+    if any(len(sizes) < 3 for sizes in amplitudes):
         return False
-    return bool(np.all(np.diff(np.log(sizes)) < MAX_RISE))
+    falls = [np.log(sizes[:-1] / sizes[1:]) for sizes in amplitudes]
+    return any(
+        all(
+            np.sum(sign * each) >= np.log(MIN_CHANGE) and np.all(sign * each > -MAX_RISE)
+            for each in falls
+        )
+        for sign in (1.0, -1.0)
+    )

@@ -6,7 +6,6 @@ This is tested first, since such motion needs no random force, and a decaying on
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from functools import partial
 
 import numpy as np
@@ -15,8 +14,7 @@ from galloping.arrays import one_thread
 from galloping.identification.free_motion.cleaning import without_faults
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
 from galloping.identification.free_motion.envelope import (
-    decays,
-    grows,
+    falls_or_rises,
     running_amplitude,
     strongest_channel,
 )
@@ -47,39 +45,12 @@ MAX_EVENTFUL = 0.4  # of the power of a channel, that modes leave of a motion wi
 WINDOWS = 24  # of a stretch, in which its amplitude is compared, a period long at least
 
 
-class Kind(StrEnum):
-    """Kind of a recorded motion: driven, decaying, growing, forced or lasting."""
-
-    DRIVEN = "driven"  # by inputs that were measured
-    DECAYING = "decaying"  # from its first state
-    GROWING = "growing"  # from its first state
-    FORCED = "forced"  # by a steady force that nobody measured, beside free motion
-    LASTING = "lasting"  # something may keep it up: random forces, or the system itself
-
-
 @dataclass(frozen=True)
-class Motion:
-    """Recordings and the kind of their motion.
-
-    Parameters
-    ----------
-    kind : Kind
-    recordings : list of Recording
-        Unchanged if the motion is not free.
-    """
-
-    kind: Kind
-    recordings: list[Recording]
-
-
-@dataclass(frozen=True)
-class FreeMotion(Motion):
+class FreeMotion:
     """Recordings of a motion that follows from its initial state, apart from a steady force.
 
     Parameters
     ----------
-    kind : Kind
-        Decaying, growing or forced.
     recordings : list of Recording
         Stretches of free motion between events, without outliers and samples during an event.
     stretches : list of Stretch
@@ -97,6 +68,7 @@ class FreeMotion(Motion):
         nonlinear one.
     """
 
+    recordings: list[Recording]
     stretches: list[Stretch]
     is_linear: bool
     channels: Channels
@@ -107,44 +79,52 @@ class FreeMotion(Motion):
     linear: "FreeMotion | None" = None
 
     @property
+    def decays(self) -> bool:
+        """Whether the mode with most energy decays."""
+        return bool(self.modes.poles[self.own[0]].real < 0.0)
+
+    @property
     def further(self) -> tuple[int, ...]:
         """Indices of the modes beyond one for each coordinate, including steady oscillations."""
         return (*self.own[len(self.channels.pairs) :], *self.steady)
 
 
 @one_thread
-def classify_motion(recordings: Sequence[Recording]) -> Motion:
-    """Determine whether recorded motion is driven by inputs, free, or possibly sustained.
+def classify_motion(recordings: Sequence[Recording]) -> FreeMotion | None:
+    """Find the modes of recorded motion if it is free, rather than driven or possibly sustained.
 
     Parameters
     ----------
     recordings : sequence of Recording
         Without rests, see `rest.moving_recordings`.
+
+    Returns
+    -------
+    FreeMotion or None
+        None if inputs drive the motion, if random forces or the system itself may sustain it, or if
+        its states are exact, or no displacements and velocities.
     """
     given = list(recordings)
-    if given[0].inputs:
-        return Motion(Kind.DRIVEN, given)
-    lasting = Motion(Kind.LASTING, given)
-    if any(one.exact for one in given):
-        return lasting
+    if given[0].inputs or any(one.exact for one in given):
+        return None
     channels = Channels.from_recordings(given)
     paired = {k for pair in velocity_pairs(given[0].states).items() for k in pair}
     if not paired.issuperset((*channels.values, *channels.rates)) or not channels.names:
-        return lasting
+        return None
     found = attempt(partial(_free_motion, given, channels))
-    return lasting if isinstance(found, NoModel) or found is None else found
+    return None if isinstance(found, NoModel) else found
 
 
 def _free_motion(recordings: list[Recording], channels: Channels) -> FreeMotion | None:
     stretches = [_make_stretch(one, channels) for one in recordings]
-    falls_or_rises = partial(_falls_or_rises, stretches)
-    modes, is_noise = fit_modes(stretches, falls_or_rises)
+    may_go_on = partial(_falls_or_rises, stretches)
+    modes, is_noise = fit_modes(stretches, may_go_on)
     if modes is None:
         return None
     cleaned = without_faults(stretches, modes)
     if cleaned is not None:
         stretches = cleaned
-        modes, is_noise = fit_modes(stretches, falls_or_rises)
+        modes, is_noise = fit_modes(stretches, may_go_on)
     if modes is None:
         return None
     order = resolved_modes(stretches, modes, is_noise)
@@ -208,20 +188,16 @@ def _classify_modes(
         modes = fit_poles(stretches, poles, held)
     growth, error = modes.poles[own[0]].real, modes.growth_errors[own[0]]
     if not is_linear:
-        sizes = _running_amplitudes(stretches, modes, own[:1])
-        falls, rises = (all(map(test, sizes)) for test in (decays, grows))
-        kind = Kind.DECAYING if falls else Kind.GROWING if rises else Kind.LASTING
-    elif abs(growth) < SIGNIFICANT * error:
-        kind = Kind.LASTING
+        lasts = not falls_or_rises(_running_amplitudes(stretches, modes, own[:1]))
     else:
-        kind = Kind.FORCED if steady else Kind.GROWING if growth > 0.0 else Kind.DECAYING
-    if kind == Kind.LASTING:
+        lasts = abs(growth) < SIGNIFICANT * error
+    if lasts:
         return None
     if is_linear:  # else the samples that no linear motion explains are no faults
         pairs = zip(recordings, stretches, strict=True)
         recordings = [_with_samples(one, stretch, channels) for one, stretch in pairs]
     return FreeMotion(
-        kind, recordings, stretches, is_linear, channels, modes, tuple(own), tuple(steady),
+        recordings, stretches, is_linear, channels, modes, tuple(own), tuple(steady),
         tuple(findings),
     )  # fmt: skip
 
@@ -276,10 +252,8 @@ def _falls_or_rises(stretches: list[Stretch], modes: DampedModes) -> bool:
 
     It is that of the modes near the first one's frequency.
     """
-    sizes = _running_amplitudes(
-        stretches, modes, np.flatnonzero(is_close(modes.poles, modes.poles[0]))
-    )
-    return any(all(map(test, sizes)) for test in (decays, grows))
+    own = np.flatnonzero(is_close(modes.poles, modes.poles[0]))
+    return falls_or_rises(_running_amplitudes(stretches, modes, own))
 
 
 def _running_amplitudes(

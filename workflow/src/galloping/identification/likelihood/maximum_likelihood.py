@@ -32,8 +32,6 @@ from galloping.identification.free_motion.answer import (
     with_further_modes,
 )
 from galloping.identification.free_motion.kinds_of_motion import (
-    FreeMotion,
-    Kind,
     classify_motion,
     without_further_modes,
 )
@@ -285,7 +283,7 @@ def _search_free_motion(begun: Start, objections: Findings) -> tuple[Outcome, bo
     if is_of_one_coordinate(begun.recordings):  # which was asked before all else
         return NoModel(objections), False
     motion = classify_motion(begun.recordings)
-    if not (isinstance(motion, FreeMotion) and (motion.is_linear or motion.kind == Kind.DECAYING)):
+    if motion is None or not (motion.is_linear or motion.decays):
         return NoModel(objections), False
     found: Outcome = NoModel(objections)
     if motion.further or motion.findings:
