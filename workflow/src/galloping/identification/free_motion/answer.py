@@ -13,11 +13,7 @@ from functools import partial
 import numpy as np
 
 from galloping.identification.answers import prepend_path
-from galloping.identification.free_motion.envelope import (
-    LocalDecay,
-    fit_envelope,
-    strongest_channel,
-)
+from galloping.identification.free_motion.envelope import fit_envelope, strongest_channel
 from galloping.identification.free_motion.kinds_of_motion import (
     FreeMotion,
     classify_motion,
@@ -29,7 +25,7 @@ from galloping.identification.free_motion.rest import Moving, moving_recordings
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
-from galloping.identification.oscillations import EnvelopePart, FurtherMode
+from galloping.identification.oscillations import FurtherMode
 from galloping.identification.preparation.smoothing import unmeasured_displacements
 from galloping.identification.problem import Problem
 from galloping.identification.status import status_of
@@ -231,16 +227,18 @@ def _identify_mean_model(
     objections: reasons why no model follows it.
     """
     modes, place = motion.modes, motion.own[0]
+    names = motion.channels.names
     parts = [
-        (index, part)
+        part
         for index, stretch in enumerate(motion.stretches)
-        for part in fit_envelope(stretch, modes, index, place)
+        for part in fit_envelope(
+            stretch, modes, index, place, names, motion.recordings[index].time[0]
+        )
     ]
     if len(parts) < 2:
         return NoModel()
-    poles = np.array([part.pole for _, part in parts])
-    errors = np.array([part.errors for _, part in parts])
-    values = np.column_stack([poles.real, poles.imag])
+    values = np.array([[part.growth, part.frequency] for part in parts])
+    errors = np.array([[part.growth_error, part.frequency_error] for part in parts])
     weights = errors**-2 / np.sum(errors**-2, axis=0)
     growth, omega = np.sum(weights * values, axis=0)
     # of values about the mean, and of the mean itself: parts may agree by chance
@@ -253,23 +251,13 @@ def _identify_mean_model(
     by_entry[:, velocity, coordinate] = -2.0 * growth, -2.0 * omega
     by_entry[0, velocity, velocity] = 2.0
     slopes = by_entry.reshape(2, 4)
-    told = [_envelope_part(motion, *each) for each in parts]
     covariance = slopes.T @ spread @ slopes
     found = _identified_model(problem, motion, system, covariance)
     if isinstance(found, NoModel):
         return found
     missing = (each for each in objections if each.code == Code.TERM_MISSING)
     changing = Finding.of(Code.NOT_EXPONENTIAL, problem.states[coordinate])
-    return replace(found, envelope=tuple(told)).with_findings(*missing, changing)
-
-
-def _envelope_part(motion: FreeMotion, index: int, part: LocalDecay) -> EnvelopePart:
-    channel = strongest_channel(motion.modes, index, motion.own[0])
-    begin = float(motion.recordings[index].time[0])
-    return EnvelopePart(
-        index, motion.channels.names[channel], begin + part.time, part.amplitude,
-        part.pole.imag, part.pole.real, part.errors[1], part.errors[0],
-    )  # fmt: skip
+    return replace(found, envelope=tuple(parts)).with_findings(*missing, changing)
 
 
 def _identified_model(

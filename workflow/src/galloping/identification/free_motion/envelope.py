@@ -5,7 +5,6 @@ equal factors. A damped sinusoid is fitted to all samples of each, like a logari
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 
@@ -13,6 +12,7 @@ import numpy as np
 
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
 from galloping.identification.no_model import NoModel, attempt
+from galloping.identification.oscillations import EnvelopePart
 
 MAX_PARTS = 12
 MIN_PERIODS = 2.0  # of a part
@@ -22,27 +22,14 @@ MAX_RISE = 0.05  # of the logarithm of an amplitude from one part to the next, b
 MIN_SIGNAL = 2.0  # amplitude over noise, below which no part is
 
 
-@dataclass(frozen=True)
-class LocalDecay:
-    """Growth rate, frequency and amplitude of an oscillation in one part of a recording.
-
-    Parameters
-    ----------
-    time : float
-        Middle of the stretch, s from the start of its recording.
-    amplitude : float
-        At that time, in the unit of the channel.
-    pole, errors : complex, (float, float)
-        Growth, 1/s, and frequency, rad/s, with standard errors.
-    """
-
-    time: float
-    amplitude: float
-    pole: complex
-    errors: tuple[float, float]
-
-
-def fit_envelope(stretch: Stretch, modes: DampedModes, index: int, place: int) -> list[LocalDecay]:
+def fit_envelope(
+    stretch: Stretch,
+    modes: DampedModes,
+    index: int,
+    place: int,
+    names: Sequence[str],
+    begin: float = 0.0,
+) -> list[EnvelopePart]:
     """Fit growth rate and frequency of a mode in intervals of equal relative amplitude change.
 
     Parameters
@@ -54,6 +41,10 @@ def fit_envelope(stretch: Stretch, modes: DampedModes, index: int, place: int) -
         Of the stretch among those of `modes`.
     place : int
         Of the mode.
+    names : sequence of str
+        Of the channels.
+    begin : float
+        Time of the first sample of the stretch on the recording's clock, s.
     """
     channel = strongest_channel(modes, index, place)
     known = np.isfinite(stretch.values[:, channel])
@@ -66,8 +57,7 @@ def fit_envelope(stretch: Stretch, modes: DampedModes, index: int, place: int) -
     signal = np.flatnonzero(sizes > MIN_SIGNAL * modes.noise[index, channel])
     if len(signal) < 2:
         return []
-    begin, end = centres[signal[0]], centres[signal[-1]]
-    edges = _part_edges(centres[signal], np.log(sizes[signal]), begin, end, MIN_PERIODS * period)
+    edges = _part_edges(centres[signal], np.log(sizes[signal]), MIN_PERIODS * period)
     parts = []
     for first, last in pairwise(edges):
         inside = (time >= first) & (time <= last)
@@ -78,11 +68,10 @@ def fit_envelope(stretch: Stretch, modes: DampedModes, index: int, place: int) -
         if isinstance(found, NoModel):
             continue
         middle = (last - first) / 2.0
-        amplitude = abs(found.amplitudes[0][0, 0]) * np.exp(found.poles[0].real * middle)
-        errors = float(found.growth_errors[0]), float(found.frequency_errors[0])
-        parts.append(
-            LocalDecay(float(first + middle), float(amplitude), complex(found.poles[0]), errors)
-        )
+        (local,), errors = found.poles, (found.frequency_errors[0], found.growth_errors[0])
+        amplitude = abs(found.amplitudes[0][0, 0]) * np.exp(local.real * middle)
+        own = (begin + (first + middle), amplitude, local.imag, local.real, *errors)
+        parts.append(EnvelopePart(index, names[channel], *map(float, own)))
     return parts
 
 
@@ -124,10 +113,9 @@ def running_amplitude(
     return np.array(centres), np.array(sizes)
 
 
-def _part_edges(
-    centres: np.ndarray, logarithms: np.ndarray, begin: float, end: float, least: float
-) -> list[float]:
+def _part_edges(centres: np.ndarray, logarithms: np.ndarray, least: float) -> list[float]:
     """Find times, `least` s apart or more, between which amplitudes change by equal factors."""
+    begin, end = centres[[0, -1]]
     smooth = np.minimum.accumulate(logarithms)
     if logarithms[-1] > logarithms[0]:
         smooth = np.maximum.accumulate(logarithms)
