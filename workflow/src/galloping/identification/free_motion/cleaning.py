@@ -56,7 +56,7 @@ def _under_force(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
         return forced
     inner = Stretch(stretch.time[inside] - period, stretch.values[inside], stretch.drift_degrees)
     modes = attempt(partial(fit_poles, [inner], poles))
-    if isinstance(modes, NoModel) or strongest_mode([inner], modes.residuals, poles).stands_out:
+    if isinstance(modes, NoModel) or strongest_mode([inner], modes.residuals, poles) is not None:
         return forced
     motion = modes.evaluate(range(len(modes.poles)), 0, stretch.time - period)
     left = stretch.values - motion

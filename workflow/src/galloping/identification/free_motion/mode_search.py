@@ -5,7 +5,7 @@ matched to a damped sinusoid, exceeds the noise.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import gammainccinv
@@ -41,37 +41,13 @@ POWER_WORK, LEVEL_WORK = 1.3e-8, 3e-8  # s a bin of a periodogram, and of its no
 COLOURED = 1.6  # ratio of that noise to white noise, which chance makes once in a thousand
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """A damped sinusoid that residuals may contain, with its power and a threshold for noise.
-
-    Parameters
-    ----------
-    pole : complex
-        First guess.
-    power : float
-        Of the matched filter, in units of that of the noise, summed over channels and stretches.
-    allowed : float
-        Power that noise exceeds at a rate of FALSE_ALARM_RATE.
-    """
-
-    pole: complex
-    power: float
-    allowed: float
-
-    @property
-    def stands_out(self) -> bool:
-        """Whether the power exceeds the threshold for noise."""
-        return self.power > self.allowed
-
-
 def strongest_mode(
     stretches: Sequence[Stretch],
     residuals: Sequence[np.ndarray],
     poles: np.ndarray | None = None,
     apart: np.ndarray | None = None,
     band: tuple[float, float] = (0.0, np.inf),
-) -> Candidate:
+) -> complex | None:
     """Find the strongest damped sinusoid in the residuals of a fit.
 
     Parameters
@@ -86,6 +62,12 @@ def strongest_mode(
         Poles of a motion that is not exponential, of which the mode must not be a part.
     band : (float, float)
         Frequencies, rad/s, between which the mode must be.
+
+    Returns
+    -------
+    complex or None
+        First guess of its pole. None if no power of the matched filter, summed over channels and
+        stretches, is above a threshold that noise exceeds at a rate of FALSE_ALARM_RATE.
     """
     step = min(one.step for one in stretches)
     longest = max(one.duration for one in stretches)
@@ -107,7 +89,7 @@ def strongest_mode(
             series.append(_windowed_powers(time, column[known], place[known], size, parts))
             spans.append((stretch.duration, place[-1] + 1))
     if not series:
-        return Candidate(0j, 0.0, np.inf)
+        return None
     windows = np.concatenate([[0.0], faster, -faster]) / longest
     strides = np.concatenate([[1], parts, parts])  # between the bins of their periodograms
     looks = len(windows) * longest / step / 2.0
@@ -122,7 +104,7 @@ def strongest_mode(
     peaks = np.array([power.max() for power in powers])
     omitted = _near_modes(omega, poles, 2.0 * np.pi / longest)
     levels = np.ones((len(series), len(omega)))  # of the noise, at least white
-    best, strongest = Candidate(0j, 0.0, allowed), allowed
+    best, strongest = None, allowed
     for k, (decay, stride) in enumerate(zip(windows, strides, strict=True)):
         if peaks[k:].max() <= strongest:
             break
@@ -138,12 +120,10 @@ def strongest_mode(
         excess = sum(
             own[k][bins] / level[stride * bins] for own, level in zip(series, levels, strict=True)
         )
-        bins, excess = bins[excess > allowed], excess[excess > allowed]
+        bins = bins[excess > allowed]
         if len(bins):
-            highest = np.argmax(powers[k][bins])
-            strongest = powers[k][bins[highest]]
-            pole = complex(-decay, omega[stride * bins[highest]])
-            best = Candidate(pole, float(excess[highest]), allowed)
+            highest = bins[np.argmax(powers[k][bins])]
+            best, strongest = complex(-decay, omega[stride * highest]), powers[k][highest]
     return best
 
 
@@ -260,12 +240,12 @@ def fit_modes(
     left, apart = [_without_means(one.values) for one in stretches], None
     for count in range(MAX_MODES + 1):
         best = strongest_mode(stretches, left, found.poles if found else None, apart)
-        if not best.stands_out:
+        if best is None:
             whole = _with_noise_about(stretches, found) if found else None
             return whole, apart is None
         if count == MAX_MODES:
             break
-        start = np.append(found.poles if found else [], best.pole)
+        start = np.append(found.poles if found else [], best)
         try:
             found = fit_poles(stretches, start)
         except (IdentificationError, np.linalg.LinAlgError):

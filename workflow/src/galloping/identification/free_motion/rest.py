@@ -354,5 +354,4 @@ def _is_still(columns: np.ndarray) -> bool:
     values = columns.T - columns.mean(axis=1)
     time = np.arange(len(values), dtype=float)
     stretch = Stretch(time, values, (0,) * len(columns))
-    best = strongest_mode([stretch], [values], np.empty(0))
-    return best.power < best.allowed
+    return strongest_mode([stretch], [values], np.empty(0)) is None

@@ -73,9 +73,9 @@ def _find_oscillations(
     found, poles, left = [], np.empty(0, complex), values - values.mean()
     for _ in range(MOST):
         best = strongest_mode([stretch], [left[:, np.newaxis]], poles, band=band)
-        if not best.stands_out:
+        if best is None:
             break
-        fit = attempt(partial(fit_poles, [stretch], np.append(poles, best.pole)))
+        fit = attempt(partial(fit_poles, [stretch], np.append(poles, best)))
         if isinstance(fit, NoModel):
             break
         remainder = fit.residuals[0][:, 0]
