@@ -7,7 +7,7 @@ Gauss-Newton steps are taken on the poles.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -135,8 +135,8 @@ class DampedModes:
             degree = stretch.drift_degrees[c]
             known = np.isfinite(stretch.values[:, c])
             products = columns[known].T @ columns[known]
-            basis = np.r_[0 : 2 * many, 4 * many : 4 * many + degree + 1]
-            inverse = _invert_scaled(products[np.ix_(basis, basis)])[: 2 * many]
+            basis, inverse = _invert_basis(products, many, degree)
+            inverse = inverse[: 2 * many]
             amplitudes = self.amplitudes[index][:, c]
             slopes = _pole_slopes(amplitudes, origin, stretch.duration, columns.shape[1])
             sign = np.repeat([1.0, -1.0], many)  # of the sines, which are minus imaginary parts
@@ -195,17 +195,14 @@ def fit_poles(
     if means:
         found = attempt(partial(_iterate, means, poles, free, MAX_STEPS))
         if not isinstance(found, NoModel):
-            (poles, _), max_steps = found, MAX_STEPS_AFTER_MEANS
-    poles, here = _iterate(stretches, poles, free, max_steps)
+            poles, max_steps = found.modes.poles, MAX_STEPS_AFTER_MEANS
+    here = _iterate(stretches, poles, free, max_steps)
     scaled, scale = here.scale_information(free)
     if not np.linalg.cond(scaled) < 1.0 / ROUNDING:
         raise IdentificationError(Code.NO_OSCILLATION)
     covariance = np.zeros((len(free), len(free)))
     covariance[np.ix_(free, free)] = np.linalg.inv(scaled) / np.outer(scale, scale)
-    return DampedModes(
-        poles, covariance, here.amplitudes, here.offsets, here.offset_errors, here.noise,
-        here.residuals, here.misfit,
-    )  # fmt: skip
+    return replace(here.modes, covariance=covariance)
 
 
 def _average_neighbours(stretches: Sequence[Stretch], count: int) -> list[Stretch]:
@@ -228,8 +225,8 @@ def _average_neighbours(stretches: Sequence[Stretch], count: int) -> list[Stretc
 
 def _iterate(
     stretches: Sequence[Stretch], poles: np.ndarray, free: np.ndarray, max_steps: int
-) -> tuple[np.ndarray, "_NormalEquations"]:
-    """Take Gauss-Newton steps on the poles; return these and the linearisation there.
+) -> "_NormalEquations":
+    """Take Gauss-Newton steps on the poles, and return the linearisation at the last ones.
 
     free: (2 n_modes,) which growths and frequencies change.
     """
@@ -241,36 +238,33 @@ def _iterate(
         scaled += damping * np.eye(len(scale))
         step = np.zeros(len(free))
         step[free] = np.linalg.solve(scaled, here.right[free] / scale) / scale
-        moved = poles + step[: len(poles)] + 1j * step[len(poles) :]
+        moved = here.modes.poles + step[: len(poles)] + 1j * step[len(poles) :]
         is_possible = np.all((moved.imag > 0.0) & (moved.imag < fastest))
         there = _linearise(stretches, moved) if is_possible else None
-        if there is not None and there.misfit <= here.misfit + 1e-9 * abs(here.misfit):
-            poles, here, damping = moved, there, damping / 10.0
+        misfit = here.modes.misfit
+        if there is not None and there.modes.misfit <= misfit + 1e-9 * abs(misfit):
+            here, damping = there, damping / 10.0
             if np.max(np.abs(step[free]) * scale) < CONVERGED:
                 break
         elif damping > 1e6:
             break
         else:
             damping = 10.0 * max(damping, 1e-6)
-    return poles, here
+    return here
 
 
 @dataclass(frozen=True)
 class _NormalEquations:
-    """Normal equations of the poles, amplitudes eliminated; the rest as of `DampedModes`.
+    """Normal equations of the poles, amplitudes eliminated.
 
     shares: part of the information on each growth and frequency that amplitudes do not explain.
+    modes: the fit with these poles, whose covariance is not yet known.
     """
 
     information: np.ndarray
     shares: np.ndarray
     right: np.ndarray
-    amplitudes: list[np.ndarray]
-    offsets: np.ndarray
-    offset_errors: np.ndarray
-    noise: np.ndarray
-    residuals: list[np.ndarray]
-    misfit: float
+    modes: DampedModes
 
     def scale_information(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Scale the information on the free growths and frequencies to a diagonal of ones.
@@ -315,8 +309,7 @@ def _linearise(stretches: Sequence[Stretch], poles: np.ndarray) -> _NormalEquati
             else:
                 products = shared
             crossed = of_channel.T @ values
-            basis = np.r_[0 : 2 * n, 4 * n : 4 * n + degree + 1]
-            inverse = _invert_scaled(products[np.ix_(basis, basis)])
+            basis, inverse = _invert_basis(products, n, degree)
             solved = inverse @ crossed[basis]
             fitted = of_channel[:, basis] @ solved
             remainder = np.where(known, values - fitted, 0.0)
@@ -340,10 +333,9 @@ def _linearise(stretches: Sequence[Stretch], poles: np.ndarray) -> _NormalEquati
         residuals.append(left)
     if np.isnan(noise).all() or not np.isfinite(misfit):
         raise IdentificationError(Code.NO_OSCILLATION)
-    return _NormalEquations(
-        information, np.diag(information) / whole, right, amplitudes, offsets, errors, noise,
-        residuals, misfit,
-    )  # fmt: skip
+    unknown = np.full((2 * n, 2 * n), np.nan)
+    modes = DampedModes(poles, unknown, amplitudes, offsets, errors, noise, residuals, misfit)
+    return _NormalEquations(information, np.diag(information) / whole, right, modes)
 
 
 def _wave_columns(stretch: Stretch, poles: np.ndarray, origin: np.ndarray) -> np.ndarray:
@@ -373,8 +365,13 @@ def _pole_slopes(a: np.ndarray, origin: np.ndarray, duration: float, count: int)
     return found
 
 
-def _invert_scaled(products: np.ndarray) -> np.ndarray:
-    """Invert normal equations, in which columns may nearly be dependent."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(products), np.finfo(float).tiny))
-    scaled = products * np.outer(scale, scale)
-    return np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) * np.outer(scale, scale)
+def _invert_basis(products: np.ndarray, n: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """Invert the normal equations of the waves of n modes and of a drift, nearly dependent or not.
+
+    products: of all columns. Returns the places of those of the waves and of the drift too.
+    """
+    basis = np.r_[0 : 2 * n, 4 * n : 4 * n + degree + 1]
+    own = products[np.ix_(basis, basis)]
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(own), np.finfo(float).tiny))
+    scales = np.outer(scale, scale)
+    return basis, np.linalg.pinv(own * scales, rcond=1e-14, hermitian=True) * scales
