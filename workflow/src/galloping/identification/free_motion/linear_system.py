@@ -9,49 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch
-from galloping.identification.no_model import IdentificationError
-from galloping.identification.observations import Code
 from galloping.identification.random_forces.channels import Channels
 
-MAX_CONDITION = 1e6  # of the modes' vectors: shapes that are more alike tell no system
 STEP = 1e-3  # of finite differences, in standard errors
-
-
-def linear_system(channels: Channels, poles: np.ndarray, shapes: np.ndarray) -> np.ndarray:
-    """Compute the matrix of the linear system with given eigenvalues and mode shapes.
-
-    Parameters
-    ----------
-    channels : Channels
-        With n_coordinates coordinates.
-    poles : (n_coordinates,) complex array
-        1/s.
-    shapes : (n_channels, n_coordinates) complex array
-        Of each mode in the channels, in any unit.
-
-    Returns
-    -------
-    (n_states, n_states) array
-
-    Raises
-    ------
-    IdentificationError
-        If a coordinate is in no channel, or the shapes are nearly dependent.
-    """
-    pairs = channels.pairs
-    moved = np.array([channels.displacement(i, poles, shapes) for i in pairs])
-    both, moved = np.append(poles, poles.conj()), np.hstack([moved, moved.conj()])
-    basis = np.vstack([moved, moved * both])
-    unit = np.abs(both).mean()
-    scaled = np.vstack([moved, moved * both / unit])
-    if not np.linalg.cond(scaled / np.linalg.norm(scaled, axis=0)) < MAX_CONDITION:
-        raise IdentificationError(Code.NO_OSCILLATION)
-    system = np.zeros((2 * len(pairs),) * 2)
-    order = [*pairs, *pairs.values()]
-    system[np.ix_(order, order)] = (basis * both @ np.linalg.inv(basis)).real
-    system[list(pairs)] = 0.0
-    system[list(pairs), list(pairs.values())] = 1.0
-    return system
 
 
 def linear_system_with_covariance(
@@ -84,7 +44,7 @@ def linear_system_with_covariance(
     def system(parameters: np.ndarray) -> np.ndarray:
         growths, frequencies, *parts = np.split(parameters, [n, 2 * n, n * (2 + many)])
         shapes = (parts[0] + 1j * parts[1]).reshape(n, many).T
-        return linear_system(channels, growths + 1j * frequencies, shapes)
+        return channels.system_with_modes(growths + 1j * frequencies, shapes)
 
     amplitudes = modes.amplitudes[index][places].ravel()
     poles = modes.poles[places]

@@ -14,6 +14,7 @@ from galloping.recording.samples import Recording
 # Median steps between two samples up to which none is missing between them: less than of other
 # gaps, since a mean rate is one over the whole step.
 ADJACENT = 1.5
+MAX_CONDITION = 1e6  # of the modes' vectors: shapes that are more alike tell no system
 
 
 @dataclass(frozen=True)
@@ -116,3 +117,24 @@ class Channels:
                 place = held.index(state) + (len(self.values) if held is self.rates else 0)
                 return seen[place] / rates**times
         raise IdentificationError(Code.NOT_SENSED, self.states[i])
+
+    def system_with_modes(self, rates: np.ndarray, seen: np.ndarray) -> np.ndarray:
+        """Compute the matrix of the linear system with given modes, one for each coordinate.
+
+        Returns (n_states, n_states). rates: (n_coordinates,) eigenvalues, 1/s. seen: (n_channels,
+        n_coordinates) shapes of the channels, in any unit. Raises IdentificationError if a
+        coordinate is in no channel, or the shapes are nearly dependent.
+        """
+        pairs = self.pairs
+        moved = np.array([self.displacement(i, rates, seen) for i in pairs])
+        both, moved = np.append(rates, rates.conj()), np.hstack([moved, moved.conj()])
+        basis = np.vstack([moved, moved * both])
+        scaled = np.vstack([moved, moved * both / np.abs(both).mean()])
+        if not np.linalg.cond(scaled / np.linalg.norm(scaled, axis=0)) < MAX_CONDITION:
+            raise IdentificationError(Code.NO_OSCILLATION)
+        system = np.zeros((2 * len(pairs),) * 2)
+        order = [*pairs, *pairs.values()]
+        system[np.ix_(order, order)] = (basis * both @ np.linalg.inv(basis)).real
+        system[list(pairs)] = 0.0
+        system[list(pairs), list(pairs.values())] = 1.0
+        return system

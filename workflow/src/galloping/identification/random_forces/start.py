@@ -28,7 +28,6 @@ SPANS = (3.0, 8.0, 15.0)
 PER_PERIOD, MOST_LAGS = 8, 120  # lags a shortest period, and in all: more say nothing more
 FURTHER = 0, 4  # states beside those of the modes: of what is slow, or of modes that are not asked
 LEAST_DAMPING = 1e-3  # ratio: a motion that lasts is stable
-MOST_ALIKE = 1e8  # condition of the modes' shapes: half of the digits are lost
 FEWEST = 3  # lags that modes are told from, beyond twice their number
 BINS = 4  # of a spectrum, in a mean, of which noise then has a relative deviation of a half
 # From the first share of the frequencies on a spectrum is mostly noise, and a signal is more than
@@ -209,27 +208,19 @@ def _system_with_modes(
         map(list, combinations(range(len(rates)), len(pairs))),
         key=lambda modes: abs(np.linalg.det(every[:, modes])),
     )
-    shapes, others = every[:, coordinate_modes], np.delete(rates, coordinate_modes)
-    rates = rates[coordinate_modes]
-    both, shapes = np.append(rates, rates.conj()), np.hstack([shapes, shapes.conj()])
-    basis = np.vstack([shapes, shapes * both])
-    alike = np.vstack([shapes, shapes * both / np.mean(np.abs(both))])
-    if np.linalg.cond(alike / np.linalg.norm(alike, axis=0)) > MOST_ALIKE:
+    own = rates[coordinate_modes], seen[:, coordinate_modes]
+    system = attempt(partial(channels.system_with_modes, *own))
+    if isinstance(system, NoModel):
         return None
-    system = np.zeros((2 * len(pairs), 2 * len(pairs)))
-    order = [*pairs, *pairs.values()]
-    system[np.ix_(order, order)] = (basis * both @ np.linalg.inv(basis)).real
-    system[list(pairs)] = 0.0
-    system[list(pairs), list(pairs.values())] = 1.0
-    beside = np.delete(every, coordinate_modes, axis=1)
+    others, beside = (np.delete(each, coordinate_modes, axis=-1) for each in (rates, every))
     states = np.zeros((len(system), len(others)), complex)
     states[list(pairs)], states[list(pairs.values())] = beside, beside * others
     moved = states[list(pairs.values())] * others - system[list(pairs.values())] @ states
     forces = moved[np.argsort(list(pairs.values()))].T
     hosts = np.argmax(np.abs(forces), axis=1)
     onto = (forces / forces[np.arange(len(hosts)), hosts][:, np.newaxis]).real
-    own = np.array([np.abs(others), -others.real / np.abs(others)]).T
-    return LinearStart(system, ExtraModes(own, onto, tuple(hosts.tolist())))
+    further = np.array([np.abs(others), -others.real / np.abs(others)]).T
+    return LinearStart(system, ExtraModes(further, onto, tuple(hosts.tolist())))
 
 
 def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, np.ndarray]:
