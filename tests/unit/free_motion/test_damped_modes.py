@@ -83,7 +83,7 @@ def test_an_envelope_tells_damping_against_amplitude():
     samples = noisy(size * np.cos(omega * time), 7, 0.002)
     whole = stretch(time, samples)
     modes = fit_poles([whole], np.array([pole(1.0, 0.01)]))
-    parts = fit_envelope(whole, modes, 0, 0, ["q"])
+    parts = fit_envelope(whole, modes, 0, 0, ["q"], 0.0)
     assert len(parts) > 4
     for part in parts:
         omega = np.hypot(part.frequency, part.growth)

@@ -28,7 +28,7 @@ def fit_envelope(
     index: int,
     place: int,
     names: Sequence[str],
-    begin: float = 0.0,
+    begin: float,
 ) -> list[EnvelopePart]:
     """Fit growth rate and frequency of a mode in intervals of equal relative amplitude change.
 
@@ -46,11 +46,7 @@ def fit_envelope(
     begin : float
         Time of the first sample of the stretch on the recording's clock, s.
     """
-    channel = strongest_channel(modes, index, place)
-    known = np.isfinite(stretch.values[:, channel])
-    time = stretch.time[known]
-    others = [k for k in range(len(modes.poles)) if k != place]
-    values = stretch.values[known, channel] - modes.evaluate(others, index, time)[:, channel]
+    channel, time, values = in_strongest_channel(stretch, modes, index, [place])
     pole = modes.poles[place]
     period = 2.0 * np.pi / pole.imag
     centres, sizes = running_amplitude(time, values, pole.imag, period)
@@ -67,11 +63,16 @@ def fit_envelope(
         found = attempt(partial(fit_poles, [own], np.array([pole])))
         if isinstance(found, NoModel):
             continue
-        middle = (last - first) / 2.0
-        (local,), errors = found.poles, (found.frequency_errors[0], found.growth_errors[0])
+        middle, local = (last - first) / 2.0, found.poles[0]
         amplitude = abs(found.amplitudes[0][0, 0]) * np.exp(local.real * middle)
-        own = (begin + (first + middle), amplitude, local.imag, local.real, *errors)
-        parts.append(EnvelopePart(index, names[channel], *map(float, own)))
+        errors = float(found.frequency_errors[0]), float(found.growth_errors[0])
+        told = (
+            float(begin + (first + middle)),
+            float(amplitude),
+            float(local.imag),
+            float(local.real),
+        )
+        parts.append(EnvelopePart(index, names[channel], *told, *errors))
     return parts
 
 
@@ -79,6 +80,22 @@ def strongest_channel(modes: DampedModes, index: int, place: int) -> int:
     """Find the channel in which a mode has the highest signal-to-noise ratio."""
     ratio = np.abs(modes.amplitudes[index][place]) / modes.noise[index]
     return int(np.nanargmax(ratio))
+
+
+def in_strongest_channel(
+    stretch: Stretch, modes: DampedModes, index: int, own: Sequence[int]
+) -> tuple[int, np.ndarray, np.ndarray]:
+    """Subtract all modes but some from the channel in which the first of these is strongest.
+
+    Returns the channel, the times of its samples, s, and what remains of them, (n,). index: of the
+    stretch among those of `modes`. own: places of the modes that remain.
+    """
+    channel = strongest_channel(modes, index, own[0])
+    known = np.isfinite(stretch.values[:, channel])
+    time = stretch.time[known]
+    others = np.setdiff1d(np.arange(len(modes.poles)), own)
+    beside = modes.evaluate(others, index, time)[:, channel]
+    return channel, time, stretch.values[known, channel] - beside
 
 
 def running_amplitude(

@@ -15,6 +15,7 @@ from galloping.identification.free_motion.cleaning import without_faults
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
 from galloping.identification.free_motion.envelope import (
     falls_or_rises,
+    in_strongest_channel,
     running_amplitude,
     strongest_channel,
 )
@@ -252,26 +253,20 @@ def _falls_or_rises(stretches: list[Stretch], modes: DampedModes) -> bool:
 
     It is that of the modes near the first one's frequency.
     """
-    own = np.flatnonzero(is_close(modes.poles, modes.poles[0]))
+    own = np.flatnonzero(is_close(modes.poles, modes.poles[0])).tolist()
     return falls_or_rises(_running_amplitudes(stretches, modes, own))
 
 
 def _running_amplitudes(
-    stretches: list[Stretch], modes: DampedModes, own: Sequence[int] | np.ndarray
+    stretches: list[Stretch], modes: DampedModes, own: Sequence[int]
 ) -> list[np.ndarray]:
     """Compute amplitudes of modes of about the same frequency in windows of each stretch."""
     found = []
     omega = modes.poles[own[0]].imag
-    others = np.setdiff1d(np.arange(len(modes.poles)), own)
     for index, stretch in enumerate(stretches):
-        channel = strongest_channel(modes, index, own[0])
-        known = np.isfinite(stretch.values[:, channel])
-        values = (
-            stretch.values[:, channel] - modes.evaluate(others, index, stretch.time)[:, channel]
-        )
+        _, time, values = in_strongest_channel(stretch, modes, index, own)
         length = max(2.0 * np.pi / omega, stretch.duration / WINDOWS)
-        _, sizes = running_amplitude(stretch.time[known], values[known], omega, length)
-        found.append(sizes)
+        found.append(running_amplitude(time, values, omega, length)[1])
     return found
 
 

@@ -18,6 +18,7 @@ from galloping.identification.free_motion.damped_modes import (
     fit_poles,
 )
 from galloping.identification.no_model import IdentificationError
+from galloping.identification.oscillations import MOST_DAMPING
 from galloping.identification.work import count_work
 
 MAX_MODES = 8
@@ -29,7 +30,6 @@ MAX_LEFT, MANY_MODES = 0.2, 4
 # How far a harmonic is from a multiple of that frequency, in shares of it, and of its spread.
 HARMONIC = 0.003, 1.5
 FALSE_ALARM_RATE = 1e-3  # of a mode that is not there, over all frequencies and decays of a search
-MAX_DAMPING = 0.3  # ratio of a mode that oscillates
 WINDOW_RATIO = 2  # between the decays of two windows: a mode between them keeps 97 % of its power
 EMPTY = 16  # decays by a factor e, after which a window has ended: rounding of the power is left
 MIN_PERIODS = 2.0  # of the longest stretch: what is slower is a drift
@@ -73,7 +73,7 @@ def strongest_mode(
     longest = max(one.duration for one in stretches)
     size = 2 ** int(np.ceil(np.log2(2.0 * longest / step + 2.0)))
     omega = 2.0 * np.pi * np.fft.rfftfreq(size, step)
-    most = np.log2(max(MAX_DAMPING * omega[-1] * longest, 2.0))
+    most = np.log2(max(MOST_DAMPING * omega[-1] * longest, 2.0))
     faster = WINDOW_RATIO ** np.arange(int(np.ceil(most)))  # decays, in units of the slowest
     parts = np.maximum(faster // EMPTY, 1)
     series, spans = [], []
@@ -100,7 +100,7 @@ def strongest_mode(
         is_told &= ~is_part_of(1j * omega, apart)
     powers = [np.sum(own, axis=0) for own in zip(*series, strict=True)]
     for power, decay, stride in zip(powers, windows, strides, strict=True):
-        power *= is_told[::stride] & (abs(decay) < MAX_DAMPING * omega[::stride])
+        power *= is_told[::stride] & (abs(decay) < MOST_DAMPING * omega[::stride])
     peaks = np.array([power.max() for power in powers])
     omitted = _near_modes(omega, poles, 2.0 * np.pi / longest)
     levels = np.ones((len(series), len(omega)))  # of the noise, at least white

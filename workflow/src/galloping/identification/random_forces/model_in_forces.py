@@ -95,7 +95,8 @@ def _fit_some_samples(
     if besides:
         if not fit.whiteness.is_nearly_white:
             return NoModel((fit.whiteness.to_finding(channels.names),))
-        fits = [fit, *_fits_from(posed, white[1:STARTS])]
+        others = [attempt(partial(_fit_from, posed, start)) for start in white[1:STARTS]]
+        fits = [each for each in (fit, *others) if not isinstance(each, NoModel)]
         fit = max(fits, key=lambda each: each.filtered.log_likelihood)
     reads_force = channels.averaged or not set(channels.rates) & set(forced)
     if not fit.whiteness.is_white and may_be_slow and reads_force:
@@ -103,12 +104,6 @@ def _fit_some_samples(
     elif not (may_be_slow or fit.whiteness.is_nearly_white):
         return NoModel((fit.whiteness.to_finding(channels.names),))
     return _with_further_terms(fit, white[0].noise)
-
-
-def _fits_from(posed: ForcedProblem, starts: list[ForcedModel]) -> list[ForcedFit]:
-    """Fit from each start, and return the fits that succeed."""
-    found = [attempt(partial(_fit_from, posed, start)) for start in starts]
-    return [fit for fit in found if not isinstance(fit, NoModel)]
 
 
 def _fit_from(posed: ForcedProblem, start: ForcedModel) -> ForcedFit:

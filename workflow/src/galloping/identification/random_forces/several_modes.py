@@ -46,21 +46,19 @@ class ModeSelection:
     """Recordings, low-pass filtered to a selection of modes, and the frequencies of these modes.
 
     recordings, period: as of `prepare_recordings`, s. n_further: number of modes beyond the
-    coordinates. modes: Hz, of the model; None if any are allowed. faster: Hz, modes that are left
+    coordinates. modes: Hz, selected ones, empty if none are. faster: Hz, modes that are left
     out. below: Hz, above which motion is left out; None if all of it is in the recordings.
     """
 
     recordings: list[Recording]
     period: float
     n_further: int = 0
-    modes: tuple[float, ...] | None = None
+    modes: tuple[float, ...] = ()
     faster: tuple[float, ...] = ()
     below: float | None = None
 
     def has_modes_of(self, found: IdentifiedModel) -> bool:
         """Decide whether every mode of a model is near the frequency of a selected mode."""
-        if self.modes is None:
-            return True
         beside = (each.frequency for each in found.resonances if each.is_mode)
         own = np.array([*_linear_modes(found).omega, *beside])
         ratios = own[:, np.newaxis] / (2.0 * np.pi * np.array(self.modes))
