@@ -100,6 +100,17 @@ class Channels:
             sensed = np.concatenate([sensed[:, : len(self.values)], rates], axis=1)
         return sensed @ np.linalg.inv(at * unit - system)
 
+    def derivatives(self, i: int) -> list[tuple[int, int]]:
+        """List the channels that measure a coordinate or a derivative of it.
+
+        i: index of the coordinate. Returns the index of each channel and the order of its
+        derivative, the lowest first.
+        """
+        own = ((i, 0), (self.pairs[i], 1))
+        values = [(self.values.index(state), n) for state, n in own if state in self.values]
+        rates = [(self.rates.index(state), n) for state, n in own if state in self.rates]
+        return values + [(len(self.values) + place, n + 1) for place, n in rates]
+
     def displacement(self, i: int, rates: np.ndarray, seen: np.ndarray) -> np.ndarray:
         """Compute a coordinate's displacement in each mode from the mode shapes of the channels.
 
@@ -107,15 +118,8 @@ class Channels:
         (n_channels, n_modes) shapes of the channels. Raises IdentificationError if no channel
         measures this coordinate.
         """
-        velocity = self.pairs[i]
-        of = [
-            (self.values, i, 0), (self.values, velocity, 1), (self.rates, i, 1),
-            (self.rates, velocity, 2),
-        ]  # fmt: skip
-        for held, state, times in of:
-            if state in held:
-                place = held.index(state) + (len(self.values) if held is self.rates else 0)
-                return seen[place] / rates**times
+        for channel, order in self.derivatives(i):
+            return seen[channel] / rates**order
         raise IdentificationError(Code.NOT_SENSED, self.states[i])
 
     def system_with_modes(self, rates: np.ndarray, seen: np.ndarray) -> np.ndarray:

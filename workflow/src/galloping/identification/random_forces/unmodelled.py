@@ -27,26 +27,25 @@ NAMED, APART = 3, 0.5  # frequencies that are named, and how far apart, in that 
 def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
     """Find fast modes for which recordings have no coordinate, and return a finding for each."""
     channels, found = Channels.from_recordings(recordings), []
-    names = channels.names
-    if not names:  # a line that diverged has no motion
+    if not channels.names:  # a line that diverged has no motion
         return []
     step, grids = on_grids(recordings)
     omega, power = estimate_spectra(grids, step)
-    order = np.argsort(omega)
-    omega, power = omega[order], power[order]
+    ascending = np.argsort(omega)
+    omega, power = omega[ascending], power[ascending]
     slowest = 2.0 * np.pi * PERIODS / (step * max(map(len, grids)))  # slower is a drift
     whole = power.copy()
     power -= ABOVE_NOISE * np.median(power[int(FLOOR * len(power)) :], axis=0)
-    for name in (channels.states[i] for i in channels.pairs):
-        rank = next((n for n in range(3) if "d" * n + name in names), None)  # as a derivative
-        if rank is None:
+    for i in channels.pairs:
+        if not (shown := channels.derivatives(i)):
             continue
-        channel, exponent = names.index("d" * rank + name), 2.0 - 2.0 * rank
+        channel, order = shown[0]
+        exponent = 2.0 - 2.0 * order
         velocity = np.maximum(power[:, channel], 0.0) * omega**exponent
         if not np.any(velocity):
             continue
         main = omega[np.argmax(np.where(omega < slowest, 0.0, velocity / omega))]
-        leaks = LEAKS * _leakage_of_gaps(grids, step, channel, main)[order] * omega**exponent
+        leaks = LEAKS * _leakage_of_gaps(grids, step, channel, main)[ascending] * omega**exponent
         faster = np.where(omega > BEYOND * main, np.maximum(velocity - leaks, 0.0), 0.0)
         if faster.sum() < MUCH * velocity.sum():
             continue
@@ -66,7 +65,9 @@ def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
             continue
         own = main / (2.0 * np.pi)
         found += [
-            Finding.of(Code.MORE_MODES, name, frequency_hz=peak / (2.0 * np.pi), own_hz=own)
+            Finding.of(
+                Code.MORE_MODES, channels.states[i], frequency_hz=peak / (2.0 * np.pi), own_hz=own
+            )
             for peak in sorted(peaks)
         ]
     return found
