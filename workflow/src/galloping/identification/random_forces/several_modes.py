@@ -102,7 +102,7 @@ class SeveralModes:
 
         The list is empty with inputs, whose frequencies are no modes.
         """
-        return [] if self.recordings[0].inputs else _find_modes(self.recordings)
+        return [] if self.recordings[0].inputs else find_peaks(*on_grids(self.recordings))
 
     @cached_property
     def channels(self) -> Channels:
@@ -225,9 +225,11 @@ def _size_varies(recordings: list[Recording]) -> bool:
     return bool(sizes) and bool(np.all(np.std(sizes, axis=0) > WAVERING * np.mean(sizes, axis=0)))
 
 
-def _find_modes(recordings: list[Recording]) -> list[float]:
-    """Find the peaks of the mean spectrum of any channel, Hz, the slowest first."""
-    step, grids = on_grids(recordings)
+def find_peaks(step: float, grids: list[np.ndarray]) -> list[float]:
+    """Find the peaks of the mean spectrum of any channel, Hz, the slowest first.
+
+    step, grids: as of `on_grids`.
+    """
     lengths = np.array(list(map(len, grids)))
     alike = [
         np.pad(grid, ((0, lengths.max() - len(grid)), (0, 0)), constant_values=np.nan)
@@ -239,15 +241,17 @@ def _find_modes(recordings: list[Recording]) -> list[float]:
     if not len(power):
         return []
     frequency = omega[: len(power)] / (2.0 * np.pi)
-    around = [np.median(power[own], axis=0) for own in _neighbour_slices(frequency, AROUND)]
+    near = neighbour_slices(frequency, frequency, AROUND)
+    around = [np.median(power[own], axis=0) for own in near]
     height = np.max(power / np.maximum(around, np.finfo(float).tiny), axis=1)
-    highest = np.array([height[own].max() for own in _neighbour_slices(frequency, APART)])
+    near = neighbour_slices(frequency, frequency, APART)
+    highest = np.array([height[own].max() for own in near])
     told = frequency * step * lengths.max() > PERIODS
     return frequency[told & (height == highest) & (height > STANDS)].tolist()
 
 
-def _neighbour_slices(frequency: np.ndarray, times: float) -> list[slice]:
-    """Find the neighbours of each frequency (n,), increasing, within a factor of `times`."""
-    first = np.searchsorted(frequency, frequency / times)
-    last = np.searchsorted(frequency, frequency * times, side="right")
+def neighbour_slices(frequency: np.ndarray, about: np.ndarray, times: float) -> list[slice]:
+    """Find the frequencies (n,), increasing, within a factor of `times` of each of `about`."""
+    first = np.searchsorted(frequency, about / times)
+    last = np.searchsorted(frequency, about * times, side="right")
     return list(map(slice, first, last))

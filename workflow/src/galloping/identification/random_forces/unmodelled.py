@@ -1,10 +1,17 @@
 """Modes of a recording for which its states have no coordinate."""
 
+from operator import itemgetter
+
 import numpy as np
-from scipy.ndimage import median_filter
 
 from galloping.identification.observations import Code, Finding
 from galloping.identification.random_forces.channels import Channels
+from galloping.identification.random_forces.several_modes import (
+    APART,
+    PERIODS,
+    find_peaks,
+    neighbour_slices,
+)
 from galloping.identification.random_forces.start import (
     ABOVE_NOISE,
     FLOOR,
@@ -15,13 +22,8 @@ from galloping.recording.samples import Recording
 
 BEYOND = 3.5  # times what a coordinate mostly swings at: cubic terms answer at three times that
 MUCH = 0.2  # share of the power of its velocity there, of another motion than its own
-PERIODS = 10  # of a swing, that a recording holds at least
-LEAST_PEAK = 0.05  # of the highest of a spectrum, to be named
-AROUND = 2.0  # times the frequency of the swings, on each side of a peak
-STANDS = 6.0  # times the median there that a peak is, and noise once in a million bins
 LEAKS = 2.0  # times the power that gaps lay beside a swing: chance makes some of it larger
-NARROW = 0.1  # share of the faster power that is about the frequencies that are named
-NAMED, APART = 3, 0.5  # frequencies that are named, and how far apart, in that of the swings
+NAMED = 3  # frequencies that are named
 
 
 def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
@@ -34,7 +36,6 @@ def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
     ascending = np.argsort(omega)
     omega, power = omega[ascending], power[ascending]
     slowest = 2.0 * np.pi * PERIODS / (step * max(map(len, grids)))  # slower is a drift
-    whole = power.copy()
     power -= ABOVE_NOISE * np.median(power[int(FLOOR * len(power)) :], axis=0)
     for i in channels.pairs:
         if not (shown := channels.derivatives(i)):
@@ -47,29 +48,18 @@ def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
         main = omega[np.argmax(np.where(omega < slowest, 0.0, velocity / omega))]
         leaks = LEAKS * _leakage_of_gaps(grids, step, channel, main)[ascending] * omega**exponent
         faster = np.where(omega > BEYOND * main, np.maximum(velocity - leaks, 0.0), 0.0)
-        if faster.sum() < MUCH * velocity.sum():
+        peaks = 2.0 * np.pi * np.array(find_peaks(step, [grid[:, [channel]] for grid in grids]))
+        about = [faster[own].sum() for own in neighbour_slices(omega, peaks, APART)]
+        named = sorted(zip(about, peaks, strict=True))[-NAMED:]
+        if sum(own for own, _ in named) < MUCH * velocity.sum():
             continue
-        shape = whole[:, channel] * omega**exponent
-        about = np.count_nonzero(omega < 2.0 * AROUND * main)  # bins
-        stands = shape > STANDS * median_filter(shape, max(about, 17))
-        peaks: list[float] = []
-        for k in np.argsort(-faster):
-            if len(peaks) == NAMED or faster[k] < LEAST_PEAK * faster.max():
-                break
-            if stands[k] and all(abs(omega[k] - other) > APART * main for other in peaks):
-                peaks.append(omega[k])
-        if not peaks:
-            continue
-        near = np.abs(omega[:, None] - np.array(peaks)).min(axis=1) < APART * main
-        if faster[near].sum() < NARROW * faster.sum():
-            continue
-        own = main / (2.0 * np.pi)
         found += [
             Finding.of(
-                Code.MORE_MODES, channels.states[i], frequency_hz=peak / (2.0 * np.pi), own_hz=own
+                Code.MORE_MODES, channels.states[i], frequency_hz=peak / (2.0 * np.pi),
+                own_hz=main / (2.0 * np.pi),
             )
-            for peak in sorted(peaks)
-        ]
+            for own, peak in sorted(named, key=itemgetter(1)) if own > 0.0
+        ]  # fmt: skip
     return found
 
 
