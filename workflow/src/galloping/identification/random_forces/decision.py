@@ -36,7 +36,6 @@ from galloping.identification.random_forces.several_modes import (
     splits_mode,
 )
 from galloping.identification.random_forces.start import amplitude_fluctuates
-from galloping.identification.random_forces.verdict_in_forces import assess_forced_fit
 from galloping.identification.work import MOST, limit_work
 from galloping.model.polynomial import has_functions, velocity_pairs
 from galloping.recording.samples import Recording
@@ -113,7 +112,7 @@ def _identify_selection(
             may_be_slow, doubts,
         )
     )  # fmt: skip
-    return found if isinstance(found, NoModel) else expand_terms(problem, assess_forced_fit(found))
+    return found if isinstance(found, NoModel) else expand_terms(problem, found)
 
 
 def _identify_some_modes(fit: Fit, several: SeveralModes) -> Outcome:

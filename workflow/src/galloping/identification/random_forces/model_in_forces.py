@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 from scipy.special import chdtri
 
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import MOST_DAMPING
@@ -29,7 +30,7 @@ from galloping.identification.random_forces.forced_problem import (
     make_forced_problem,
 )
 from galloping.identification.random_forces.start import shortest_velocity_period, typical_step
-from galloping.identification.random_forces.verdict_in_forces import FinalFit
+from galloping.identification.random_forces.verdict_in_forces import assess_forced_fit
 from galloping.identification.selection import added_deviation, select_support, solve_support
 from galloping.identification.work import is_exhausted
 from galloping.recording.samples import Recording
@@ -50,10 +51,10 @@ def fit_in_forces(
     period: float,
     forced: tuple[int, ...],
     besides: int,
-    may_be_slow: bool = True,
-    doubts: Callable[[ForcedFit], Sequence[Finding]] = lambda fit: (),
-) -> FinalFit | NoModel:
-    """Fit a model under random forces to recordings, and select its terms.
+    may_be_slow: bool,
+    doubts: Callable[[ForcedFit], Sequence[Finding]],
+) -> IdentifiedModel | NoModel:
+    """Fit a model under random forces to recordings, select its terms, and decide its status.
 
     The recordings have no outliers. period: s, the shortest of the motion. forced: indices of the
     equations with a force. besides: number of modes beyond the coordinates. may_be_slow: whether
@@ -67,12 +68,18 @@ def fit_in_forces(
         return some
     if objections := doubts(some):
         return NoModel(tuple(objections))
-    final = _fit_all_samples(some, rescaled, period)
-    if isinstance(final, NoModel):
-        return final
-    if objections := doubts(final.fit):
+    information, _ = some.normal_equations
+    fit = _fit_all_samples(some, rescaled)
+    if isinstance(fit, NoModel):
+        return fit
+    if objections := doubts(fit):
         return NoModel(tuple(objections))
-    return replace(final, scales=estimate_scales(recordings, rescaled))
+    absent = added_deviation(information, fit.support) * fit.posed.unit
+    absent[np.diag(information) == 0.0] = np.nan
+    return assess_forced_fit(
+        fit, absent, some.posed.penalty, _first_states(fit, period),
+        estimate_scales(recordings, rescaled),
+    )  # fmt: skip
 
 
 def _fit_some_samples(
@@ -132,12 +139,9 @@ def _with_shared_forces(posed: ForcedProblem, start: ForcedModel) -> ForcedModel
     return best
 
 
-def _fit_all_samples(
-    some: ForcedFit, recordings: list[Recording], period: float
-) -> FinalFit | NoModel:
+def _fit_all_samples(some: ForcedFit, recordings: list[Recording]) -> ForcedFit | NoModel:
     """Fit the selected terms to all samples."""
     penalty = some.posed.penalty
-    information, _ = some.normal_equations
     correlated = forces_are_correlated(some, penalty)
     support = _select_terms(some, penalty)
     posed = replace(some.posed, recordings=tuple(recordings))
@@ -147,9 +151,7 @@ def _fit_all_samples(
     if np.any(np.abs(fit.modes.damping) > MOST_DAMPING):
         left = fit.whiteness.to_finding(posed.channels.names)
         return NoModel((Finding.of(Code.NO_OSCILLATION), left))
-    absent = added_deviation(information, support) * posed.unit
-    absent[np.diag(information) == 0.0] = np.nan
-    return FinalFit(fit, absent, penalty, _first_states(fit, period))
+    return fit
 
 
 def _with_slow_forces(white: ForcedFit, start: ForcedModel) -> ForcedFit:

@@ -1,7 +1,6 @@
 """Status of a fit in random forces, and its identified model."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,28 +11,20 @@ from galloping.identification.random_forces.fitting import ForcedFit
 from galloping.identification.status import status_of
 
 
-@dataclass(frozen=True)
-class FinalFit:
-    """Fit under random forces to all samples, with initial states and errors of absent terms.
-
-    absent: (n_candidates,) standard errors of absent terms, if they were present. penalty: of a
-    term. initial_states: (n_recordings, n_states). scales: of values that were in unknown units, by
-    name.
-    """
-
-    fit: ForcedFit
-    absent: np.ndarray
-    penalty: float
-    initial_states: np.ndarray
-    scales: Mapping[str, float] = field(default_factory=dict)
-
-
-def assess_forced_fit(found: FinalFit) -> IdentifiedModel:
+def assess_forced_fit(
+    fit: ForcedFit,
+    absent: np.ndarray,
+    penalty: float,
+    initial_states: np.ndarray,
+    scales: Mapping[str, float],
+) -> IdentifiedModel:
     """Turn a fit under random forces into an `IdentifiedModel`, and decide its status.
 
-    The status is `ok`, or `approximate` if the innovations are not white and that matters.
+    The status is `ok`, or `approximate` if the innovations are not white and that matters. absent:
+    (n_candidates,) standard errors of absent terms, if they were present. penalty: of a term.
+    initial_states: (n_recordings, n_states). scales: of values that were in unknown units, by name.
     """
-    fit, posed, support = found.fit, found.fit.posed, found.fit.support
+    posed, support = fit.posed, fit.support
     problem, channels, recordings = posed.problem, posed.channels, posed.recordings
     model, left = fit.model, fit.whiteness
     unit = posed.unit[support]
@@ -60,11 +51,11 @@ def assess_forced_fit(found: FinalFit) -> IdentifiedModel:
         status=status_of(findings),
         findings=findings,
         standard_errors=problem.on_library(errors, 0.0),
-        unconditional_errors=problem.on_library(np.where(support, errors, found.absent), 0.0),
-        detection_limits=problem.on_library(detection_limits(found.absent, support, found.penalty)),
+        unconditional_errors=problem.on_library(np.where(support, errors, absent), 0.0),
+        detection_limits=problem.on_library(detection_limits(absent, support, penalty)),
         covariance=covariance,
         known=problem.known_equations,
-        initial_states=found.initial_states,
+        initial_states=initial_states,
         sigma=sigma,
         forces=forces.white,
         slow_forces=forces.slow,
@@ -81,6 +72,6 @@ def assess_forced_fit(found: FinalFit) -> IdentifiedModel:
             **{f"noise_{name}": float(value) for name, value in of_rates},
             **({"rates_averaged": float(channels.averaged)} if channels.rates else {}),
             "path": "random forces",
-            **found.scales,
+            **scales,
         },
     )
