@@ -12,6 +12,7 @@ from itertools import combinations
 
 import numpy as np
 from numpy.polynomial import Legendre
+from scipy.fft import next_fast_len
 from scipy.optimize import nnls
 
 from galloping.arrays import round_down
@@ -73,20 +74,23 @@ def on_grids(recordings: Sequence[Recording]) -> tuple[float, list[np.ndarray]]:
     ]
 
 
-def sample_correlations(grids: list[np.ndarray], lags: int) -> np.ndarray:
+def sample_correlations(grids: list[np.ndarray], lags: int) -> tuple[np.ndarray, np.ndarray]:
     """Estimate the correlation matrices of the channels at each time lag.
 
-    They are means of y(t + lag) y(t)' over the available samples, (lags + 1, n_channels,
-    n_channels).
+    Returns means of y(t + lag) y(t)' over the available samples, and the numbers of these, both
+    (lags + 1, n_channels, n_channels).
     """
-    total = sum(_sum_lagged_products(np.nan_to_num(grid), lags) for grid in grids)
-    count = sum(_sum_lagged_products(np.isfinite(grid).astype(float), lags) for grid in grids)
-    return total / np.maximum(count, 1.0)
+    channels = grids[0].shape[1]
+    total, count = np.zeros((2, lags + 1, channels, channels))
+    for grid in grids:
+        total += _sum_lagged_products(np.nan_to_num(grid), lags)
+        count += np.round(_sum_lagged_products(np.isfinite(grid).astype(float), lags))
+    return total / np.maximum(count, 1.0), count
 
 
 def _sum_lagged_products(samples: np.ndarray, lags: int) -> np.ndarray:
     """Sum y(t + lag) y(t)' over samples, (lags + 1, n_channels, n_channels)."""
-    size = 2 ** int(np.ceil(np.log2(len(samples) + lags + 1)))
+    size = next_fast_len(len(samples) + lags, real=True)
     of = np.fft.rfft(samples, size, axis=0)
     return np.fft.irfft(of[:, :, None] * of[:, None].conj(), size, axis=0)[: lags + 1]
 
@@ -177,7 +181,7 @@ def find_linear_systems(
             min(round_down(SPANS[-1] * period / step / stride), MOST_LAGS, longest // stride)
             * stride
         )
-        whole = sample_correlations(own, lags)[::stride]
+        whole = sample_correlations(own, lags)[0][::stride]
         for span in SPANS:
             taken = whole[first : first + int(span * PER_PERIOD)]
             for further in FURTHER:

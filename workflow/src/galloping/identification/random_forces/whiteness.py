@@ -7,6 +7,7 @@ import numpy as np
 from scipy.special import chdtri, fdtri
 
 from galloping.identification.observations import Code, Finding, Severity
+from galloping.identification.random_forces.start import sample_correlations
 
 RATE = 1e-3  # of sound recordings that are doubted
 PERIODS, MOST_LAGS = 3.0, 100  # over which innovations may be correlated
@@ -139,16 +140,10 @@ def _assess_grids(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Wh
     """Test all pairs of channels by the statistic of G. Ljung and G. Box (Biometrika 65, 1978)."""
     channels = grids[0].shape[1]
     lags = int(np.clip(PERIODS / modes.min() / step, 4, MOST_LAGS))
-    total, counts = np.zeros((2, lags, channels, channels))
-    for grid in grids:
-        known = np.isfinite(grid).astype(float)
-        filled = np.nan_to_num(grid)
-        for k in range(1, min(lags, len(grid) - 1) + 1):
-            total[k - 1] += filled[k:].T @ filled[:-k]
-            counts[k - 1] += known[k:].T @ known[:-k]
+    products, counts = (own[1:] for own in sample_correlations(grids, lags))
     power = np.nanmean(np.concatenate(grids) ** 2, axis=0)
     scale = np.maximum(np.sqrt(np.outer(power, power)), np.finfo(float).tiny)
-    correlation = total / np.maximum(counts, 1.0) / scale
+    correlation = products / scale
     freedom = int(np.count_nonzero(counts))
     statistic = float(np.sum(correlation**2 * counts)) / max(freedom, 1)
     beyond = np.maximum(correlation**2 - 1.0 / np.maximum(counts, 1.0), 0.0)  # chance
