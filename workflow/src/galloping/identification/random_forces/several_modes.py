@@ -236,11 +236,11 @@ def find_peaks(step: float, grids: list[np.ndarray]) -> list[float]:
         for grid in grids
     ]  # of one length, and so with spectra at the same frequencies
     omega, powers = estimate_spectra(alike, step)
-    powers = powers.reshape(len(grids), -1, powers.shape[1])
-    power = np.average(powers, axis=0, weights=lengths)
+    powers = powers.reshape(-1, len(grids), powers.shape[1])
+    power = np.average(powers, axis=1, weights=lengths)
     if not len(power):
         return []
-    frequency = omega[: len(power)] / (2.0 * np.pi)
+    frequency = omega[:: len(grids)] / (2.0 * np.pi)
     near = neighbour_slices(frequency, frequency, AROUND)
     around = [np.median(power[own], axis=0) for own in near]
     height = np.max(power / np.maximum(around, np.finfo(float).tiny), axis=1)

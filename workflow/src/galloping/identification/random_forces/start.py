@@ -230,8 +230,8 @@ def _system_with_modes(
 def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, np.ndarray]:
     """Estimate the power spectra of all channels of each record, averaged over adjacent bins.
 
-    Returns frequencies (n,), rad/s, and two-sided spectra (n, n_channels), of one record after the
-    other. BINS bins are averaged.
+    Returns frequencies (n,), rad/s, those of all records in ascending order, and two-sided spectra
+    (n, n_channels). BINS bins are averaged.
     """
     frequencies, powers = [], []
     for grid in grids:
@@ -243,22 +243,27 @@ def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, 
         powers.append(own * step / len(grid) / share)
         middle = (np.arange(groups) + 0.5) * BINS / (len(grid) * step)
         frequencies.append(2.0 * np.pi * middle)
-    return np.concatenate(frequencies), np.concatenate(powers)
+    omega = np.concatenate(frequencies)
+    order = np.argsort(omega, kind="stable")
+    return omega[order], np.concatenate(powers)[order]
+
+
+def above_noise(power: np.ndarray) -> np.ndarray:
+    """Set to zero those of ascending spectra, (n, n_channels), that white noise explains."""
+    noise = np.median(power[int(FLOOR * len(power)) :], axis=0)
+    return np.where(power > ABOVE_NOISE * noise, power, 0.0)
 
 
 def shortest_velocity_period(recordings: Sequence[Recording]) -> float:
     """Estimate the shortest period of a motion, s, from the spectra of its velocities.
 
-    White noise is subtracted. Raises IdentificationError if the recordings show no motion.
+    White noise is left out. Raises IdentificationError if the recordings show no motion.
     """
     step, grids = on_grids(recordings)
     omega, power = estimate_spectra(grids, step)
     if not len(omega):
         raise IdentificationError(Code.MODES_UNDETERMINED)
-    order = np.argsort(omega)
-    omega, power = omega[order], power[order]
-    noise = np.median(power[int(FLOOR * len(power)) :], axis=0)
-    above = np.where(power > ABOVE_NOISE * noise, power, 0.0) * omega[:, None] ** 2
+    above = above_noise(power) * omega[:, np.newaxis] ** 2
     share = np.cumsum(above, axis=0) / np.maximum(above.sum(axis=0), np.finfo(float).tiny)
     fastest = [omega[np.searchsorted(each, MOST_OF)] for each in share.T if each[-1] > 0.5]
     if not fastest:

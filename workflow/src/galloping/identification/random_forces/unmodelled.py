@@ -12,12 +12,7 @@ from galloping.identification.random_forces.several_modes import (
     find_peaks,
     neighbour_slices,
 )
-from galloping.identification.random_forces.start import (
-    ABOVE_NOISE,
-    FLOOR,
-    estimate_spectra,
-    on_grids,
-)
+from galloping.identification.random_forces.start import above_noise, estimate_spectra, on_grids
 from galloping.recording.samples import Recording
 
 BEYOND = 3.5  # times what a coordinate mostly swings at: cubic terms answer at three times that
@@ -33,20 +28,18 @@ def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
         return []
     step, grids = on_grids(recordings)
     omega, power = estimate_spectra(grids, step)
-    ascending = np.argsort(omega)
-    omega, power = omega[ascending], power[ascending]
+    power = above_noise(power)
     slowest = 2.0 * np.pi * PERIODS / (step * max(map(len, grids)))  # slower is a drift
-    power -= ABOVE_NOISE * np.median(power[int(FLOOR * len(power)) :], axis=0)
     for i in channels.pairs:
         if not (shown := channels.derivatives(i)):
             continue
         channel, order = shown[0]
         exponent = 2.0 - 2.0 * order
-        velocity = np.maximum(power[:, channel], 0.0) * omega**exponent
+        velocity = power[:, channel] * omega**exponent
         if not np.any(velocity):
             continue
         main = omega[np.argmax(np.where(omega < slowest, 0.0, velocity / omega))]
-        leaks = LEAKS * _leakage_of_gaps(grids, step, channel, main)[ascending] * omega**exponent
+        leaks = LEAKS * _leakage_of_gaps(grids, step, channel, main) * omega**exponent
         faster = np.where(omega > BEYOND * main, np.maximum(velocity - leaks, 0.0), 0.0)
         peaks = 2.0 * np.pi * np.array(find_peaks(step, [grid[:, [channel]] for grid in grids]))
         about = [faster[own].sum() for own in neighbour_slices(omega, peaks, APART)]
