@@ -83,10 +83,14 @@ class Whiteness:
         return self.largest > JUMP
 
     @property
+    def has_other_cause(self) -> bool:
+        """Whether innovations have a line or a jump, or depend on a state or an input."""
+        return self.shows_line or self.has_jump or bool(self.goes_with)
+
+    @property
     def is_white(self) -> bool:
         """Whether all tests accept the innovations as white noise."""
-        apart = self.shows_line or self.has_jump or self.goes_with
-        return self.statistic <= self.allowed and not apart
+        return self.statistic <= self.allowed and not self.has_other_cause
 
     @property
     def is_nearly_white(self) -> bool:
@@ -104,8 +108,7 @@ class Whiteness:
     @property
     def is_relevant(self) -> bool:
         """Whether the deviations from white noise are large enough to affect the model."""
-        apart = self.shows_line or self.has_jump or self.goes_with
-        return self.told > RELEVANT or bool(apart)
+        return self.told > RELEVANT or self.has_other_cause
 
 
 def assess_whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Whiteness:
