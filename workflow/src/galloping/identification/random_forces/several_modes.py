@@ -17,7 +17,11 @@ from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.screening import prepare_recordings
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.low_pass import FLAT, ROLL_OFF, low_pass_recordings
-from galloping.identification.random_forces.start import estimate_spectra, on_grids
+from galloping.identification.random_forces.start import (
+    amplitude_fluctuates,
+    estimate_spectra,
+    on_grids,
+)
 from galloping.model.modes import Modes
 from galloping.recording.samples import Recording
 
@@ -27,9 +31,6 @@ SWEPT, WITHIN = (1.04, 0.93), (0.5, 0.1)
 # Of a spectrum, times the median of the frequencies around it, that a mode is: noise in means of
 # four bins is so once in ten million. And modes that are closer are taken for one.
 STANDS, AROUND, APART = 6.0, 1.25, 1.1
-# Samples in which a motion has a size, and deviation of such sizes, in their mean, of one that goes
-# up and down: 0.3 to 0.5 of a narrow band of Gaussian noise, below 0.1 of a lasting swing.
-SIZED, WAVERING = 8, 0.2
 # Times a mode, at which a filter may part the next one, and at which it bears on both dampings.
 FAR_APART, CLOSE = (1.6, np.inf), (1.0, 1.6)
 FAR = 3.0  # times the fastest mode, where a filter ends that no further mode asks for
@@ -149,13 +150,13 @@ class SeveralModes:
         recordings, modes = self.recordings, self.modes
         n_further, own = k - len(self.channels.pairs), tuple(modes[:k])
         slow = low_pass_recordings(recordings, below)
-        if not _size_varies(slow):
+        period = prepare_recordings(slow)[2]
+        if not amplitude_fluctuates(slow, period):  # as of a limit cycle without its harmonics
             return None
         before, kept = (sum(len(one.time) for one in each) for each in (recordings, slow))
         is_whole = k >= len(modes) and not (self.channels.rates or kept < MOST_KEPT * before)
         if is_whole:
             return ModeSelection(recordings, self.period, n_further, own)
-        period = prepare_recordings(slow)[2]
         return ModeSelection(slow, period, n_further, own, tuple(modes[k:]), below)
 
 
@@ -211,18 +212,6 @@ def _filter_edges(
 def _linear_modes(found: IdentifiedModel) -> Modes:
     """Compute the modes of the linear part of a model."""
     return found.model.small_motions(np.zeros(len(found.model.states)))
-
-
-def _size_varies(recordings: list[Recording]) -> bool:
-    """Decide whether the size of every channel fluctuates.
-
-    That of a limit cycle, whose harmonics the filter removes, does not.
-    """
-    channels, sizes = Channels.from_recordings(recordings), []
-    for each in recordings:  # with a little more than two samples in a period
-        parts = np.array_split(channels.samples(each), max(len(each.time) // SIZED, 1))
-        sizes += [np.std(part, axis=0) for part in parts if np.isfinite(part).all()]
-    return bool(sizes) and bool(np.all(np.std(sizes, axis=0) > WAVERING * np.mean(sizes, axis=0)))
 
 
 def find_peaks(step: float, grids: list[np.ndarray]) -> list[float]:
