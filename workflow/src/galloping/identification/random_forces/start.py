@@ -26,10 +26,9 @@ from galloping.recording.samples import Recording
 # Shortest periods, of the correlations that modes are told from: short ones tell broad modes, long
 # ones close modes. All are tried, and the likeliest start is taken.
 SPANS = (3.0, 8.0, 15.0)
-PER_PERIOD, MOST_LAGS = 8, 120  # lags a shortest period, and in all: more say nothing more
+PER_PERIOD = 8  # lags a shortest period: more say nothing more
 FURTHER = 0, 4  # states beside those of the modes: of what is slow, or of modes that are not asked
 LEAST_DAMPING = 1e-3  # ratio: a motion that lasts is stable
-FEWEST = 3  # lags that modes are told from, beyond twice their number
 BINS = 4  # of a spectrum, in a mean, of which noise then has a relative deviation of a half
 # From the first share of the frequencies on a spectrum is mostly noise, and a signal is more than
 # ABOVE_NOISE times its median there, as noise is in one mean of four bins of 3,700.
@@ -107,7 +106,7 @@ def modes_from_correlations(
     """
     channels, rows = correlation.shape[1], (len(correlation) + 1) // 2
     order = 2 * count + further
-    if rows * channels < order + FEWEST:
+    if (rows - 1) * channels < order:
         raise IdentificationError(Code.MODES_UNDETERMINED)
     place = np.arange(rows)
     hankel = correlation[place[:, None] + place].transpose(0, 2, 1, 3)
@@ -177,10 +176,7 @@ def find_linear_systems(
     differences = [grid[stride:] - grid[:-stride] for grid in grids if len(grid) > 2 * stride]
     longest = max(len(grid) for grid in grids) // 3
     for own, first in ((grids, 1), (differences, 2)):
-        lags = (
-            min(round_down(SPANS[-1] * period / step / stride), MOST_LAGS, longest // stride)
-            * stride
-        )
+        lags = min(int(SPANS[-1] * PER_PERIOD), longest // stride) * stride
         whole = sample_correlations(own, lags)[0][::stride]
         for span in SPANS:
             taken = whole[first : first + int(span * PER_PERIOD)]
@@ -192,17 +188,17 @@ def find_linear_systems(
                 if isinstance(found, NoModel):
                     continue
                 rates, shapes = found
-                system = _system_with_modes(channels, rates, size[:, np.newaxis] * shapes)
-                if system is not None:
+                seen = size[:, np.newaxis] * shapes
+                system = attempt(partial(_system_with_modes, channels, rates, seen))
+                if not isinstance(system, NoModel):
                     yield system
 
 
-def _system_with_modes(
-    channels: Channels, rates: np.ndarray, seen: np.ndarray
-) -> LinearStart | None:
-    """Make the system with these modes, None if their shapes are too alike.
+def _system_with_modes(channels: Channels, rates: np.ndarray, seen: np.ndarray) -> LinearStart:
+    """Make the system with these modes.
 
-    The coordinates' own are those whose shapes differ most; the others are forces on these.
+    The coordinates' own are those whose shapes differ most; the others are forces on these. Raises
+    LinAlgError if the shapes of two modes are the same.
     """
     pairs = channels.pairs
     damping = np.maximum(-rates.real, LEAST_DAMPING * np.abs(rates))
