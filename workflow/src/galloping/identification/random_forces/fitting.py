@@ -34,13 +34,11 @@ FIRST_STEP, STEP = 1e-5, 1e-3
 # Rise of the log-likelihood that a step of the iteration promises: of a squared length of 0.02, in
 # standard deviations, by which errors grow by a hundredth.
 CONVERGED = 1e-2
-ROUNDING = 1e-9  # of a log-likelihood
 MOST_STEPS, MOST_DAMPED = 40, 12
 TINY = 0.1  # of the least noise, to which noise beside it may fall
 UNTOLD = 1e-6  # information on a coefficient in its unit, below which the data say nothing of it
 FAINTEST = -40.0  # logarithm of a root of covariance in the size of the motion: zero has none
-FAINT = 1e-3  # of the forces, as good as none
-FIRST_DAMPING = 1e-4  # of the steps (K. Levenberg, 1944), in units of the information
+LEAST_DAMPING = 1e-4  # of the steps (K. Levenberg, 1944), in units of the information
 
 
 def fisher_information(slopes: np.ndarray) -> np.ndarray:
@@ -232,7 +230,7 @@ def maximise_likelihood(
 
     vector = parameters.to_vector(model)
     step = np.full(len(vector), FIRST_STEP)
-    here, damping = filter_with(vector), FIRST_DAMPING
+    here, damping = filter_with(vector), LEAST_DAMPING
     if not np.isfinite(here.log_likelihood):
         if here.objection:
             raise NotConvergedError.from_finding(here.objection)
@@ -253,7 +251,7 @@ def maximise_likelihood(
             change = np.linalg.solve(known + damping * np.diag(np.diag(known)), rise)
             with np.errstate(all="ignore"):  # a step that is too long is halved
                 tried = filter_with(vector + change)
-                better = tried.log_likelihood >= here.log_likelihood - ROUNDING
+                better = tried.log_likelihood >= here.log_likelihood
             if better:
                 break
             damping *= 8.0
@@ -265,7 +263,7 @@ def maximise_likelihood(
             slopes = _update_slopes(slopes, change, np.diag(known), here, tried)
             exact = False
         if better:
-            vector, here, damping = vector + change, tried, max(damping / 16.0, 1e-9)
+            vector, here, damping = vector + change, tried, max(damping / 16.0, LEAST_DAMPING)
         if converged or is_exhausted():
             break
     if not exact:
@@ -326,7 +324,7 @@ def _difference_innovations(
 def forces_are_needed(fit: ForcedFit, penalty: float) -> bool:
     """Decide whether random forces improve the likelihood of a fit by more than their penalty."""
     model = fit.model
-    still = replace(model, root=FAINT * model.root, slow=tuple(FAINT * np.array(model.slow)))
+    still = replace(model, root=0.0 * model.root, slow=())
     lost = fit.filtered.log_likelihood - fit.posed.filter_recordings(still).log_likelihood
     return bool(2.0 * lost > penalty * (model.root.size + len(model.slow)))
 
