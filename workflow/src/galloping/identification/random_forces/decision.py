@@ -82,7 +82,9 @@ def fit_random_forces(
         recordings = segments_with_inputs(given, problem.inputs)
         with limit_work(recordings) as work:
             cleaned, _, period = prepare_recordings(recordings)
-            found = _identify_some_modes(fit, SeveralModes(cleaned, period))
+            whole, some = _search_modes(SeveralModes(cleaned, period), fit, fit, True)
+            models = [each for each in (whole, some) if isinstance(each, IdentifiedModel)]
+            found = _best_model(models) or whole
         if isinstance(found, NoModel):
             return found
         return add_input_errors(
@@ -115,17 +117,28 @@ def _identify_selection(
     return found if isinstance(found, NoModel) else expand_terms(problem, found)
 
 
-def _identify_some_modes(fit: Fit, several: SeveralModes) -> Outcome:
-    """Identify the model of recordings or, if that is not `ok`, of their slowest modes or of more.
+def _search_modes(
+    several: SeveralModes, fit: Fit, fit_roughly: Fit, may_be_more: bool
+) -> tuple[Outcome, IdentifiedModel | None]:
+    """Search for a model of recordings or, if it is not `ok`, of their slowest modes or of more.
 
-    If no model is `ok`, it is the one with the least predictable innovations.
+    The order of the searches: the slowest modes, if there are more of them than coordinates; the
+    whole recordings; more modes than coordinates; the slowest modes, though the next one is close.
+    fit_roughly: fit of selected modes. may_be_more: whether the last two searches are made. Returns
+    the model of the whole recordings, and the best one of selected modes; the first is `ok` if
+    there is such a model.
     """
+    some = _best_model(_identify_selections(several.slowest(), fit_roughly))
+    if _is_ok(some):
+        return some, some
     found = fit(several.whole)
     if _is_ok(found):
-        return _with_overlapping_modes(found, several, fit)
-    others = chain(several.slowest(), several.more(), several.slowest(CLOSE))
-    known = [] if isinstance(found, NoModel) else [found]
-    return _best_model(chain(known, _identify_selections(others, fit))) or found
+        return _with_overlapping_modes(found, several, fit), some
+    if may_be_more:
+        others = chain(several.more(), several.slowest(CLOSE))
+        known = [some] if some else []
+        some = _best_model(chain(known, _identify_selections(others, fit_roughly)))
+    return some if _is_ok(some) else found, some
 
 
 def _identify_selections(
@@ -203,9 +216,7 @@ def try_random_forces(
 ) -> tuple[IdentifiedModel | None, bool]:
     """Identify a model under random forces if these may have caused the recorded motion.
 
-    Forces act in all equations. The order of the searches: the slowest modes, if there are more of
-    them than coordinates; the whole recordings; more modes than coordinates; the slowest modes,
-    though the next one is close.
+    Forces act in all equations. The order of the searches is that of `_search_modes`.
 
     Parameters
     ----------
@@ -225,21 +236,10 @@ def try_random_forces(
     """
     several = SeveralModes(recordings, period)
     fit = partial(_fit_on_trial, problem)
-    fit_roughly = partial(fit, as_fallback=True)
-    some = _best_model(_identify_selections(several.slowest(), fit_roughly))
-    if _is_ok(some):
-        return some, True
-    found = fit(several.whole)
-    if _is_ok(found):
-        return _with_overlapping_modes(found, several, fit), True
     at_random = amplitude_fluctuates(recordings, period)
-    if several.channels.rates or at_random:
-        with limit_work(recordings, TRIAL / 2.0):
-            more = _best_model(_identify_selections(several.more(), fit_roughly))
-        known = [one for one in (some, more) if one]
-        some = _best_model(chain(known, _identify_selections(several.slowest(CLOSE), fit_roughly)))
-    if _is_ok(some):
-        return some, True
+    found, some = _search_modes(
+        several, fit, partial(fit, as_fallback=True), bool(several.channels.rates) or at_random
+    )
     if isinstance(found, IdentifiedModel):
         return found, True
     return (some if at_random else None), False
