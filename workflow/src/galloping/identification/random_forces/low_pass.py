@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from galloping.arrays import TIME_ROUNDING
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
@@ -16,7 +17,6 @@ ROLL_OFF = 0.1
 REACH = 16.0  # steps after the filter, on each side: what is left out beyond is below a hundredth
 BRIDGED = 0.5  # of such a step, in which samples may be missing: interpolated; likewise
 FLAT = (1.0 - ROLL_OFF) / (1.0 + ROLL_OFF)  # share of `below` that stays as it is
-SAME = 1e-3  # of a step between samples, that rounding makes of it
 
 
 def apply_model_filter(found: IdentifiedModel, recordings: list[Recording]) -> list[Recording]:
@@ -27,7 +27,7 @@ def apply_model_filter(found: IdentifiedModel, recordings: list[Recording]) -> l
     below = float(found.diagnostics.get("below", 0.0))
     if not below:
         return recordings
-    slowly = (1.0 - SAME) * _filtered_step(below)
+    slowly = (1.0 - TIME_ROUNDING) * _filtered_step(below)
     if all(each.step > slowly for each in recordings):
         return recordings
     return low_pass_recordings(recordings, below)
