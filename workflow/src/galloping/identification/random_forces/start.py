@@ -198,7 +198,7 @@ def _system_with_modes(channels: Channels, rates: np.ndarray, seen: np.ndarray) 
     """Make the system with these modes.
 
     The coordinates' own are those whose shapes differ most; the others are forces on these. Raises
-    LinAlgError if the shapes of two modes are the same.
+    IdentificationError if the shapes of two modes are nearly the same.
     """
     pairs = channels.pairs
     damping = np.maximum(-rates.real, LEAST_DAMPING * np.abs(rates))
@@ -208,10 +208,7 @@ def _system_with_modes(channels: Channels, rates: np.ndarray, seen: np.ndarray) 
         map(list, combinations(range(len(rates)), len(pairs))),
         key=lambda modes: abs(np.linalg.det(every[:, modes])),
     )
-    own = rates[coordinate_modes], seen[:, coordinate_modes]
-    system = attempt(partial(channels.system_with_modes, *own))
-    if isinstance(system, NoModel):
-        return None
+    system = channels.system_with_modes(rates[coordinate_modes], seen[:, coordinate_modes])
     others, beside = (np.delete(each, coordinate_modes, axis=-1) for each in (rates, every))
     states = np.zeros((len(system), len(others)), complex)
     states[list(pairs)], states[list(pairs.values())] = beside, beside * others
