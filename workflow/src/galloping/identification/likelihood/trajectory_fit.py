@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -330,15 +329,25 @@ def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> Joined
 def take_step(
     before: ShootingFit, fit: ShootingFit, longest: float | None, price: Price | None
 ) -> Step:
-    """Take a Gauss-Newton step from a fit or, if it diverges, from nearer to the one before it.
+    """Take a Gauss-Newton step from a fit or, if the fit is bad, from nearer to the one before it.
 
-    The other arguments are as in `_gauss_newton`. Raises FloatingPointError if the model diverges
-    nevertheless, or the work is exhausted.
+    A fit is bad if it diverges, or if it is not close and chi^2 is half as large again as at both
+    fits before it (a nonmonotone search; L. Grippo et al. 1986). The other arguments are as in
+    `_gauss_newton`. Raises FloatingPointError if the fits nearer to `before` are bad as well, or
+    the work is exhausted.
     """
     passing("follow the recording in segments")
     if is_exhausted():
         raise NotConvergedError(Code.LIMIT_OF_WORK)
-    return shorten_step(partial(_gauss_newton, longest=longest, price=price), before, fit)
+    limit = 1.5 * max(before.chi2, fit.chi2)
+
+    def step_from(tried: ShootingFit) -> Step:
+        step = _gauss_newton(tried, longest, price)
+        if not (step.fit.misfit < CLOSE or step.fit.chi2 < limit):
+            raise FloatingPointError("chi^2 rises")
+        return step
+
+    return shorten_step(step_from, before, fit)
 
 
 def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) -> Step:
