@@ -520,6 +520,10 @@ def _as_plain(value: Any) -> Any:
         return {name: _as_plain(each) for name, each in value.items()}
     if isinstance(value, str | int):
         return value
+    if isinstance(value, np.ndarray):  # as below, at once: models have thousands of numbers
+        plain, odd = value.astype(object), ~np.isfinite(value)
+        plain[odd] = [str(each) for each in value[odd].tolist()]
+        return plain.tolist()
     if np.ndim(value):
         return [_as_plain(each) for each in value]
     return float(value) if np.isfinite(value) else str(float(value))

@@ -118,9 +118,11 @@ class Channels:
         (n_channels, n_modes) shapes of the channels. Raises IdentificationError if no channel
         measures this coordinate.
         """
-        for channel, order in self.derivatives(i):
-            return seen[channel] / rates**order
-        raise IdentificationError(Code.NOT_SENSED, self.states[i])
+        own = self.derivatives(i)
+        if not own:
+            raise IdentificationError(Code.NOT_SENSED, self.states[i])
+        channel, order = own[0]
+        return seen[channel] / rates**order
 
     def system_with_modes(self, rates: np.ndarray, seen: np.ndarray) -> np.ndarray:
         """Compute the matrix of the linear system with given modes, one for each coordinate.
