@@ -175,7 +175,7 @@ class Tableau:
         c, share = self.coefficients[leave], self.share[leave]
         pull = np.einsum("pij,pj->pi", weight, c)
         rise = np.sum(c * pull, axis=1)[:, None]
-        # of the absent terms, once those that leave are removed
+        # gradient and information of the absent terms, once those that leave are removed
         weighted = weight @ share
         gradient = self.gradient + np.einsum("pi,pio->po", pull, share)
         diagonal = np.diag(self.information) + np.einsum("pio,pio->po", share, weighted)

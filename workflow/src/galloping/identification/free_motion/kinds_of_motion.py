@@ -118,7 +118,7 @@ def classify_motion(recordings: Sequence[Recording]) -> FreeMotion | None:
 
 def _free_motion(recordings: list[Recording], channels: Channels) -> FreeMotion | None:
     stretches = [_make_stretch(one, channels) for one in recordings]
-    may_go_on = partial(_falls_or_rises, stretches)
+    may_go_on = partial(_main_amplitude_changes, stretches)
     modes, is_noise = fit_modes(stretches, may_go_on)
     if modes is None:
         return None
@@ -248,7 +248,7 @@ def without_further_modes(motion: FreeMotion) -> list[Recording]:
     return found
 
 
-def _falls_or_rises(stretches: list[Stretch], modes: DampedModes) -> bool:
+def _main_amplitude_changes(stretches: list[Stretch], modes: DampedModes) -> bool:
     """Decide whether the amplitude falls, or rises, throughout the stretches.
 
     It is that of the modes near the first one's frequency.

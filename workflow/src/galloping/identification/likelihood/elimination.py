@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from galloping.identification.likelihood.shooting import (
-    SEGMENT,
+    SEGMENT_WORK,
     Linearised,
     Segments,
     ShootingData,
@@ -75,12 +75,11 @@ class NormalEquations:
 class Eliminated(NormalEquations):
     """Normal equations of the coefficients after elimination of the segments' first states.
 
-    response: (n_segments, n_states, n
-    + 1), of each state to the coefficients' change, and constant. variance, jump_variance:
-    (n_segments, n_states, n_states) covariance of each segment's first state, and of the jump after
-    it, at given coefficients, zero in directions that nothing determines. gap: (n_states,) largest
-    mismatch between segments without a jump. fall: decrease of chi^2 when the first states of
-    chains alone are moved to their best.
+    response: (n_segments, n_states, n + 1), of each state to the coefficients' change, and
+    constant. variance, jump_variance: (n_segments, n_states, n_states) covariance of each segment's
+    first state, and of the jump after it, at given coefficients, zero in directions that nothing
+    determines. gap: (n_states,) largest mismatch between segments without a jump. fall: decrease of
+    chi^2 when the first states of chains alone are moved to their best.
     """
 
     response: np.ndarray
@@ -97,7 +96,7 @@ class Eliminated(NormalEquations):
         return starts + self.response[:, :, :-1] @ change + self.response[:, :, -1]
 
 
-def chain_segments(linearised: Linearised, segments: Segments, longest: float = np.inf) -> Segments:
+def chain_segments(linear: Linearised, segments: Segments, longest: float = np.inf) -> Segments:
     """Join consecutive segments into chains whose ends are not too sensitive to their starts.
 
     The chains are as long as possible. longest: how many segments a chain may have; with one, every
@@ -107,14 +106,14 @@ def chain_segments(linearised: Linearised, segments: Segments, longest: float = 
     of 288 recordings of Lorenz's system with 20 to 40 % of noise, chains that grow by 2,000 lead to
     213 exact models, by 1e6 to 246.
     """
-    n = linearised.right.shape[1]
-    of_states = np.sum(linearised.rows[:, :, n:-1] ** 2, axis=1).mean(axis=0)
-    of_coefficients = np.einsum("kii->i", linearised.information)
+    n = linear.right.shape[1]
+    of_states = np.sum(linear.rows[:, :, n:-1] ** 2, axis=1).mean(axis=0)
+    of_coefficients = np.einsum("kii->i", linear.information)
     told = np.sqrt(np.append(of_coefficients, of_states))
     errors = np.divide(1.0, told, out=np.zeros(len(told)), where=told > 0.0)
-    count_work(SEGMENT * len(linearised.ends))
+    count_work(SEGMENT_WORK * len(linear.ends))
     begins = np.diff(segments.recording, prepend=0) != 0
-    chains = link_segments(linearised.end_derivatives, begins, errors, longest, MAX_SEGMENT_GROWTH)
+    chains = link_segments(linear.end_derivatives, begins, errors, longest, MAX_SEGMENT_GROWTH)
     return replace(segments, chains=chains)
 
 
@@ -152,12 +151,12 @@ def eliminate_with_jumps(
 def _eliminate(
     linear: Linearised, links: np.ndarray, roots: np.ndarray, rcond: float
 ) -> Eliminated:
-    """Eliminate the segments' first states, see `square_root.filter_back`.
+    """Eliminate the segments' first states.
 
-    rcond: as of `_solve_first_states`.
+    links, roots: as of `square_root.filter_back`. rcond: as of `_solve_first_states`.
     """
     information, right = linear.information.sum(axis=0), linear.right.sum(axis=0)
-    count_work(len(links) * (2 * SEGMENT + 1e-9 * roots.shape[1] * len(right) ** 2))
+    count_work(len(links) * (2 * SEGMENT_WORK + 1e-9 * roots.shape[1] * len(right) ** 2))
     mismatch = linear.ends - np.roll(linear.starts, -1, axis=0)
     n, begins = len(right), np.append(True, links[:-1] == FREE)
     kept, left, relations, spreads = filter_back(

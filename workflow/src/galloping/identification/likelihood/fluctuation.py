@@ -16,8 +16,7 @@ from galloping.identification.likelihood.shooting import Linearised, ShootingDat
 from galloping.identification.likelihood.weak_constraint import (
     STRETCH_PERIODS,
     StretchFit,
-    make_integrable,
-    rate_coefficients,
+    shorten_until_integrable,
     white_misfit,
 )
 from galloping.identification.work import is_exhausted
@@ -47,7 +46,10 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
     record, problem = fit.record, fit.record.problem
     equation, term = problem.candidates.T
     exponents = exponent_matrix(problem.terms, len(problem.names))[term]
-    rates = rate_coefficients(problem)
+    # linear in a state whose equation is identified: the dampings of a line
+    of_rate = exponents[:, np.unique(equation)].sum(axis=1) == 1
+    linear = (np.abs(exponents).sum(axis=1) == 1) & (problem.degrees == 1)
+    rates = np.flatnonzero(linear & of_rate)
     misfit = white_misfit(record, fit.linearised.residual)
     excess = _log_excess(record, misfit)
     windows = np.diff(record.segments.first)
@@ -92,7 +94,7 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
             variance = np.maximum(own[:, len(size) :].mean(axis=0), least)
         starts = fine.starts + step[:, : len(size)]
         moved = replace(fine, free=free, support=support, starts=starts, misfit=misfit, jump=jump)
-        fine = make_integrable(fine, moved)
+        fine = shorten_until_integrable(fine, moved)
     if not fine.support.any():
         return None
     return replace(fit, free=fine.free, support=fine.support), covariance

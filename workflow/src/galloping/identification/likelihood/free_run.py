@@ -117,7 +117,8 @@ def has_forgotten_start(fit: ShootingFit) -> bool:
     The last tenth of each chain must depend at most a tenth as much on the first state as the first
     tenth does. This applies to a damped system that is driven, not to a limit cycle, whose phase
     persists. The ratio is near one for a limit cycle, and falls exponentially with the length of
-    the recording for a damped system; for hardly damped systems, a tenth is a choice.
+    the recording for a damped system; for hardly damped systems, a tenth is a choice. Raises
+    FloatingPointError if the model diverges over a chain.
     """
     for _, rows, _ in _chain_slopes(fit, fit.record.problem.candidates[:0]):
         tenth = max(len(rows) // 10, 1)
@@ -149,8 +150,8 @@ def _chain_slopes(
     the noise, and one over the noise (n_observed, 1).
     """
     whole, at_once = fit.whole_chains, 1
-    for _, windows, _, rows, *_ in whole.record.iterate_linearised(
+    for chain, windows, _, rows, *_ in whole.record.iterate_linearised(
         fit.free, whole.starts, pairs, at_once
     ):
-        weight = 1.0 / fit.sigma[whole.record.window_recordings[windows.start]][:, None]
+        weight = 1.0 / fit.sigma[whole.record.segments.recording[chain.start]][:, None]
         yield windows, rows * weight[..., None], weight

@@ -301,8 +301,8 @@ def _test_gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
 
 def _test_variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -> list[Fault]:
     """Test whether the residuals are larger where the signal is steep, or where it is large."""
-    condensed, segments, sigma = fit.record.condensed, fit.record.segments, fit.sigma
-    owner = np.repeat(segments.recording, np.diff(segments.first))
+    condensed, sigma = fit.record.condensed, fit.sigma
+    owner = fit.record.window_recordings
     there = condensed.is_present
     square = (residual / sigma[owner][:, :, None]) ** 2
     weight = np.where(there[:, :, 0], condensed.samplings[:, :, 0, 0], 1.0)

@@ -45,10 +45,8 @@ def find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
     if not kinds:
         return []
     n, extra = len(problem.candidates), len(kinds)
-    forces, given = (
-        _forces_along_motion(fit, tuple(term for *_, term in kinds)),
-        record.condensed.inputs,
-    )
+    forces = _forces_along_motion(fit, tuple(term for *_, term in kinds))
+    given = record.condensed.inputs
     given = np.pad(given, ((0, 0), (0, DEGREE + 1 - given.shape[1]), (0, 0)))
     signals = np.concatenate([given, forces], axis=2)
     force_names = tuple(f"force {k}" for k in range(extra))

@@ -32,7 +32,7 @@ from galloping.identification.likelihood.verdict import ApproximateFit, assess_a
 from galloping.identification.likelihood.weak_constraint import (
     StretchFit,
     coloured_misfit,
-    make_integrable,
+    shorten_until_integrable,
     white_autocovariance,
     white_misfit,
 )
@@ -316,7 +316,8 @@ def _iterate_fit(
         if price is not None:
             # else a fit and the covariance of what it leaves may alternate with others
             misfit = (misfit + fit.misfit) / 2.0
-        fit = make_integrable(fit, StretchFit(record, free, support, starts, misfit, jump))
+        moved = replace(fit, free=free, support=support, starts=starts, misfit=misfit, jump=jump)
+        fit = shorten_until_integrable(fit, moved)
         length = change @ solved.information @ change  # squared, in standard deviations
         if same and passed and length < 0.05:
             break

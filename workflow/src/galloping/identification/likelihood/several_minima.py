@@ -172,7 +172,7 @@ def _fit_while_moving(fit: ShootingFit) -> ShootingFit | None:
     None if nothing sticks, or too few windows remain.
     """
     record, condensed = fit.record, fit.record.condensed
-    states, segments = fit.whole_chains.states_at(np.zeros(1))[:, 0], record.segments
+    states = fit.whole_chains.states_at(np.zeros(1))[:, 0]
     stuck = np.zeros(len(states), bool)
     for weights, offset in record.problem.tables.arguments[: record.problem.tables.n_kinks]:
         argument = states @ weights + offset
@@ -200,4 +200,4 @@ def _fit_while_moving(fit: ShootingFit) -> ShootingFit | None:
         samples=samples._replace(basis=np.where(held[:, None, None], 0.0, samples.basis)),
         rows=rows,
     )
-    return replace(fit, record=replace(record, condensed=cut, segments=segments))
+    return replace(fit, record=replace(record, condensed=cut))

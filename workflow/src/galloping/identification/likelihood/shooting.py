@@ -25,10 +25,12 @@ from galloping.trajectory.taylor import at_points, integrate
 # Times the recorded motion, or a derivative of its size, from which a solution counts as diverged:
 # no motion comes near it, and squares and products of such numbers are still finite.
 HUGE = 1e30
-MOST_HALVINGS = 6  # of windows, and of a Gauss-Newton step (docs/identification_parts.csv)
-Fit = TypeVar("Fit", bound=Any)  # with `free`, `support` and `starts`
+# Of windows, and of a Gauss-Newton step, each half as long as the one before
+# (docs/identification_parts.csv).
+MOST_TRIALS = 6
+Fit = TypeVar("Fit", bound=Any)  # with `record`, `free`, `support` and `starts`
 Found = TypeVar("Found")
-SEGMENT = 5e-5  # s of work, in which a segment is linearised, or put in a chain
+SEGMENT_WORK = 5e-5  # s of work, in which a segment is linearised, or put in a chain
 
 
 @dataclass(frozen=True)
@@ -190,7 +192,7 @@ class Linearised:
 
     starts: (n_segments, n_states), about which they are linearised. rows: (n_segments, m, n + m +
     1), of coefficients, state and residual; m is n_states, or more with repeated columns (see
-    `linearise`). fold: (n_segments,) index of the part of the data that a segment belongs to.
+    `linearise_segments`). fold: (n_segments,) index of the part of the data that each belongs to.
     information: (n_folds + 1, n, n), right: (n_folds + 1, n), of the other rows of each fold, and
     of the prior. residual: (n_windows, n_observed, n_rows), not whitened. ends: (n_segments,
     n_states) last states; end_derivatives: (n_segments, n_states, n + n_states).
@@ -206,7 +208,7 @@ class Linearised:
     end_derivatives: np.ndarray
 
 
-def linearise(
+def linearise_segments(
     record: ShootingData,
     free: np.ndarray,
     starts: np.ndarray,
@@ -227,7 +229,8 @@ def linearise(
     default the candidates. columns: (n_windows, n_observed, n_rows, n_columns), derivatives of the
     predicted projections by parameters of the instrument, which count as coefficients after the
     others. repeated: coefficients whose columns are repeated after the state, for their deviations
-    in the segment. n_folds: parts of the data, of as many segments each. Raises FloatingPointError
+    in the segment. n_folds: parts of the data, of nearly as many consecutive
+    segments each. Raises FloatingPointError
     if the solution diverges within a segment.
     """
     problem, targets = record.problem, record.condensed.targets
@@ -253,7 +256,7 @@ def linearise(
         own = fold[group.start]
         information[own] += others[:, :n].T @ others[:, :n]
         right[own] += others[:, -1] @ others[:, :n]
-    count_work((1.1e-8 + 3e-11 * n) * (n + m) * targets.size + SEGMENT * count)
+    count_work((1.1e-8 + 3e-11 * n) * (n + m) * targets.size + SEGMENT_WORK * count)
     precision, expected, values = (
         problem.candidate_values(each, pairs)
         for each in (problem.precision, problem.expected, problem.coefficients(free))
@@ -271,7 +274,8 @@ class ShootingFit:
     free: (n_candidates,) coefficients, zero outside the support (n_candidates,), boolean. starts:
     (n_segments, n_states) first states. sigma: (n_recordings, n_observed) standard deviation of the
     projections' noise, not below the floor. reference: the same as first estimated. chi2: misfit in
-    units of `reference`, of the fit before the last step, infinite before any.
+    units of `reference`, of the fit from which the last step led here, infinite before any; of this
+    fit itself where a function says so.
     """
 
     record: ShootingData
@@ -305,11 +309,11 @@ class ShootingFit:
     def linearise(
         self, pairs: np.ndarray | None = None, columns: np.ndarray | None = None
     ) -> Linearised:
-        """Linearise the residuals; the arguments and exceptions are those of `linearise`."""
+        """Linearise the residuals; arguments and exceptions are those of `linearise_segments`."""
         record, weight = self.record, 1.0 / self.sigma[:, :, None, None]
         # segments, of some 500 windows in all: their derivatives fit in the cache
         at_once = max(500 * len(self.starts) // len(record.condensed.targets), 1)
-        return linearise(
+        return linearise_segments(
             record, self.free, self.starts,
             lambda rows, windows: rows * weight[record.window_recordings[windows]], at_once,
             pairs=pairs, columns=columns,
@@ -388,17 +392,18 @@ def segment_residuals(
 
 
 def shorten_step(use: Callable[[Fit], Found], before: Fit, fit: Fit) -> Found:
-    """Call a function of a fit, and halve the step to the fit as long as the model diverges.
+    """Call a function of a fit, and halve the step to the fit as long as this fails.
 
-    before: the fit from which the step leads to `fit`. Raises NotConvergedError if halving the step
-    MOST_HALVINGS times does not help.
+    before: the fit from which the step leads to `fit`; fits between have its noise. Raises
+    NotConvergedError if the function raises FloatingPointError MOST_TRIALS times.
     """
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MOST_TRIALS):
         try:
             return use(fit)
         except FloatingPointError:
             fit = replace(
-                fit,
+                before,
+                record=fit.record,
                 free=(before.free + fit.free) / 2.0,
                 starts=(before.starts + fit.starts) / 2.0,
                 support=before.support | fit.support,

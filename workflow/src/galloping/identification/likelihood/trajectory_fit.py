@@ -18,7 +18,7 @@ from galloping.identification.likelihood.elimination import (
 )
 from galloping.identification.likelihood.residual_tests import ROUNDING
 from galloping.identification.likelihood.shooting import (
-    MOST_HALVINGS,
+    MOST_TRIALS,
     ShootingData,
     ShootingFit,
     cut_segments,
@@ -195,7 +195,7 @@ def prepare_fit(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
     noise = np.where(np.isfinite(noise), np.maximum(noise, floor), 1.0)
     windows = WINDOWS_PER_PERIOD
     length = max(round(windows * periods), 2)
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MOST_TRIALS):
         if is_exhausted():
             raise NotConvergedError(Code.LIMIT_OF_WORK)
         kinked = problem.tables.n_kinks > 0
@@ -331,19 +331,18 @@ def take_step(
 ) -> Step:
     """Take a Gauss-Newton step from a fit or, if the fit is bad, from nearer to the one before it.
 
-    A fit is bad if it diverges, or if it is not close and chi^2 is half as large again as at both
-    fits before it (a nonmonotone search; L. Grippo et al. 1986). The other arguments are as in
-    `_gauss_newton`. Raises FloatingPointError if the fits nearer to `before` are bad as well, or
-    the work is exhausted.
+    A fit is bad if it diverges, or if it is not close and chi^2 is half as large again as its
+    `chi2`: for `fit` that of `before`, for fits nearer to `before` that one pass earlier. The other
+    arguments are as in `_gauss_newton`. Raises FloatingPointError if all are bad, or the work is
+    exhausted.
     """
     passing("follow the recording in segments")
     if is_exhausted():
         raise NotConvergedError(Code.LIMIT_OF_WORK)
-    limit = 1.5 * max(before.chi2, fit.chi2)
 
     def step_from(tried: ShootingFit) -> Step:
         step = _gauss_newton(tried, longest, price)
-        if not (step.fit.misfit < CLOSE or step.fit.chi2 < limit):
+        if not (step.fit.misfit < CLOSE or step.fit.chi2 < 1.5 * tried.chi2):
             raise FloatingPointError("chi^2 rises")
         return step
 

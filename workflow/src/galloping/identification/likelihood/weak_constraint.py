@@ -17,12 +17,10 @@ from scipy.linalg import lapack
 from galloping.identification.likelihood.shooting import (
     Linearised,
     ShootingData,
-    linearise,
+    linearise_segments,
     shorten_step,
 )
-from galloping.identification.problem import Problem
 from galloping.identification.work import count_work
-from galloping.model.polynomial import exponent_matrix
 
 # Periods of a stretch. Measured: with 3 to 6 jumps absorb a model's error, and amplitudes are up to
 # three times as far off; with 20 or more they do not absorb gusts, and dampings are as far off.
@@ -75,18 +73,6 @@ def coloured_misfit(record: ShootingData, residual: np.ndarray) -> np.ndarray:
     return misfit
 
 
-def rate_coefficients(problem: Problem) -> np.ndarray:
-    """Return the indices of candidates linear in a state whose equation is identified.
-
-    They are the dampings of a line.
-    """
-    equation, term = problem.candidates.T
-    exponents = exponent_matrix(problem.terms, len(problem.names))[term]
-    of_rate = exponents[:, np.unique(equation)].sum(axis=1) == 1
-    linear = (np.abs(exponents).sum(axis=1) == 1) & (problem.degrees == 1)
-    return np.flatnonzero(linear & of_rate)
-
-
 @dataclass(frozen=True)
 class StretchFit:
     """Iterate of a fit whose state may jump between segments: coefficients, states, noise.
@@ -94,7 +80,7 @@ class StretchFit:
     free, support: (n_candidates,) coefficients and which are present. starts: (n_segments,
     n_states) first states. misfit: (n_recordings, n_lags, n_observed, n_rows) autocovariance of the
     residuals of projections, by the lag in windows, zero beyond the last. jump: (n_states,
-    n_states) covariance of the state's jumps at full motion. repeated: as of `linearise`.
+    n_states) covariance of the state's jumps at full motion. repeated: as of `linearise_segments`.
     """
 
     record: ShootingData
@@ -112,9 +98,9 @@ class StretchFit:
         Raises FloatingPointError if the fit diverges.
         """
         at_once = 1  # segment: the rows of all of a long recording do not fit in memory
-        return linearise(
+        return linearise_segments(
             self.record, self.free, self.starts,
-            # made after the first segment, in which most fits diverge that do: it takes long
+            # made once the first segment is integrated, in which most fits diverge that do
             lambda rows, windows: self._whitening(rows, windows), at_once,
             repeated=self.repeated, n_folds=min(len(self.starts), FOLDS),
         )  # fmt: skip
@@ -153,8 +139,11 @@ class StretchFit:
         return whiten_rows
 
 
-def make_integrable(fit: StretchFit, following: StretchFit) -> StretchFit:
-    """Shorten the step between fits until the model can be integrated over each segment."""
+def shorten_until_integrable(fit: StretchFit, following: StretchFit) -> StretchFit:
+    """Shorten the step between fits until the model can be integrated over each segment.
+
+    Raises NotConvergedError, as `shorten_step`.
+    """
 
     def integrable(tried: StretchFit) -> StretchFit:
         tried.linearised  # noqa: B018 - which the next step needs

@@ -38,7 +38,7 @@ MOST_STEPS, MOST_DAMPED = 40, 12
 TINY = 0.1  # of the least noise, to which noise beside it may fall
 UNTOLD = 1e-6  # information on a coefficient in its unit, below which the data say nothing of it
 FAINTEST = -40.0  # logarithm of a root of covariance in the size of the motion: zero has none
-LEAST_DAMPING = 1e-4  # of the steps (K. Levenberg, 1944), in units of the information
+LEAST_SHORTENING = 1e-4  # of the steps (K. Levenberg, 1944), in units of the information
 
 
 def fisher_information(slopes: np.ndarray) -> np.ndarray:
@@ -230,7 +230,7 @@ def maximise_likelihood(
 
     vector = parameters.to_vector(model)
     step = np.full(len(vector), FIRST_STEP)
-    here, damping = filter_with(vector), LEAST_DAMPING
+    here, damping = filter_with(vector), LEAST_SHORTENING
     if not np.isfinite(here.log_likelihood):
         if here.objection:
             raise NotConvergedError.from_finding(here.objection)
@@ -249,7 +249,7 @@ def maximise_likelihood(
         step = STEP / np.sqrt(np.diag(known))
         for _ in range(MOST_DAMPED if exact else 1):
             change = np.linalg.solve(known + damping * np.diag(np.diag(known)), rise)
-            with np.errstate(all="ignore"):  # a step that is too long is halved
+            with np.errstate(all="ignore"):  # of a step that is too long
                 tried = filter_with(vector + change)
                 better = tried.log_likelihood >= here.log_likelihood
             if better:
@@ -263,7 +263,7 @@ def maximise_likelihood(
             slopes = _update_slopes(slopes, change, np.diag(known), here, tried)
             exact = False
         if better:
-            vector, here, damping = vector + change, tried, max(damping / 16.0, LEAST_DAMPING)
+            vector, here, damping = vector + change, tried, max(damping / 16.0, LEAST_SHORTENING)
         if converged or is_exhausted():
             break
     if not exact:

@@ -68,12 +68,12 @@ def fit_in_forces(
         return some
     if objections := doubts(some):
         return NoModel(tuple(objections))
-    information, _ = some.normal_equations
     fit = _fit_all_samples(some, rescaled)
     if isinstance(fit, NoModel):
         return fit
     if objections := doubts(fit):
         return NoModel(tuple(objections))
+    information, _ = some.normal_equations
     absent = added_deviation(information, fit.support) * fit.posed.unit
     absent[np.diag(information) == 0.0] = np.nan
     return assess_forced_fit(

@@ -59,7 +59,10 @@ class ModeSelection:
     below: float | None = None
 
     def has_modes_of(self, found: IdentifiedModel) -> bool:
-        """Decide whether every mode of a model is near the frequency of a selected mode."""
+        """Decide whether every mode of a model is near the frequency of a selected mode.
+
+        There is at least one.
+        """
         beside = (each.frequency for each in found.resonances if each.is_mode)
         own = np.array([*_linear_modes(found).omega, *beside])
         ratios = own[:, np.newaxis] / (2.0 * np.pi * np.array(self.modes))

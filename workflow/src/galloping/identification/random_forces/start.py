@@ -189,16 +189,17 @@ def find_linear_systems(
                     continue
                 rates, shapes = found
                 seen = size[:, np.newaxis] * shapes
-                system = attempt(partial(_system_with_modes, channels, rates, seen))
+                system = attempt(partial(_start_with_modes, channels, rates, seen))
                 if not isinstance(system, NoModel):
                     yield system
 
 
-def _system_with_modes(channels: Channels, rates: np.ndarray, seen: np.ndarray) -> LinearStart:
+def _start_with_modes(channels: Channels, rates: np.ndarray, seen: np.ndarray) -> LinearStart:
     """Make the system with these modes.
 
     The coordinates' own are those whose shapes differ most; the others are forces on these. Raises
-    IdentificationError if the shapes of two modes are nearly the same.
+    IdentificationError if the shapes of two of them are nearly the same, or no channel measures a
+    coordinate.
     """
     pairs = channels.pairs
     damping = np.maximum(-rates.real, LEAST_DAMPING * np.abs(rates))

@@ -16,7 +16,7 @@ from galloping.identification.random_forces.start import above_noise, estimate_s
 from galloping.recording.samples import Recording
 
 BEYOND = 3.5  # times what a coordinate mostly swings at: cubic terms answer at three times that
-MUCH = 0.2  # share of the power of its velocity there, of another motion than its own
+MUCH = 0.2  # share of the power of its velocity that faster peaks have
 LEAKS = 2.0  # times the power that gaps lay beside a swing: chance makes some of it larger
 NAMED = 3  # frequencies that are named
 
