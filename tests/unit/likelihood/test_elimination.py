@@ -70,3 +70,27 @@ def test_eliminated_states_leave_the_best_coefficients_and_follow_them(jump: flo
     change = np.linalg.solve(found.information, found.right)
     assert change == pytest.approx(best[:N], rel=1e-5)
     assert found.move_states(change).ravel() == pytest.approx(best[N:], rel=1e-5)
+
+
+def test_what_is_left_out_counts_as_never_recorded() -> None:
+    def linearised(some: slice, fold: np.ndarray) -> Linearised:
+        own = len(fold)
+        rows = np.concatenate([DESIGN[some], RESIDUAL[some][..., None]], axis=2)
+        kept, rest = separate_states(rows.reshape(-1, N + STATES + 1), ROWS * np.arange(own + 1), N)
+        rest = rest.reshape(own, ROWS, -1)
+        parts = [rest[fold == k].reshape(-1, N + STATES + 1) for k in range(fold.max() + 1)]
+        return Linearised(
+            STARTS[some], kept, fold, np.array([each[:, :N].T @ each[:, :N] for each in parts]),
+            np.array([each[:, -1] @ each[:, :N] for each in parts]), RESIDUAL[some], ENDS[some],
+            SLOPES[some],
+        )  # fmt: skip
+
+    roots, left = np.tile(np.eye(STATES) / 0.3, (COUNT, 1, 1)), slice(2, None)
+    whole = linearised(slice(None), np.array([0, 0, 1, 1, 2, 2]))
+    alone = linearised(left, np.zeros(COUNT - 2, int))
+    found = eliminate_with_jumps(whole, SEGMENTS, roots, left_out=0)
+    others = Segments(SEGMENTS.first[2:], OWNER[left], SEGMENTS.chains[left])
+    wanted = eliminate_with_jumps(alone, others, roots[left])
+    assert found.information == pytest.approx(wanted.information)
+    assert found.right == pytest.approx(wanted.right)
+    assert found.response[left] == pytest.approx(wanted.response)
