@@ -117,8 +117,8 @@ def has_forgotten_start(fit: ShootingFit) -> bool:
     The last tenth of each chain must depend at most a tenth as much on the first state as the first
     tenth does. This applies to a damped system that is driven, not to a limit cycle, whose phase
     persists. The ratio is near one for a limit cycle, and falls exponentially with the length of
-    the recording for a damped system; for hardly damped systems, a tenth is a choice. Raises
-    FloatingPointError if the model diverges over a chain.
+    the recording for a damped system. With a twentieth or a fifth no answer of `make exam` changes.
+    Raises FloatingPointError if the model diverges over a chain.
     """
     for _, rows, _ in _chain_slopes(fit, fit.record.problem.candidates[:0]):
         tenth = max(len(rows) // 10, 1)

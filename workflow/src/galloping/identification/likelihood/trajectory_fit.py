@@ -293,7 +293,7 @@ def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> Joined
     """
     step, count = free, len(free.fit.starts)
     best = step.best_terms(price.scale_by(dear))
-    # not critical: from chains of two or of eight on, three recordings have the same model
+    # from chains of two or of eight on, three recordings have the same model
     chain = count if np.array_equal(best, step.fit.support) else 4
     choosing = 14  # passes of MOST_PASSES: in all of them fewer settle (identification_parts.csv)
     whole, settled = False, False
@@ -384,6 +384,6 @@ def update_noise(fit: ShootingFit, squares: np.ndarray) -> ShootingFit:
     rows, floor = fit.record.condensed.rows, fit.record.floor
     share = fit.n_parameters / max(int(np.count_nonzero(squares)), 1)
     # a fifth of the rows at least: what many parameters follow exactly would seem to have no noise,
-    # or a variance below zero; not critical
+    # or a variance below zero; with a tenth or two fifths no answer of `make exam` changes
     sigma = np.maximum(np.sqrt(squares / np.maximum(rows - share, 0.2 * rows + 1.0)), floor)
     return replace(fit, sigma=sigma, chi2=float(np.sum(squares / fit.reference**2)))
