@@ -224,14 +224,13 @@ def linearise_segments(
 
     free: (n_candidates,) coefficients, starts: (n_segments, n_states), about which to linearise.
     whiten: function of rows (n, n_observed, n_rows, n_columns) and of their windows that returns
-    the rows in units of the noise. at_once: number of segments that are simulated together; one if
-    there are several folds. pairs: (n_pairs, 2) coefficients (equation, term) to linearise by, by
-    default the candidates. columns: (n_windows, n_observed, n_rows, n_columns), derivatives of the
-    predicted projections by parameters of the instrument, which count as coefficients after the
-    others. repeated: coefficients whose columns are repeated after the state, for their deviations
-    in the segment. n_folds: parts of the data, of nearly as many consecutive
-    segments each. Raises FloatingPointError
-    if the solution diverges within a segment.
+    the rows in units of the noise, and may overwrite them. at_once: number of segments that are
+    simulated together; one if there are several folds. pairs: (n_pairs, 2) coefficients (equation,
+    term) to linearise by, by default the candidates. columns: (n_windows, n_observed, n_rows,
+    n_columns), derivatives of the predicted projections by parameters of the instrument, which
+    count as coefficients after the others. repeated: coefficients whose columns are repeated after
+    the state, for their deviations in the segment. n_folds: parts of the data, of nearly as many
+    consecutive segments each. Raises FloatingPointError if the solution diverges within a segment.
     """
     problem, targets = record.problem, record.condensed.targets
     pairs = problem.candidates if pairs is None else pairs
@@ -313,11 +312,14 @@ class ShootingFit:
         record, weight = self.record, 1.0 / self.sigma[:, :, None, None]
         # segments, of some 500 windows in all: their derivatives fit in the cache
         at_once = max(500 * len(self.starts) // len(record.condensed.targets), 1)
+
+        def whiten(rows: np.ndarray, windows: slice) -> np.ndarray:
+            rows *= weight[record.window_recordings[windows]]
+            return rows
+
         return linearise_segments(
-            record, self.free, self.starts,
-            lambda rows, windows: rows * weight[record.window_recordings[windows]], at_once,
-            pairs=pairs, columns=columns,
-        )  # fmt: skip
+            record, self.free, self.starts, whiten, at_once, pairs=pairs, columns=columns
+        )
 
     def states_at(self, places: np.ndarray) -> np.ndarray:
         """Compute the states of the segments' motion at some times of every window.
