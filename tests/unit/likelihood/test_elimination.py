@@ -94,3 +94,19 @@ def test_what_is_left_out_counts_as_never_recorded() -> None:
     assert found.information == pytest.approx(wanted.information)
     assert found.right == pytest.approx(wanted.right)
     assert found.response[left] == pytest.approx(wanted.response)
+
+
+def test_a_jump_after_an_unstable_segment_is_no_less_certain_than_without_data() -> None:
+    rows = np.concatenate([DESIGN, RESIDUAL[..., None]], axis=2).reshape(-1, N + STATES + 1)
+    kept, _ = separate_states(rows, ROWS * np.arange(COUNT + 1), N)
+    turn, _ = np.linalg.qr(RNG.normal(size=(STATES, STATES)))
+    slopes = SLOPES.copy()
+    slopes[:, :, N:] = turn @ np.diag([1e7, 1e-7]) @ turn.T
+    none = np.zeros((1, N, N)), np.zeros((1, N))
+    linear = Linearised(STARTS, kept, np.zeros(COUNT, int), *none, RESIDUAL, ENDS, slopes)
+    deviation = np.array([0.3, 1e-4])
+    roots = np.tile(np.diag(1.0 / deviation), (COUNT, 1, 1))
+    found = eliminate_with_jumps(linear, SEGMENTS, roots).jump_variance[[0, 1, 2, 4]]
+    variance = np.diagonal(found, axis1=1, axis2=2) / deviation**2
+    assert variance.min() > 0.0
+    assert variance.max() < 1.0 + 1e-3

@@ -283,7 +283,9 @@ def _remove_terms(whitened: Whitened, support: np.ndarray, prices: np.ndarray) -
         c, inverse, price = here.coefficients, here.covariance, prices[here.kept]
         left = np.ones(len(c), bool)
         while left.any():
-            rise = np.divide(c**2, np.diag(inverse), out=np.full(len(c), np.inf), where=left)
+            variance = np.diag(inverse)  # zero by rounding beside a term that was all but the same
+            told = left & (variance > 0.0)
+            rise = np.divide(c**2, variance, out=np.full(len(c), np.inf), where=told)
             worst = int(np.argmin(rise - price))
             if rise[worst] - price[worst] >= 0.0:
                 break

@@ -162,9 +162,9 @@ def _eliminate(
     kept, left, relations, spreads = filter_back(
         linear.rows, linear.end_derivatives, mismatch, links, roots
     )
-    first, first_variance, undetermined = _solve_first_states(kept[begins], n, rcond)
+    first, first_root, undetermined = _solve_first_states(kept[begins], n, rcond)
     response, variance, jump_variance = follow_states(
-        relations, spreads, linear.end_derivatives, begins, first, first_variance
+        relations, spreads, linear.end_derivatives, begins, first, first_root
     )
     remaining = np.concatenate([left.reshape(-1, n + 1), undetermined.reshape(-1, n + 1)])
     information = information + remaining[:, :n].T @ remaining[:, :n]
@@ -181,8 +181,9 @@ def _solve_first_states(
 
     rows: (n_chains, n_states, n + n_states + 1). Directions that the rows do not determine, with
     relative singular values below `rcond`, remain unchanged. Returns the states, (n_chains,
-    n_states, n + 1), the constant last; their covariance; and the equations that remain for
-    undetermined directions, a design and a residual, (n_chains, n_states, n + 1), zero elsewhere.
+    n_states, n + 1), the constant last; a root of their covariance; and the equations that remain
+    for undetermined directions, a design and a residual, (n_chains, n_states, n + 1), zero
+    elsewhere.
     """
     block = rows[:, :, n:-1]
     norm = np.linalg.norm(block, axis=1)
@@ -194,7 +195,7 @@ def _solve_first_states(
     root = scale[..., None] * (inverse * v).transpose(0, 2, 1)
     solved = root @ turned
     solved[:, :, :n] *= -1.0
-    return solved, root @ root.transpose(0, 2, 1), np.where(known, 0.0, turned)
+    return solved, root, np.where(known, 0.0, turned)
 
 
 def jump_covariance(

@@ -174,46 +174,49 @@ def filter_back(rows, end_derivatives, mismatch, links, roots):
 
 
 @njit(cache=True, error_model="numpy")
-def follow_states(relations, spreads, end_derivatives, begins_chain, first, first_variance):
+def follow_states(relations, spreads, end_derivatives, begins_chain, first, first_root):
     """Compute the states of all segments from the first ones of chains, and their covariances.
 
     relations, spreads: as of `filter_back`. begins_chain: (n_segments,) boolean. first: (n_chains,
-    n_states, n + 1) responses of its first state to the coefficients, and a constant.
-    first_variance: (n_chains, n_states, n_states). Returns responses (n_segments, n_states, n + 1),
-    and covariances (n_segments, n_states, n_states) of each state and of the jump after it.
+    n_states, n + 1) responses of its first state to the coefficients, and a constant. first_root:
+    (n_chains, n_states, n_states), a root of this state's covariance. Returns responses
+    (n_segments, n_states, n + 1), and covariances (n_segments, n_states, n_states) of each state
+    and of the jump after it.
     """
     count, n_states, width = relations.shape
     n = width - n_states - 1
     response = np.zeros((count, n_states, n + 1))
     variance, of_jump = np.zeros((2, count, n_states, n_states))
-    moved, change = np.zeros((2, n_states, n_states))
-    chain = -1
+    # a covariance is a sum of squares: where a motion is unstable, rounding of a product with two
+    # large derivatives would outweigh it
+    root, state, jump = np.zeros((3, 2 * n_states, n_states))
+    bounds, chain = np.array([0, 2 * n_states]), -1
     for g in range(count):
         if begins_chain[g]:
             chain += 1
-            response[g], variance[g] = first[chain], first_variance[chain]
-            continue
-        relation, spread = relations[g - 1], spreads[g - 1]
-        for i in range(n_states):
-            response[g, i, :n], response[g, i, n] = relation[i, :n], relation[i, width - 1]
-            for k in range(n_states):
-                response[g, i] += relation[i, n + k] * response[g - 1, k]
-                moved[i, k] = relation[i, n + k]
-                change[i, k] = moved[i, k] - end_derivatives[g - 1, i, n + k]
-        _add_covariance(moved, variance[g - 1], spread, variance[g])
-        _add_covariance(change, variance[g - 1], spread, of_jump[g - 1])
+            response[g], root[:n_states] = first[chain], first_root[chain].T
+        else:
+            relation, spread, slopes = relations[g - 1], spreads[g - 1], end_derivatives[g - 1]
+            for i in range(n_states):
+                response[g, i, :n], response[g, i, n] = relation[i, :n], relation[i, width - 1]
+                jump[n_states:, i], state[n_states:, i] = spread[i], spread[i]
+                for k in range(n_states):
+                    moved = relation[i, n + k]
+                    response[g, i] += moved * response[g - 1, k]
+                    for r in range(n_states):
+                        state[r, i] += root[r, k] * moved
+                        jump[r, i] += root[r, k] * (moved - slopes[i, n + k])
+            _add_squares(jump, of_jump[g - 1])
+            _rotate_rows(state, bounds, 0, n_states)
+            root[:], state[:], jump[:] = state, 0.0, 0.0
+        _add_squares(root[:n_states], variance[g])
     return response, variance, of_jump
 
 
 @njit(cache=True, error_model="numpy")
-def _add_covariance(a, b, root, out):
-    """Add the covariance a b a' + root root' to `out`; all are (n_states, n_states)."""
-    product = np.zeros(out.shape)
-    for i in range(len(out)):
-        for j in range(len(out)):
-            for k in range(len(out)):
-                product[i, j] += a[i, k] * b[k, j]
-    for i in range(len(out)):
-        for j in range(len(out)):
-            for k in range(len(out)):
-                out[i, j] += product[i, k] * a[j, k] + root[i, k] * root[j, k]
+def _add_squares(root, out):
+    """Add the product of the transpose of `root`, (m, n_states), with it to `out`."""
+    for r in range(len(root)):
+        for i in range(len(out)):
+            for j in range(len(out)):
+                out[i, j] += root[r, i] * root[r, j]
