@@ -95,17 +95,21 @@ def _filter_channel(
     bridged, found = np.interp(grid, at, values), np.full(len(time), np.nan)
     gaps = np.flatnonzero(np.diff(at) > max(INTERPOLATED * own, BRIDGED * step))
     begins, ends = np.append(at[gaps], at[-1]), np.append(at[gaps + 1], np.inf)
-    for k, now in enumerate(time):
-        first, last = now - REACH * step, now + REACH * step
-        if first >= at[0] and not np.any((begins < last) & (ends > first)):
-            near = slice(*np.searchsorted(grid, (first, last)))
-            weights = _root_raised_cosine((grid[near] - now) / step)
-            found[k] = weights @ bridged[near] / weights.sum()
+    first, last = time - REACH * step, time + REACH * step
+    following = np.searchsorted(ends, first, side="right")  # gap, the first that ends later
+    whole = np.flatnonzero((first >= at[0]) & (begins[following] >= last))
+    width = int(2.0 * REACH * step / own) + 2
+    for some in np.array_split(whole, len(whole) // 256 + 1):  # which fit in the cache
+        near = np.searchsorted(grid, first[some])[:, None] + np.arange(width)
+        inside = near < np.searchsorted(grid, last[some])[:, None]
+        near = np.minimum(near, len(grid) - 1)
+        weights = inside * _root_raised_cosine((grid[near] - time[some, None]) / step)
+        found[some] = np.sum(weights * bridged[near], axis=1) / np.sum(weights, axis=1)
     return found
 
 
 def _root_raised_cosine(x: np.ndarray) -> np.ndarray:
-    """Evaluate the filter (n,) at times in steps, with its limits at three singular points."""
+    """Evaluate the filter at times in steps, with its limits at three singular points."""
     x = np.where((x == 0.0) | (np.abs(4.0 * ROLL_OFF * x) == 1.0), x + 1e-6, x)
     edge = 4.0 * ROLL_OFF * x
     swings = np.sin(np.pi * x * (1.0 - ROLL_OFF)) + edge * np.cos(np.pi * x * (1.0 + ROLL_OFF))
