@@ -145,8 +145,8 @@ class Following:
         """
         rates = self.sensed.names[len(self.sensed.states) :]
         told = [self.identified.diagnostics.get(f"noise_{name}", 0.0) for name in rates]
-        own = self.identified.sigma[-1:].sum(axis=0)  # of no recording zero
-        return np.append(np.nan_to_num(own), told)
+        own = np.fmax.reduce(self.identified.sigma, axis=0, initial=0.0)
+        return np.append(own, told)
 
     @cached_property
     def _simulator(self) -> Simulator:

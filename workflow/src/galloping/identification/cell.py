@@ -1,7 +1,7 @@
 """Identification of all noise realisations of a study cell by a family of methods.
 
-A realisation without a model is a row with the reason. This module is separate from `model`, which
-jobs import that only read models, so that these need not run again after an edit.
+A realisation without a model is a row with the reason. Jobs that only read models import
+`identified_model`, and not this module, so that they need not run again after an edit here.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -10,6 +10,7 @@ from pkgutil import resolve_name
 
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NO_MODEL, as_finding
+from galloping.model.functions import n_exponents
 from galloping.model.polynomial import Exponents
 from galloping.recording.samples import Recording
 from galloping.streams import make_generator
@@ -43,7 +44,7 @@ def identify(
                 )
             except NO_MODEL as error:
                 states, inputs = recordings[0].states, tuple(recordings[0].inputs)
-                inputs = inputs[: len(terms[0]) - len(states)]
+                inputs = inputs[: n_exponents(terms[0]) - len(states)]
                 model = IdentifiedModel.refused(states, terms, [as_finding(error)], inputs)
             models[method].append(model)
     return models

@@ -393,6 +393,8 @@ def _position_of_rest(motion: FreeMotion, coordinate: int) -> tuple[float, float
     offsets, errors = (
         each[of, channel] for each in (motion.modes.offsets, motion.modes.offset_errors)
     )
+    if not np.isfinite(errors).any():  # too few samples in every stretch
+        return 0.0, 0.0
     weights = errors**-2 / np.nansum(errors**-2)
     return float(np.nansum(weights * offsets)), float(np.nansum(errors**-2) ** -0.5)
 

@@ -15,6 +15,7 @@ from numpy.polynomial.legendre import legvander
 
 from galloping.identification.no_model import IdentificationError, NoModel, attempt
 from galloping.identification.observations import Code
+from galloping.identification.preparation.smoothing import without_means
 from galloping.identification.work import count_work
 
 MAX_STEPS, MAX_STEPS_AFTER_MEANS = 30, 4  # of Gauss-Newton; those on samples after a fit to means
@@ -60,9 +61,8 @@ class Stretch:
         Shape (n_channels,).
         """
         known = np.isfinite(self.values)
-        count = np.maximum(known.sum(axis=0), 1)
-        mean = np.where(known, self.values, 0.0).sum(axis=0) / count
-        return np.sqrt(np.sum(np.where(known, self.values - mean, 0.0) ** 2, axis=0) / count)
+        squares = np.where(known, without_means(self.values), 0.0) ** 2
+        return np.sqrt(squares.sum(axis=0) / np.maximum(known.sum(axis=0), 1))
 
 
 @dataclass(frozen=True)

@@ -25,14 +25,6 @@ RIDGE = 1e-12  # of normal equations with a unit diagonal
 
 
 @dataclass(frozen=True)
-class Event:
-    """Place of an abrupt change of motion: a stretch, and the first sample after the change."""
-
-    stretch: int
-    sample: int
-
-
-@dataclass(frozen=True)
 class MotionBetweenEvents:
     """Free motion, divided at abrupt events, and the modes fitted to the parts.
 
@@ -68,7 +60,7 @@ def find_events(
 
     Returns
     -------
-    Eventful or None
+    MotionBetweenEvents or None
         None if a few events do not explain the residuals.
     """
     parts, origins = list(stretches), list(range(len(stretches)))
@@ -76,10 +68,9 @@ def find_events(
         event = _strongest_event(parts, modes)
         if event is None:
             return None
-        parts[event.stretch : event.stretch + 1] = _split_stretch(
-            parts[event.stretch], event.sample
-        )
-        origins.insert(event.stretch, origins[event.stretch])
+        k, sample = event
+        parts[k : k + 1] = [_cut(parts[k], 0, sample), _cut(parts[k], sample, None)]
+        origins.insert(k, origins[k])
         found = attempt(partial(fit_poles, parts, modes.poles))
         if isinstance(found, NoModel) or (
             modes.misfit - found.misfit < MIN_EXPLAINED * (modes.misfit - floor)
@@ -90,20 +81,24 @@ def find_events(
         if isinstance(whole, NoModel):
             return None
         if whole[1] and whole[0] is not None:
-            return _without_needless(MotionBetweenEvents(parts, origins, whole[0]))
+            return _without_needless(stretches, MotionBetweenEvents(parts, origins, whole[0]))
     return None
 
 
-def _without_needless(found: MotionBetweenEvents) -> MotionBetweenEvents:
+def _without_needless(
+    stretches: Sequence[Stretch], found: MotionBetweenEvents
+) -> MotionBetweenEvents:
     """Remove events that explain no more than noise does besides the others.
 
-    Such an event was found first, in place of two others.
+    Such an event was found first, in place of two others. stretches: undivided.
     """
     for k in range(len(found.stretches) - 1, 0, -1):
         if found.origins[k] != found.origins[k - 1]:
             continue
         parts, origins = list(found.stretches), list(found.origins)
-        parts[k - 1 : k + 1] = [_join_stretches(*parts[k - 1 : k + 1])]
+        first = origins.index(origins[k])
+        begin, end = (sum(len(part.time) for part in parts[first:last]) for last in (k - 1, k + 1))
+        parts[k - 1 : k + 1] = [_cut(stretches[origins[k]], begin, end)]
         del origins[k]
         fit = attempt(partial(fit_poles, parts, found.modes.poles))
         if isinstance(fit, NoModel):
@@ -115,21 +110,17 @@ def _without_needless(found: MotionBetweenEvents) -> MotionBetweenEvents:
     return found
 
 
-def _join_stretches(before: Stretch, after: Stretch) -> Stretch:
-    step = before.step
-    time = np.append(before.time, after.time + before.time[-1] + step)
-    return replace(before, time=time, values=np.vstack([before.values, after.values]))
+def _cut(stretch: Stretch, begin: int, end: int | None) -> Stretch:
+    """Return the samples from `begin` to `end` of a stretch, with times from the first of them."""
+    time = stretch.time[begin:end]
+    return replace(stretch, time=time - time[0], values=stretch.values[begin:end])
 
 
-def _split_stretch(stretch: Stretch, sample: int) -> tuple[Stretch, Stretch]:
-    begin = stretch.time[sample]
-    before = replace(stretch, time=stretch.time[:sample], values=stretch.values[:sample])
-    after = replace(stretch, time=stretch.time[sample:] - begin, values=stretch.values[sample:])
-    return before, after
+def _strongest_event(stretches: Sequence[Stretch], modes: DampedModes) -> tuple[int, int] | None:
+    """Find the event that explains most, None if none explains more than noise would.
 
-
-def _strongest_event(stretches: Sequence[Stretch], modes: DampedModes) -> Event | None:
-    """Find the event that explains most, None if none explains more than noise would."""
+    Returns the index of its stretch, and the first sample after it.
+    """
     best, most = None, 0.0
     for index, stretch in enumerate(stretches):
         tried = _possible_samples(stretch, modes.poles)
@@ -141,7 +132,7 @@ def _strongest_event(stretches: Sequence[Stretch], modes: DampedModes) -> Event 
         if gains[place] > max(allowed, most):
             near = np.arange(tried[max(place - 1, 0)], tried[min(place + 1, len(tried) - 1)] + 1)
             finer, _ = _event_gains(stretch, modes, index, near)
-            best, most = Event(index, int(near[np.argmax(finer)])), float(gains[place])
+            best, most = (index, int(near[np.argmax(finer)])), float(gains[place])
     return best
 
 
@@ -171,16 +162,10 @@ def _event_gains(
         values = np.where(known[:, 0], modes.residuals[index][:, c], 0.0)
         products = np.einsum("ni,nj->nij", own, own)
         gram, right = np.cumsum(products, axis=0), np.cumsum(own * values[:, np.newaxis], axis=0)
-        before, after = (
-            (gram[tried - 1], right[tried - 1]),
-            (
-                gram[-1] - gram[tried - 1],
-                right[-1] - right[tried - 1],
-            ),
-        )
-        gains += (_explained_squares(*before) + _explained_squares(*after)) / modes.noise[
-            index, c
-        ] ** 2
+        before = gram[tried - 1], right[tried - 1]
+        after = gram[-1] - before[0], right[-1] - before[1]
+        explained = _explained_squares(*before) + _explained_squares(*after)
+        gains += explained / modes.noise[index, c] ** 2
         freedom += basis.shape[1]
     return gains, freedom
 

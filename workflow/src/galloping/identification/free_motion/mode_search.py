@@ -19,6 +19,7 @@ from galloping.identification.free_motion.damped_modes import (
 )
 from galloping.identification.no_model import IdentificationError
 from galloping.identification.oscillations import MOST_DAMPING
+from galloping.identification.preparation.smoothing import without_means
 from galloping.identification.work import count_work
 
 MAX_MODES = 8
@@ -237,7 +238,7 @@ def fit_modes(
         first one, others are still searched for.
     """
     found: DampedModes | None = None
-    left, apart = [_without_means(one.values) for one in stretches], None
+    left, apart = [without_means(one.values) for one in stretches], None
     for count in range(MAX_MODES + 1):
         best = strongest_mode(stretches, left, found.poles if found else None, apart)
         if best is None:
@@ -300,12 +301,6 @@ def is_part_of(poles: np.ndarray, motion: np.ndarray) -> np.ndarray:
     times = np.maximum(np.round(ratio), 1.0)
     within = np.where(times > 1.0, HARMONIC[0] + HARMONIC[1] * spread, CLOSE)
     return np.abs(ratio / times - 1.0) < within
-
-
-def _without_means(values: np.ndarray) -> np.ndarray:
-    known = np.isfinite(values)
-    count = np.maximum(known.sum(axis=0), 1)
-    return values - np.where(known, values, 0.0).sum(axis=0) / count
 
 
 def _with_noise_about(stretches: Sequence[Stretch], found: DampedModes) -> DampedModes:

@@ -80,20 +80,20 @@ def moving_parts(time: np.ndarray, values: np.ndarray) -> list[MovingPart]:
     if len(known) and known[-1] - known[0] + 1 < len(time):  # what is missing is no rest
         inner = slice(known[0], known[-1] + 1)
         return [_shift_part(part, inner.start) for part in moving_parts(time[inner], values[inner])]
-    columns = _fill_gaps(time, values)
+    columns, resolution = _fill_gaps(time, values)
     period = _dominant_period(columns)
     if not len(columns) or not np.isfinite(period) or len(time) < 4 * max(period, MIN_WINDOW):
         return whole
-    onsets = _find_onsets(columns, period)
+    onsets = _find_onsets(columns, period, resolution)
     edges = [*(onset.at for onset in onsets), len(time)]
     parts = []
     if not onsets or onsets[0].rested_from > 0:
         first = slice(0, onsets[0].rested_from if onsets else len(time))
-        parts.append(_without_tail(columns, MovingPart(first), period, edges[0]))
+        parts.append(_without_tail(columns, MovingPart(first), period, edges[0], resolution))
     for onset, end in zip(onsets, edges[1:], strict=True):
         begin = onset.at + _spike_length(columns[:, onset.at : end], period)
         part = MovingPart(slice(begin, end), rested_from=onset.rested_from)
-        parts.append(_without_tail(columns, part, period, end))
+        parts.append(_without_tail(columns, part, period, end, resolution))
     long = [part for part in parts if part.rows.stop - part.rows.start >= MIN_PERIODS * period]
     return long or whole
 
@@ -202,14 +202,18 @@ def _rest_findings(time: np.ndarray, part: MovingPart, index: int) -> Iterator[F
         yield Finding(Code.CAME_TO_REST, Severity.NOTE, data=data, recording=index)
 
 
-def _fill_gaps(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Interpolate the missing samples of channels that vary, (n_varying, n), linearly."""
-    found = []
+def _fill_gaps(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Interpolate the missing samples of channels that vary, (n_varying, n), linearly.
+
+    Returns the smallest difference between two samples of each as well, (n_varying, 1).
+    """
+    found, resolutions = [], []
     for column in values.T:
         known = np.isfinite(column)
         if np.count_nonzero(known) >= MIN_WINDOW and np.ptp(column[known]) > 0.0:
             found.append(np.interp(time, time[known], column[known]))
-    return np.array(found).reshape(-1, len(time))
+            resolutions.append(np.diff(np.unique(column[known])).min())
+    return np.array(found).reshape(-1, len(time)), np.array(resolutions)[:, np.newaxis]
 
 
 def _dominant_period(columns: np.ndarray) -> float:
@@ -249,10 +253,9 @@ class _Onset:
     at: int
 
 
-def _find_onsets(columns: np.ndarray, period: float) -> list[_Onset]:
+def _find_onsets(columns: np.ndarray, period: float, resolution: np.ndarray) -> list[_Onset]:
     """Find where motion begins from rest, in order of time."""
     found: list[_Onset] = []
-    resolution = _sensor_resolution(columns)
     for length in sorted({max(int(share * period), MIN_WINDOW) for share in WINDOWS})[::-1]:
         deviation, is_smooth = _window_deviations(columns, length)
         span = int(FOLLOWING * period)
@@ -286,11 +289,6 @@ def _find_onsets(columns: np.ndarray, period: float) -> list[_Onset]:
     return sorted(found, key=lambda onset: onset.at)
 
 
-def _sensor_resolution(columns: np.ndarray) -> np.ndarray:
-    """Find the smallest difference between two values of each channel, (n_channels, 1)."""
-    return np.array([[np.diff(np.unique(column)).min()] for column in columns])
-
-
 def _find_departure(columns: np.ndarray, rest: slice, length: int) -> int:
     """Find the first sample out of a rest, whose end may be up to `length` samples later."""
     still = columns[:, rest]
@@ -320,7 +318,9 @@ def _spike_length(columns: np.ndarray, period: float) -> int:
     return min(2 * (int(high[-1]) + 1), length) if len(high) else 0
 
 
-def _without_tail(columns: np.ndarray, part: MovingPart, period: float, end: int) -> MovingPart:
+def _without_tail(
+    columns: np.ndarray, part: MovingPart, period: float, end: int, resolution: np.ndarray
+) -> MovingPart:
     """Remove the rest at the end of a part. end: sample at which the next motion begins."""
     begin, stop = part.rows.start, part.rows.stop
     length = max(int(period), MIN_WINDOW)
@@ -329,7 +329,6 @@ def _without_tail(columns: np.ndarray, part: MovingPart, period: float, end: int
         return part
     deviation, _ = _window_deviations(own, length)
     last = own[:, -max(length, own.shape[1] // 20) :].std(axis=1, keepdims=True)
-    resolution = _sensor_resolution(columns)
     last = np.maximum(last, resolution)
     if np.any(deviation.max(axis=1, keepdims=True) * MAX_REST < last):
         return part

@@ -95,14 +95,14 @@ class Condensed:
         """Sort the channels' noise standard deviations into those of states and those of rates.
 
         noise: (n_recordings, n_observed). Returns the noise of states, (n_recordings, n_states),
-        NaN if not measured, and that of each rate in the last recording, as `noise_` and the rate's
-        name.
+        NaN if not measured, and the largest of each rate, as `noise_` and the rate's name.
         """
         noise, values = np.where(self.counts > 0, noise, np.nan), ~self.is_rate
         sigma = np.full((len(noise), len(states)), np.nan)
         sigma[:, self.observed[values]] = noise[:, values]
         names = self.channel_names(states)
-        return sigma, {f"noise_{names[o]}": noise[-1, o] for o in np.flatnonzero(self.is_rate)}
+        largest = np.fmax.reduce(noise, axis=0)
+        return sigma, {f"noise_{names[o]}": largest[o] for o in np.flatnonzero(self.is_rate)}
 
     @cached_property
     def is_present(self) -> np.ndarray:

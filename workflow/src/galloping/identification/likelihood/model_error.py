@@ -193,16 +193,17 @@ def _search_approximation(start: ShootingFit, penalty: float) -> Approximation |
     # jumps begin at a twentieth of each state and are estimated anew at each pass
     jump, misfit = np.diag((0.05 * scale) ** 2), white_autocovariance(record, start.sigma**2)
     first = StretchFit(record, start.free, every, start.starts, misfit, jump)
-    misfits = {"coloured": coloured_misfit, "white": white_misfit}
-    for colour in misfits:
-        tried = attempt(partial(_fit_with_misfit, first, misfits[colour], penalty))
+    fitted: tuple[StretchFit, list[Approximation]] | None = None
+    for name, misfit_of in (("coloured", coloured_misfit), ("white", white_misfit)):
+        tried = attempt(partial(_fit_with_misfit, first, misfit_of, penalty))
         if isinstance(tried, NoModel):
             continue
+        colour, fitted = name, tried
         if max(each.forecast_r2 for each in tried[1]) > 0.0 or is_exhausted():
             break
-    if isinstance(tried, NoModel):
+    if fitted is None:
         return tried
-    whole, made = tried
+    whole, made = fitted
     best = _fit_varying(whole, penalty) or _choose_smallest(made)
     return replace(best, path=(f"{colour} misfit", *best.path))
 

@@ -119,7 +119,8 @@ def diagnose_residuals(
         band_allowed = _max_mean_square(np.sqrt(np.sum(1.0 / bins)))
     # a bin over the mean of m others is F-distributed with (2, 2 m) degrees; of the highest
     m = 2 * NEIGHBOURS - 4
-    line_allowed = m * ((RESIDUAL_RATE / (2.0 * int(condensed.first[-1]))) ** (-1.0 / m) - 1.0)
+    tested = residual.shape[1] * int(condensed.first[-1]) / 2.0
+    line_allowed = m * ((RESIDUAL_RATE / tested) ** (-1.0 / m) - 1.0)
     line, frequency, channel, cycles = max(lines, key=lambda own: own[0])
     return ResidualDiagnostics(
         *_chi2_inside(condensed, residual, parameters), bool(condensed.is_known.any()), band,

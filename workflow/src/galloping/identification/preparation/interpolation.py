@@ -61,7 +61,8 @@ def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> di
     penalty = 2.0 * np.log(sum(one.samples for one in cleaned))
     for name in undecided:
         fits = {}
-        for kind in (chosen[name], *_alternative_kinds(recordings, name)):
+        given = (each.between for one in recordings for each in one.inputs[name].alternatives)
+        for kind in dict.fromkeys((chosen[name], *given)):
             curves = [
                 _with_inputs(one, curve, problem, {**chosen, name: kind})
                 for one, curve in zip(used, smoothed, strict=True)
@@ -94,10 +95,6 @@ def held_inputs(problem: Problem, recordings: Sequence[Recording]) -> list[str]:
     return [
         name for name, kind in kinds.items() if kind == "zero" != recordings[0].inputs[name].between
     ]
-
-
-def _alternative_kinds(recordings: Sequence[Recording], name: str) -> list[str]:
-    return [one.between for one in recordings[0].inputs[name].alternatives]
 
 
 def with_interpolation(one: Input, kind: str) -> Input:

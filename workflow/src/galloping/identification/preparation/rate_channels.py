@@ -165,7 +165,7 @@ def _weak_integrals(
     for centre in np.arange(time[0] + length, time[-1] - length, length / 2):
         inside = slice(*first_from(time, (centre - length, centre + length)))
         t = time[inside]
-        if len(t) > 8 and np.max(np.diff(t, prepend=centre - length)) < 2.5 * step:
+        if len(t) > 8 and np.max(np.diff([centre - length, *t, centre + length])) < 2.5 * step:
             u = (t - centre) / length
             both = shape(u) * values[inside], test(u) * rates[inside]
             pairs.append([np.trapezoid(one, t) for one in both])

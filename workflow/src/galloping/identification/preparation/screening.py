@@ -64,11 +64,13 @@ def prepare_recordings(
 def without_faults(recording: Recording, period: float) -> Recording:
     """Remove the samples of stuck or saturated sensors from a recording.
 
-    A channel is saturated where many samples equal its largest or its smallest value exactly; those
-    samples are removed, with their neighbours within a grid step (period/24), whose noise the limit
-    truncates too.
+    A channel of values is saturated where many samples equal its largest or its smallest value
+    exactly; those samples are removed, with their neighbours within a grid step (period/24), whose
+    noise the limit truncates too.
     """
-    values = recording.values.copy()
+    values, rates = recording.values.copy(), recording.rates
+    if rates is not None:
+        rates = np.where(np.fmax.reduce(rates) > np.fmin.reduce(rates), rates, np.nan)
     for channel in values.T:
         good = np.isfinite(channel)
         least = max(5, 5e-4 * good.sum())  # a digital channel repeats some by chance
@@ -80,7 +82,7 @@ def without_faults(recording: Recording, period: float) -> Recording:
             if len(at) >= least:
                 distance = distance_to(recording.time[at], recording.time)
                 channel[distance <= period / GRID_PER_PERIOD * (1.0 + TIME_ROUNDING)] = np.nan
-    return replace(recording, values=values)
+    return replace(recording, values=values, rates=rates)
 
 
 def find_saturated_values(values: np.ndarray) -> list[float]:

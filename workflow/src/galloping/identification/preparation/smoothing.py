@@ -331,13 +331,22 @@ def with_integrals(recording: Recording) -> Recording:
     return replace(recording, values=values)
 
 
+def without_means(values: np.ndarray) -> np.ndarray:
+    """Subtract its mean from each channel, (n, n_channels), NaN where missing."""
+    known = np.isfinite(values)
+    count = np.maximum(known.sum(axis=0), 1)
+    return values - np.where(known, values, 0.0).sum(axis=0) / count
+
+
 def without_drift(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Subtract the offset and slow drift, a cubic polynomial in time, from samples.
 
     values: (n,), NaN where missing. The cubic is fitted with little weight at the ends, where
-    incomplete periods would count as drift.
+    incomplete periods would count as drift. The result is NaN if there are too few samples for it.
     """
     known = np.isfinite(values)
+    if known.sum() <= DRIFT_DEGREE + 1:
+        return np.full(len(values), np.nan)
     place = 2.0 * (time - time[0]) / (time[-1] - time[0]) - 1.0
     weight = np.cos(np.pi / 2.0 * place[known])
     return values - legval(place, legfit(place[known], values[known], DRIFT_DEGREE, w=weight))

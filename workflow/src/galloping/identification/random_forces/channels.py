@@ -72,8 +72,7 @@ class Channels:
             rate = np.full(len(recording.time), np.nan)
             if recording.rates is not None:
                 rate = recording.rates[:, i]
-                drifts = recording.unknown_offsets is not None and recording.unknown_offsets[i]
-                if drifts and np.isfinite(rate).any():
+                if recording.unknown_offsets is not None and recording.unknown_offsets[i]:
                     rate = without_drift(recording.time, rate)
             columns.append(np.where(apart, np.nan, rate))
         return np.array(columns).T

@@ -36,7 +36,7 @@ def state_space_model(
     channels, states = Channels.from_recordings([recording]), found.model.states
     averaged = bool(found.diagnostics.get("rates_averaged", False))
     channels = replace(channels, averaged=averaged and bool(channels.rates))
-    noise = [found.sigma[-1, i] for i in channels.values]
+    noise = list(np.fmax.reduce(found.sigma, axis=0)[list(channels.values)])
     noise += [found.diagnostics.get(f"noise_d{states[i]}", np.nan) for i in channels.rates]
     for name, value in zip(channels.names, noise, strict=True):
         if not np.isfinite(value):

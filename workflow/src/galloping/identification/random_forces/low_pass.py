@@ -60,8 +60,8 @@ def low_pass_recording(recording: Recording, below: float) -> Recording:
     Components slower than FLAT of it are unchanged, and white noise stays white: the filter is a
     root raised cosine, and a step is half a period of the frequency in the middle of its edge (J.
     G. Proakis and M. Salehi, Digital Communications, 2008, section 9.2). There are no samples
-    within REACH steps of the ends and of gaps. Raises ValueError if nothing is left, the samples
-    are no faster, or the values are exact.
+    within REACH steps of the ends and of gaps. Raises IdentificationError if nothing is left,
+    the samples are no faster, or the values are exact.
     """
     step = _filtered_step(below)
     own = recording.step

@@ -233,8 +233,12 @@ def find_peaks(step: float, grids: list[np.ndarray]) -> list[float]:
     if not len(power):
         return []
     frequency = omega[:: len(grids)] / (2.0 * np.pi)
-    near = neighbour_slices(frequency, frequency, AROUND)
-    around = [np.median(power[own], axis=0) for own in near]
+    # at most at so many frequencies of a long recording, and interpolated
+    places = np.geomspace(frequency[0], frequency[-1], min(len(frequency), 2000))
+    places = frequency if len(places) == len(frequency) else places
+    near = neighbour_slices(frequency, places, AROUND)
+    medians = np.array([np.median(power[own], axis=0) for own in near])
+    around = np.array([np.interp(frequency, places, own) for own in medians.T]).T
     height = np.max(power / np.maximum(around, np.finfo(float).tiny), axis=1)
     near = neighbour_slices(frequency, frequency, APART)
     highest = np.array([height[own].max() for own in near])

@@ -19,6 +19,7 @@ from galloping.arrays import round_down
 from galloping.identification.no_model import IdentificationError, NoModel, attempt
 from galloping.identification.observations import Code
 from galloping.identification.oscillations import MOST_DAMPING
+from galloping.identification.preparation.smoothing import without_means
 from galloping.identification.preparation.weak_form import MOST_MISFIT, Start
 from galloping.identification.random_forces.channels import Channels
 from galloping.recording.samples import Recording
@@ -68,7 +69,7 @@ def on_grids(recordings: Sequence[Recording]) -> tuple[float, list[np.ndarray]]:
     channels, step = Channels.from_recordings(recordings), typical_step(recordings)
     samples = [channels.samples(each) for each in recordings]
     return step, [
-        on_grid(each.time, own - np.nanmean(own, axis=0), step)
+        on_grid(each.time, without_means(own), step)
         for each, own in zip(recordings, samples, strict=True)
     ]
 
@@ -235,8 +236,8 @@ def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, 
         groups = len(power) // BINS
         own = power[: groups * BINS].reshape(groups, BINS, power.shape[1]).mean(axis=1)
         powers.append(own * step / len(grid) / share)
-        middle = (np.arange(groups) + 0.5) * BINS / (len(grid) * step)
-        frequencies.append(2.0 * np.pi * middle)
+        middle = np.arange(groups) * BINS + (BINS + 1) / 2  # bin, from that of the mean on
+        frequencies.append(2.0 * np.pi * middle / (len(grid) * step))
     omega = np.concatenate(frequencies)
     order = np.argsort(omega, kind="stable")
     return omega[order], np.concatenate(powers)[order]
@@ -253,11 +254,13 @@ def shortest_velocity_period(recordings: Sequence[Recording]) -> float:
 
     White noise is left out. Raises IdentificationError if the recordings show no motion.
     """
-    step, grids = on_grids(recordings)
+    channels, (step, grids) = Channels.from_recordings(recordings), on_grids(recordings)
     omega, power = estimate_spectra(grids, step)
     if not len(omega):
         raise IdentificationError(Code.MODES_UNDETERMINED)
-    above = above_noise(power) * omega[:, np.newaxis] ** 2
+    orders = dict(own for i in channels.pairs for own in channels.derivatives(i))
+    exponent = [2 - 2 * orders.get(c, 0) for c in range(power.shape[1])]
+    above = above_noise(power) * omega[:, np.newaxis] ** exponent
     share = np.cumsum(above, axis=0) / np.maximum(above.sum(axis=0), np.finfo(float).tiny)
     fastest = [omega[np.searchsorted(each, MOST_OF)] for each in share.T if each[-1] > 0.5]
     if not fastest:
@@ -278,9 +281,11 @@ def estimate_strengths(
     Returns covariances per second of white forces, in the equations (n_forced,) and then on the
     resonances, and of the drive of slow ones, (n_forced,), and spectra (n_channels,) of noise.
 
-    omega: (n,) rad/s, power: (n, n_channels). slow: rate of slow forces, 1/s; None: there are none.
+    omega: (n,) rad/s, power: (n, n_channels), zero where a channel is not recorded. slow: rate of
+    slow forces, 1/s; None: there are none.
     """
     n, many = power.shape
+    there = power > 0.0
     response = channels.response(begin.system, omega)[:, :, list(forced)]
     moved = np.abs(response) ** 2
     columns = list(moved.transpose(2, 0, 1))
@@ -291,8 +296,9 @@ def estimate_strengths(
     if slow is not None:
         columns += list((moved / (slow**2 + omega[:, None, None] ** 2)).transpose(2, 0, 1))
     columns += [np.broadcast_to(unit, (n, many)) for unit in np.eye(many)]
-    design = (np.array(columns) / power).reshape(len(columns), -1).T
+    design = (np.array(columns)[:, there] / power[there]).T
     scale = np.linalg.norm(design, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
     found, _ = nnls(design / scale, np.ones(len(design)))
     alone = np.linalg.norm(np.ones(len(design))) / scale
     found = np.maximum(found / scale, LEAST_SHARE * alone)

@@ -21,7 +21,7 @@ from galloping.identification.random_forces.steps import Steps, append_mean_rate
 from galloping.identification.work import count_work, work_limit
 from galloping.model.intervals import covariance_root
 from galloping.model.modes import Modes
-from galloping.model.polynomial import PolynomialModel
+from galloping.model.polynomial import PolynomialModel, exponent_matrix
 from galloping.recording.samples import Recording
 from galloping.trajectory.right_hand_side import Tables, make_tables
 
@@ -174,8 +174,7 @@ class StateSpaceModel:
     @cached_property
     def is_linear(self) -> bool:
         """Whether the equations are linear and independent of inputs."""
-        exponents: np.ndarray = np.array(self.model.terms)
-        n = len(self.size)
+        n, exponents = len(self.size), exponent_matrix(self.model.terms, len(self.model.names))
         others = (exponents[:, :n].sum(axis=1) > 1) | exponents[:, n:].any(axis=1)
         return not self.model.coefficients[:, others].any()
 

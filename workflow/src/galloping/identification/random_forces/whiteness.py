@@ -200,5 +200,5 @@ def _find_peak(grids: list[np.ndarray], step: float) -> tuple[float, float, int]
             ratio = own[k] / own[near].mean(axis=0)
             c = int(np.argmax(ratio))
             if ratio[c] > found[0]:
-                found = float(ratio[c]), (k + 0.5) * BINS / len(grid) / step, c
+                found = float(ratio[c]), (k * BINS + (BINS + 1) / 2) / len(grid) / step, c
     return found
