@@ -8,6 +8,7 @@ import pytest
 from identification_cases import model
 from lines import moved, simulate
 
+import galloping
 from galloping.evaluation.bounds import (
     Experiment,
     bounds_of,
@@ -215,3 +216,13 @@ def test_a_longer_chaotic_motion_tells_more_of_every_term() -> None:
     ]
     assert np.all(np.diff([bound.std for bound in ends], axis=0) < 0.0)
     assert ends[-1].std.max() == pytest.approx(0.2088377, rel=1e-6)  # in long double
+
+
+def test_a_number_is_an_input_that_stays() -> None:
+    pushed = galloping.parse_model("q = dq; dq = -q - 0.1 dq + F", inputs=["F"])
+    time = np.linspace(0.0, 20.0, 200)
+    held, constant = (
+        galloping.cramer_rao_bound(pushed, [1, 0], time, [0.1, 0.1], inputs={"F": force})
+        for force in (2.0, galloping.Input(time, np.full(200, 2.0)))
+    )
+    assert held == pytest.approx(constant, rel=1e-6, nan_ok=True)

@@ -131,6 +131,12 @@ def test_a_force_may_be_below_zero_and_a_little_outside_of_what_was_recorded():
     below = replace(oscillator(), diagnostics={"U_low": -3.0, "U_high": -1.0})
     with pytest.raises(ValueError, match=r"U = 4: .*-3 and -1; must be 0"):
         assess(below, {"U": 4.0})
+    for given, told in (
+        ({"X": 3.0}, "X is no input of the model; must be one of U"),
+        ({"U": []}, "U has no value"),
+    ):
+        with pytest.raises(ValueError, match=told):
+            assess(below, given)
 
 
 def test_a_range_ends_where_it_is_said_to():

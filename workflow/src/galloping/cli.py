@@ -296,7 +296,9 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
         mapping["inputs"] = mapping["inputs"] or loaded.model.inputs
     field = read_field([file], _mapping(file, mapping).with_between(_between(model)))
     if field.mapping.states != states:
-        raise ValueError(f"{model}: has the states {', '.join(states)}; --states must be the same")
+        raise ValueError(
+            f"{model}: has the states {', '.join(states)}, not {', '.join(field.mapping.states)}"
+        )
     inputs = inputs_after(field, loaded.model.inputs, at, inputs_file)
     for told in list_extrapolations(
         loaded, {name: getattr(one, "values", one) for name, one in inputs.items()}

@@ -165,7 +165,7 @@ def cramer_rao_bound(
     time: ArrayLike,
     sigma: ArrayLike,
     rate_sigma: ArrayLike | None = None,
-    inputs: Mapping[str, Input] | None = None,
+    inputs: Mapping[str, Input | float] | None = None,
 ) -> NDArray[np.float64]:
     """Compute the Cramér-Rao bound on the standard errors of a model's coefficients.
 
@@ -182,8 +182,8 @@ def cramer_rao_bound(
         Standard deviation of the noise of each state; infinite for a state that is not measured.
     rate_sigma : (n_states,) array, optional
         The same for the derivative of each state, such as an acceleration.
-    inputs : mapping of str to Input, optional
-        Every input of the model by name.
+    inputs : mapping of str to Input or float, optional
+        Every input of the model by name; a number is constant.
 
     Returns
     -------

@@ -134,10 +134,11 @@ def write_rows(
         writer = csv.DictWriter(file, fieldnames=columns, lineterminator="\n")
         writer.writeheader()
         for row in rows:
-            writer.writerow({key: _text(value) for key, value in row.items()})
+            writer.writerow({key: as_cell(value) for key, value in row.items()})
 
 
-def _text(value: object) -> object:
+def as_cell(value: object) -> object:
+    """Return a value as a cell of a CSV file: ten digits of a number, empty for NaN."""
     if isinstance(value, float):
         return "" if value != value else f"{value:.10g}"
     return value

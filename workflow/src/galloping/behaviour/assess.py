@@ -25,7 +25,7 @@ from galloping.behaviour.following import simulator_of
 from galloping.cycles.continuation import Point, Range
 from galloping.cycles.diagram import Diagram, diagram, equilibrium_branch, hopf_points
 from galloping.cycles.family import Family, constant
-from galloping.cycles.limit_cycles import at_value, cycle_from_motion
+from galloping.cycles.limit_cycles import at_value, find_cycle_from_motion
 from galloping.cycles.prediction import find_nearby_cycles, intervals
 from galloping.cycles.settling import Pace, Settled, estimate_missing_sizes, settle_in_periods
 from galloping.identification.identified_model import IdentifiedModel
@@ -77,7 +77,14 @@ def assess(
         raise ValueError(f"there is no model to assess: {found.reason}")
     asked = dict(at or {})
     several = [name for name, value in asked.items() if np.ndim(value)]
-    missing = [name for name in found.model.inputs if name not in asked]
+    known = found.model.inputs
+    for name, value in asked.items():
+        if name not in known:
+            there = f"must be one of {', '.join(known)}" if known else "the model has no inputs"
+            raise ValueError(f"{name} is no input of the model; {there}")
+        if not np.size(value):
+            raise ValueError(f"{name} has no value")
+    missing = [name for name in known if name not in asked]
     if missing:
         name = missing[0]
         raise ValueError(f"the model has the input {name}; say at which, --at {name}=VALUE")
@@ -180,16 +187,12 @@ def _assess_condition(
     for start in (begin, *(rest + KICK * size for rest in rests), middle + BEYOND * size):
         passing("settle")
         motion = motion if start is begin else _settle_motion(best, start)
-        if motion.kind != "cycle":
-            ends.append(motion.kind)
+        found = find_cycle_from_motion(constant(best, size), 0.0, motion)
+        if found is None:  # a motion that neither grows nor dies out may be on no cycle
+            ends.append("irregular" if motion.kind == "cycle" else motion.kind)
             continue
-        try:
-            point = cycle_from_motion(constant(best, size), 0.0, motion.time, motion.states, 1.0)
-        except ValueError:  # one that neither grows nor dies out is on no cycle
-            ends.append("irregular")
-            continue
-        if np.all(point.solution.half_range() < CEILING * size):  # further off no model is told
-            _add_cycle(cycles, point, size)
+        if np.all(found.solution.half_range() < CEILING * size):  # further off no model is told
+            _add_cycle(cycles, found, size)
     return Condition(
         dict(at),
         tuple(_describe_equilibrium(here, rest, size) for rest in rests),

@@ -209,7 +209,7 @@ def point_at(problem: BranchProblem, at: Equations, border: np.ndarray) -> Point
 def first_point(problem: BranchProblem, guess: np.ndarray, border: np.ndarray) -> Point:
     """Compute the first point of a branch from a guess of its solution.
 
-    See `corrected` and `point_at`. Raises ValueError if there is no solution.
+    See `correct_guess` and `point_at`. Raises ValueError if there is no solution.
     """
     try:
         return point_at(problem, correct_guess(problem, guess, border), border)

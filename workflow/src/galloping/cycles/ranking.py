@@ -53,8 +53,8 @@ def derive_parts(case: Mapping) -> Split:
 def apply_measure(parts: Split, case: Mapping, measure: Measure) -> Split:
     """Compute the model of an overhead line after a countermeasure to galloping, such as a damper.
 
-    The model is identified, or that of `derived`. Each part changes in proportion, as it does in
-    the derivation. parts: of the line that `case` describes.
+    The model is identified, or that of `derive_parts`. Each part changes in proportion, as it does
+    in the derivation. parts: of the line that `case` describes.
     """
     after = measure.change(case)
     old, new = derive_parts(case), derive_parts(after)
@@ -109,11 +109,11 @@ def with_measure(
 ) -> dict:
     """Compute onset, amplitudes and clearance of an overhead line with one countermeasure.
 
-    The result is a table row. The line that `case` describes is identified or `derived`. draws: (n,
-    n_values) samples of the parts' values, for the intervals; may be empty. A number has the
-    interval `_low` and `_high`, NaN if unknown: critical_wind_m_s, infinite if the line never
-    gallops; vertical_amplitude_m and horizontal_amplitude_m, at the design wind; clearance_m. kind:
-    of the motion there, `cycle`, `rest`, or another.
+    The result is a table row. The model of the line that `case` describes is identified, or that of
+    `derive_parts`. draws: (n, n_values) samples of the parts' values, for the intervals; may be
+    empty. A number has the interval `_low` and `_high`, NaN if unknown: critical_wind_m_s, infinite
+    if the line never gallops; vertical_amplitude_m and horizontal_amplitude_m, at the design wind;
+    clearance_m. kind: of the motion there, `cycle`, `rest`, or another.
     """
     line = apply_measure(parts, case, measure)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -122,7 +122,7 @@ def with_measure(
     motion = settle(simulator, line.model(design.wind), design.start)
     kind, v, w, room = motion.kind, *(((np.nan,) * 3,) * 3)
     # near the critical wind a motion may die out too slowly to settle
-    if kind == "rest" or (kind != "cycle" and critical >= design.wind):
+    if kind == "rest" or (kind == "irregular" and critical >= design.wind):
         still = clearance(np.zeros((1, 2)), np.zeros((1, 2)), design.distance)
         kind, v, w, room = "rest", (0.0,) * 3, (0.0,) * 3, (still,) * 3
     elif np.all(np.isfinite(motion.states)):

@@ -40,7 +40,11 @@ def sensitivities(
     diverges = "the solution of the model diverges, or its time scale is too short"
     if model.inputs:
         checked = check_inputs(model, inputs or {}, time)
-        measured = [one for one in checked.values() if isinstance(one, Input)]  # all are
+        ends = time[[0, -1]]
+        measured = [
+            one if isinstance(one, Input) else Input(ends, [one, one], between="linear")
+            for one in checked.values()
+        ]
         most = EQUAL_STEPS * max_steps(time)
         try:
             states, moved, _ = solve_driven(

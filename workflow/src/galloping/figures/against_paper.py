@@ -5,7 +5,6 @@ from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from galloping.figures import parts, style
@@ -17,15 +16,6 @@ BY_NAME = {claim.name: claim for claim in CLAIMS}
 OURS = style.method_style(PAPER_METHOD).color  # of realisations of the paper's method
 LEAST, LEAST_SHOWN = -12.0, -6.0  # powers of ten: where less probable readings are, the axis
 RANGE = {"color": style.FAINT, "height": 0.55}
-
-
-def _percent_axis(axes: Axes, low: float, high: float, label: str) -> tuple[float, float]:
-    """Set a logarithmic axis of percent with a tick per decade, and return its limits."""
-    axes.set_xscale("log")
-    ticks = 10.0 ** np.arange(np.log10(low), np.log10(high) + 1)
-    axes.set(xlim=(low / 1.5, high * 1.5), xlabel=label)
-    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-    return low, high
 
 
 def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
@@ -44,7 +34,9 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
     height = 0.85 + 0.185 * max(len(numbers), len(bounds))
     figure, ((left, right),) = parts.panels(height, 1, 2, width_ratios=(1.1, 1))
     parts.letter(left, 0, "errors that the paper prints")
-    limits = _percent_axis(left, 1e-2, 1e3, "error, %")
+    limits = 1e-2, 1e3
+    left.set(xscale="log", xlim=(limits[0] / 1.5, limits[1] * 1.5), xlabel="error, %")
+    left.set_xticks(ticks := 10.0 ** np.arange(-2, 4), [f"{tick:g}" for tick in ticks])
     for k, row in enumerate(numbers.itertuples()):
         bar = {"lw": 3.0, "alpha": 0.45}
         parts.dot(left, k, (row.median, row.low, row.high), limits, OURS, "o", 4, bar=bar)

@@ -135,7 +135,6 @@ STATES = {"v": "q_v", "w": "q_w"}
 AMPLITUDES = {"v": "vertical_amplitude", "w": "horizontal_amplitude"}  # stems of columns, in m
 SMALL = 0.35  # velocity over wind speed, 20 degrees: the model's load is that of small angles
 HIGHEST = 6.0  # m: larger motions, a sag or more, are drawn alike in the map
-APART = 0.03  # decades between protocols
 MARKS = {
     "Hopf": "o",
     "fold of cycles": "D",
@@ -145,8 +144,8 @@ MARKS = {
 }
 
 
-def _set_title(axes: Axes, index: int, state: str, more: str = "") -> None:
-    parts.letter(axes, index, f"{style.DIRECTIONS[state]}, {style.STATE_LABELS[state]}{more}")
+def _set_title(axes: Axes, index: int, state: str) -> None:
+    parts.letter(axes, index, f"{style.DIRECTIONS[state]}, {style.STATE_LABELS[state]}")
 
 
 def draw_limit_cycles(

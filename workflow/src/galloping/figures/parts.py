@@ -36,13 +36,8 @@ class ShownFigure(Figure):
 
 def write_reason(axes: Axes, reason: str) -> None:
     """Empty a panel of a figure, and write in it the reason why there is nothing to plot."""
-    hidden: dict[str, Any] = {
-        "bottom": False,
-        "left": False,
-        "labelbottom": False,
-        "labelleft": False,
-    }
-    axes.tick_params(which="both", **hidden)  # others may share the ticks themselves
+    # others may share the ticks themselves
+    axes.tick_params(which="both", bottom=False, left=False, labelbottom=False, labelleft=False)
     axes.spines[:].set_visible(False)
     axes.text(0.5, 0.5, reason, transform=axes.transAxes, ha="center", va="center", color=QUIET)
 
@@ -178,20 +173,13 @@ def r2_place(r2: float | np.ndarray) -> float | np.ndarray:
     return -np.log10(1 - np.clip(r2, *R2_LIMITS))
 
 
-def prepare_r2(
-    axes: Axes, label: str, vertical: bool = True, ticks: Sequence[float] = R2_TICKS
-) -> None:
-    """Set up a panel's x or y axis for R2, with a scale that spreads values near 1.
-
-    vertical: the y axis, else the x axis. Positions are those of `r2_place`.
-    """
+def prepare_r2(axes: Axes, label: str) -> None:
+    """Set up a panel's y axis for R2, at the positions of `r2_place`."""
     low, high = (float(r2_place(each)) for each in R2_LIMITS)
     names = {R2_LIMITS[0]: f"≤ {R2_LIMITS[0]:g}", R2_LIMITS[1]: f"≥ {R2_LIMITS[1]:g}"}
-    labels, limits = [names.get(r, f"{r:g}") for r in ticks], (low - 0.25, high + 0.25)
-    axis = axes.yaxis if vertical else axes.xaxis
-    (axes.set_ylim if vertical else axes.set_xlim)(limits)
-    axis.set_ticks(r2_place(np.array(ticks)), labels)
-    axis.set_label_text(label)
+    labels = [names.get(r, f"{r:g}") for r in R2_TICKS]
+    axes.set(ylim=(low - 0.25, high + 0.25), ylabel=label)
+    axes.set_yticks(r2_place(np.array(R2_TICKS)), labels)
 
 
 # --- values with intervals ---

@@ -189,7 +189,7 @@ class Problem:
     ) -> np.ndarray:
         """Fit polynomials in time to the monomials of inputs, in each window of `step` seconds.
 
-        first: (n_recordings + 1,) first window of each recording. As `recording.windowed`, one
+        first: (n_recordings + 1,) first window of each recording. As `fit_windows`, one
         recording after the other.
         """
         degree, powers = 3, []  # in time; from 4 on jagged inputs need windows of a quarter
@@ -205,7 +205,7 @@ class Problem:
     ) -> np.ndarray:
         """Compute how far the polynomials of `input_factors` deviate from the inputs.
 
-        The errors are those of `recording.fit_errors`, the largest of all recordings, (3,
+        The errors are those of `fit_errors`, the largest of all recordings, (3,
         n_factors). powers: of `input_factors`.
         """
         found = [

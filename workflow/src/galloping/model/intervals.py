@@ -35,42 +35,34 @@ class Identified(Protocol):
     @property
     def model(self) -> PolynomialModel:
         """The identified model with its equations."""
-        ...
 
     @property
     def support(self) -> np.ndarray:
         """Whether each term is present in each identified equation."""
-        ...
 
     @property
     def covariance(self) -> np.ndarray:
         """Covariance matrix of the identified coefficients."""
-        ...
 
     @property
     def rivals(self) -> np.ndarray:
         """Coefficients of rival models, which have other terms."""
-        ...
 
     @property
     def rival_share(self) -> float:
         """Total posterior probability of the rival models."""
-        ...
 
     @property
     def bounds(self) -> tuple[Bound, ...]:
         """Known lower and upper bounds of coefficients."""
-        ...
 
     @property
     def extrapolation_shift(self) -> np.ndarray:
         """Mean change of the coefficients if terms of the next degrees were included."""
-        ...
 
     @property
     def extrapolation_covariance(self) -> np.ndarray:
         """Covariance of the coefficients' changes if terms of the next degrees were included."""
-        ...
 
 
 def draw_normal(

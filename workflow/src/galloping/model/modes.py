@@ -39,11 +39,6 @@ class Modes(NamedTuple):
         return -self.values.real / self.omega
 
     @property
-    def stable(self) -> bool:
-        """Whether all modes decay."""
-        return bool(np.all(self.values.real < 0))
-
-    @property
     def oscillating(self) -> NDArray[np.intp]:
         """Indices of the oscillating modes in order of frequency, one per conjugate pair."""
         places = np.flatnonzero(self.values.imag > 0)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 VALUE, AT_LEAST, AT_MOST, FEW, BEYOND = "value", "at_least", "at_most", "few", "beyond"
-COUNTED, IMPLIED = "counted", "implied"
+COUNTED = "counted"
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Claim:
     BEYOND (without a number for assessment). printed: the number, NaN for BEYOND. words: of the
     paper instead of a number. unit: after a number in a table. tolerance: by how much a bound may
     be missed that represents a word such as "exact". source: place in the paper. role: COUNTED, or
-    IMPLIED by other claims. note: on the interpretation of a word, or why it cannot be assessed.
+    implied by other claims. note: on the interpretation of a word, or why it cannot be assessed.
     """
 
     name: str
@@ -168,23 +168,13 @@ def judge(claim: Claim, scores: pd.DataFrame) -> dict:
     """
     values = claim.values(scores)
     if not len(values):
-        nothing = dict.fromkeys(
-            (
-                "median",
-                "low",
-                "high",
-                "ratio",
-                "spread",
-                "share_met",
-                "share_met_low",
-                "share_met_high",
-            )
-        )
-        return {
-            **nothing,
+        numbers = ("median", "low", "high", "ratio", "spread")
+        shares = ("share_met", "share_met_low", "share_met_high")
+        reason = "the study lacks these recordings"
+        return dict.fromkeys(numbers + shares) | {
             "replicates": 0,
             "verdict": "not run",
-            "reason": "the study lacks these recordings",
+            "reason": reason,
         }
     median, low, high = median_and_interval(values.tolist())
     number = claim.is_number

@@ -243,7 +243,7 @@ def paper_draws(
 ) -> pd.DataFrame:
     """Score the reproduced paper's identification method over random noise realisations.
 
-    case: as of `study.cells.Case.released`. threshold, kinematics: as of `stlsq.raw`. A draw
+    case: as of `study.cells.Case.released`. threshold, kinematics: as of `stlsq.fit_raw`. A draw
     depends on `seed`, `name`, its cell and its number only. Columns kind, level, points, replicate,
     and those of `evaluation.score.score`. Without noise all draws are equal, and there is one.
     """

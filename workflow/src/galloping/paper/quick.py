@@ -147,8 +147,8 @@ class QuickStudy:
 def identify_coefficients(drawn: Products, method: MethodReading) -> np.ndarray:
     """Compute the coefficients that the paper's method identifies from each of many recordings.
 
-    Returns (k, m, p), as of `Products`. The fixed points are those of `stlsq.raw` and
-    `stlsq.normalised`.
+    Returns (k, m, p), as of `Products`. The fixed points are those of `stlsq.fit_raw` and
+    `stlsq.fit_normalised`.
     """
     grams, moments, across = drawn.grams, drawn.moments, drawn.across
     lengths, scale = np.ones(grams.shape[::2]), np.ones(across.shape)

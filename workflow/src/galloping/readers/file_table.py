@@ -152,8 +152,8 @@ def read_table(
 ) -> FileTable:
     """Read the columns of a text, Excel, Parquet, HDF5, NetCDF or MATLAB file.
 
-    The suffix of the file gives its format. Suffixes are .csv .txt .tsv .dat .xlsx .parquet .h5
-    .hdf5 .nc .mat. decimal: the decimal mark of text tables. time: the column of times, by which
+    The suffix of the file gives its format: .csv .txt .tsv .dat .asc .xlsx .parquet .h5 .hdf5 .nc
+    .mat. decimal: the decimal mark of text tables. time: the column of times, by which
     their header differs from lines above it. If these are None, the rows determine them. rows: of
     text, at most. The `unit` of fields in a `datapackage.json` beside a file (Frictionless Data)
     counts as the file's own. Raises FileError.

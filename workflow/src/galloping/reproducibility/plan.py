@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from statistics import fmean
 from typing import ClassVar
@@ -83,7 +83,7 @@ class Plan:
         """Folder into which the study writes its results."""
         return self.settings["results"]
 
-    @property
+    @cached_property
     def maker(self) -> dict[str, PlannedJob]:
         """Mapping from each output file to the job that makes it."""
         return {path: job for job in self.jobs for path in job.outputs}

@@ -244,17 +244,11 @@ def write_reconstructions(
 def read_reconstructions(path: str | os.PathLike) -> dict[str, Reconstruction]:
     """Read summaries of the motions simulated with identified models, by method."""
     with np.load(path) as file:
-        return {method: Reconstruction(**of) for method, of in _by_method(file).items()}
-
-
-def _by_method(file: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
-    """Group arrays that are stored as `method/name`."""
-    methods: dict[str, dict[str, np.ndarray]] = {}
-    for key in file:
-        method, is_of_one, name = key.partition("/")
-        if is_of_one:
+        methods: dict[str, dict[str, np.ndarray]] = {}
+        for key in file:  # method/name
+            method, _, name = key.partition("/")
             methods.setdefault(method, {})[name] = file[key]
-    return methods
+    return {method: Reconstruction(**of) for method, of in methods.items()}
 
 
 # --- assessment/{case}/orbits.npz: settled orbits at mid-span ---

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from functools import reduce
+from itertools import product
 from operator import getitem
 
 from galloping.configuration.load import plain
@@ -16,24 +17,14 @@ from galloping.study.cells import Case, Cell, Study
 Pair = tuple[Protocol, Method]
 
 
-def is_usable_pair(pair: Pair) -> bool:
-    """Decide whether a method can use the full-length recordings of a measurement setup."""
-    protocol, method = pair
-    return method.can_use(protocol, uniform=True)
-
-
 def paper_pair(study: Study) -> Pair:
     """Return the reproduced paper's measurement setup and method, or else the first usable pair.
 
-    Usable is what the study can run.
+    A pair is usable if the method can use full-length recordings of the setup.
     """
-    pairs = list(
-        filter(
-            is_usable_pair, ((protocol, m) for m in study.methods for protocol in study.protocols)
-        )
-    )
-    papers = (pair for pair in pairs if is_papers(pair))
-    return next(papers, pairs[0])
+    every = product(study.methods, study.protocols)
+    pairs = [(protocol, method) for method, protocol in every if method.can_use(protocol, True)]
+    return next(filter(is_papers, pairs), pairs[0])
 
 
 def is_papers(pair: Pair) -> bool:

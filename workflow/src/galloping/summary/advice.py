@@ -111,6 +111,8 @@ def _list_options(
     for k in released:
         if np.isfinite(recording.values[:, k]).any():
             recorded = np.nanmax(np.abs(recording.values[:, k] - rest[k]))
+            if not recorded:
+                continue
             away = FARTHER * recorded
             height = round(rest[k] + away, 1 - floor(log10(away)))
             start = first.initial_state.copy()

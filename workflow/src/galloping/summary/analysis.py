@@ -273,7 +273,7 @@ def write_outputs(
 ) -> None:
     """Write the model, its tables, the data-quality reports and the summary to a folder.
 
-    beside: as of `findings`.
+    beside: as of `compute_numbers`.
     """
     identified, states, inputs = of.found, of.found.model.states, dict(field.series[0].units)
     write_json(folder / "quality.json", list(field.reports))

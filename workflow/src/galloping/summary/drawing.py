@@ -42,7 +42,7 @@ def draw_quality(
 ) -> Figure:
     """Plot samples and spectrum of each channel and input of each file, with gaps shaded.
 
-    series: of each file. reports: of `field.quality`, of each file. mapping: names the channels.
+    series: of each file. reports: of `quality`, of each file. mapping: names the channels.
     """
     rows = []
     for of_file, report in zip(series, reports, strict=True):

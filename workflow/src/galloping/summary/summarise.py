@@ -46,7 +46,8 @@ from galloping.passes import part, passing
 from galloping.readers.units import NONE
 from galloping.recording.samples import Input, Recording, typical_inputs
 from galloping.summary.advice import Advice, advice
-from galloping.summary.wording import summary_text
+from galloping.summary.numbers import compute_numbers
+from galloping.summary.wording import render_summary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -81,7 +82,7 @@ class Summary(Immutable):
     recordings : tuple of Recording
     dynamics : Dynamics or None
         Equilibrium, natural frequencies, damping and limit cycle.
-    held_out : HeldOut or None
+    held_out : ScoredForecast or None
         Forecast of the end of the last recording by a model identified without it. If that end is
         too short, it is the end of the longest recording.
     untried : str
@@ -119,7 +120,7 @@ class Summary(Immutable):
         return [*held_out, *([self.forecast] if self.forecast else [])]
 
     def __str__(self) -> str:
-        return summary_text(self)
+        return render_summary(self, compute_numbers(self))
 
     def _repr_markdown_(self) -> str:
         """Format the summary for notebooks."""

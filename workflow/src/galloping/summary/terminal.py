@@ -1,5 +1,6 @@
 """Output of the command: rows and JSON, and progress on standard error."""
 
+import csv
 import json
 import math
 import sys
@@ -91,23 +92,19 @@ def json_text(content: object, **options: Any) -> str:
 
 def print_rows(rows: Iterable[dict], as_json: bool) -> None:
     """Print rows one by one as CSV or as a JSON list, which is closed even after an error."""
+    from galloping.storage import as_cell
+
+    table = csv.writer(sys.stdout, lineterminator="\n")
     between = "["
     try:
         for row in rows:
             if as_json:
                 click.echo(between + json_text(row), nl=False)
             else:
-                names = f"{','.join(row)}\n" if between == "[" else ""
-                click.echo(names + ",".join(map(_cell, row.values())))
+                if between == "[":
+                    table.writerow(row)
+                table.writerow(map(as_cell, row.values()))
             between = ",\n"
     finally:
         if as_json:
             click.echo("]" if between != "[" else "[]")
-
-
-def _cell(value: object) -> str:
-    """Format a CSV cell: ten digits of a number, and text in quotation marks if needed."""
-    if isinstance(value, float):
-        return f"{value:.10g}"
-    text = str(value)
-    return f'"{text}"' if "," in text else text

@@ -33,7 +33,6 @@ from galloping.summary.numbers import (
     RecordedMotion,
     SummaryNumbers,
     SystemEstimates,
-    compute_numbers,
     is_damping_undetermined,
     is_undamped,
 )
@@ -68,21 +67,11 @@ STEADY = 12.0  # such factors, that the interval of a damping holds
 MOST_PROBLEMS = 5  # of samples, that are told before the technical part
 
 
-def summary_text(
-    of: "Summary", reports: Sequence[dict] = (), beside: "tuple[str, Dynamics | None] | None" = None
-) -> str:
-    """Format the text of summary.md: results, their reliability, advice and technical details.
-
-    reports: of `quality`, if the recordings come from files. beside: a name, and known properties
-    of the line by that name.
-    """
-    return render_summary(of, compute_numbers(of, reports, beside), reports)
-
-
 def render_summary(of: "Summary", told: SummaryNumbers, reports: Sequence[dict] = ()) -> str:
-    """Render the text of summary.md from a summary and the numbers collected from it.
+    """Render the text of summary.md: results, their reliability, advice and technical details.
 
-    reports: as of `summary_text`.
+    told: the numbers collected from the summary. reports: of `quality`, if the recordings come from
+    files.
     """
     found, known = of.found, of.dynamics
     problems = [

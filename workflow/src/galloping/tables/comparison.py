@@ -194,7 +194,7 @@ REASONS = {
     PROCESSOR: "processors differ: so may numbers where the data cannot tell models apart",
 }
 
-# Of `differences`; the last says of what kind a difference is.
+# The last says of what kind a difference is.
 DIFFERENCE_COLUMNS = ("table", *COLUMNS, "verdict")
 SUMMARY_COLUMNS = (
     "table", "rows_compared", "rows_only_in_reference", "rows_only_in_this_run", "values_compared",

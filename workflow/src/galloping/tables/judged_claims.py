@@ -38,7 +38,7 @@ PAPER_COLUMNS = (
     "reason",
 )  # fmt: skip
 JOINT, BEYOND = "joint", "beyond"  # roles of rows that no single claim counts for
-# of `judged` and of paper.csv: as they are called in claims.csv
+# here and in paper.csv: as they are called in claims.csv
 NAMES = {"median": "study_value", "printed": "paper_value"}
 PAPER = (PAPER_PROTOCOL, PAPER_METHOD)
 STEADY, ATTACK = "steady_change", "attack_angle"  # columns of the line's own motion

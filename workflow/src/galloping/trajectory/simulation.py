@@ -132,7 +132,7 @@ class Simulator:
             Ending.NOT_FINITE: "diverged: not finite",
             Ending.BEYOND_LIMIT: f"diverged: |x| exceeded {limit:g}",
         }[ending]
-        return pad_ended_motion(time, states, f"{why} at t = {end:.4g} s", self.states)
+        return self._ended(time, states, f"{why} at t = {end:.4g} s")
 
     def _driven(
         self,
@@ -157,7 +157,7 @@ class Simulator:
             states, _, self._step = solve_driven(model, own, x0, time, step, steps)
         except FloatingPointError as error:
             nowhere = np.empty((0, len(self.states)))
-            return pad_ended_motion(time, nowhere, f"stopped: {error}", self.states)
+            return self._ended(time, nowhere, f"stopped: {error}")
         limit = _divergence_limit(x0) if limit is None else limit
         with np.errstate(over="ignore", invalid="ignore"):
             far = ~(np.sum(states**2, axis=1) < limit**2)
@@ -165,21 +165,17 @@ class Simulator:
             return Trajectory(time, states, "ok", self.states)
         at = int(np.argmax(far))
         why = f"diverged: |x| exceeded {limit:g} at t = {time[at]:.4g} s"
-        return pad_ended_motion(time, states[:at], why, self.states)
+        return self._ended(time, states[:at], why)
 
+    def _ended(
+        self, time: NDArray[np.float64], states: NDArray[np.float64], status: str
+    ) -> Trajectory:
+        """Make a Trajectory from a motion that ended early, with NaN at the missing times.
 
-def pad_ended_motion(
-    time: NDArray[np.float64],
-    states: NDArray[np.float64],
-    status: str,
-    names: tuple[str, ...] = (),
-) -> Trajectory:
-    """Make a Trajectory from a motion that ended early, with NaN at the missing times.
-
-    states: (k, n_states), of the first k times.
-    """
-    missing = np.full((len(time) - len(states), states.shape[1]), np.nan)
-    return Trajectory(time, np.concatenate([states, missing]), status, names)
+        states: (k, n_states), of the first k times.
+        """
+        missing = np.full((len(time) - len(states), states.shape[1]), np.nan)
+        return Trajectory(time, np.concatenate([states, missing]), status, self.states)
 
 
 def _divergence_limit(x0: NDArray[np.float64]) -> float:

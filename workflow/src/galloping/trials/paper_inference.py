@@ -1,6 +1,6 @@
 """Inference of the paper's unprinted numbers, for one reading of its words and digits.
 
-The likelihood of a setting is that of `paper.likelihood`, estimated from a few draws of the noise.
+The likelihood of a setting is that of `paper.agreement`, estimated from a few draws of the noise.
 The estimate is unbiased, so importance sampling with it integrates the unknowns out exactly as if
 the likelihood were known (pseudo-marginal; C. Andrieu and G. O. Roberts 2009): settings are drawn
 from a proposal and weighted by prior times likelihood over proposal. The mean weight estimates the
@@ -68,7 +68,6 @@ FIRST_ROUND = {  # ratios: see above
     "initial_vertical": (0.5, 2.0),
     "initial_horizontal": (0.5, 2.0),
 }
-SHIFTED = [name in FIRST_ROUND for name in NAMES]
 
 
 @cache
