@@ -26,7 +26,7 @@ def sensitivities(
     free: np.ndarray,
     initial_state: np.ndarray,
     time: np.ndarray,
-    inputs: Mapping[str, Input] | None = None,
+    inputs: Mapping[str, Input | float] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Simulate a model together with the sensitivities to its coefficients and initial state.
 
@@ -78,7 +78,7 @@ class Experiment:
     time: np.ndarray
     sigma: np.ndarray
     rate_sigma: np.ndarray | None = None
-    inputs: Mapping[str, Input] = field(default_factory=dict)
+    inputs: Mapping[str, Input | float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
