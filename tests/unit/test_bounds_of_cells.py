@@ -222,7 +222,9 @@ def test_a_number_is_an_input_that_stays() -> None:
     pushed = galloping.parse_model("q = dq; dq = -q - 0.1 dq + F", inputs=["F"])
     time = np.linspace(0.0, 20.0, 200)
     held, constant = (
-        galloping.cramer_rao_bound(pushed, [1, 0], time, [0.1, 0.1], inputs={"F": force})
+        galloping.cramer_rao_bound(
+            pushed, [1, 0], time, [0.1, 0.1], [1.0, 1.0], inputs={"F": force}
+        )
         for force in (2.0, galloping.Input(time, np.full(200, 2.0)))
     )
     assert held == pytest.approx(constant, rel=1e-6, nan_ok=True)

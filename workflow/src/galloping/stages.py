@@ -207,7 +207,12 @@ def cramer_rao_bound(
             raise ValueError(f"{name}: {deviations.tolist()}; each must be > 0")
     pairs = np.argwhere(model.support)
     free = pairs[~np.isin(pairs[:, 0], list(velocity_pairs(model.states)))]
-    experiment = Experiment(start, as_increasing("time", time), **noise, inputs=inputs or {})
+    times = as_increasing("time", time)
+    driving = {
+        name: one if isinstance(one, Input) else Input(times[[0, -1]], [one, one], between="linear")
+        for name, one in check_inputs(model, inputs or {}, times).items()
+    }
+    experiment = Experiment(start, times, **noise, inputs=driving)
     return on_library(model, state_bound(model, free, [experiment]))
 
 

@@ -26,7 +26,7 @@ def sensitivities(
     free: np.ndarray,
     initial_state: np.ndarray,
     time: np.ndarray,
-    inputs: Mapping[str, Input | float] | None = None,
+    inputs: Mapping[str, Input] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Simulate a model together with the sensitivities to its coefficients and initial state.
 
@@ -40,11 +40,7 @@ def sensitivities(
     diverges = "the solution of the model diverges, or its time scale is too short"
     if model.inputs:
         checked = check_inputs(model, inputs or {}, time)
-        ends = time[[0, -1]]
-        measured = [
-            one if isinstance(one, Input) else Input(ends, [one, one], between="linear")
-            for one in checked.values()
-        ]
+        measured = [one for one in checked.values() if isinstance(one, Input)]  # all are
         most = EQUAL_STEPS * max_steps(time)
         try:
             states, moved, _ = solve_driven(
@@ -78,7 +74,7 @@ class Experiment:
     time: np.ndarray
     sigma: np.ndarray
     rate_sigma: np.ndarray | None = None
-    inputs: Mapping[str, Input | float] = field(default_factory=dict)
+    inputs: Mapping[str, Input] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
