@@ -52,6 +52,12 @@ def test_a_camera_of_unknown_scale_is_calibrated_by_the_accelerometer():
     assert told == pytest.approx([1.15, 1.15], rel=4e-3)
     assert np.nanmax(np.abs(deviations(both, LINE))) < 5
     assert (alone.status, alone.codes) == ("refused", "scale_undetermined")
+    gaps = measured.values.copy()
+    gaps[TIME % 9.0 < 0.5] = np.nan
+    rates = np.where(TIME[:, None] % 9.0 < 0.5, np.nan, measured.rates)
+    broken = maximum_likelihood(replace(measured, values=gaps, rates=rates), TERMS)
+    told = [broken.diagnostics[f"scale_{state}"] for state in ("q_v", "q_w")]
+    assert told == pytest.approx([1.15, 1.15], rel=1e-2)
     assert alone.findings[0].subject == "q_v"
 
 

@@ -7,7 +7,8 @@ import pytest
 from ambient import DAMPING, FREQUENCIES, STATES, displacements, swing, two_modes
 from scipy.signal import lfilter
 
-from galloping import maximum_likelihood
+from galloping import maximum_likelihood, parse_model
+from galloping.identification.random_forces.start import BINS, estimate_spectra
 from galloping.identification.random_forces.unmodelled import find_unmodelled_modes
 from galloping.model.intervals import decay_interval
 from galloping.model.polynomial import PolynomialModel, polynomial_library
@@ -164,6 +165,37 @@ def test_several_recordings_tell_more(ambient):
     both = maximum_likelihood([recording, other], LINEAR)
     assert np.sqrt(np.diag(both.covariance)).sum() < 0.85 * np.sqrt(np.diag(found.covariance)).sum()
     assert both.initial_states.shape == (2, 4)
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_sensor_of_one_recording_counts_there_and_a_dead_one_nowhere():
+    (recording, states, system), other = two_modes(), two_modes(9)[0]
+    rates = np.full(states.shape, np.nan)
+    noise = 0.1 * np.random.default_rng(3).standard_normal(len(states))
+    rates[:, 3] = states @ system[3] + noise
+    first = replace(recording, rates=rates)
+    found = maximum_likelihood([first, other], LINEAR)
+    assert (found.status, found.is_forced) == ("ok", True)
+    assert found.diagnostics["noise_ddq_w"] == pytest.approx(0.1, rel=0.1)
+    assert np.all(np.isfinite(forecast(found, first[:5000], recording.time[5000:5010]).low))
+    dead = replace(recording, rates=np.where(np.isfinite(rates), 0.25, np.nan))
+    assert maximum_likelihood(dead, LINEAR).status == "ok"
+
+
+def test_functions_of_the_library_that_random_forces_leave_out_are_no_obstacle(ambient):
+    recording, *_ = ambient
+    model = parse_model("q_v = dq_v; q_w = dq_w; dq_v = sin(q_v) + q_v + dq_v; dq_w = q_w + dq_w")
+    found = maximum_likelihood(recording, model.terms)
+    assert (found.status, found.is_forced) == ("ok", True)
+    assert np.all(np.isfinite(forecast(found, recording[:5000], recording.time[5000:5010]).low))
+
+
+@pytest.mark.parametrize("bin_of_tone", range(9, 13))
+def test_a_mean_of_bins_is_at_the_frequency_in_their_middle(bin_of_tone: int) -> None:
+    tone = np.cos(2.0 * np.pi * bin_of_tone * np.arange(400) / 400)[:, np.newaxis]
+    omega, power = estimate_spectra([tone], 1.0)
+    found = 400 * omega[np.argmax(power)] / (2.0 * np.pi)
+    assert abs(found - bin_of_tone) <= (BINS - 1) / 2 + 1e-9
 
 
 def test_first_states_are_those_of_the_motion_and_forecasts_hold(ambient):

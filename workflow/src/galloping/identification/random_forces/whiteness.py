@@ -197,7 +197,7 @@ def _find_peak(grids: list[np.ndarray], step: float) -> tuple[float, float, int]
         for k in range(groups):
             first = min(max(k - AROUND // 2 - 1, 0), groups - AROUND - 3)
             near = [j for j in range(first, first + AROUND + 3) if abs(j - k) > 1][:AROUND]
-            ratio = own[k] / own[near].mean(axis=0)
+            ratio = own[k] / np.maximum(own[near].mean(axis=0), np.finfo(float).tiny)
             c = int(np.argmax(ratio))
             if ratio[c] > found[0]:
                 found = float(ratio[c]), (k * BINS + (BINS + 1) / 2) / len(grid) / step, c
