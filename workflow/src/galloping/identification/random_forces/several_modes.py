@@ -31,6 +31,7 @@ SWEPT, WITHIN = (1.04, 0.93), (0.5, 0.1)
 # Of a spectrum, times the median of the frequencies around it, that a mode is: noise in means of
 # four bins is so once in ten million. And modes that are closer are taken for one.
 STANDS, AROUND, APART = 6.0, 1.25, 1.1
+MOST_MEDIANS = 2000  # that are computed of a spectrum
 # Times a mode, at which a filter may part the next one, and at which it bears on both dampings.
 FAR_APART, CLOSE = (1.6, np.inf), (1.0, 1.6)
 FAR = 3.0  # times the fastest mode, where a filter ends that no further mode asks for
@@ -233,12 +234,14 @@ def find_peaks(step: float, grids: list[np.ndarray]) -> list[float]:
     if not len(power):
         return []
     frequency = omega[:: len(grids)] / (2.0 * np.pi)
-    # at most at so many frequencies of a long recording, and interpolated
-    places = np.geomspace(frequency[0], frequency[-1], min(len(frequency), 2000))
-    places = frequency if len(places) == len(frequency) else places
-    near = neighbour_slices(frequency, places, AROUND)
+    # of a long recording interpolated: medians about all frequencies would take a minute
+    count = len(frequency)
+    some = np.arange(count)
+    if count > MOST_MEDIANS:
+        some = np.unique(np.geomspace(1, count, MOST_MEDIANS).astype(int)) - 1
+    near = neighbour_slices(frequency, frequency[some], AROUND)
     medians = np.array([np.median(power[own], axis=0) for own in near])
-    around = np.array([np.interp(frequency, places, own) for own in medians.T]).T
+    around = np.array([np.interp(frequency, frequency[some], own) for own in medians.T]).T
     height = np.max(power / np.maximum(around, np.finfo(float).tiny), axis=1)
     near = neighbour_slices(frequency, frequency, APART)
     highest = np.array([height[own].max() for own in near])
