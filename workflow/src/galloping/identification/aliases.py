@@ -28,14 +28,8 @@ SHOWN = 4  # exchanges that are said one by one
 class Alias:
     """Candidate term that equals a combination of simpler terms at all recorded input values.
 
-    Attributes
-    ----------
-    equation : int
-        Index of the state in whose equation it is.
-    term : tuple of int
-        Its exponents.
-    simpler : dict
-        Coefficients of the combination by exponents.
+    equation: index of the state in whose equation it is. term: its exponents. simpler: coefficients
+    of the combination by exponents.
     """
 
     equation: int

@@ -83,19 +83,10 @@ class Resonance:
 class EnvelopePart:
     """Amplitude, frequency and growth rate of an oscillation in one stretch of a recording.
 
-    Parameters
-    ----------
-    recording : int
-        Index among the stretches of the model.
-    state : str
-        That of the sensor, or `dX` for a sensor of the rate of a state X.
-    time, amplitude : float
-        Middle of the stretch, s on the recording's clock, and amplitude there, in the unit of the
-        state.
-    frequency, growth : float
-        rad/s and 1/s.
-    frequency_error, growth_error : float
-        Standard errors.
+    recording: index among the stretches of the model. state: that of the sensor, or `dX` for a
+    sensor of the rate of a state X. time: middle of the stretch, s on the recording's clock.
+    amplitude: there, in the unit of the state. frequency: rad/s; growth: 1/s. frequency_error,
+    growth_error: standard errors.
     """
 
     recording: int

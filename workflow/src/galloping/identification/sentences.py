@@ -27,23 +27,11 @@ def explain(
 ) -> list[tuple[str, str]]:
     """Return texts that explain findings to an engineer, each with advice.
 
-    Parameters
-    ----------
-    findings : iterable of Finding
-    is_verdict : bool
-        Whether to explain the findings that affect the status, or the others.
-    is_span : bool
-        Whether to use the phrases of `findings.csv` in <>, or those behind a bar in it.
-    words : mapping of str to str, optional
-        Phrases that several rows share, by their names there.
-    units : mapping of str to (str, str), optional
-        Name and unit of each subject.
-
-    Returns
-    -------
-    list of (str, str)
-        Meaning and advice, either of which may be ''. The last row, that the model is inadequate,
-        is used if there is no other.
+    is_verdict: whether to explain the findings that affect the status, or the others. is_span:
+    whether to use the phrases in <> of `findings.csv` before a bar, or those behind it. words:
+    phrases that several rows share, by their names there. units: name and unit of each subject.
+    Returns pairs of meaning and advice, either of which may be ''. The last row, that the model is
+    inadequate, is used if there is no other.
     """
     side, told = 0 if is_span else 1, dict[tuple[str, str], None]()
     for finding in _sort_by_weight(findings) if is_verdict else findings:

@@ -10,15 +10,9 @@ STATUSES = ("ok", "not identifiable", "approximate", "refused", "unjudged")
 def status_of(findings: Iterable[Finding]) -> str:
     """Derive the status of a model, such as `ok` or `refused`, from all its findings.
 
-    Parameters
-    ----------
-    findings : iterable of Finding
-
-    Returns
-    -------
-    str
-        'refused' after a fault, and 'approximate' if the model is inexact. After a warning
-        'not identifiable', or 'approximate' if random forces move the system. Else 'ok'.
+    The status is 'refused' after a fault, and 'approximate' if the model is inexact. After a
+    warning it is 'not identifiable', or 'approximate' if random forces move the system. Else it is
+    'ok'.
     """
     findings = list(findings)
     severities = {each.severity for each in findings}

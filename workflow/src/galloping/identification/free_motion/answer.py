@@ -47,17 +47,8 @@ def find_free_motion(recordings: Sequence[Recording]) -> FreeMotion | None:
     """Detect freely decaying or growing motion, to be tried before the general search.
 
     Free motion is searched for in a single coordinate, and in linear motion if displacements are
-    not measured.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        Without rests.
-
-    Returns
-    -------
-    FreeMotion or None
-        None if the motion is another, or the usual search comes first.
+    not measured. recordings: without rests. Returns None if the motion is another, or if the
+    general search comes first.
     """
     is_single = is_of_one_coordinate(recordings)
     if not (is_single or unmeasured_displacements(recordings[0])):
@@ -74,16 +65,8 @@ def identify_free_motion(
 ) -> IdentifiedModel | NoModel:
     """Identify the equations of a freely decaying or growing motion.
 
-    The motion is linear, or of one coordinate.
-
-    Parameters
-    ----------
-    problem : Problem
-    motion : FreeMotion
-    recordings : list of Recording
-        Those of the motion, with the rest after it if it may stick.
-    search : callable
-        The usual search for a model that follows recordings to the noise.
+    The motion is linear, or of one coordinate. recordings: those of the motion, with the rest after
+    it if it may stick. search: the general search for a model that follows recordings to the noise.
     """
     if not _can_be_linear(problem, motion):
         return NoModel()
@@ -104,17 +87,8 @@ def identify_free_motion(
 def identify_linear_motion(problem: Problem, motion: FreeMotion) -> IdentifiedModel | NoModel:
     """Identify the linear equations of a free motion that is a sum of damped sinusoids.
 
-    Parameters
-    ----------
-    problem : Problem
-    motion : FreeMotion
-        A linear one.
-
-    Returns
-    -------
-    IdentifiedModel or NoModel
-        NoModel if there are fewer modes than coordinates, or if the problem asks for more than
-        linear equations.
+    motion: a linear one. Returns NoModel if there are fewer modes than coordinates, or if the
+    problem asks for more than linear equations.
     """
     modes, own = motion.modes, motion.own[: len(motion.channels.pairs)]
     if len(own) < len(motion.channels.pairs) or not _can_be_linear(problem, motion):
@@ -132,16 +106,8 @@ def identify_linear_motion(problem: Problem, motion: FreeMotion) -> IdentifiedMo
 def without_omissions(found: IdentifiedModel, recordings: Sequence[Recording]) -> list[Recording]:
     """Remove from recordings what a model of free motion omits: rest, and additional modes.
 
-    Parameters
-    ----------
-    found : IdentifiedModel
-    recordings : sequence of Recording
-        Those that it was identified from, or newer ones.
-
-    Returns
-    -------
-    list of Recording
-        One for each stretch of motion between events.
+    recordings: those from which the model was identified, or newer ones. Returns one recording for
+    each stretch of motion between events.
     """
     if found.is_forced:
         return list(recordings)
@@ -159,17 +125,8 @@ def without_omissions(found: IdentifiedModel, recordings: Sequence[Recording]) -
 def with_findings(found: IdentifiedModel, moving: Moving) -> IdentifiedModel:
     """Add findings on when motion begins and ends to a model of a recording's moving parts.
 
-    Parameters
-    ----------
-    found : IdentifiedModel
-        Its findings name the stretches by their indices.
-    moving : Moving
-        The stretches.
-
-    Returns
-    -------
-    IdentifiedModel
-        Its findings name the recordings that the stretches come from.
+    moving: the stretches. The findings of `found` name these by their indices; those of the
+    returned model name the recordings that the stretches come from.
     """
     own = (replace(each, recording=moving.origins[each.recording]) for each in found.findings)
     return replace(found, findings=(*moving.findings, *own))
@@ -320,13 +277,7 @@ def _identified_model(
 
 
 def with_further_modes(found: IdentifiedModel, motion: FreeMotion) -> IdentifiedModel:
-    """Add the additional modes and findings of a free motion to its identified model.
-
-    Parameters
-    ----------
-    found : IdentifiedModel
-    motion : FreeMotion
-    """
+    """Add the additional modes and findings of a free motion to its identified model."""
     modes, steady = motion.modes, []
     for place in motion.steady:
         channel = strongest_channel(modes, 0, place)

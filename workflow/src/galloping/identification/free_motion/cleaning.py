@@ -19,17 +19,8 @@ MIN_PERIODS = 8.0  # of a stretch, whose first and last one may be under such a 
 def without_faults(stretches: Sequence[Stretch], modes: DampedModes) -> list[Stretch] | None:
     """Remove outliers and samples during events, which fitted damped sinusoids cannot follow.
 
-    Parameters
-    ----------
-    stretches : sequence of Stretch
-    modes : DampedModes
-        Fitted to them.
-
-    Returns
-    -------
-    list of Stretch or None
-        Without isolated outliers, and without samples at the ends of a stretch that the force of an
-        event affects; None if there are neither.
+    modes: fitted to the stretches. Returns the stretches without isolated outliers, and without
+    samples at their ends that the force of an event affects; None if there are neither.
     """
     cleaned, changed = [], False
     for stretch, residual in zip(stretches, modes.residuals, strict=True):

@@ -30,14 +30,8 @@ MEANS_PER_PERIOD = 24
 class Stretch:
     """Consecutive samples of free motion in several channels.
 
-    Parameters
-    ----------
-    time : (n,) array
-        In s from the first sample.
-    values : (n, n_channels) array
-        NaN where missing.
-    drift_degrees : tuple of int
-        Degree of the polynomial drift of each channel in time: 0 is a constant.
+    time: (n,) s, from the first sample. values: (n, n_channels), NaN where missing. drift_degrees:
+    degree of the polynomial drift of each channel in time; 0 is a constant.
     """
 
     time: np.ndarray
@@ -69,22 +63,13 @@ class Stretch:
 class DampedModes:
     """Exponentially damped sinusoids fitted to samples of free motion.
 
-    Parameters
-    ----------
-    poles : (n_modes,) complex array
-        Growth, 1/s, negative for a decay, and frequency, rad/s.
-    covariance : (2 n_modes, 2 n_modes) array
-        Of the growths and then of the frequencies.
-    amplitudes : list of (n_modes, n_channels) complex arrays
-        At the first sample of each stretch.
-    offsets, offset_errors : (n_stretches, n_channels) arrays
-        Constant offsets of the channels, with standard errors; NaN for drifting channels.
-    noise : (n_stretches, n_channels) array
-        Standard deviation of a sample, NaN if a stretch lacks a channel.
-    residuals : list of (n, n_channels) arrays
-        Samples less the fit, NaN where missing.
-    misfit : float
-        Sum over channels and stretches of n ln(noise^2).
+    poles: (n_modes,) complex, growth, 1/s, negative for a decay, and frequency, rad/s. covariance:
+    (2 n_modes, 2 n_modes), of the growths and then of the frequencies. amplitudes: (n_modes,
+    n_channels) complex, at the first sample of each stretch. offsets, offset_errors: (n_stretches,
+    n_channels) constant offsets of the channels, and their standard errors; NaN for drifting
+    channels. noise: (n_stretches, n_channels) standard deviation of a sample, NaN if a stretch
+    lacks a channel. residuals: (n, n_channels) for each stretch, samples less the fit, NaN where
+    missing. misfit: sum over channels and stretches of n ln(noise^2).
     """
 
     poles: np.ndarray
@@ -111,20 +96,10 @@ class DampedModes:
     ) -> np.ndarray:
         """Compute the joint covariance of poles and amplitudes of some modes in one stretch.
 
-        Parameters
-        ----------
-        stretch : Stretch
-            Of those that the modes are fitted to.
-        index : int
-            Its place among them.
-        which : sequence of int
-            Places of the modes, n_which.
-
-        Returns
-        -------
-        (n, n) array
-            Of growths, frequencies, and real and imaginary parts of the amplitudes, each by mode
-            and then by channel: n = n_which (2 + 2 n_channels). Zero of channels without samples.
+        stretch: one of those that the modes are fitted to. index: its place among them. which:
+        places of the n_which modes. Returns (n, n), of growths, frequencies, and real and imaginary
+        parts of the amplitudes, each by mode and then by channel: n = n_which (2 + 2 n_channels).
+        The covariance is zero for channels without samples.
         """
         many, channels = len(self.poles), self.amplitudes[index].shape[1]
         origin = np.zeros(many)
@@ -173,19 +148,9 @@ def fit_poles(
     """Fit damped sinusoids to samples of free motion, from initial guesses of their poles.
 
     If a period has many samples, means of neighbours are fitted first: where samples are equally
-    spaced, these are damped sinusoids with the same poles.
-
-    Parameters
-    ----------
-    stretches : sequence of Stretch
-    poles : (n_modes,) complex array
-    is_steady : (n_modes,) boolean array, optional
-        Which growths are fixed. By default none is.
-
-    Raises
-    ------
-    IdentificationError
-        If the fit does not lead to finite poles that the samples distinguish.
+    spaced, these are damped sinusoids with the same poles. poles: (n_modes,) complex. is_steady:
+    (n_modes,) whether each growth is fixed; by default none is. Raises IdentificationError if the
+    fit does not lead to finite poles that the samples distinguish.
     """
     steady = np.zeros(len(poles), bool) if is_steady is None else is_steady
     free = np.append(~steady, np.ones(len(poles), bool))

@@ -32,19 +32,9 @@ def fit_envelope(
 ) -> list[EnvelopePart]:
     """Fit growth rate and frequency of a mode in intervals of equal relative amplitude change.
 
-    Parameters
-    ----------
-    stretch : Stretch
-    modes : DampedModes
-        Fitted to it, among other stretches.
-    index : int
-        Of the stretch among those of `modes`.
-    place : int
-        Of the mode.
-    names : sequence of str
-        Of the channels.
-    begin : float
-        Time of the first sample of the stretch on the recording's clock, s.
+    modes: fitted to the stretch, among others. index: of the stretch among those of `modes`. place:
+    of the mode. names: of the channels. begin: time of the first sample of the stretch on the
+    recording's clock, s.
     """
     channel, time, values = in_strongest_channel(stretch, modes, index, [place])
     pole = modes.poles[place]
@@ -103,19 +93,8 @@ def running_amplitude(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute the amplitude of an oscillation in overlapping windows of a given length.
 
-    The windows are `length` s long and half of that apart.
-
-    Parameters
-    ----------
-    time, values : (n,) arrays
-    omega : float
-        Frequency, rad/s.
-    length : float
-
-    Returns
-    -------
-    (n_windows,) arrays
-        Middles of the windows, s, and amplitudes there.
+    The windows are `length` s long and half of that apart. time, values: (n,). omega: frequency,
+    rad/s. Returns the middles of the windows, s, and the amplitudes there, both (n_windows,).
     """
     starts = np.arange(time[0], time[-1] - length + 1e-9 * length, length / 2.0)
     waves = np.column_stack([np.cos(omega * time), np.sin(omega * time), np.ones(len(time))])
@@ -150,12 +129,8 @@ def _part_edges(centres: np.ndarray, logarithms: np.ndarray, least: float) -> li
 def falls_or_rises(amplitudes: Sequence[np.ndarray]) -> bool:
     """Decide whether the amplitude of an oscillation falls, or rises, throughout its stretches.
 
-    It must change by a factor of MIN_CHANGE or more in each, all in the same direction.
-
-    Parameters
-    ----------
-    amplitudes : sequence of (n_windows,) arrays
-        Of each stretch, in the order of time.
+    It must change by a factor of MIN_CHANGE or more in each, all in the same direction. amplitudes:
+    (n_windows,) for each stretch, in the order of time.
     """
     if any(len(sizes) < 3 for sizes in amplitudes):
         return False

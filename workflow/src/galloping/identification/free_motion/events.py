@@ -28,14 +28,8 @@ RIDGE = 1e-12  # of normal equations with a unit diagonal
 class MotionBetweenEvents:
     """Free motion, divided at abrupt events, and the modes fitted to the parts.
 
-    Parameters
-    ----------
-    stretches : list of Stretch
-        Those between events.
-    origins : list of int
-        Of each the index of the stretch that it comes from.
-    modes : DampedModes
-        Fitted to them.
+    stretches: those between events. origins: for each, the index of the stretch that it comes from.
+    modes: fitted to the stretches.
     """
 
     stretches: list[Stretch]
@@ -48,20 +42,10 @@ def find_events(
 ) -> MotionBetweenEvents | None:
     """Search for abrupt events, such as a knock, that separate parts of free motion.
 
-    If these are taken into account, only noise remains.
-
-    Parameters
-    ----------
-    stretches : sequence of Stretch
-    modes : DampedModes
-        Fitted to them; their residuals exceed the noise.
-    floor : float
-        Misfit with further damped sinusoids instead: an event that explains much less is none.
-
-    Returns
-    -------
-    MotionBetweenEvents or None
-        None if a few events do not explain the residuals.
+    If these are taken into account, only noise remains. modes: fitted to the stretches; their
+    residuals exceed the noise. floor: misfit with further damped sinusoids instead of events: an
+    event that explains much less is none. Returns None if a few events do not explain the
+    residuals.
     """
     parts, origins = list(stretches), list(range(len(stretches)))
     for _ in range(MAX_EVENTS):

@@ -50,23 +50,12 @@ WINDOWS = 24  # of a stretch, in which its amplitude is compared, a period long 
 class FreeMotion:
     """Recordings of a motion that follows from its initial state, apart from a steady force.
 
-    Parameters
-    ----------
-    recordings : list of Recording
-        Stretches of free motion between events, without outliers and samples during an event.
-    stretches : list of Stretch
-        Their channels.
-    is_linear : bool
-        Whether damped sinusoids follow the motion to the noise.
-    channels : Channels
-    modes : DampedModes
-        Resolved modes, fitted to the recordings.
-    own, steady : tuple of int
-        Indices of the system's own modes, that with most energy first, and of steady oscillations.
-    findings : tuple of Finding
-    linear : FreeMotion or None
-        The same motion if two modes are modes, for a motion in which they may be parts of a single
-        nonlinear one.
+    recordings: stretches of free motion between events, without outliers and samples during an
+    event. stretches: their channels. is_linear: whether damped sinusoids follow the motion to the
+    noise. modes: resolved modes, fitted to the recordings. own, steady: indices of the system's own
+    modes, that with most energy first, and of steady oscillations. linear: the same motion,
+    classified as a linear one with several modes, if these modes may also be parts of a single
+    nonlinear oscillation; else None.
     """
 
     recordings: list[Recording]
@@ -94,16 +83,9 @@ class FreeMotion:
 def classify_motion(recordings: Sequence[Recording]) -> FreeMotion | None:
     """Find the modes of recorded motion if it is free, rather than driven or possibly sustained.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        Without rests, see `rest.moving_recordings`.
-
-    Returns
-    -------
-    FreeMotion or None
-        None if inputs drive the motion, if random forces or the system itself may sustain it, or if
-        its states are exact, or no displacements and velocities.
+    recordings: without rests, see `rest.moving_recordings`. Returns None if inputs drive the
+    motion, if random forces or the system itself may sustain it, or if its states are exact, or are
+    not displacements and velocities.
     """
     given = list(recordings)
     if given[0].inputs or any(one.exact for one in given):
@@ -232,10 +214,6 @@ def without_further_modes(motion: FreeMotion) -> list[Recording]:
     """Subtract the modes in excess of one per coordinate from recordings of free motion.
 
     Displacements of the equilibrium by steps of a force after the first recording are removed too.
-
-    Parameters
-    ----------
-    motion : FreeMotion
     """
     found = []
     pairs = zip(motion.recordings, motion.stretches, strict=True)

@@ -22,19 +22,8 @@ def linear_system_with_covariance(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute the matrix of the linear system with fitted modes, and its covariance.
 
-    Parameters
-    ----------
-    channels : Channels
-    stretches : sequence of Stretch
-    modes : DampedModes
-    own : sequence of int
-        Places of n_coordinates modes.
-
-    Returns
-    -------
-    (n_states, n_states) array
-    (n_states^2, n_states^2) array
-        Covariance of its entries, row by row.
+    own: places of n_coordinates modes. Returns the matrix, (n_states, n_states), and the covariance
+    of its entries, row by row, (n_states^2, n_states^2).
     """
     places = list(own)
     index = int(np.argmax([np.linalg.norm(each[places]) for each in modes.amplitudes]))

@@ -16,8 +16,9 @@ from galloping.identification.free_motion.mode_search import FALSE_ALARM_RATE, i
 # Change of the logarithm of an amplitude over a recording, below which an oscillation is steady,
 # and periods that it then lasts: a damping of 0.02 % of critical changes it more.
 MAX_STEADY_CHANGE, MIN_STEADY_PERIODS = 0.02, 20.0
-# Share of a steady oscillation that one of the same frequency beside it has at first, where a force
-# makes both: of a limit cycle so far off the approach is no exponential.
+# First amplitude of a decaying oscillation, relative to a steady one of the same frequency, above
+# which a force causes both. A limit cycle is approached by a decay as well, but from so far off
+# this decay is not exponential.
 MIN_TRANSIENT = 0.5
 HARMONIC = 2  # of motion on which a quadratic stiffness acts: cubic terms show in the motion itself
 MAX_HARMONIC = 5  # of a limit cycle
@@ -29,20 +30,9 @@ def resolved_modes(stretches: Sequence[Stretch], modes: DampedModes, is_noise: b
     """Select modes whose frequencies can be told apart from those of all stronger modes.
 
     A sinusoid that differs from a mode in its growth alone shows nonlinear motion; but a steady
-    oscillation and a large decaying one are a force and its transient.
-
-    Parameters
-    ----------
-    stretches : sequence of Stretch
-    modes : DampedModes
-        Fitted to them.
-    is_noise : bool
-        Whether the residuals are noise.
-
-    Returns
-    -------
-    list of int
-        Indices of the modes, that with most energy first.
+    oscillation and a large decaying one are a force and its transient. modes: fitted to the
+    stretches. is_noise: whether the residuals are noise. Returns the indices of the modes, that
+    with most energy first.
     """
     kept: list[int] = []
     longest = max(one.duration for one in stretches)
@@ -79,15 +69,8 @@ def has_linear_modes(
 ) -> bool:
     """Decide whether fitted damped sinusoids are the modes of a linear motion.
 
-    The residuals of the fit are noise.
-
-    Parameters
-    ----------
-    stretches : sequence of Stretch
-    modes : DampedModes
-        Fitted to them.
-    order : sequence of int
-        Those that are resolved, that with most energy first.
+    The residuals of the fit are noise. modes: fitted to the stretches. order: indices of the
+    resolved modes, that with most energy first.
     """
     own = [k for k in order if not is_steady(stretches, modes, k)]
     return len(order) == len(modes.poles) and not (

@@ -51,24 +51,13 @@ def strongest_mode(
 ) -> complex | None:
     """Find the strongest damped sinusoid in the residuals of a fit.
 
-    Parameters
-    ----------
-    stretches : sequence of Stretch
-    residuals : sequence of (n, n_channels) arrays
-        NaN where missing.
-    poles : (n,) complex array, optional
-        Of subtracted modes, the strongest first. The noise spectrum is then estimated from the
-        residuals, not too near to these modes. By default the noise counts as white.
-    apart : (n,) complex array, optional
-        Poles of a motion that is not exponential, of which the mode must not be a part.
-    band : (float, float)
-        Frequencies, rad/s, between which the mode must be.
-
-    Returns
-    -------
-    complex or None
-        First guess of its pole. None if no power of the matched filter, summed over channels and
-        stretches, is above a threshold that noise exceeds at a rate of FALSE_ALARM_RATE.
+    residuals: (n, n_channels) for each stretch, NaN where missing. poles: (n,) complex, of
+    subtracted modes, the strongest first. With these, the noise spectrum is estimated from the
+    residuals, not too near to the modes; by default the noise counts as white. apart: (n,) complex
+    poles of a motion that is not exponential, of which the mode must not be a part. band:
+    frequencies, rad/s, between which the mode must be. Returns a first guess of its pole; None if
+    no power of the matched filter, summed over channels and stretches, is above a threshold that
+    noise exceeds at a rate of FALSE_ALARM_RATE.
     """
     step = min(one.step for one in stretches)
     longest = max(one.duration for one in stretches)
@@ -133,18 +122,11 @@ def _windowed_powers(
 ) -> list[np.ndarray]:
     """Compute periodograms of a series in a flat window, and in windows that decay and that grow.
 
-    Each decays or grows twice as fast as the one before. White noise has unit power.
-
-    Parameters
-    ----------
-    time, values : (n,) arrays
-        The unit of time is that in which the first window decays by a factor e.
-    place : (n,) integer array
-        Of the samples on a uniform grid.
-    size : int
-        Of the transform in the flat window.
-    parts : (n_decays,) integer array
-        Divisors of this size and of the unit of time, for shorter windows of each decay.
+    Each decays or grows twice as fast as the one before. White noise has unit power. time, values:
+    (n,); the unit of time is that in which the first window decays by a factor e. place: (n,)
+    integers, of the samples on a uniform grid. size: of the transform in the flat window. parts:
+    (n_decays,) integer divisors of this size and of the unit of time, for shorter windows of each
+    decay.
     """
     variance = np.mean(values**2)
 
@@ -180,20 +162,10 @@ def noise_level(
 ) -> np.ndarray:
     """Estimate the noise power at each frequency of a periodogram from medians nearby.
 
-    Parameters
-    ----------
-    power : (n,) array
-    oversampled : float
-        Bins of the periodogram per bin of its resolution.
-    omitted : (n,) boolean array
-        Bins over which the level is interpolated.
-    drifts : bool
-        Whether the level of slow bins is resolved more finely.
-
-    Returns
-    -------
-    (n,) array
-        Not less than the level from the median over all frequencies.
+    power: (n,). oversampled: bins of the periodogram per bin of its resolution. omitted: (n,)
+    boolean, whether the level is interpolated over a bin. drifts: whether the level of slow bins is
+    resolved more finely. Returns (n,), not less than the level from the median over all
+    frequencies.
     """
     first = int(oversampled) + 1  # slower is what a constant takes
     kept = np.flatnonzero(~omitted)
@@ -223,19 +195,10 @@ def fit_modes(
 ) -> tuple[DampedModes | None, bool]:
     """Fit damped sinusoids to free motion, adding the strongest until only noise remains.
 
-    Parameters
-    ----------
-    stretches : sequence of Stretch
-    may_go_on : callable
-        Whether to search for further modes if more than MAX_CLOSE are close to the first one.
-
-    Returns
-    -------
-    DampedModes or None
-        None if nothing oscillates, or if the motion is clearly not free.
-    bool
-        Whether the residuals are noise, without another mode. If too many modes are close to the
-        first one, others are still searched for.
+    may_go_on: whether to search for further modes if more than MAX_CLOSE are close to the first
+    one. Returns None as modes if nothing oscillates, or if the motion is clearly not free. Returns
+    as well whether the residuals are noise, without another mode. If too many modes are close to
+    the first one, others are still searched for.
     """
     found: DampedModes | None = None
     left, apart = [without_means(one.values) for one in stretches], None
@@ -284,16 +247,9 @@ def is_close(poles: np.ndarray, pole: complex) -> np.ndarray:
 def is_part_of(poles: np.ndarray, motion: np.ndarray) -> np.ndarray:
     """Decide which modes may be components or harmonics of a motion that is not exponential.
 
-    Parameters
-    ----------
-    poles : (n,) complex array
-    motion : (n_parts,) complex array
-        Poles of the motion, the strongest first, over whose frequencies it is spread.
-
-    Returns
-    -------
-    (n,) boolean array
-        Whether they are near its frequency, or a multiple of it, as its harmonics are.
+    poles: (n,) complex. motion: (n_parts,) complex poles of the motion, the strongest first, over
+    whose frequencies it is spread. Returns (n,) boolean, whether they are near its frequency, or a
+    multiple of it, as its harmonics are.
     """
     main = motion[0]
     spread = np.abs(motion[is_close(motion, main)].imag / main.imag - 1.0).max()

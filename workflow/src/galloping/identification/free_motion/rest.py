@@ -31,8 +31,9 @@ MIN_PAUSE = 2.0  # periods of a rest between two motions
 FOLLOWING = 1.5  # periods after a release, in which the motion nowhere pauses
 MIN_PERIODS = 1.5  # of a stretch of motion
 OUT_OF_REST = 5.0  # standard deviations of the rest, at which motion begins
-# Times what the two periods after it let expect of the first one, which a blow's own acceleration
-# reaches, and the most that motion falls from one period to the next.
+# The size of the first period of motion is extrapolated from the two periods after it, with a decay
+# by a factor of MAX_FALL a period at most. Samples above SPIKE times this size show the
+# acceleration of a blow itself.
 SPIKE, MAX_FALL = 1.25, 3.0
 MIN_TAIL = 2.0  # periods of rest at the end
 TAILS = (1.0, 0.8, 0.6, 0.4, 0.2)  # shares of what may be rest at the end, the longest first
@@ -45,13 +46,8 @@ SMOOTH = 1.0  # ratio of the squared differences to the variance: 2 of white noi
 class MovingPart:
     """Part of a recording in which the system moves, and the rest before and after it.
 
-    Parameters
-    ----------
-    rows : slice
-    rested_from : int or None
-        First sample of the rest before, None if there is none.
-    rests_until : int or None
-        Last sample of the rest after, None if there is none.
+    rested_from: first sample of the rest before, None if there is none. rests_until: last sample of
+    the rest after, None if there is none.
     """
 
     rows: slice
@@ -63,17 +59,8 @@ class MovingPart:
 def moving_parts(time: np.ndarray, values: np.ndarray) -> list[MovingPart]:
     """Find the parts of a recording in which the system moves, between periods of rest.
 
-    Parameters
-    ----------
-    time : (n,) array
-        In s, increasing.
-    values : (n, n_channels) array
-        NaN where missing.
-
-    Returns
-    -------
-    list of MovingPart
-        The whole recording if it never rests, or if all of it does.
+    time: (n,) s, increasing. values: (n, n_channels), NaN where missing. Returns the whole
+    recording if it never rests, or if all of it does.
     """
     whole = [MovingPart(slice(0, len(time)))]
     known = np.flatnonzero(np.isfinite(values).any(axis=1))
@@ -109,18 +96,8 @@ def _shift_part(part: MovingPart, rows: int) -> MovingPart:
 def moving_samples(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, list[Finding]]:
     """Mark the samples at which the system moves, and report where motion begins and ends.
 
-    Parameters
-    ----------
-    time : (n,) array
-        In s, increasing.
-    values : (n, n_channels) array
-        NaN where missing.
-
-    Returns
-    -------
-    (n,) boolean array
-    list of Finding
-        Where motion begins and ends.
+    time: (n,) s, increasing. values: (n, n_channels), NaN where missing. Returns the marks, (n,)
+    boolean, and the findings.
     """
     moves = np.zeros(len(time), bool)
     findings: list[Finding] = []
@@ -134,18 +111,10 @@ def moving_samples(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, li
 class Moving:
     """Parts of recordings in which the system moves, without the rest before and after.
 
-    Rest contains no information on the system, unless the motion may stick.
-
-    Parameters
-    ----------
-    recordings : list of Recording
-        One for each stretch of motion, with the rest after it if the motion may stick.
-    until_rest : list of Recording
-        The same without the rest after them.
-    origins : list of int
-        Index of the recording that each of them comes from.
-    findings : tuple of Finding
-        Where motion begins and ends, if rest is left out there.
+    Rest contains no information on the system, unless the motion may stick. recordings: one for
+    each stretch of motion, with the rest after it if the motion may stick. until_rest: the same
+    without the rest after them. origins: index of the recording that each of them comes from.
+    findings: where motion begins and ends, if rest is left out there.
     """
 
     recordings: list[Recording]
@@ -157,14 +126,9 @@ class Moving:
 def moving_recordings(recordings: Sequence[Recording], terms: Sequence[Exponents] = ()) -> Moving:
     """Remove the rest before and after the motion from recordings.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        Those of systems without a velocity, those with inputs and those of exact states are
-        unchanged.
-    terms : sequence of Exponents, optional
-        The library. If it has a function sign(u), the motion may stick, and the rest after it is
-        part of it.
+    Recordings of systems without a velocity, those with inputs and those of exact states are
+    unchanged. terms: the library. If it has a function sign(u), the motion may stick, and the rest
+    after it is part of it.
     """
     may_stick = any(isinstance(own, Function) and own.name == "sign" for own in chain(*terms))
     found: list[Recording] = []

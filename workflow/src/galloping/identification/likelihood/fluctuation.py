@@ -23,11 +23,12 @@ from galloping.identification.work import is_exhausted
 from galloping.model.polynomial import exponent_matrix
 from galloping.passes import passing
 
-# Parts of a stretch in which coefficients are constant: a tenth of the correlation. Measured: with
-# ten parts the slow mode seems to fluctuate as well.
+# Parts of a stretch. Coefficients are constant in each part, which lasts a tenth of their
+# correlation time. Measured: with ten parts, the slow mode seems to fluctuate as well.
 PARTS = 24
-# Correlation of a fluctuation with itself one part later: it falls over four periods. Measured:
-# dampings and amplitudes in gusts are as good with the true spectrum of the wind as with 2 to 7.
+# Correlation of a fluctuation with itself one part later. The correlation time is four periods.
+# Measured: dampings and amplitudes in gusts are as accurate with 2 to 7 periods as with the true
+# spectrum of the wind.
 MEMORY = np.exp(-STRETCH_PERIODS / (PARTS * 4.0))
 
 

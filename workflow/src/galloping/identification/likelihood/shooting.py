@@ -133,15 +133,8 @@ class ShootingData:
     def derivative_units(self, pairs: np.ndarray) -> np.ndarray:
         """Estimate the sizes of the states' derivatives by coefficients and initial states.
 
-        Parameters
-        ----------
-        pairs : (n_pairs, 2) array
-            Coefficients, equation and term.
-
-        Returns
-        -------
-        (n_states, n_pairs + n_states) array
-            Of each state's derivative by these coefficients over a window, and by first states.
+        pairs: (n_pairs, 2) coefficients (equation, term). Returns (n_states, n_pairs + n_states),
+        of each state's derivative by these coefficients over a window, and by first states.
         """
         table, inputs = self.problem.tables, np.abs(self.condensed.inputs[:, 0])
         signals = np.append(self.extent, inputs.max(axis=0) + np.finfo(float).tiny)

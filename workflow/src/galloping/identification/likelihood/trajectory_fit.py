@@ -36,8 +36,9 @@ from galloping.model.polynomial import design_matrix, velocity_pairs
 from galloping.passes import passing
 from galloping.recording.samples import Recording
 
-# Of the noise, that the motion in a window may err by for what its polynomial leaves out of inputs,
-# and windows a period from which on it may err by more.
+# Windows are halved as long as the deviation of the inputs from their polynomials moves the
+# solution in a window by more than OF_NOISE standard deviations of the noise, and a period has
+# fewer than FINEST_FOR_INPUTS windows.
 OF_NOISE, FINEST_FOR_INPUTS = 0.1, 96
 PERIODS_PER_SEGMENT = 6  # short enough for a rough start to converge from
 CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by

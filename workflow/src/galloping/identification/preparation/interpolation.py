@@ -31,19 +31,9 @@ FINER = 8  # steps, in a step of the grid, over which inputs are averaged exactl
 def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> dict[str, str]:
     """Choose by the data how each input is interpolated between samples: held, linear or cubic.
 
-    The names are those of `Input.between`.
-
-    Parameters
-    ----------
-    problem : Problem
-    recordings : sequence of Recording
-
-    Returns
-    -------
-    dict
-        By the name of each input that has alternatives: its present interpolation, unless an
-        alternative removes the share LEAST_FALL of the misfit beyond the noise, and more than the
-        penalty of a term.
+    The names are those of `Input.between`. Returns the choice by the name of each input that has
+    alternatives: its present interpolation, unless an alternative removes the share LEAST_FALL of
+    the misfit beyond the noise, and more than the penalty of a term.
     """
     undecided = [
         name for name in problem.inputs if any(one.inputs[name].alternatives for one in recordings)

@@ -28,25 +28,10 @@ def prepare_recordings(
 ) -> tuple[list[Recording], list[Smooth], float]:
     """Remove sensor faults and outliers from recordings, and fit smooth curves to the states.
 
-    Parameters
-    ----------
-    recordings : list of Recording
-    share : float
-        Factor on the shortest period that the spectra show; the product is used instead.
-
-    Returns
-    -------
-    list of Recording
-        Without faults and outliers.
-    list of Smooth
-        For these, displacements that no channel measures are integrated (`with_integrals`).
-    float
-        The shortest period, s.
-
-    Raises
-    ------
-    IdentificationError
-        If no channel varies, or a state cannot be derived from the channels.
+    share: factor on the shortest period that the spectra show; the product is used instead. Returns
+    the recordings without faults and outliers; smooth curves for these, in which displacements that
+    no channel measures are integrated (`with_integrals`); and the shortest period, s. Raises
+    IdentificationError if no channel varies, or a state cannot be derived from the channels.
     """
     passing("smooth the recording")
     count_work(1e-6 * sum(recording.samples for recording in recordings))

@@ -52,26 +52,11 @@ def fit_random_forces(
 ) -> IdentifiedModel:
     """Identify the equations of a system that is driven by unmeasured random forces.
 
-    Parameters
-    ----------
-    problem : Problem
-    given : list of Recording
-        Unprocessed.
-    forced : sequence of str
-        Names of the coordinates or states in whose equations a force acts; empty for all equations
-        that are sought.
-
-    Returns
-    -------
-    IdentifiedModel
-        If there are more modes than coordinates, it has the slowest modes, and a finding says what
-        was left out. Its status is `ok`, `approximate` if the innovations are not white, or
-        `refused`. The covariance of the forces is in `forces`.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name.
+    given: unprocessed. forced: names of the coordinates or states in whose equations a force acts;
+    empty for all equations that are sought. If there are more modes than coordinates, the model has
+    the slowest modes, and a finding says what was left out. Its status is `ok`, `approximate` if
+    the innovations are not white, or `refused`. The covariance of the forces is in `forces`. Raises
+    ValueError for an unknown name.
     """
     places = forced_equations(problem, forced)
 
@@ -216,23 +201,11 @@ def try_random_forces(
 ) -> tuple[IdentifiedModel | None, bool]:
     """Identify a model under random forces if these may have caused the recorded motion.
 
-    Forces act in all equations. The order of the searches is that of `_search_modes`.
-
-    Parameters
-    ----------
-    problem : Problem
-    recordings : list of Recording
-        As of `screening.prepare_recordings`.
-    period : float
-        The shortest of the motion, s.
-
-    Returns
-    -------
-    IdentifiedModel or None
-        None if the motion may have another cause.
-    bool
-        Whether random forces certainly moved the recordings. If not, the model is `approximate`,
-        has some modes of many, and their amplitudes fluctuate.
+    Forces act in all equations. The order of the searches is that of `_search_modes`. recordings:
+    as of `screening.prepare_recordings`. period: the shortest of the motion, s. Returns None as
+    model if the motion may have another cause. Returns as well whether random forces certainly
+    moved the recordings; if not, the model is `approximate`, has some modes of many, and their
+    amplitudes fluctuate.
     """
     several = SeveralModes(recordings, period)
     fit = partial(_fit_on_trial, problem)

@@ -40,17 +40,18 @@ from galloping.recording.samples import Recording, inputs_at_times, mean_inputs
 
 SLOW = 0.3  # rate of slow forces to begin with, in the slowest frequency of the modes, rad/s
 LEAST_NOISE = 1e-4  # deviation of a sample, in that of its channel: exact samples have rounding
-STEADY = 0.5  # mean of a factor of inputs, in its root mean square, from which it is mostly that
+STEADY = 0.5  # |mean| / root mean square of a term's input factor, above which it counts as steady
 
 
 @dataclass(frozen=True)
 class ForcedModel:
     """Coefficients, random forces and measurement noise of a model.
 
-    coefficients: (n_candidates,). root: lower triangular, of the equations with a force and then of
-    the resonances; root root' is the covariance of the white forces per second. noise:
-    (n_channels,) deviations of a sample. slow: (n_forced,) roots of the same of the drive of slow
-    forces, empty without; rates: (n_forced,) 1/s, of those. extra_modes: the resonances.
+    coefficients: (n_candidates,). root: (n_drives, n_drives) lower triangular, of the n_forced
+    equations with a force and then of the resonances; root root' is the covariance of the white
+    forces per second. noise: (n_channels,) standard deviation of a sample. slow: (n_forced,) roots
+    of the variances per second of the white forces that drive slow forces. rates: (n_forced,) decay
+    rates of these, 1/s. Both are empty without slow forces. extra_modes: the resonances.
     """
 
     coefficients: np.ndarray

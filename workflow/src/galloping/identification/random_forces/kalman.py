@@ -2,14 +2,14 @@
 
 A filter takes channels in one after another, so that samples may be missing from any of them. (R.
 E. Kalman, 1960; J. Durbin and S. J. Koopman, Time Series Analysis by State Space Methods, 2012.)
-That of a linear system uses gains that have settled again, while the sampling stays the same and no
-sample is missing.
+The filter of a linear system reuses its gains once they have settled, as long as the time step
+stays the same and no sample is missing.
 
-In the extended filter the mean of the states follows the equations from sample to sample (the
-fourth-order method of C. Runge and W. Kutta) and their covariance the slopes of the equations in
-the middle of each step (A. H. Jazwinski, Stochastic Processes and Filtering Theory, 1970): exact
-for linear systems but for the steps, good where the motion is nearly linear over what a sample
-leaves uncertain.
+In the extended filter, the mean of the states follows the equations from sample to sample (the
+fourth-order method of C. Runge and W. Kutta). Their covariance follows the slopes of the equations
+in the middle of each step (A. H. Jazwinski, Stochastic Processes and Filtering Theory, 1970). For
+linear systems, this is exact except for the error of the steps. Otherwise it is accurate if the
+equations are nearly linear within the uncertainty of the states after each sample.
 
 All compiled functions are in one module, for a cached one notices edits of its own module alone.
 """

@@ -25,8 +25,10 @@ from galloping.identification.random_forces.start import (
 from galloping.model.modes import Modes
 from galloping.recording.samples import Recording
 
-# What modes sweep that stay, and that do not, in their frequencies; and where between these, as a
-# share in logarithms, the filter ends: far from both, or, of broad modes, far from the fast one.
+# The filter leaves frequencies up to SWEPT[0] times that of the last mode it keeps unchanged, and
+# its cut-off is at most SWEPT[1] times the frequency of the next mode. WITHIN: places of the cut-
+# off to try between these limits, as shares on a logarithmic scale: far from both or, for broad
+# modes, far from the faster mode.
 SWEPT, WITHIN = (1.04, 0.93), (0.5, 0.1)
 # Of a spectrum, times the median of the frequencies around it, that a mode is: noise in means of
 # four bins is so once in ten million. And modes that are closer are taken for one.

@@ -34,8 +34,10 @@ BINS = 4  # of a spectrum, in a mean, of which noise then has a relative deviati
 # From the first share of the frequencies on a spectrum is mostly noise, and a signal is more than
 # ABOVE_NOISE times its median there, as noise is in one mean of four bins of 3,700.
 FLOOR, ABOVE_NOISE = 0.75, 4.0
-MOST_OF = 0.95  # of the power of a velocity lies at longer periods
-LEAST_SHARE = 0.1  # of what a force or a noise alone would be, at first: forces may share a part
+MOST_OF = 0.95  # share of a velocity's power at periods longer than the shortest of the motion
+# Least initial strength of a force or a noise, relative to that with which it alone would explain
+# the spectra: several forces may explain the same part of these.
+LEAST_SHARE = 0.1
 # Times the period of the swings, at which a start then follows something else, such as turbulence.
 # With less, more searches try filters in vain, with more, the swings beside it go unseen; not
 # calibrated.

@@ -33,7 +33,9 @@ DIFFUSE, NEAR = 1e3, 3.0
 # frequency wrong by 2e-4 of it, and a damping ratio by 6e-5.
 SUBSTEPS = 16
 MOST_SUBSTEPS = 64  # of a step: the samples tell nothing of what is quicker
-# s, that a filter takes, a sample in a state of it, a step, in a state and term, and in a slope.
+# Computing times, s. A linear filter takes FILTER, and OF_STATE per sample and state. A substep of
+# an extended filter takes OF_STEP, OF_TERM per exponent of the equations' terms, and OF_SLOPE per
+# candidate and squared number of states.
 FILTER, OF_STATE, OF_STEP, OF_TERM, OF_SLOPE = 3e-4, 6e-8, 8e-7, 1.2e-8, 4e-9
 
 

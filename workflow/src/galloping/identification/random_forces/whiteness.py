@@ -16,8 +16,9 @@ BINS, AROUND = 16, 8
 SAMPLES = 32  # in a period of the fastest mode, that are enough to tell forces
 GROUPS = 16  # of the values of what innovations may be a function of
 RELEVANT = 0.02  # share of the innovations' power that their past may tell, in a sound model
-# Of the slowest and of the fastest mode, between which a line bears on what is said of them;
-# elsewhere one is another motion only from APART times what chance allows on.
+# A line of the spectrum between NEAR[0] times the slowest mode's frequency and NEAR[1] times the
+# fastest one's affects the results on these modes. A line elsewhere counts as another motion only
+# if it is higher than APART times what chance allows.
 NEAR, APART = (0.5, 2.0), 2.0
 
 # Of a fit that answers unasked, though its innovations are not white: what they may show. Measured:

@@ -181,12 +181,8 @@ def judge_path(
 ) -> HeldOutErrors:
     """Compute the cross-validation errors of the candidate models that a method generates.
 
-    Parameters
-    ----------
-    products, held_out : (n_blocks, n_terms + n_states, n_terms + n_states) arrays
-        As of `ReducedRegression`.
-    n_states : int
-    path : callable
+    products, held_out: (n_blocks, n_terms + n_states, n_terms + n_states), as of
+    `ReducedRegression`.
     """
     p = products.shape[1] - n_states
     fold = np.arange(len(products)) % FOLDS
