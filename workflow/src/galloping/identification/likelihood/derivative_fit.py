@@ -17,7 +17,6 @@ from galloping.identification.likelihood.verdict import (
 )
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem, largest_coefficients
-from galloping.identification.selection import added_deviation
 from galloping.model.polynomial import design_matrix
 from galloping.recording.samples import Recording, inputs_at_times
 
@@ -92,8 +91,6 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         pull[:, block] = one[:, None] * rows
         pulls.append(pull[:, support])
     covariance = sandwich_covariance(pulls, covariance)
-    errors = added_deviation(information, support)
-    errors[support] = np.sqrt(np.diag(covariance))
     correlated = [Finding.of(Code.DERIVATIVES_CORRELATED)]
-    near = ApproximateFit(free, support, errors, covariance, penalty)
+    near = ApproximateFit(free, support, information, covariance, penalty)
     return assess_approximation(problem, near, correlated, **fitted)

@@ -94,6 +94,11 @@ def _fit_starts(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit |
     counts as converged only if its residuals show no misfit, and the best of the others is taken.
     """
     best, has_kinks = None, begun.problem.tables.n_kinks > 0
+
+    def quality(one: trajectory_fit.JoinedFit) -> float:
+        fit = one.step.fit
+        return fit.misfit if has_kinks else float(fit.support.sum())
+
     followed: dict[bytes, trajectory_fit.Step | None] = {}
     for name, terms, dear in starts.starts_of_terms(begun):
         guess = terms.free.tobytes()  # two of them may be the same
@@ -109,17 +114,14 @@ def _fit_starts(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit |
         joined = replace(joined, path=(name, *free.path(begun.period), *joined.path))
         if dear > 1.0 and joined.settled and unseen:
             # a model of fewer terms can have the same limit cycle
-            told = (
-                n_unidentifiable_directions(joined.step.information, largest)
-                < joined.step.fit.support.sum()
-            )
-            joined = replace(joined, settled=told)
+            untold = n_unidentifiable_directions(joined.step.information, largest)
+            joined = replace(joined, settled=bool(untold < joined.step.fit.support.sum()))
         if joined.settled and not (has_kinks and _shows_misfit(begun, joined)):
             return joined
         if best is None or (best.objection and not joined.objection):
             best = joined
         elif not joined.objection:
-            best = min(best, joined, key=lambda one: one.misfit if has_kinks else one.n_terms)
+            best = min(best, joined, key=quality)
     return best
 
 

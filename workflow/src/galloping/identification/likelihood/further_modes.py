@@ -14,7 +14,6 @@ from galloping.identification.free_motion.mode_search import strongest_mode
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.residual_tests import NEIGHBOURS, ROUNDING
 from galloping.identification.no_model import NoModel, attempt
-from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import FurtherMode
 from galloping.model.polynomial import velocity_pairs
 
@@ -50,14 +49,6 @@ def find_further_modes(
             modes = _find_oscillations(time, means, condensed.step, lowest)
             found += [FurtherMode(r, states[i], *mode) for mode in modes]
     return tuple(found)
-
-
-def further_mode_findings(modes: tuple[FurtherMode, ...]) -> list[Finding]:
-    """Return a finding, which names the frequency, for each oscillation that a model lacks."""
-    return [
-        Finding.of(Code.FURTHER_MODE, mode.state, frequency_hz=mode.frequency / (2.0 * np.pi))
-        for mode in modes
-    ]
 
 
 def _find_oscillations(

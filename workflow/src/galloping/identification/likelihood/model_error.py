@@ -25,7 +25,6 @@ from galloping.identification.likelihood.elimination import (
 from galloping.identification.likelihood.fluctuation import fit_fluctuations
 from galloping.identification.likelihood.further_modes import (
     find_further_modes,
-    further_mode_findings,
 )
 from galloping.identification.likelihood.shooting import ShootingData, ShootingFit
 from galloping.identification.likelihood.verdict import ApproximateFit, assess_approximation
@@ -39,7 +38,7 @@ from galloping.identification.likelihood.weak_constraint import (
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
-from galloping.identification.selection import added_deviation, solve_support
+from galloping.identification.selection import solve_support
 from galloping.identification.work import is_exhausted
 from galloping.model.intervals import NORMAL_95, QUANTILES_95
 from galloping.passes import passing
@@ -157,17 +156,19 @@ def as_identified(
     ]
     sigma, of_rates = condensed.noise_by_state(problem.states, noise)
     besides = find_further_modes(problem.states, condensed, residual)
+    lacking = (
+        Finding.of(Code.FURTHER_MODE, mode.state, frequency_hz=mode.frequency / (2.0 * np.pi))
+        for mode in besides
+    )
     known = condensed.noise_variance  # zero where windows tell none
     power = (
         np.where(known > 0.0, known, noise**2) * condensed.rows / np.diff(condensed.first)[:, None]
     )
     noise_power = np.sum(power[record.segments.recording])
-    errors = added_deviation(made.information, support)
-    errors[support] = np.sqrt(np.diag(made.covariance))
     found = assess_approximation(
         problem,
-        ApproximateFit(fit.free, support, errors, made.covariance, made.price),
-        (*objections, *misses, *further_mode_findings(besides)),
+        ApproximateFit(fit.free, support, made.information, made.covariance, made.price),
+        (*objections, *misses, *lacking),
         initial_states=fit.starts[record.first_segments],
         sigma=sigma,
         chi2=float(np.sum(made.forecast_squares[1]) / noise_power) if noise_power else np.inf,
@@ -193,16 +194,18 @@ def _search_approximation(start: ShootingFit, penalty: float) -> Approximation |
     # jumps begin at a twentieth of each state and are estimated anew at each pass
     jump, misfit = np.diag((0.05 * scale) ** 2), white_autocovariance(record, start.sigma**2)
     first = StretchFit(record, start.free, every, start.starts, misfit, jump)
-    fitted: tuple[StretchFit, list[Approximation]] | None = None
+    colour = ""
+    fitted: tuple[StretchFit, list[Approximation]] | NoModel = NoModel()
     for name, misfit_of in (("coloured", coloured_misfit), ("white", white_misfit)):
         tried = attempt(partial(_fit_with_misfit, first, misfit_of, penalty))
-        if isinstance(tried, NoModel):
-            continue
-        colour, fitted = name, tried
-        if max(each.forecast_r2 for each in tried[1]) > 0.0 or is_exhausted():
-            break
-    if fitted is None:
-        return tried
+        if not isinstance(tried, NoModel):
+            colour, fitted = name, tried
+            if max(each.forecast_r2 for each in tried[1]) > 0.0 or is_exhausted():
+                break
+        elif isinstance(fitted, NoModel):
+            fitted = tried
+    if isinstance(fitted, NoModel):
+        return fitted
     whole, made = fitted
     best = _fit_varying(whole, penalty) or _choose_smallest(made)
     return replace(best, path=(f"{colour} misfit", *best.path))

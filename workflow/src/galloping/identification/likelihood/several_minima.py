@@ -184,13 +184,11 @@ def _fit_while_moving(fit: ShootingFit) -> ShootingFit | None:
             if len(before) >= TURNS:
                 still[before[-TURNS] : begin] = True
         stuck |= still
-    shown = condensed.is_present.any(axis=(1, 2))
-    if not np.any(stuck & shown) or np.sum(~stuck & shown) < 0.1 * np.sum(shown):
+    shown, samples = condensed.is_present.any(axis=(1, 2)), condensed.samples
+    few = np.sum(~stuck & shown) < 0.1 * np.sum(shown)
+    if samples is None or few or not np.any(stuck & shown):
         return None
     functionals = np.where(stuck[:, None, None, None], 0.0, condensed.functionals)
-    samples = condensed.samples
-    if samples is None:
-        return None
     held = np.repeat(stuck, np.diff(samples.offsets))
     rows = np.add.reduceat(functionals.any(axis=3).sum(axis=2), condensed.first[:-1])
     cut = replace(

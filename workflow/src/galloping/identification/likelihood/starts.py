@@ -9,7 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.preparation.rate_channels import estimate_scales, with_scales
+from galloping.identification.preparation.rate_channels import (
+    estimate_scales,
+    with_scales,
+    without_offsets,
+)
 from galloping.identification.preparation.smoothing import unmeasured_displacements
 from galloping.identification.preparation.weak_form import (
     Start,
@@ -34,7 +38,9 @@ def rescale_start(
     own = with_scales(recordings, begun.period)
     if any(one is not other for one, other in zip(recordings, own, strict=True)):
         begun = make_start(begun.problem, own, share)
-    return begun.with_rates(own), estimate_scales(recordings, own)
+    pairs = zip(begun.recordings, own, begun.smoothed, strict=True)
+    with_rates = [without_offsets(*each, begun.period) for each in pairs]
+    return replace(begun, recordings=with_rates), estimate_scales(recordings, own)
 
 
 def has_free_equilibrium(begun: Start) -> bool:
@@ -65,12 +71,8 @@ def positions_of_rest(begun: Start) -> Iterator[tuple[str, Start]]:
     to 0.1 deviations off always lead to the model. Raises what `weak_fit` raises.
     """
     problem = begun.problem.drop_terms(lambda term: not any(term))  # which nothing moves
-    units = (
-        0.2
-        * np.eye(len(problem.states))[
-            sorted(state for state, _ in _unmeasured_displacements(begun))
-        ]
-    )
+    unmeasured = sorted(state for state, _ in _unmeasured_displacements(begun))
+    units = 0.2 * np.eye(len(problem.states))[unmeasured]
     offsets = (0.0 * units[0], *units, *-units)
     for k, offset in enumerate(offsets, 1):
         curves = [

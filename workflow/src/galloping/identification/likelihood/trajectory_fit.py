@@ -94,16 +94,6 @@ class JoinedFit:
     settled: bool
     objection: Finding | None
 
-    @property
-    def misfit(self) -> float:
-        """Misfit before the last step: chi^2 over the number of projections of the samples."""
-        return self.step.fit.misfit
-
-    @property
-    def n_terms(self) -> int:
-        """Number of terms after the last step."""
-        return int(self.step.fit.support.sum())
-
 
 def fit_free_segments(begun: Start, start: WeakFit) -> Step | None:
     """Fit a model to segments of the recordings, each with an independent initial state.

@@ -75,26 +75,18 @@ class Fitted(TypedDict, total=False):
     further_modes: tuple[FurtherMode, ...]
 
 
-class Rivals(TypedDict, total=False):
-    """Fields of an `IdentifiedModel` for rivals: other models that fit almost as well."""
-
-    rivals: np.ndarray
-    rival_share: float
-
-
 @dataclass(frozen=True)
 class ApproximateFit:
     """Coefficients and standard errors of a model that only approximates the data.
 
-    It is used if no model of the library is right. free: (n,), zero outside `support` (n,). errors:
-    (n,) standard errors of the present ones, and of each absent one if it alone were added.
-    covariance: (n_support, n_support). price: of a term, in units of chi^2, at which the terms were
-    chosen.
+    It is used if no model of the library is right. free: (n,), zero outside `support` (n,).
+    information: (n, n) of all coefficients. covariance: (n_support, n_support). price: of a term,
+    in units of chi^2, at which the terms were chosen.
     """
 
     free: np.ndarray
     support: np.ndarray
-    errors: np.ndarray
+    information: np.ndarray
     covariance: np.ndarray
     price: float
 
@@ -124,7 +116,7 @@ def assess_fit(
     free = free + about
     findings, notes = [Finding.of(Code.NO_TERM)], []
     errors = added_deviation(information, support)
-    others: Rivals = {}
+    others: dict[str, Any] = {}
     if support.any():
         ruled_out, contradicted = find_beyond_bounds(problem, regression)
         allowed = np.where(np.logical_or.outer(ruled_out, ruled_out), 0.0, information)
@@ -132,10 +124,8 @@ def assess_fit(
         plausible = plausible_supports(whitened, support)
         believed = weigh_by_prior(problem, plausible)
         limits = detection_limits(unconditional_errors(believed, errors), support, penalty)
-        simple, hidden = (
-            mark_simple_terms(problem, support),
-            partial(find_hidden_term, problem, support),
-        )
+        simple = mark_simple_terms(problem, support)
+        hidden = partial(find_hidden_term, problem, support)
         # of another term than a simple one that is imitated altogether `find_unseen_mixture` speaks
         asked = np.where(simple | np.isfinite(limits), limits, 0.0)
         most = np.where(simple, MOST_HIDDEN, MOST_BALANCED)
@@ -177,12 +167,15 @@ def assess_approximation(
     data, which is among the findings. fitted: as of `assess_fit`.
     """
     findings = as_warnings(findings)
-    limits = detection_limits(near.errors, near.support, near.price)
+    errors = np.full(len(near.support), np.nan)
+    errors[near.support] = np.sqrt(np.diag(near.covariance))
+    absent = added_deviation(near.information, near.support)
+    limits = detection_limits(absent, near.support, near.price)
     return IdentifiedModel(
         model=problem.model(near.free),
         status=status_of(findings),
         findings=findings,
-        standard_errors=problem.on_library(np.where(near.support, near.errors, np.nan), fixed=0.0),
+        standard_errors=problem.on_library(errors, fixed=0.0),
         detection_limits=problem.on_library(limits),
         covariance=problem.model_covariance(near.covariance, near.support),
         known=problem.known_equations,
@@ -190,8 +183,11 @@ def assess_approximation(
     )
 
 
-def _draw_rivals(problem: Problem, regression: Regression, believed: Plausible) -> Rivals:
-    """Draw models of the rival supports; nothing if these are less likely than MISS_RATE."""
+def _draw_rivals(problem: Problem, regression: Regression, believed: Plausible) -> dict[str, Any]:
+    """Draw models of the rival supports; nothing if these are less likely than MISS_RATE.
+
+    Returns the fields of an `IdentifiedModel` for rivals.
+    """
     rng, others, drawn = np.random.default_rng(0), believed.weight[1:], []
     share = float(others.sum())
     if share < MISS_RATE:

@@ -5,11 +5,9 @@ the covariance of the measurement noise. Known equations give rows without free 
 are informative by the noise that they share with other rows.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise, product
-from typing import Self
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -18,7 +16,6 @@ from scipy.linalg import lapack
 from galloping.arrays import round_down
 from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
-from galloping.identification.preparation.rate_channels import without_offsets
 from galloping.identification.preparation.screening import prepare_recordings
 from galloping.identification.preparation.smoothing import GRID_PER_PERIOD, Smooth
 from galloping.identification.problem import Problem, largest_coefficients
@@ -240,14 +237,6 @@ class Start:
     penalty: float
     fit: WeakFit
     samples: int
-
-    def with_rates(self, given: Sequence[Recording]) -> Self:
-        """Return a copy whose recordings also have the measured time derivatives.
-
-        They are without the offsets that `without_offsets` removes.
-        """
-        pairs = zip(self.recordings, given, self.smoothed, strict=True)
-        return replace(self, recordings=[without_offsets(*each, self.period) for each in pairs])
 
     @cached_property
     def price(self) -> Price:
