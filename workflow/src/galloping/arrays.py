@@ -110,8 +110,8 @@ def as_increasing(name: str, values: ArrayLike) -> NDArray[np.float64]:
     return array
 
 
-# Of a whole number, or of a step between samples: what rounding makes of a number that another unit
-# of time has whole.
+# Tolerance for rounding errors of counts, and of times in steps between samples: a number that is
+# whole in one unit of time may not be exactly whole after conversion to another unit.
 TIME_ROUNDING = 1e-6
 
 
@@ -128,17 +128,9 @@ def round_up(number: float) -> int:
 def first_from(time: NDArray[np.float64], moments: ArrayLike) -> NDArray[np.int_]:
     """Return, for each given time, the index of the first sample at or after that time.
 
-    Parameters
-    ----------
-    time : (n,) array
-        Increasing times of samples.
-    moments : (...) array
-        In the unit of `time`. A sample that is early by rounding alone is at the moment.
-
-    Returns
-    -------
-    (...) array
-        Indices, n of a moment after the last sample.
+    time: (n,) increasing times of samples. moments: (...) in the unit of `time`. A sample that is
+    early by rounding alone is at the moment. Returns (...) indices, n for a moment after the last
+    sample.
     """
     tie = TIME_ROUNDING * (time[-1] - time[0]) / max(len(time) - 1, 1)
     return np.searchsorted(time, np.asarray(moments) - tie)

@@ -102,19 +102,10 @@ def find_equilibrium(
 ) -> OptimizeResult:
     """Search numerically for an equilibrium of a model, starting from a given state.
 
-    With dry friction, the middle of all equilibria is searched for.
-
-    Parameters
-    ----------
-    model : PolynomialModel
-    start, sizes : (n_states,) arrays
-        Where the search begins, and the sizes of the motion.
-
-    Returns
-    -------
-    scipy.optimize.OptimizeResult
-        `success`; `x`, the state, zero where it is by rounding; `fun`, the rates there, in sizes
-        and radians of the motion.
+    With dry friction, the middle of all equilibria is searched for. start: (n_states,) state where
+    the search begins. sizes: (n_states,) of the motion. Returns `success`; `x`, the state, zero
+    where it differs from zero by rounding alone; and `fun`, the rates there, in sizes of the motion
+    per radian.
     """
     model = model.without_dry_friction()
     time = Pace.of(model, start).slow / (2.0 * np.pi)

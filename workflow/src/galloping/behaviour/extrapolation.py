@@ -47,21 +47,12 @@ def with_extrapolation(
     The coefficients of these terms have a normal prior, with the deviation that continues the
     nonlinear terms of the model as a geometric series at the size of the recorded motion. Their
     posterior follows from the information matrix of the library and these terms together, and from
-    the residuals of the model. The residuals of an approximate model count as noise.
-
-    Parameters
-    ----------
-    identified : IdentifiedModel
-    recordings : sequence of Recording
-        From which it was identified.
-
-    Returns
-    -------
-    IdentifiedModel
-        With `extrapolation_shift` and `extrapolation_covariance`. It is returned unchanged if its
-        library is not the whole polynomial library of a degree, and so says what is known of the
-        system; if random forces move it, whose motions have all sizes; if no position of rest lies
-        inside the motion; or if it cannot be integrated over the recordings.
+    the residuals of the model. The residuals of an approximate model count as noise. recordings:
+    those from which the model was identified. Returns it with `extrapolation_shift` and
+    `extrapolation_covariance`. It is unchanged if its library is not the whole polynomial library
+    of a degree, and so says what is known of the system; if random forces move it, whose motions
+    have all sizes; if no position of rest lies inside the motion; or if it cannot be integrated
+    over the recordings.
     """
     model = identified.model
     degree = _library_degree(model)

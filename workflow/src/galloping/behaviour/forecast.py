@@ -184,10 +184,8 @@ class ScoredForecast(Immutable):
     def to_frame(self) -> "DataFrame":
         """Return the scores as a pandas DataFrame, with a row for each channel.
 
-        Returns
-        -------
-        DataFrame
-            A row for each channel, by name: `skill`, `missed`, `held`, `is_noise` and `factor`.
+        The index has the names of the channels. The columns are `skill`, `missed`, `held`,
+        `is_noise` and `factor`.
         """
         import pandas as pd  # an extra, and slow to import
 

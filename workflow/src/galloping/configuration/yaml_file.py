@@ -16,10 +16,11 @@ class ConfigurationError(ValueError):
 
 
 def read(path: str | Path) -> dict:
-    """Read a YAML file as a dict; raise ConfigurationError if it is not a valid mapping.
+    """Read a mapping in a YAML file as a dict.
 
-    Raises ConfigurationError with one line that names the file, and its line if known: unreadable,
-    empty, not YAML, not a mapping, or a duplicate key.
+    Raises ConfigurationError, with one line that names the file, and its line if known, if the file
+    is unreadable, empty, not YAML, not a mapping, nested too deeply or too large, or has a
+    duplicate key.
     """
     try:
         content = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=_Loader)

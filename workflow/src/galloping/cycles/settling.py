@@ -115,23 +115,10 @@ def estimate_missing_sizes(
     """Estimate the unknown amplitudes of states from known amplitudes and frequencies.
 
     A velocity or an acceleration is the displacement or velocity times the frequency of small
-    motions, and conversely; others are as large as the largest of their kind.
-
-    Parameters
-    ----------
-    sizes : (n_states,) array
-        Zero where unknown.
-    model : PolynomialModel
-        Without inputs.
-    state : (n_states,) array
-        Centre of the small motions.
-    rates : (n_states,) array
-        Sizes of the rates of the states, zero where unknown.
-
-    Returns
-    -------
-    (n_states,) array
-        None of which is zero.
+    motions, and conversely; others are as large as the largest of their kind. sizes: (n_states,)
+    zero where unknown. model: without inputs. state: (n_states,) centre of the small motions.
+    rates: (n_states,) sizes of the rates of the states, zero where unknown. Returns (n_states,),
+    none of which is zero.
     """
     omega, pairs = 2.0 * np.pi / Pace.of(model, state).slow, velocity_pairs(model.states)
     sizes = np.where(sizes > 0.0, sizes, rates / omega)
@@ -144,14 +131,14 @@ def estimate_missing_sizes(
     return sizes
 
 
-# Periods of the slowest motion: of a window, and of its pieces. How many windows are followed: the
-# first ones are a transient. What has not settled then goes on while its size goes one way, up to
-# the last ones.
+# Length of a window and of its pieces, in periods of the slowest motion. The first TRANSIENT
+# windows are a transient. A motion that has not settled after them is followed as long as its size
+# changes in one direction, for MOST_WINDOWS windows at most.
 WINDOW, PIECE, TRANSIENT, MOST_WINDOWS = 80, 20, 9, 50
 PER_PERIOD, MOST_SAMPLES = 50, 100_000  # samples of the fastest motion, and of a window
-# Of the size that a motion had, or was recorded with: what is as small has died out, but where it
-# grows, if it is not as small as rounding makes it. What is as large and too fast to be followed
-# runs away, and what is larger is not followed.
+# Relative to the size of the motion at its start or in the recording. A motion below DIED_OUT has
+# died out, unless it grows and is above ROUNDING, the size of rounding errors. A motion above LARGE
+# diverges if its simulation ends early. Above FAR_AWAY, any simulation ends.
 DIED_OUT, ROUNDING, LARGE, FAR_AWAY = 1e-3, 1e-9, 1e3, 1e6
 
 
@@ -164,24 +151,10 @@ def settle_in_periods(
 ) -> Settled:
     """Simulate an oscillator for many periods until its motion settles, and classify the motion.
 
-    The duration is in periods of the oscillator.
-
-    Parameters
-    ----------
-    simulator : Simulator
-    model : PolynomialModel
-    x0 : (n_states,) array
-        Initial state.
-    pace : Pace
-        Of the model.
-    sizes : (n_states,) array
-        Of the recorded motion, zero where unknown.
-
-    Returns
-    -------
-    Settled
-        Of the first window after a transient if the motion has settled, or its size varies up and
-        down; of the last window if the motion still changes after 4,000 periods.
+    The duration is in periods of the oscillator. x0: (n_states,) initial state. pace: of the model.
+    sizes: (n_states,) of the recorded motion, zero where unknown. If the motion has settled, or its
+    size varies up and down, returns the first window after a transient. If it still changes after
+    4,000 periods, returns the last window.
     """
     window = WINDOW * pace.slow
     rate = min(PER_PERIOD / pace.fast, MOST_SAMPLES / window)

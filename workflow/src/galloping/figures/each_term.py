@@ -35,17 +35,10 @@ def draw_coefficients(
 ) -> Figure:
     """Plot the number of false terms against noise, and ratios of identified to true coefficients.
 
-    Parameters
-    ----------
-    model : Derived
-        Of the line.
-    identified : Mapping
-        Models of all noise realisations by study cell and method.
-    settings : Mapping
-        case, protocol, method and kind; levels by cell, and the label of the noise; degree of the
-        library.
-    table, draws : DataFrame
-        scores.csv, and more realisations of the same cells, as of `errors.draw_draws`.
+    model: of the line. identified: models of all noise realisations by study cell and method.
+    settings: case, protocol, method and kind; levels by cell, and the label of the noise; degree of
+    the library. table: scores.csv. draws: more realisations of the same cells, as of
+    `errors.draw_draws`.
     """
     levels = list(settings["levels"].values())
     if not levels:

@@ -167,18 +167,9 @@ def write_animation(
     """Write the motion of a span as an animated GIF that repeats endlessly.
 
     The same motion gives the same bytes. The span is drawn in elevation (vertical motion to the
-    scale of the sag) and in plan, with the path of mid-span to scale, in real time.
-
-    Parameters
-    ----------
-    path : path-like
-        Of the GIF.
-    case : Mapping
-        Of the configuration.
-    time, states : ndarray, (n,) and (n, n_states)
-        Uniform times, s, and the motion, m and m/s, of which RATE frames a second are shown.
-    title : str
-        Above the span.
+    scale of the sag) and in plan, with the path of mid-span to scale, in real time. case: of the
+    configuration. time: (n,) s, uniform. states: (n, n_states) the motion, m and m/s, of which RATE
+    frames a second are shown. title: shown above the span.
     """
     step = max(1, round(1 / (RATE * (time[1] - time[0]))))
     with styled(8):
@@ -187,15 +178,7 @@ def write_animation(
 
 
 def write_still(path: str | os.PathLike, reason: str) -> None:
-    """Write a GIF with a single frame that states why there is no motion to animate.
-
-    Parameters
-    ----------
-    path : path-like
-        Of the GIF.
-    reason : str
-        What is shown instead of the motion.
-    """
+    """Write a GIF with a single frame that states why there is no motion to animate."""
     with styled(8):
         _write_gif(path, parts.make_empty_figure(reason), lambda frame: (), range(1))
 

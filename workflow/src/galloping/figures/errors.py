@@ -108,19 +108,10 @@ def printed(column: str, case: str) -> list[Claim]:
 def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | None = None) -> Figure:
     """Plot median and 5-95 % range of coefficient errors over noise realisations.
 
-    The medians are over the noise realisations. A panel for each quantity, a line for each of its
-    columns.
-
-    Parameters
-    ----------
-    table : DataFrame
-        scores.csv.
-    settings : Mapping
-        case, protocol and method; kind of cells; x, `level` or `points`, and its labels by
-        protocol; quantities, names of QUANTITIES.
-    draws : DataFrame, optional
-        More realisations, of `paper.draws.paper_draws`, instead of those of the same cells in
-        `table`.
+    There is a panel for each quantity, with a line for each of its columns. table: scores.csv.
+    settings: case, protocol and method; kind of cells; x, `level` or `points`, and its labels by
+    protocol; quantities, names of QUANTITIES. draws: more realisations, of
+    `paper.draws.paper_draws`, instead of those of the same cells in `table`.
     """
     x, case = settings["x"], settings["case"]
     chosen = replace_cells(table, draws, settings)
@@ -208,14 +199,8 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
     The mean is over the orders of the terms; all recordings have one measurement setup. Drawn are
     the paper's method, the best of pysindy, its best possible tuning, our method, and the bound, as
     far as the study has them. Errors are of the fits that gave a model; the number of failures is
-    written above.
-
-    Parameters
-    ----------
-    table, peers : DataFrame
-        scores.csv and peers.csv.
-    settings : Mapping
-        case and protocol to show, and the label of the noise.
+    written above. table: scores.csv. peers: peers.csv. settings: case and protocol to show, and the
+    label of the noise.
     """
     case, protocol = settings["case"], settings["protocol"]
     figure, ((axes,),) = parts.panels(3.7, width=SINGLE)

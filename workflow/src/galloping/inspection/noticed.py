@@ -18,15 +18,9 @@ def sentences_of(
 ) -> Iterator[str]:
     """Yield sentences on findings that do not affect a model's status, and on unmodelled modes.
 
-    The latter are further modes of the recording, for which the model has no coordinate.
-
-    Parameters
-    ----------
-    findings : iterable of Finding
-        Those that affect the status are ignored.
-    further : iterable of FurtherMode
-    of_model : iterable of str
-        Names of the modes that are listed with an interval.
+    The latter are further modes of the recording, for which the model has no coordinate. findings:
+    those that affect the status are ignored. of_model: names of the modes that are listed with an
+    interval.
     """
     findings = list(findings)
     units = {each.subject: _name_and_unit(each.subject) for each in findings}

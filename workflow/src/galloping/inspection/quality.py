@@ -31,14 +31,17 @@ APART = 0.02  # of the time with samples: gaps that are longer part what lies on
 MISSED = 0.1  # of the time of other columns, in gaps of a channel
 DIFFERENT = 32  # values: fewer resolve a motion to no better than a tenth of its deviation
 SIGNAL = 3.0  # motion over noise below which terms can hardly be told
-STANDS_OUT = 20.0  # times what is around it at the median: no peak of white noise is half as high
+# Power at five adjacent frequencies, over that of white noise with the same median power, above
+# which a spectrum has a peak. White noise itself does not reach half of it.
+STANDS_OUT = 20.0
 RECURS, NEAR = 0.6, 1.6  # correlation of a motion with itself, up to so many times a period later
 # Variance of the difference of two channels, over that of their noise, below which both show the
 # same motion; the variance of a noise is told to a few percent.
 SAME = 1.3
 WITH = 0.5  # correlation of an acceleration with its displacement
 SIDEWAYS = 10.0  # times as far as a line moves vertically
-# What no span does; beyond it a unit is most likely wrong. From the lowest to the highest sample:
+# Least and greatest difference of the highest and lowest sample, by unit, that a span has; with any
+# other the unit is most likely wrong.
 RANGES = {"m": (0.005, 50.0), "m/s": (0.005, 100.0), "m/s^2": (0.005, 1000.0)}
 FREQUENCIES = 0.02, 20.0  # Hz, of galloping and of what else moves a span that much
 
@@ -243,8 +246,8 @@ def sampled_time(time: np.ndarray) -> float:
 def peaks_of(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find the highest peaks of a power spectrum, four at most.
 
-    The shares around each frequency are returned too. share: (n,). Returns (n,), and the indices of
-    four peaks at most, the highest first.
+    share: (n,) of each frequency in the variance. Returns the shares around each frequency, (n,),
+    each the sum of five; and the indices of the peaks, the highest first.
     """
     around = np.convolve(share, np.ones(5))[2 : len(share) + 2]  # also of fewer than five
     highest = around == maximum_filter1d(around, 9)

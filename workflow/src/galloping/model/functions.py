@@ -108,20 +108,10 @@ def make_function(
 ) -> tuple[float, Function]:
     """Make an elementary function in canonical form, and the constant that multiplies it.
 
-    Parameters
-    ----------
-    name : one of FUNCTIONS
-    weights : (n_states,) of the states in the argument
-    offset : added to them
-
-    Returns
-    -------
-    factor, function : their product is the requested function
-
-    Raises
-    ------
-    ValueError
-        If there is no function of that name, or the argument is not finite or has no state.
+    name: one of FUNCTIONS. weights: (n_states,) of the states in the argument. offset: added to
+    them. Returns the constant and the function, whose product is the requested function. Raises
+    ValueError if there is no function of that name, or if the argument is not finite or has no
+    state.
     """
     if name not in FUNCTIONS:
         raise ValueError(f"function: {name!r:.60}; must be one of {', '.join(FUNCTIONS)}")

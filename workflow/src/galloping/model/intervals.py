@@ -70,20 +70,8 @@ def draw_normal(
 ) -> np.ndarray:
     """Draw random vectors from a normal distribution whose covariance may be singular.
 
-    The result does not depend on the units of the values.
-
-    Parameters
-    ----------
-    mean : (n,) array
-    covariance : (n, n) array
-        May be singular.
-    count : int
-        Number of draws.
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    (count, n) array
+    The result does not depend on the units of the values. mean: (n,). covariance: (n, n). Returns
+    (count, n).
     """
     return mean + rng.standard_normal((count, len(mean))) @ covariance_root(covariance).T
 
@@ -93,17 +81,7 @@ def covariance_root(covariance: np.ndarray) -> np.ndarray:
 
     R transforms independent draws into correlated ones. It is that of the correlations, which have
     no unit, and the lower triangle with a nonnegative diagonal, which is independent of the
-    decomposition method.
-
-    Parameters
-    ----------
-    covariance : (n, n) array
-        May be singular.
-
-    Returns
-    -------
-    (n, n) array
-        R, of which R R' is the covariance.
+    decomposition method. covariance: (n, n), may be singular. Returns (n, n).
     """
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     unit = np.where(deviation > 0.0, deviation, 1.0)[:, np.newaxis]
@@ -162,18 +140,9 @@ def add_higher_degree_effects(
 ) -> list[PolynomialModel]:
     """Change randomly drawn models by the possible effect of terms beyond the library's degree.
 
-    Parameters
-    ----------
-    models : sequence of PolynomialModel
-        Drawn with `draw_models_and_rivals`.
-    identified : IdentifiedModel
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    list of PolynomialModel
-        With changes drawn by `extrapolation_shift` and `extrapolation_covariance`, in the terms
-        that a model has, within their bounds; the same models where these are not stated.
+    models: drawn with `draw_models_and_rivals`. The changes have the mean `extrapolation_shift` and
+    the covariance `extrapolation_covariance`. They apply to the terms that a model has, within
+    their bounds. Returns the same models where these changes are not stated.
     """
     if not len(identified.extrapolation_shift):
         return list(models)

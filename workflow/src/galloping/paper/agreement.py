@@ -93,21 +93,10 @@ def log_likelihoods(
 ) -> dict[str, float]:
     """Compute log-likelihoods of the reproduced paper's claims from simulated noise realisations.
 
-    There is one for each factor: of a probability, or of a density for printed numbers.
-
-    Parameters
-    ----------
-    values : mapping of str to ndarray
-        Of `scores_by_claim`.
-    left_out : collection of str
-        Names in `GROUPS` of the claims that are ignored.
-    claims : collection of Claim
-        Printed claims.
-
-    Returns
-    -------
-    dict of str to float
-        By cell, and by claim if it compares two noise levels.
+    There is one for each factor: of a probability, or of a density for printed numbers. values: of
+    `scores_by_claim`. left_out: names in `GROUPS` of the claims that are ignored. claims: those
+    that are printed. Returns the log-likelihoods by cell, and by claim if it compares two noise
+    levels.
     """
     counted = [claim for claim in claims if group_of(claim) not in left_out]
     factors = {

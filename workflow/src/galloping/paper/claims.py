@@ -151,20 +151,11 @@ WIDE = 10.0  # an interval whose ends differ by this factor contains nearly any 
 def judge(claim: Claim, scores: pd.DataFrame) -> dict:
     """Assess a claim of the reproduced paper by its values in simulated noise realisations.
 
-    Parameters
-    ----------
-    claim : Claim
-        A number, a bound or a word of the paper.
-    scores : DataFrame
-        Of one case, measurement setup and method, one row per draw and cell.
-
-    Returns
-    -------
-    dict
-        Of the draws: median, low and high (5 and 95 %), ratio (median over the printed number),
-        spread (high over low), share_met (that satisfy the bound, or whose error is no larger
-        than the printed one) with its 95 % interval share_met_low and share_met_high, replicates;
-        verdict, and reason in a sentence.
+    claim: a number, a bound or a word of the paper. scores: of one case, measurement setup and
+    method, one row per draw and cell. Returns of the draws: median, low (5 %) and high (95 %),
+    ratio (median over the printed number), spread (high over low), share_met (that satisfy the
+    bound, or whose error is no larger than the printed one) with its 95 % interval share_met_low
+    and share_met_high, replicates; verdict, and reason in a sentence.
     """
     values = claim.values(scores)
     if not len(values):

@@ -57,10 +57,10 @@ class NotRestorable(Exception):
 
 
 def is_plain(path: str) -> bool:
-    """Decide whether a path is safe: relative, within its folder, and without hidden parts.
+    """Decide whether a path is safe on any system: relative, within its folder, no part hidden.
 
-    It must be safe on any system. It is relative, with '/', of letters, digits and `_.+=-`, no part
-    beginning with a dot.
+    Its parts are separated by '/'. Each consists of letters, digits and `_.+=-`, and begins with a
+    letter, a digit or `_`.
     """
     return PLAIN.fullmatch(path) is not None
 

@@ -9,24 +9,12 @@ LIKE = 4.0  # times the largest of the other steps, that a step over the end of 
 def unwrap_angle(values: NDArray[np.float64], turn: float) -> tuple[NDArray[np.float64], int]:
     """Remove the jumps of a full turn from samples of an angle, and count these jumps.
 
-    It does if all samples are within one turn and reach both of its ends, and if the steps over the
-    end, minus a turn, are like the others. A valve that opens by more than half a turn does not
-    wrap.
-
-    Parameters
-    ----------
-    values : ndarray of shape (n,)
-        NaN where missing.
-    turn : float
-        A full turn in the unit of the values.
-
-    Returns
-    -------
-    unwrapped : ndarray of shape (n,)
-        The angle without jumps, shifted by whole turns so that its median is within half a turn of
-        zero; the values if they do not wrap.
-    n_wraps : int
-        Number of jumps that were removed.
+    Jumps are removed if all samples are within one turn and reach both of its ends, and if the
+    steps over the end, minus a turn, are like the others. The angle of a valve that opens by more
+    than half a turn does not wrap. values: (n,) NaN where missing. turn: a full turn in the unit of
+    the values. Returns the angle without jumps, (n,), shifted by whole turns so that its median is
+    within half a turn of zero, or the values if they do not wrap; and the number of jumps that were
+    removed.
     """
     known = np.isfinite(values)
     angle = values[known]

@@ -19,15 +19,7 @@ LARGEST = 2 * 1024**3  # bytes: a table of that size fits into the memory of a s
 class StoredArray:
     """Description of an array in a file, with a function that reads its values.
 
-    Attributes
-    ----------
-    name : str
-    shape : tuple of int
-    kind : str
-        Of the NumPy dtype.
-    unit : str or None
-    load : callable
-        Reads the array.
+    kind: of the NumPy dtype.
     """
 
     name: str

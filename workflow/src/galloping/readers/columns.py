@@ -81,18 +81,9 @@ def derivative_order(header: str, unit: str) -> int | None:
 def measured_quantity(header: str, unit: str = "") -> str:
     """Determine which motion a column measures, such as `q_v` (vertical), by its name and unit.
 
-    Parameters
-    ----------
-    header : str
-        Name of the column, with or without its unit.
-    unit : str
-        Unit of the column if the header has none.
-
-    Returns
-    -------
-    str
-        '' if name and unit do not determine a direction and a kind of motion, or contradict each
-        other.
+    header: name of the column, with or without its unit. unit: of the column if the header has
+    none. Returns '' if name and unit do not determine a direction and a kind of motion, or
+    contradict each other.
     """
     name, own = split_header(header)
     unit = own or unit

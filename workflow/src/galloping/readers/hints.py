@@ -42,13 +42,8 @@ def likely_time_unit(times: np.ndarray) -> str:
 def likely_unit(order: int, values: np.ndarray, alike: Iterable[np.ndarray] = ()) -> str:
     """Guess the unit of a displacement, velocity or acceleration from its samples.
 
-    Parameters
-    ----------
-    order : int
-        Of the derivative: 0 for a displacement, 2 for an acceleration.
-    values : ndarray of shape (n,)
-    alike : iterable of ndarray
-        Columns of the same instrument: one of three accelerometers shows gravity as its mean.
+    order: of the derivative, 0 for a displacement, 2 for an acceleration. values: (n,). alike:
+    columns of the same instrument; one of three accelerometers shows gravity as its mean.
     """
     if order == 1:
         return "m/s"

@@ -31,20 +31,10 @@ REMARKS = {"comment", "comments", "remark", "kommentar", "bemerkung"}  # columns
 class Layout:
     """Layout of a text table: separator, decimal mark, names, units and first row of data.
 
-    Attributes
-    ----------
-    separator : str or None
-        Between the columns; None is white space.
-    decimal : str
-        The decimal mark.
-    header, units : list
-        A name and a unit, or None, for each column; '' for a column without a name.
-    first : int
-        Index of the first row of data, rows in quotes counted once.
-    line : int
-        Number of the line where that row begins, as an editor counts.
-    notes : tuple of str
-        A line for each ignored part.
+    separator: between the columns; None is white space. header, units: a name and a unit, or None,
+    for each column; '' is the name of a column without one. first: index of the first row of data,
+    rows in quotes counted once. line: number of the line where that row begins, as an editor
+    counts. notes: a line for each ignored part.
     """
 
     separator: str | None
@@ -61,20 +51,9 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
 
     Most rows have the same number of cells, two or more. The row of names is the row of text next
     to the numbers whose cells all differ; without a row of text above the numbers, columns are
-    named by their place.
-
-    Parameters
-    ----------
-    lines : list of str
-    decimal : str or None
-        The decimal mark; by default found from the cells.
-    time : str or None
-        The column of times, which the row of names must have.
-
-    Raises
-    ------
-    FileError
-        If no separator fits, or if it is unclear which row names the columns.
+    named by their place. decimal: the decimal mark; by default found from the cells. time: the
+    column of times, which the row of names must have. Raises FileError if no separator fits, or if
+    it is unclear which row names the columns.
     """
     rows, starts = _join_quoted(lines)
     written = [k for k, row in enumerate(rows) if row.strip(" ,;\t\r")]
@@ -231,16 +210,8 @@ def _fit(
     """Extract one cell per column from a row above the numbers; None if they do not fit.
 
     A trailing separator, a label before the cells, as in a row `NAME`, and a column of remarks that
-    the rows do not have are left out.
-
-    Parameters
-    ----------
-    row : sequence of str
-    columns : int
-    empty : sequence of bool
-        Whether each column has no samples.
-    is_numbered : bool
-        Whether the first column numbers the rows; R gives it no name.
+    the rows do not have are left out. empty: whether each column has no samples. is_numbered:
+    whether the first column numbers the rows; R gives it no name.
     """
     kept = _without_end(row)
     if len(kept) == columns + 1 and _is_label(kept[0]):

@@ -40,14 +40,8 @@ INTERVALS = {"dt", "ts", "interval"}  # s, between samples
 class Doubt:
     """Reason why the interpretation of a column is uncertain, and what to specify instead.
 
-    Attributes
-    ----------
-    cause : str
-        Why the reading is uncertain; '' if only the unit is missing.
-    remedy : str
-        What to specify instead, with options to copy.
-    lacks_unit : bool
-        Whether the file has no unit.
+    cause: why the reading is uncertain; '' if only the unit is missing. remedy: what to specify
+    instead, with options to copy. lacks_unit: whether the file has no unit.
     """
 
     cause: str = ""
@@ -64,18 +58,9 @@ class Doubt:
 class Proposal:
     """Proposed interpretation of the columns of a file, with what is uncertain in it.
 
-    Attributes
-    ----------
-    columns : tuple of str
-        The columns of the file.
-    content : str
-        Description of the file's contents.
-    time : dict or None
-        As in a mapping; None if the times are those of rows at a rate.
-    channels : list of dict
-        As in a mapping.
-    doubts : dict
-        By column, what is guessed or missing.
+    columns: of the file. content: description of the file's contents. time: as in a mapping; None
+    if the times are those of rows at a rate. channels: as in a mapping. doubts: by column, what is
+    guessed or missing.
     """
 
     columns: tuple[str, ...]
@@ -179,29 +164,11 @@ def propose(
 ) -> Proposal:
     """Propose what each column of a file measures, from the names, units and values.
 
-    Parameters
-    ----------
-    table : FileTable
-    units : mapping
-        Specified units of columns.
-    for_all : str or None
-        Specified unit of all columns but the times.
-    time : str or None
-        Specified column of times.
-    taken : collection of str
-        Columns of other quantities than the motion.
-    rate : float or None
-        Samples per second; times are then those of rows, or of a column that counts samples.
-
-    Returns
-    -------
-    Proposal
-        What the names do not determine is guessed from the order of the columns, and doubted.
-
-    Raises
-    ------
-    ValueError
-        If no column can contain times, or two have different clocks.
+    What the names do not determine is guessed from the order of the columns, and has a doubt.
+    units: specified units of columns. for_all: specified unit of all columns but the times. time:
+    specified column of times. taken: columns of other quantities than the motion. rate: samples per
+    second; times are then those of rows, or of a column that counts samples. Raises ValueError if
+    no column can contain times, or two have different clocks.
     """
     doubts: dict[str, Doubt] = {}
     clock = find_clock(table, time, doubts, rate, f"name it with --time, or {_say_rate(table)}")

@@ -57,32 +57,12 @@ HINTS = {  # where a column is missing, by what it is of
 class Series:
     """Channels and inputs of one file on a common time axis, in SI units.
 
-    Attributes
-    ----------
-    path : Path
-        The file.
-    time : ndarray of shape (n,)
-        s since `start`, strictly increasing.
-    start : str
-        ISO 8601 or ''.
-    values : ndarray of shape (n, n_channels)
-        NaN where missing, in the order of the mapping's channels.
-    rows : ndarray of shape (n,)
-        Row of each sample in the file.
-    notes : tuple of str
-        A line for each correction.
-    noise : ndarray of shape (n_channels,)
-        Known deviation of a sample, NaN where unknown.
-    inputs : mapping
-        By name, on the same time axis.
-    units : mapping
-        Units of the inputs, by name.
-    unused : tuple of str
-        Ignored columns.
-    unused_motion : tuple of str
-        Those of them that measure motion of a span, by their names.
-    origin : float
-        s, the first time by the clock of the file, of dates since 1970.
+    time: (n,) s since `start`, strictly increasing. start: ISO 8601 or ''. values: (n, n_channels)
+    NaN where missing, in the order of the mapping's channels. rows: (n,) row of each sample in the
+    file. notes: a line for each correction. noise: (n_channels,) known deviation of a sample, NaN
+    where unknown. inputs: by name, on the same time axis. units: of the inputs, by name. unused:
+    ignored columns. unused_motion: those of them that measure motion of a span, by their names.
+    origin: s, the first time by the clock of the file, of dates since 1970.
     """
 
     path: Path
@@ -213,9 +193,10 @@ def _check_distinct(table: FileTable, mapping: ColumnMapping, values: np.ndarray
 
 
 def check_no_shared_rows(series: Sequence[Series]) -> None:
-    """Raise FileError if 20 consecutive rows of one file are also in another file.
+    """Check that no file repeats ALIKE consecutive rows of another file.
 
-    Raises FileError if ALIKE consecutive rows of one file are also in another one.
+    Raises FileError if one does. Blocks of rows in which no column has more than VARIED different
+    values are ignored.
     """
     known: dict[bytes, Series] = {}
     for one in series if len(series) > 1 else ():

@@ -99,19 +99,10 @@ def _split_prefix(name: str) -> tuple[str, str]:
 def factor(unit: str, wanted: str) -> float:
     """Return the factor that converts values from a unit, such as `mm`, to an SI unit.
 
-    Parameters
-    ----------
-    unit : str
-        A unit of `unit_definitions`, after the size of one count of the instrument, if any, such as
-        `0.85 mm`. `1` is a pure number. `g`, `mg` and `G`, of an acceleration, are of gravity,
-        `g_n`, never of a mass.
-    wanted : str
-        A unit of SI.
-
-    Raises
-    ------
-    UnitError
-        If the unit is unknown or measures something else.
+    unit: a unit of `unit_definitions`, after the size of one count of the instrument, if any, such
+    as `0.85 mm`. `1` is a pure number. For an acceleration, `g`, `mg` and `G` are of gravity,
+    `g_n`, never of a mass. wanted: a unit of SI. Raises UnitError if the unit is unknown or
+    measures something else.
     """
     if unit in USUAL and USUAL[unit][1:] == USUAL[wanted][1:]:
         return USUAL[unit][0]

@@ -158,27 +158,15 @@ def make_recordings(
 ) -> list[Recording]:
     """Make recordings from arrays, data frames or lists of these.
 
-    Parameters
-    ----------
-    x : (n, n_states) array, frame, `Recording`, or a list of these
-        States; of a list each is one recording. NaN is missing.
-    t : float, (n,) array, str, or a list of these
-        Step or times of the samples, s, or the column of a frame that has them. By default they are
-        the column `t` of a frame, or its index if that does not count rows.
-    u : (n,) or (n, n_inputs) array, frame, mapping of names, or a list of these
-        Inputs at the times of `x`, an `Input` of a mapping at its own times; or names of columns of
-        the frame `x`.
-    x_dot : (n, n_states) array, frame, or a list of these
-        Measured rates of the states, if there are any.
-    states, inputs : sequence of str
-        Names; by default those of columns, else x0, x1, ... and u0, u1, ...
-    between : str
-        Interpolation of inputs between samples, as of `Input`.
-
-    Raises
-    ------
-    ValueError
-        If something is missing or does not fit, in one line that names it.
+    x: states, (n, n_states) array, frame, `Recording`, or a list of these, of which each is one
+    recording; NaN is missing. t: step or times of the samples, s, or the column of a frame that has
+    them, or a list of these; by default the column `t` of a frame, or its index if that does not
+    count rows. u: inputs at the times of `x`, (n,) or (n, n_inputs) array, frame, mapping of names
+    (an `Input` of it is at its own times), or a list of these; or names of columns of the frame
+    `x`. x_dot: measured rates of the states, (n, n_states) array, frame, or a list of these.
+    states, inputs: names; by default those of columns, else x0, x1, ... and u0, u1, ... between:
+    interpolation of inputs between samples, as of `Input`. Raises ValueError if something is
+    missing or does not fit, in one line that names it.
     """
     if not is_several(x):
         return [_make_recording(x, t, u, x_dot, states, inputs, between)]
@@ -233,21 +221,10 @@ def make_inputs(
 ) -> dict[str, Any]:
     """Make inputs by name from an array, a data frame, a mapping or a function of time.
 
-    Parameters
-    ----------
-    u : (n,) or (n, n_inputs) array, frame, mapping of names, callable, or None
-        Inputs at `time`. An `Input` or a number of a mapping is unchanged.
-    time : (n,) array
-        Times in s.
-    names : sequence of str
-        Names; by default those of columns, else u0, u1, ...
-    between : str
-        Interpolation of inputs between samples, as of `Input`.
-
-    Raises
-    ------
-    ValueError
-        If an input does not fit, in one line that names it.
+    u: inputs at `time`, (n,) or (n, n_inputs) array, frame, mapping of names, or function; None if
+    there are none. An `Input` or a number of a mapping is unchanged. time: (n,) s. names: by
+    default those of columns, else u0, u1, ... between: interpolation of inputs between samples, as
+    of `Input`. Raises ValueError if an input does not fit, in one line that names it.
     """
     if u is None:
         return {}

@@ -39,18 +39,11 @@ class PaperCell:
 def section(paper: pd.DataFrame, varied: pd.DataFrame | None, region: pd.DataFrame | None) -> dict:
     """Build the report's section that compares the paper's statements with the study's results.
 
-    Parameters
-    ----------
-    paper, varied, region : DataFrame
-        paper.csv, reproduction.csv and paper_region.csv; None if the study does not have it.
-
-    Returns
-    -------
-    dict
-        setting: the sentence on the settings of the study. count: the sentence on the number of
-        confirmed statements. rows: the table, a cell for each statement. failures: a sentence for
-        each unconfirmed claim. by_settings: a sentence on settings that the paper does not print,
-        or "".
+    paper, varied, region: paper.csv, reproduction.csv and paper_region.csv. The last two are None
+    if the study does not have them. Returns setting: the sentence on the settings of the study;
+    count: the sentence on the number of confirmed statements; rows: the table, a cell for each
+    statement; failures: a sentence for each unconfirmed claim; by_settings: a sentence on settings
+    that the paper does not print, or "".
     """
     return {
         "setting": describe_setting(paper, region),

@@ -192,17 +192,9 @@ def analyse(
 def identify_field(field: Field, question: FieldQuestion) -> tuple[Field, Summary]:
     """Identify and test one model from recordings; return the recordings and a summary.
 
-    Returns
-    -------
-    Field
-        The recordings, with the interpolation of inputs decided.
-    Summary
-        The model, refused if there is none, and properties of the system.
-
-    Raises
-    ------
-    ValueError
-        In one line, for invalid files or questions.
+    Returns the recordings, with the interpolation of inputs decided; and the model, refused if
+    there is none, with properties of the system. Raises ValueError, in one line, for invalid files
+    or questions.
     """
     mapping = field.mapping
     terms, allowed = question.terms(mapping)
@@ -250,7 +242,7 @@ def check_inputs_informative(
 ) -> None:
     """Raise ValueError if an input is constant, or crosses zero although terms divide by it.
 
-    series: of all files. terms: exponents of states and inputs. Raises ValueError.
+    series: of all files. terms: exponents of states and inputs.
     """
     for k, name in enumerate(series[0].inputs, start=n_states):
         own = [one.inputs[name].values for one in series]

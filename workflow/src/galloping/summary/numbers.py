@@ -195,13 +195,8 @@ def compute_numbers(
 ) -> SummaryNumbers:
     """Collect all numbers of the summary of an identified model.
 
-    Parameters
-    ----------
-    of : Summary
-    reports : sequence of dict
-        Of `quality`, if the recordings come from files.
-    beside : tuple, optional
-        A name, and the system's known properties by that name.
+    reports: of `quality`, if the recordings come from files. beside: a name, and the system's known
+    properties by that name.
     """
     found, known, units = of.found, of.dynamics, units_in(reports)
     below = float(found.diagnostics.get("below", nan))

@@ -93,20 +93,10 @@ class Oscillation:
 class SampleFile:
     """Columns of a synthetic recording file, with the true model of its system.
 
-    Parameters
-    ----------
-    columns : mapping of str to (n,) array
-        Samples by header, times first.
-    mapping : mapping
-        Of the columns, as for `readers.mapping.validate_mapping`, without the time.
-    mode : Oscillation
-        The small motions.
-    equation : str
-        That of dq, as `terms.known_model` reads it; '' if no model of the library is true.
-    library : str
-        The candidate terms; '' for all of degree three.
-    cause : Code, optional
-        The correct finding.
+    columns: (n,) samples by header, times first. mapping: of the columns, as for
+    `readers.mapping.validate_mapping`, without the time. mode: the small motions. equation: that of
+    dq, as `terms.known_model` reads it; '' if no model of the library is true. library: the
+    candidate terms; '' for all of degree three. cause: the correct finding, if there is one.
     """
 
     columns: Mapping[str, np.ndarray]
@@ -326,14 +316,11 @@ def write_and_read(sample: SampleFile) -> Field:
 def judge(sample: SampleFile, summary: Summary) -> dict[str, object]:
     """Compare the model identified from a synthetic file with the truth; return table columns.
 
-    Returns
-    -------
-    dict
-        coverage: the share of the 95 % intervals of frequency and damping that contain the
-        truth, NaN if neither is stated. fault_diagnosed: whether the correct finding is among the
-        findings, NaN if there is none. If an equation is true, the columns of
-        `attempts.against_truth`; else ok_and_wrong: whether the status is `ok` with a frequency or
-        a damping more than FAR standard errors off.
+    Returns coverage: the share of the 95 % intervals of frequency and damping that contain the
+    truth, NaN if neither is stated. fault_diagnosed: whether the correct finding is among the
+    findings, NaN if there is none. If an equation is true, the columns of `attempts.against_truth`;
+    else ok_and_wrong: whether the status is `ok` with a frequency or a damping more than FAR
+    standard errors off.
     """
     found, stated = summary.found, summary.dynamics
     off = []

@@ -455,24 +455,11 @@ def motion_scores(
 ) -> NDArray[np.float64]:
     """Compute R2 of a model's simulated motion against the samples of each recorded channel.
 
-    Parameters
-    ----------
-    identified : IdentifiedModel
-        A model without random forces.
-    recordings : sequence of Recording
-        Each is cut into equal stretches of about PERIODS periods, in each of which the model starts
-        from the state that follows the samples best.
-
-    Returns
-    -------
-    (n_channels,) array
-        Of the channels that are measured. A stretch in which the model diverges counts as if the
-        mean of its recording were the motion.
-
-    Raises
-    ------
-    ValueError
-        If random forces move the model.
+    identified: a model without random forces. recordings: each is cut into equal stretches of about
+    PERIODS periods, in each of which the model starts from the state that follows the samples best.
+    Returns (n_channels,) of the channels that are measured. A stretch in which the model diverges
+    counts as if the mean of its recording were the motion. Raises ValueError if random forces move
+    the model.
     """
     if identified.is_forced:
         raise ValueError("score: random forces move the model, which has no motion of its own")

@@ -146,13 +146,8 @@ def report_text(report: dict) -> str:
 def assessment_text(of: "Assessment", units: Mapping[str, str], *, is_detailed: bool = True) -> str:
     """Format as text the galloping onset, and growth and limit cycles at each input value.
 
-    Parameters
-    ----------
-    of : Assessment
-    units : mapping of str to str
-        Of inputs, by name.
-    is_detailed : bool
-        Whether equilibria, modes and unstable limit cycles follow.
+    units: of inputs, by name. is_detailed: whether equilibria, modes and unstable limit cycles
+    follow.
     """
     values = {"of": of, "units": shown_units(units), "is_detailed": is_detailed}
     return _template("assessment.txt").render(values).rstrip()

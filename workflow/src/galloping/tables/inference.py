@@ -25,19 +25,11 @@ ALL, EQUAL_EFFORT = "all", "readings"  # printed numbers; the trial that gives e
 def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Compare interpretations of the reproduced paper's damaged text by their Bayesian evidence.
 
-    The unknown numbers are integrated out.
-
-    Parameters
-    ----------
-    parts : mapping of str to DataFrame
-        Rows of `trials.paper_inference.trial`, by names that begin with those of the trials.
-
-    Returns
-    -------
-    DataFrame
-        One row per reading, all with the same effort: log10_bayes_factor, the logarithm of its
-        evidence over that of the first reading, with standard_error; effective_settings; the factor
-        by which it loses most against the first reading; its most probable setting.
+    The unknown numbers are integrated out. parts: rows of `trials.paper_inference.trial`, by names
+    that begin with those of the trials. Returns one row per reading, all with the same effort:
+    log10_bayes_factor, the logarithm of its evidence over that of the first reading, with
+    standard_error; effective_settings; the factor by which it loses most against the first reading;
+    its most probable setting.
     """
     rows = pd.concat([part for name, part in parts.items() if name.startswith(EQUAL_EFFORT)])
     tried, judged = (rows[rows["stage"] == stage] for stage in ("tried", "judged"))

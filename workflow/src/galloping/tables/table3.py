@@ -92,17 +92,10 @@ def equations(
     """Tabulate the true terms of an overhead line and the terms identified from single recordings.
 
     Each fit has a row for each true term and for each false one that it found; values are those of
-    the left-hand side. A missing term has an empty value.
-
-    Parameters
-    ----------
-    model : Derived
-        Of the line.
-    identified : Mapping
-        Replicates by cell and method, of which the first counts.
-    settings : Mapping
-        case; is_continuous, of a line whose model has no true values; degree of the library; fits,
-        by cell: protocol, method and level.
+    the left-hand side. A missing term has an empty value. model: of the line. identified:
+    replicates by cell and method, of which the first counts. settings: case; is_continuous, of a
+    line whose model has no true values; degree of the library; fits, by cell: protocol, method and
+    level.
     """
     terms, parts = polynomial_library(len(STATES), settings["degree"]), []
     for cell, fit in settings["fits"].items():

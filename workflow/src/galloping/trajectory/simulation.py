@@ -186,15 +186,8 @@ def _divergence_limit(x0: NDArray[np.float64]) -> float:
 def escape_distance(x0: NDArray[np.float64]) -> float:
     """Compute the distance from zero beyond which a motion from a given start has diverged.
 
-    Parameters
-    ----------
-    x0 : (n_states,) array
-        Initial state.
-
-    Returns
-    -------
-    float
-        For a start at zero the same as for a start at one.
+    x0: (n_states,) initial state. The distance for a start at zero is the same as for a start at
+    one.
     """
     return AWAY * (float(np.linalg.norm(x0)) or 1.0)
 
@@ -207,10 +200,10 @@ def max_steps(time: NDArray[np.float64]) -> int:
 def check_inputs(
     model: PolynomialModel, inputs: Mapping[str, Input | float], time: NDArray[np.float64]
 ) -> dict[str, Input | float]:
-    """Return a model's inputs in its order; raise ValueError if one is missing or has gaps.
+    """Return a model's inputs in its order, after a check that they cover given times.
 
-    Raises ValueError if one is missing, is neither an Input nor a number, or does not cover `time`
-    (n,), s.
+    time: (n,) s. Raises ValueError if an input is missing, is neither an Input nor a number, or is
+    not known at all times, as in a gap.
     """
     for name in model.inputs:
         if name not in inputs:

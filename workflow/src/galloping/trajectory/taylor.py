@@ -911,16 +911,11 @@ def solve(
 ) -> Solution:
     """Integrate a model without inputs from an initial state to double precision.
 
-    A kink, which ends a step, is located to the rounding error of the step.
-
-    Parameters
-    ----------
-    start : (n_states,) at time[0].
-    time : (n,) s, increasing.
-    most : greatest number of steps.
-    free : (n_free, 2) pairs (equation, term) of the coefficients to differentiate by. The
-    derivatives by the start come with them; none are computed without `free`.
-    limit : distance of the states from zero at which the solution ends.
+    A kink, which ends a step, is located to the rounding error of the step. start: (n_states,) at
+    time[0]. time: (n,) s, increasing. most: greatest number of steps. free: (n_free, 2) pairs
+    (equation, term) of the coefficients to differentiate by. The derivatives by the start come with
+    them; none are computed without `free`. limit: distance of the states from zero at which the
+    solution ends.
     """
     n_states, sensitive = len(model.states), free is not None
     pairs = np.asarray(free).reshape(-1, 2) if sensitive else np.empty((0, 2), int)

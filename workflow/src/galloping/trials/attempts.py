@@ -135,11 +135,8 @@ def identified_by(
 def counted_cost(recordings: Sequence[Recording]) -> Iterator[dict[str, float]]:
     """Measure the computing cost of the identification in a `with` block.
 
-    Yields
-    ------
-    dict
-        Filled at the end of the block: `work`, s, as `identification.work` counts it without a
-        limit of its own, and `seconds` of the processor.
+    Yields a dict that is filled at the end of the block: `work`, s, as `identification.work` counts
+    it without a limit of its own, and `seconds` of the processor.
     """
     cost: dict[str, float] = {}
     began = process_time()

@@ -32,18 +32,9 @@ RESOLVED = 2.5  # samples in a period of the second mode, at least
 class FreeDecay:
     """Simulated free decay of two modes, with its noisy recording and Cramér-Rao bound.
 
-    The sensor measures displacement or acceleration.
-
-    Parameters
-    ----------
-    poles : (2,) complex array
-        1/s; the first is that of the mode with the larger amplitude.
-    sensor : str
-        Of SENSORS.
-    bound : (2,) array
-        Standard deviations at the Cramér-Rao bound of growth, 1/s, and frequency, rad/s, of the
-        first mode.
-    recording : Recording
+    The sensor measures displacement or acceleration. poles: (2,) complex, 1/s; the first is that of
+    the mode with the larger amplitude. sensor: one of SENSORS. bound: (2,) standard deviations at
+    the Cramér-Rao bound of growth, 1/s, and frequency, rad/s, of the first mode.
     """
 
     poles: np.ndarray
@@ -148,14 +139,8 @@ def _judge_decay(decay: FreeDecay, found: IdentifiedModel) -> dict[str, float]:
 def estimate_pole(found: IdentifiedModel) -> tuple[complex, np.ndarray]:
     """Compute growth rate and frequency of a model's small motions, with standard errors.
 
-    The model has one coordinate.
-
-    Returns
-    -------
-    complex
-        Growth, 1/s, and frequency, rad/s, of small motions.
-    (2,) array
-        Their standard errors, by those of the linear coefficients.
+    The model has one coordinate. Returns growth, 1/s, and frequency, rad/s, of small motions as
+    real and imaginary part; and their standard errors, (2,), by those of the linear coefficients.
     """
     stiffness, damping = found.model.jacobian(np.zeros((1, 2)))[0][1]
     growth = damping / 2.0

@@ -152,24 +152,14 @@ def trial(
     """Infer by importance sampling the parameters the paper does not state; yield the samples.
 
     There is a row for each setting of the last round of one reading of the paper, and rows for its
-    draws.
-
-    Parameters
-    ----------
-    seed, case, replicates
-        Of the random numbers; name of the reading in `unknowns.BY_NAME`; independent runs.
-    pilot_rounds, pilot_draws, settings, draws, climb
-        As the constants of these names. For the first reading alone the most probable setting is
-        optimised, since it is that of the default study.
-
-    Yields
-    ------
-    dict
-        stage `tried`: a setting with log_likelihood, those without each group of claims, and by
-        factor; log_weight: of prior times likelihood over proposal and number of proposed settings,
-        so that the weights of a run add up to its evidence. stage `draw`: a draw at that setting,
-        with the value of each claim. stage `judged`: one of the most probable settings with its
-        likelihood from fresh draws.
+    draws. seed: of the random numbers. case: name of the reading in `unknowns.BY_NAME`. replicates:
+    independent runs. pilot_rounds, pilot_draws, settings, draws, climb: as the constants of these
+    names. For the first reading alone the most probable setting is optimised, since it is that of
+    the default study. Yields stage `tried`: a setting with log_likelihood, those without each group
+    of claims, and by factor; log_weight: of prior times likelihood over proposal and number of
+    proposed settings, so that the weights of a run add up to its evidence. Stage `draw`: a draw at
+    that setting, with the value of each claim. Stage `judged`: one of the most probable settings
+    with its likelihood from fresh draws.
     """
     reading = BY_NAME[case]
     for replicate in replicates:
