@@ -177,7 +177,8 @@ def _search_time_scales(
 ) -> IdentifiedModel:
     """Search from each time scale until a start leads to a model.
 
-    The spectrum shows the time scale of most of the power; a transient or a relaxation is faster.
+    The spectrum shows the shortest period of most of the power; a transient or a relaxation is
+    faster.
     """
     objections = []
     for share in starts.TIME_SCALES:
