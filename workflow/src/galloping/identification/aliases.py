@@ -19,9 +19,11 @@ from galloping.model.intervals import DRAWS, draw_models_and_rivals
 from galloping.model.polynomial import Exponents, exponent_matrix, term_name
 from galloping.recording.samples import Recording
 
-EXACT = 1e-9  # of a factor's length, beside others: what is left of it is rounding
-MOST_VALUES = 4096  # combinations of recorded values that are looked at
-SHOWN = 4  # exchanges that are said one by one
+# A factor is a combination of simpler ones if these leave less than this share of its length, times
+# the root of their number plus one. For factors of unit length, smaller coefficients are rounding.
+EXACT = 1e-9
+MOST_VALUES = 4096  # most combinations of recorded input values at which terms are compared
+SHOWN = 4  # most exchanges of terms that a finding names
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,7 @@ def add_alias_rivals(problem: Problem, identified: IdentifiedModel) -> Identifie
         row[index[term]] = 0.0
         row[index[alias.term]] += share
         rivals.append(coefficients)
-    others = len(exchanges)  # with the model itself, each as probable
+    others = len(exchanges)  # alternatives, each as probable as the model itself
     share = (others + identified.rival_share) / (others + 1.0)
     copies = round(len(rivals) * identified.rival_share / others)
     rivals += [identified.rivals[k % len(identified.rivals)] for k in range(copies)]

@@ -94,7 +94,7 @@ def check_prior_conflict(problem: Problem, identified: IdentifiedModel) -> Ident
         )
         for i, j in np.argwhere(surprise > MOST_SURPRISE)
     ]  # fmt: skip
-    for i, term, least, most in problem.bounds:  # of models that are found without them
+    for i, term, least, most in problem.bounds:  # some models are fitted without bounds
         j = problem.terms.index(term)
         if np.nan_to_num(found[i, j]) and not least <= found[i, j] <= most:
             denied.append(
@@ -114,8 +114,9 @@ def add_input_errors(
     The diagnostics have the share of samples without inputs, and the range that contains nine
     tenths of the samples of each input (`IdentifiedModel.recorded`).
 
-    An unknown factor on an input, of deviation `error`, is a factor on every coefficient of a term
-    with it, to the power of the input. given: all recordings; used: their stretches with inputs.
+    The calibration factor of an input has the standard error `error`. It multiplies the coefficient
+    of each term with this input, to the power that the input has in the term. given: all
+    recordings; used: their stretches with inputs.
     """
     names = identified.model.inputs
     if not names or identified.status == "refused":
@@ -133,7 +134,7 @@ def add_input_errors(
         about |= {f"{name}{end}": float(own) for end, own in zip(RANGE, ends, strict=True)}
         power = np.array([identified.model.terms[j][k] for _, j in places], float)
         moved = error * power * identified.model.coefficients[at]
-        moved[identified.standard_errors[at] == 0.0] = 0.0  # of those that are fixed
+        moved[identified.standard_errors[at] == 0.0] = 0.0  # fixed coefficients have no such error
         added += np.outer(moved, moved)
     wider: dict[str, Any] = {}
     if len(identified.covariance):
@@ -151,9 +152,10 @@ def find_weakly_determined_input_terms(
 ) -> list[Finding]:
     """Return findings on linear terms whose dependence on the inputs the data hardly determine.
 
-    There is a finding for each input, with its recorded range. The same term with another power of
-    the inputs is absent, although it may be a quarter as large as those found: at other inputs they
-    differ. sizes: root mean square of each input. about: diagnostics, with the ranges.
+    Such a term is present, while the same term with another power of the inputs is absent but may
+    be more than a quarter as large: at other inputs the two differ. There is a finding for each
+    input, with its recorded range. sizes: root mean square of each input. about: diagnostics, with
+    the ranges.
     """
     model, n = identified.model, len(identified.model.states)
     of_states, of_inputs = np.hsplit(exponent_matrix(model.terms, len(model.names)), [n])

@@ -33,14 +33,15 @@ if TYPE_CHECKING:
     from galloping.trajectory.simulation import Trajectory
 
 
-RANGE = ("_low", "_high")  # behind the name of an input or a state: diagnostics, its range
-# R2 of forecasts over some periods, below which a model may only imitate forces: they miss 45 % of
-# the motion. With a higher limit random forces are asked after where a model forecasts well, with a
-# lower one forces go unnamed; with 0.7 and with 0.9 no answer of `make exam` changes.
+RANGE = ("_low", "_high")  # suffixes of a name in diagnostics: recorded range of the input or state
+# An approximate model may only imitate random forces if the R2 of its forecasts over some periods
+# is below this limit, at which they miss 45 % of the motion. With a higher limit random forces are
+# suspected although a model forecasts well. With a lower one forces are not noticed. With 0.7 and
+# with 0.9 no answer of `make exam` changes.
 LITTLE_TOLD = 0.8
-LONGEST_NAME = 100  # characters, of a state or an input in a file
-MOST_POWER = 64  # of a state or an input in a term of a file
-UNSTATED: Any = None  # of an array that is not given
+LONGEST_NAME = 100  # most characters in the name of a state or an input in a file
+MOST_POWER = 64  # largest absolute value of an exponent in a term of a file
+UNSTATED: Any = None  # an array that is not given: it becomes NaN, or zero for random forces
 BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
 
 
@@ -355,7 +356,7 @@ class IdentifiedModel(Immutable):
         low, high = self.model.coefficients - half, self.model.coefficients + half
         place = {term: j for j, term in enumerate(self.model.terms)}
         for i, term, least, most in self.bounds:
-            if (j := place.get(term)) is not None:  # a model at values of inputs has other terms
+            if (j := place.get(term)) is not None:  # the model of `at` lacks merged terms
                 low[i, j], high[i, j] = max(low[i, j], least), min(high[i, j], most)
         return low, high
 
@@ -520,7 +521,7 @@ def _as_plain(value: Any) -> Any:
         return {name: _as_plain(each) for name, each in value.items()}
     if isinstance(value, str | int):
         return value
-    if isinstance(value, np.ndarray):  # as below, at once: models have thousands of numbers
+    if isinstance(value, np.ndarray):  # as below, but faster for thousands of numbers
         plain, odd = value.astype(object), ~np.isfinite(value)
         plain[odd] = [str(each) for each in value[odd].tolist()]
         return plain.tolist()

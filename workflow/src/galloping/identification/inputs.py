@@ -15,8 +15,8 @@ from galloping.model.functions import Function, n_exponents
 from galloping.model.polynomial import Exponents, PolynomialModel
 from galloping.recording.samples import Recording
 
-MOST_CANDIDATES = 600  # terms of all equations: moves of three of them are then within memory
-FEWEST = 100  # samples: fewer hold no oscillation that could be told from noise
+MOST_CANDIDATES = 600  # most terms of all equations: exchanges of three then fit in memory
+FEWEST = 100  # least number of samples: in fewer, oscillations cannot be told from noise
 
 
 def checked_recordings(recordings: object) -> list[Recording]:

@@ -33,8 +33,9 @@ class NotConvergedError(NoModelError, FloatingPointError):
     """Error that a numerical search ended without converging to a solution."""
 
 
-# `IdentificationError`, and what numerics raise where there is no model: a solution diverges, or
-# numpy cannot factor or invert a matrix. Any other ValueError is a mistake in the code.
+# Errors that mean that there is no model: `IdentificationError`, and the errors of numerics if a
+# solution diverges, or numpy cannot factor or invert a matrix. Any other ValueError is a mistake in
+# the code.
 NO_MODEL = (IdentificationError, FloatingPointError, np.linalg.LinAlgError)
 Result = TypeVar("Result")
 
@@ -44,7 +45,7 @@ class NoModel:
     """Result of a search that found no model: the findings that explain why."""
 
     findings: tuple[Finding, ...] = ()
-    tells_little = True  # as of an `IdentifiedModel`
+    tells_little = True  # as `IdentifiedModel.tells_little`
 
 
 def attempt(search: Callable[[], Result]) -> Result | NoModel:

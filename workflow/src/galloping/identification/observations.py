@@ -183,7 +183,7 @@ class Finding(Immutable):
     subject : str
         The state or channel that shows it, '' if all do.
     data : mapping of str to float or str
-        By the names that `findings.csv` lists for the code; text is a name, as of a term.
+        By the names that `findings.csv` lists for the code; text is a name, such as that of a term.
     recording : int
         Index among the recordings as they were given.
 

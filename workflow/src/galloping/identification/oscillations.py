@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-# Ratio, of a motion that swings: at it a swing falls to a seventh in a period.
+# Largest damping ratio of an oscillation: with it, an amplitude falls to a seventh in a period.
 MOST_DAMPING = 0.3
 
 
@@ -17,7 +17,7 @@ class FurtherMode:
 
     recording: index; state: that of the sensor. frequency: rad/s; growth: 1/s, of its amplitude.
     cosine, sine: in the unit of the state, at the first sample. frequency_error, growth_error:
-    standard errors, zero if unknown, and of the growth of a steady one.
+    standard errors, zero if unknown. For a steady oscillation, growth_error is also zero.
     """
 
     recording: int

@@ -8,11 +8,11 @@ from scipy.special import gammaincinv, ndtri
 from galloping.identification.problem import Problem
 from galloping.identification.selection import Whitened, find_moves, make_tableau
 
-# Rate at which an absent term of the size of its stated limit would not have been selected, and
-# share of the plausible supports that may put any coefficient of a model beyond four unconditional
-# errors. With this share of each coefficient, 20 of 314 `ok` models of one-minute recordings have a
-# coefficient that is farther off; with the share divided among the coefficients, 12 (seeds 27182
-# and 31415).
+# An absent term as large as its detection limit is not selected at this rate. And plausible
+# supports with this share of the weight may put any coefficient of a model farther off than four
+# unconditional errors. The share is divided among the coefficients: of 314 `ok` models of
+# one-minute recordings, 12 then have a coefficient that is farther off. With the undivided share
+# for each coefficient there are 20 (seeds 27182 and 31415).
 MISS_RATE = 0.01
 
 
@@ -41,12 +41,12 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
     selection, which would hide every rival with one more term, but the decrease of chi^2 that the
     best of all terms without effect exceeds with probability one tenth: beyond it a term is more
     plausible than not. Measured on 240 fits to random lines (seed 20261122): supports are right as
-    often as their weights say; of models that others outweigh by 0.05 to 0.5, 10 of 35 have a false
-    term where 7 are expected.
+    often as their weights say; of 35 models whose rivals have a weight of 0.05 to 0.5, 10 have a
+    false term, and 7 are expected.
     """
     absent = max(int(np.sum(whitened.is_usable & ~support)), 1)
     prices = np.full(len(support), 2.0 * gammaincinv(0.5, 0.9 ** (1.0 / absent)))
-    most = 150  # supports that are weighed; with 60, 1 % of the intervals fail that hold with 150
+    most = 150  # supports that are weighed; with 60, 1 % of the intervals that hold with 150 fail
     known = {support.tobytes(): (-np.inf, support)}
     looked_at: set[bytes] = set()
     for _ in range(1 + 4):
@@ -94,7 +94,7 @@ def _fit_supports(
     chi2 = np.full(len(supports), whitened.target @ whitened.target)
     coefficients, variances = np.zeros((2, *supports.shape))
     sizes = supports.sum(axis=1)
-    for size in np.unique(sizes[sizes > 0]):  # those of one size in one call
+    for size in np.unique(sizes[sizes > 0]):  # supports of one size are fitted in one call
         rows = np.flatnonzero(sizes == size)[:, None]
         kept = np.nonzero(supports[rows[:, 0]])[1].reshape(-1, size)
         q, r = np.linalg.qr(np.moveaxis(whitened.columns[:, kept], 1, 0))
@@ -113,9 +113,9 @@ def unconditional_errors(plausible: Plausible, deviation: np.ndarray) -> np.ndar
 
     Returns (n,). The error of a present term is over all plausible supports; that of an absent term
     over those that have the term, or, if none has, it is the term's `deviation` (n,) if it alone
-    were added. It is the root mean square distance from the selected coefficient, or more if the
-    distance has a heavy tail: four errors contain all coefficients of a model together but for a
-    share of MISS_RATE.
+    were added. An error is the root mean square distance from the selected coefficient. It is
+    larger if the distance has a heavy tail: intervals of four errors contain all coefficients of a
+    model together, except for a share of MISS_RATE.
     """
     selected = plausible.supports[0]
     distance = np.abs(plausible.coefficients - plausible.coefficients[0])

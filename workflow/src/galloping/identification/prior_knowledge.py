@@ -82,8 +82,8 @@ class Prior:
 
 
 PRIOR = Prior()
-LARGEST = 1e100  # of what is known of a coefficient: squares are finite
-SMALLEST = 1e-9  # deviation of what is known, in its mean: less is rounding
+LARGEST = 1e100  # largest mean or deviation of a coefficient: its square is finite
+SMALLEST = 1e-9  # least deviation of a coefficient, relative to its mean: less is rounding
 
 
 @dataclass(frozen=True)

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from galloping.identification.aliases import Alias
 
 
-# Of bounds and of what is known of a coefficient: by how many deviations a recording may be beyond
-# it. By chance once in 16,000.
+# A coefficient contradicts its prior or its bounds if the recordings alone put it farther off than
+# this many standard deviations. By chance this occurs once in 16,000.
 MOST_SURPRISE = 4.0
 
 
@@ -192,7 +192,7 @@ class Problem:
         first: (n_recordings + 1,) first window of each recording. As `fit_windows`, one
         recording after the other.
         """
-        degree, powers = 3, []  # in time; from 4 on jagged inputs need windows of a quarter
+        degree, powers = 3, []  # in time; with 4 or more, jagged inputs need quarter-length windows
         for one, count in zip(recordings, np.diff(first), strict=True):
             inputs = [one.inputs[name] for name in self.inputs]
             powers.append(
@@ -250,8 +250,9 @@ class Problem:
     def selection_offset(self, about: np.ndarray | float = 0.0) -> np.ndarray:
         """Return offsets of coefficients that make a selection keep all terms with a prior.
 
-        They are `about` of `selection.whiten`, (n_candidates,). Terms far from zero are chosen, and
-        those with a prior of their coefficient are moved by 1e4 deviations of their prior.
+        They are `about` of `selection.whiten`, (n_candidates,). A selection keeps terms whose
+        coefficients are far from zero. Those with a prior are therefore moved by 1e4 deviations of
+        it.
         """
         root = np.sqrt(self.candidate_values(self.precision))
         return about + np.divide(1e4, root, out=np.zeros(len(root)), where=root > 0.0)
@@ -327,7 +328,7 @@ class Problem:
         places[tuple(self.candidates[support].T)] = np.arange(len(covariance))
         rows = list(self.unknown)
         own = places[rows][(places[rows] >= 0) | (self.known[rows] != 0.0)]
-        return np.pad(covariance, ((0, 1), (0, 1)))[np.ix_(own, own)]  # the last of no variance
+        return np.pad(covariance, ((0, 1), (0, 1)))[np.ix_(own, own)]  # index -1: zero variance
 
     def on_library(self, values: np.ndarray, fixed: float = np.nan) -> np.ndarray:
         """Arrange values of the candidates in an (n_states, n_terms) array, NaN elsewhere.
@@ -392,7 +393,7 @@ class Problem:
 def _farthest_out(
     values: np.ndarray, among: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[int, float]:
-    """Find which value is farthest beyond its bounds, as a share of it.
+    """Find which value is farthest beyond its bounds, relative to its size.
 
     among: (n,) boolean. Returns its index and the nearest number within; -1 if all are within.
     """

@@ -120,13 +120,13 @@ class Method:
 
 
 METHODS = (
-    # a family of its own: an edit of its threshold, which the paper leaves out, refits it alone
+    # a family of its own: an edit of its threshold, which the paper does not state, reruns no other
     Method(
         "paper", sparse.stlsq.fit_raw, Paper,
         family="paper", evidence=sparse.evidence.reduce_by_splines,
     ),
     Method("stlsq", sparse.stlsq.fit_normalised, Scanned),
-    # no better than frols where it was tried, at twenty times the cost
+    # not run by default: where it was tried, no better than frols, at twenty times the cost
     Method("lasso", sparse.lasso.fit_lasso, Thresholded, by_default=False),
     Method("frols", sparse.frols.fit_frols, NoOptions),
     Method("ensemble", sparse.stlsq.fit_ensemble, Ensemble, is_random=True),

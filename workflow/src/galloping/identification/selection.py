@@ -9,11 +9,13 @@ from scipy.linalg import cholesky, solve_triangular
 
 from galloping.identification.work import count_work, is_exhausted
 
-# Added to the diagonal of an information matrix with unit diagonal so that it can be factored:
-# a few roundings. It moves a chi^2 by 1e-15 |c|^2, by 0.1 for c of 1e7 in its unit.
+# A few rounding errors, added to the diagonal of an information matrix with unit diagonal so that
+# it can be factored. They change chi^2 by 1e-15 |c|^2: by 0.1 if coefficients c are 1e7 in their
+# units.
 RIDGE = 1e-15
-# Share of the determinant of two terms that are added together, below which rounding makes the
-# second one up, and of a fault of the instrument beside the terms.
+# Two added terms do not lower chi^2 if their determinant is below this share of the product of
+# their diagonal entries. A fault of the instrument is not tested if less than this share of its
+# information is independent of the terms. In both cases, what is left is rounding.
 DEPENDENT = 1e-6
 
 
@@ -123,8 +125,8 @@ def whiten(information: np.ndarray, right: np.ndarray, about: np.ndarray | None 
     """Convert normal equations to an equivalent least-squares problem by Cholesky factorisation.
 
     information: (n, n), right: (n,). Each term is in its own unit. about: (n,) coefficients of a
-    good fit, at which `right`, half the decrease of chi^2 with each, is then measured: small,
-    whereas the right-hand side at zero would lose its digits.
+    good fit, at which `right`, half the decrease of chi^2 with each coefficient, is measured. There
+    it is small; measured at zero, it would lose its digits.
     """
     diagonal = np.diag(information)
     usable = diagonal > 0.0
@@ -210,14 +212,14 @@ def make_tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
     count_work(2e-4 + 1e-10 * len(support) ** 3)
     q, r = np.linalg.qr(whitened.columns[:, kept])
     inverse = np.eye(len(kept))
-    if len(kept):  # LAPACK prints a message where there are none
+    if len(kept):  # without terms LAPACK would print a message
         inverse = solve_triangular(r, inverse, check_finite=False)
     cross, along = q.T @ whitened.columns[:, out], q.T @ whitened.target
     beyond = whitened.columns[:, out] - q @ cross
     rest = whitened.target - q @ along
-    # Below, errors of the integration make up what is left of a term's length squared after terms
-    # of length one were taken away. Of chains that grow far the end is most of any term: with 1e-9,
-    # one exact line of twenty seemed to have terms that others imitate.
+    # A term of length one cannot be added if the present terms leave less than 1e-11 of its squared
+    # length: that is integration error. In chains of strong growth the end makes up most of any
+    # term: with 1e-9, one exact line of twenty seemed to have terms that others imitate.
     good = np.einsum("ij,ij->j", beyond, beyond) > 1e-11
     beyond = beyond[:, good]
     return Tableau(
@@ -250,7 +252,7 @@ def find_moves(
     of_option = np.searchsorted(ends, best, "right")
     for other, place, option in zip(others, best, of_option, strict=True):
         _, leave, enter = options[option]
-        row, column = divmod(place - ends[option], len(enter))  # counted from the end
+        row, column = divmod(place - ends[option], len(enter))  # negative: counted from the end
         other[leave[row]] = False
         other[enter[column]] = True
     return rise[best], others
@@ -283,7 +285,7 @@ def _remove_terms(whitened: Whitened, support: np.ndarray, prices: np.ndarray) -
         c, inverse, price = here.coefficients, here.covariance, prices[here.kept]
         left = np.ones(len(c), bool)
         while left.any():
-            variance = np.diag(inverse)  # zero by rounding beside a term that was all but the same
+            variance = np.diag(inverse)  # zero by rounding beside a nearly equal term
             told = left & (variance > 0.0)
             rise = np.divide(c**2, variance, out=np.full(len(c), np.inf), where=told)
             worst = int(np.argmin(rise - price))
@@ -314,9 +316,9 @@ def added_deviation(information: np.ndarray, support: np.ndarray) -> np.ndarray:
 def mixture_information(information: np.ndarray, largest: np.ndarray) -> np.ndarray:
     """Compute eigenvalues of the scaled Fisher information of all terms, in increasing order.
 
-    They are the information on mixtures of terms, (n,). In these units the mixtures are together as
-    large as the motion: below one, noise hides a mixture of that size. information: (n, n) of the
-    coefficients. largest: (n,) each alone as large as the motion.
+    They are the information on mixtures of terms, (n,). A mixture of unit length in these units is
+    as large as the motion. If its eigenvalue is below one, noise hides it. information: (n, n) of
+    the coefficients. largest: (n,) each alone as large as the motion.
     """
     return np.linalg.eigvalsh(information * largest * largest[:, None])
 

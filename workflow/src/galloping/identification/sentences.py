@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 
 from galloping.identification.observations import Code, Finding, finding_kinds
 
-PLACES = {code: place for place, code in enumerate(Code)}  # what weighs more comes first
+PLACES = {code: place for place, code in enumerate(Code)}  # order of codes, most important first
 
 
 def sentence_of(finding: Finding) -> str:

@@ -16,12 +16,12 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code, Finding
 from galloping.recording.samples import Recording
 
-# s, of a search in recordings sampled at up to TIMES times, and in proportion of longer ones.
-# With 24 what no model follows is refused sooner, and some lines of wild motion lose their exact
-# model (docs/identification_parts.csv).
+# Most work of a search, s, in recordings sampled at up to TIMES times. In longer ones it is larger
+# in proportion. With 24 s, recordings that no model follows are refused sooner, and some lines in
+# wild motion lose their exact model (docs/identification_parts.csv).
 MOST = 36.0
 TIMES = 30_001
-AFTER = 12.0  # s, that forecasts, limit cycles and figures take, which are not counted
+AFTER = 12.0  # s, allowance for forecasts, limit cycles and figures, which are not counted
 
 
 @dataclass

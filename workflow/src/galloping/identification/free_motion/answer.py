@@ -32,8 +32,8 @@ from galloping.identification.status import status_of
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording
 
-MAX_NOISE = 1.2  # times the noise that was said, which residuals have
-MIN_PERIODS = 10.0  # of a further mode that is told: what is slower is mostly a drift
+MAX_NOISE = 1.2  # largest ratio of the residuals of a linear model to the stated noise
+MIN_PERIODS = 10.0  # periods that a reported further mode exceeds: slower ones are mostly drift
 PATH = "free motion"
 
 
@@ -198,7 +198,7 @@ def _identify_mean_model(
     errors = np.array([[part.growth_error, part.frequency_error] for part in parts])
     weights = errors**-2 / np.sum(errors**-2, axis=0)
     growth, omega = np.sum(weights * values, axis=0)
-    # of values about the mean, and of the mean itself: parts may agree by chance
+    # variance of the parts about their mean, plus that of the mean: parts may agree by chance
     scatter = np.sum(weights * (values - [growth, omega]) ** 2, axis=0)
     spread = np.diag(scatter * len(parts) / (len(parts) - 1) + np.sum(errors**-2, axis=0) ** -1)
     ((coordinate, velocity),) = motion.channels.pairs.items()
@@ -237,7 +237,7 @@ def _identified_model(
     terms = {problem.linear(state): state for state in range(n)}
     if is_displaced.any() and constant in problem.terms:
         terms[problem.terms.index(constant)] = n
-    whole = np.zeros((n * n + n,) * 2)  # of the entries, and of the position of rest
+    whole = np.zeros((n * n + n,) * 2)  # covariance of the entries and of the position of rest
     whole[: n * n, : n * n], whole[n * n :, n * n :] = covariance, np.diag(rest_errors**2)
     free, slopes = (
         np.zeros(len(problem.candidates)),

@@ -10,10 +10,10 @@ from galloping.identification.free_motion.damped_modes import DampedModes, Stret
 from galloping.identification.free_motion.mode_search import MANY_MODES, strongest_mode
 from galloping.identification.no_model import NoModel, attempt
 
-OUTLYING = 5.5  # robust deviations of a residual: noise once in 30 million samples
-MAX_OUTLYING = 0.1  # of the samples of a channel
-MISFIT = 4.5  # standard deviations, beyond which samples beside an event are under its force
-MIN_PERIODS = 8.0  # of a stretch, whose first and last one may be under such a force
+OUTLYING = 5.5  # robust deviations of an outlier's residual; noise exceeds them once in 30 million
+MAX_OUTLYING = 0.1  # largest share of a channel's samples that is removed as outliers
+MISFIT = 4.5  # noise deviations; samples beside an event that err by more are under its force
+MIN_PERIODS = 8.0  # least length, in periods, of a stretch whose ends are searched for such samples
 
 
 def without_faults(stretches: Sequence[Stretch], modes: DampedModes) -> list[Stretch] | None:

@@ -18,11 +18,12 @@ from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import without_means
 from galloping.identification.work import count_work
 
-MAX_STEPS, MAX_STEPS_AFTER_MEANS = 30, 4  # of Gauss-Newton; those on samples after a fit to means
-MIN_SAMPLES = 8  # of a channel of a stretch
-CONVERGED = 1e-3  # step in standard errors
-ROUNDING = 1e-10  # least noise, in units of the motion; least share of information that counts
-# Means of samples that a first fit takes in the shortest period. They tell 0.6 % less of a mode.
+# MAX_STEPS: most Gauss-Newton steps. MAX_STEPS_AFTER_MEANS: most on samples, after a fit to means.
+MAX_STEPS, MAX_STEPS_AFTER_MEANS = 30, 4
+MIN_SAMPLES = 8  # least samples of a channel in a stretch, besides one for each fit parameter
+CONVERGED = 1e-3  # a fit has converged if no pole moves by more, in standard errors
+ROUNDING = 1e-10  # least noise relative to the motion; least share of information that counts
+# Means of samples in a shortest period, for a first fit. They hold 0.6 % less information.
 MEANS_PER_PERIOD = 24
 
 
@@ -104,7 +105,7 @@ class DampedModes:
         many, channels = len(self.poles), self.amplitudes[index].shape[1]
         origin = np.zeros(many)
         columns = _wave_columns(stretch, self.poles, origin)
-        moved = np.zeros((2 * many, channels, 2 * many))  # amplitudes, by changes of the poles
+        moved = np.zeros((2 * many, channels, 2 * many))  # derivatives of amplitudes by poles
         own = np.zeros((2 * many, channels, 2 * many, channels))
         for c in np.flatnonzero(np.isfinite(self.noise[index])):
             degree = stretch.drift_degrees[c]
@@ -114,7 +115,7 @@ class DampedModes:
             inverse = inverse[: 2 * many]
             amplitudes = self.amplitudes[index][:, c]
             slopes = _pole_slopes(amplitudes, origin, stretch.duration, columns.shape[1])
-            sign = np.repeat([1.0, -1.0], many)  # of the sines, which are minus imaginary parts
+            sign = np.repeat([1.0, -1.0], many)  # sine coefficients are minus the imaginary parts
             moved[:, c] = -sign[:, np.newaxis] * (inverse @ products[basis] @ slopes)
             of_noise = inverse[:, : 2 * many] * np.outer(sign, sign)
             own[:, c, :, c] = self.noise[index, c] ** 2 * of_noise
@@ -251,7 +252,7 @@ def _linearise(stretches: Sequence[Stretch], poles: np.ndarray) -> _NormalEquati
     """
     n, channels = len(poles), stretches[0].values.shape[1]
     information, right, misfit = np.zeros((2 * n, 2 * n)), np.zeros(2 * n), 0.0
-    whole = np.full(2 * n, np.finfo(float).tiny)  # on its diagonal, were the amplitudes known
+    whole = np.full(2 * n, np.finfo(float).tiny)  # diagonal information for known amplitudes
     offsets, errors, noise = np.full((3, len(stretches), channels), np.nan)
     amplitudes, residuals = [], []
     for r, stretch in enumerate(stretches):
@@ -318,9 +319,9 @@ def _wave_columns(stretch: Stretch, poles: np.ndarray, origin: np.ndarray) -> np
 
 
 def _pole_slopes(a: np.ndarray, origin: np.ndarray, duration: float, count: int) -> np.ndarray:
-    """Compute how columns combine to changes with growths and frequencies, (count, 2 n_modes).
+    """Compute combinations of columns that are derivatives by growths and frequencies.
 
-    a: (n_modes,) amplitudes.
+    Returns (count, 2 n_modes). a: (n_modes,) amplitudes.
     """
     n, found = len(a), np.zeros((count, 2 * len(a)))
     k = np.arange(n)
@@ -331,9 +332,10 @@ def _pole_slopes(a: np.ndarray, origin: np.ndarray, duration: float, count: int)
 
 
 def _invert_basis(products: np.ndarray, n: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Invert the normal equations of the waves of n modes and of a drift, nearly dependent or not.
+    """Invert the normal equations of the waves of n modes and of a drift.
 
-    products: of all columns. Returns the places of those of the waves and of the drift too.
+    The waves may be nearly dependent. products: inner products of all columns. Returns the places
+    of the columns of waves and drift, and the inverse.
     """
     basis = np.r_[0 : 2 * n, 4 * n : 4 * n + degree + 1]
     own = products[np.ix_(basis, basis)]

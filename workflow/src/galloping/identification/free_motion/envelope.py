@@ -14,12 +14,12 @@ from galloping.identification.free_motion.damped_modes import DampedModes, Stret
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.oscillations import EnvelopePart
 
-MAX_PARTS = 12
-MIN_PERIODS = 2.0  # of a part
-MIN_SAMPLES = 24  # of a part
-MIN_CHANGE = 1.5  # of an amplitude over a recording
-MAX_RISE = 0.05  # of the logarithm of an amplitude from one part to the next, beside a decay
-MIN_SIGNAL = 2.0  # amplitude over noise, below which no part is
+MAX_PARTS = 12  # most parts of a stretch
+MIN_PERIODS = 2.0  # least length of a part, in periods
+MIN_SAMPLES = 24  # least number of samples in a part
+MIN_CHANGE = 1.5  # least factor by which an amplitude falls, or rises, over each stretch
+MAX_RISE = 0.05  # largest change against the trend of a log amplitude from window to window
+MIN_SIGNAL = 2.0  # parts begin and end where the amplitude exceeds the noise by this factor
 
 
 def fit_envelope(

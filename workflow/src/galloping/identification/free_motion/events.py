@@ -16,12 +16,12 @@ from galloping.identification.free_motion.damped_modes import DampedModes, Stret
 from galloping.identification.free_motion.mode_search import FALSE_ALARM_RATE, fit_modes
 from galloping.identification.no_model import NoModel, attempt
 
-MAX_EVENTS = 10
-MIN_EXPLAINED = 0.25  # of the excess of a misfit, by each event
-MIN_PERIODS = 3.0  # of the slowest mode between two events
-MIN_SAMPLES = 24
-TRIED = 2000  # times of a stretch, at which an event is looked for
-RIDGE = 1e-12  # of normal equations with a unit diagonal
+MAX_EVENTS = 10  # most events in all stretches
+MIN_EXPLAINED = 0.25  # least share of the misfit's excess over `floor` that each event explains
+MIN_PERIODS = 3.0  # least time between two events, in periods of the slowest mode
+MIN_SAMPLES = 24  # least number of samples between two events
+TRIED = 2000  # most times of a stretch at which an event is first tried
+RIDGE = 1e-12  # added to the unit diagonal of normal equations so that they can be solved
 
 
 @dataclass(frozen=True)

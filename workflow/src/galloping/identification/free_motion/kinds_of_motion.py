@@ -42,8 +42,8 @@ from galloping.identification.random_forces.channels import Channels
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording
 
-MAX_EVENTFUL = 0.4  # of the power of a channel, that modes leave of a motion with a few events
-WINDOWS = 24  # of a stretch, in which its amplitude is compared, a period long at least
+MAX_EVENTFUL = 0.4  # events are sought if the modes leave at most this share of a channel's power
+WINDOWS = 24  # a running amplitude is over 1/WINDOWS of a stretch, but at least over a period
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def _find_linear_events(
 ) -> MotionBetweenEvents | None:
     """Find events between which motion is linear, None if there are none, or too many.
 
-    modes: of which the first is the main one. floor: as of `find_events`.
+    modes: the main one first. floor: as of `find_events`.
     """
     alone = fit_poles(stretches, modes.poles[:1])
     for start in (modes, alone) if len(modes.poles) > 1 else (modes,):
@@ -176,7 +176,7 @@ def _classify_modes(
         lasts = abs(growth) < SIGNIFICANT * error
     if lasts:
         return None
-    if is_linear:  # else the samples that no linear motion explains are no faults
+    if is_linear:  # otherwise, samples that linear motion does not explain are no faults
         pairs = zip(recordings, stretches, strict=True)
         recordings = [_with_samples(one, stretch, channels) for one, stretch in pairs]
     return FreeMotion(

@@ -11,7 +11,7 @@ import numpy as np
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch
 from galloping.identification.random_forces.channels import Channels
 
-STEP = 1e-3  # of finite differences, in standard errors
+STEP = 1e-3  # step of finite differences, in standard errors
 
 
 def linear_system_with_covariance(

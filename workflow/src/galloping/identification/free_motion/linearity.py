@@ -13,17 +13,17 @@ from scipy.special import chdtri
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
 from galloping.identification.free_motion.mode_search import FALSE_ALARM_RATE, is_close, is_part_of
 
-# Change of the logarithm of an amplitude over a recording, below which an oscillation is steady,
-# and periods that it then lasts: a damping of 0.02 % of critical changes it more.
+# An oscillation is steady if it lasts more than MIN_STEADY_PERIODS periods, and its log amplitude
+# changes by less than MAX_STEADY_CHANGE over them. A damping of 0.02 % of critical exceeds this.
 MAX_STEADY_CHANGE, MIN_STEADY_PERIODS = 0.02, 20.0
-# First amplitude of a decaying oscillation, relative to a steady one of the same frequency, above
-# which a force causes both. A limit cycle is approached by a decay as well, but from so far off
-# this decay is not exponential.
+# A force causes a steady oscillation and a decaying one of the same frequency if the latter begins
+# with more than this share of the steady amplitude. A limit cycle is approached by a decay as well,
+# but a decay that begins so far from it is not exponential.
 MIN_TRANSIENT = 0.5
-HARMONIC = 2  # of motion on which a quadratic stiffness acts: cubic terms show in the motion itself
-MAX_HARMONIC = 5  # of a limit cycle
-MAX_DAMPING_BESIDE = 0.1  # ratio of a mode that is told beside one that is no exponential
-SIGNIFICANT = 4.0  # standard errors
+HARMONIC = 2  # harmonic that quadratic stiffness causes; cubic terms show at the main frequency
+MAX_HARMONIC = 5  # highest harmonic that is sought in a limit cycle
+MAX_DAMPING_BESIDE = 0.1  # largest damping ratio and error of a mode beside non-exponential motion
+SIGNIFICANT = 4.0  # standard errors that a significant value or difference exceeds
 
 
 def resolved_modes(stretches: Sequence[Stretch], modes: DampedModes, is_noise: bool) -> list[int]:

@@ -22,24 +22,26 @@ from galloping.identification.oscillations import MOST_DAMPING
 from galloping.identification.preparation.smoothing import without_means
 from galloping.identification.work import count_work
 
-MAX_MODES = 8
-# Modes within a share of the frequency of the first: more are no modes, but parts of a motion that
-# is not exponential.
+MAX_MODES = 8  # most sinusoids of a motion
+# If more than MAX_CLOSE sinusoids, the first included, are within a share CLOSE of the frequency of
+# the first, they are not modes, but parts of a motion that is not exponential.
 MAX_CLOSE, CLOSE = 2, 0.3
-# Share of the power of a channel that free motion has beyond so many modes, or three such parts.
+# Motion is not free if MANY_MODES sinusoids, or more than MAX_CLOSE close ones, leave more than the
+# share MAX_LEFT of the power of a channel.
 MAX_LEFT, MANY_MODES = 0.2, 4
-# How far a harmonic is from a multiple of that frequency, in shares of it, and of its spread.
+# A harmonic differs from a multiple of the first frequency by at most HARMONIC[0], plus HARMONIC[1]
+# times the spread of the close sinusoids' frequencies, both relative to that multiple.
 HARMONIC = 0.003, 1.5
-FALSE_ALARM_RATE = 1e-3  # of a mode that is not there, over all frequencies and decays of a search
-WINDOW_RATIO = 2  # between the decays of two windows: a mode between them keeps 97 % of its power
-EMPTY = 16  # decays by a factor e, after which a window has ended: rounding of the power is left
-MIN_PERIODS = 2.0  # of the longest stretch: what is slower is a drift
-MAX_FREQUENCY = 0.98  # of half the sampling rate
-# Bins of a periodogram whose median is the noise around a frequency, and around slow ones, where
-# drifts are steep.
+FALSE_ALARM_RATE = 1e-3  # rate of false modes in noise, over all frequencies and decays of a search
+WINDOW_RATIO = 2  # ratio of successive windows' decay rates; a mode between keeps 97 % of its power
+EMPTY = 16  # a window ends after this many decays by a factor e: only rounding is left
+MIN_PERIODS = 2.0  # least periods of a mode in the longest stretch: slower motion is a drift
+MAX_FREQUENCY = 0.98  # highest frequency of a mode, relative to half the sampling rate
+# The noise level of a periodogram is from medians of NOISE_BINS bins. At low frequencies, where
+# drifts are steep, it is from medians of SLOW_BINS bins.
 NOISE_BINS, SLOW_BINS = 129, 17
-POWER_WORK, LEVEL_WORK = 1.3e-8, 3e-8  # s a bin of a periodogram, and of its noise
-COLOURED = 1.6  # ratio of that noise to white noise, which chance makes once in a thousand
+POWER_WORK, LEVEL_WORK = 1.3e-8, 3e-8  # s of work for a bin of a periodogram and of its noise level
+COLOURED = 1.6  # ratio to white noise from which noise is coloured; by chance once in 1,000
 
 
 def strongest_mode(
@@ -64,7 +66,7 @@ def strongest_mode(
     size = 2 ** int(np.ceil(np.log2(2.0 * longest / step + 2.0)))
     omega = 2.0 * np.pi * np.fft.rfftfreq(size, step)
     most = np.log2(max(MOST_DAMPING * omega[-1] * longest, 2.0))
-    faster = WINDOW_RATIO ** np.arange(int(np.ceil(most)))  # decays, in units of the slowest
+    faster = WINDOW_RATIO ** np.arange(int(np.ceil(most)))  # decay rates, in units of the slowest
     parts = np.maximum(faster // EMPTY, 1)
     series, spans = [], []
     for stretch, residual in zip(stretches, residuals, strict=True):
@@ -81,7 +83,7 @@ def strongest_mode(
     if not series:
         return None
     windows = np.concatenate([[0.0], faster, -faster]) / longest
-    strides = np.concatenate([[1], parts, parts])  # between the bins of their periodograms
+    strides = np.concatenate([[1], parts, parts])  # steps in `omega` between their bins
     looks = len(windows) * longest / step / 2.0
     allowed = float(gammainccinv(len(series), FALSE_ALARM_RATE / looks))
     slowest, fastest = 2.0 * np.pi * MIN_PERIODS / longest, MAX_FREQUENCY * omega[-1]
@@ -93,19 +95,19 @@ def strongest_mode(
         power *= is_told[::stride] & (abs(decay) < MOST_DAMPING * omega[::stride])
     peaks = np.array([power.max() for power in powers])
     omitted = _near_modes(omega, poles, 2.0 * np.pi / longest)
-    levels = np.ones((len(series), len(omega)))  # of the noise, at least white
+    levels = np.ones((len(series), len(omega)))  # noise levels, at least those of white noise
     best, strongest = None, allowed
     for k, (decay, stride) in enumerate(zip(windows, strides, strict=True)):
         if peaks[k:].max() <= strongest:
             break
-        if poles is not None:  # also noise that leaks far where a window is short
+        if poles is not None:  # includes noise that short windows leak to far frequencies
             for level, own, (duration, places) in zip(levels, series, spans, strict=True):
                 oversampled = (1.0 + abs(decay) * duration / np.pi) * size / stride / places
                 own_level = noise_level(own[k], oversampled, omitted[::stride], k == 0)
                 at_all = np.interp(omega, omega[::stride], own_level)
                 np.maximum(level, at_all, out=level)
                 count_work(LEVEL_WORK * len(omega))
-        # leakage of a strong mode exceeds the noise elsewhere, but not the mode itself
+        # leakage of a strong mode exceeds the noise at other frequencies, but not the mode itself
         bins = np.flatnonzero(powers[k] > strongest)
         excess = sum(
             own[k][bins] / level[stride * bins] for own, level in zip(series, levels, strict=True)
@@ -167,7 +169,7 @@ def noise_level(
     resolved more finely. Returns (n,), not less than the level from the median over all
     frequencies.
     """
-    first = int(oversampled) + 1  # slower is what a constant takes
+    first = int(oversampled) + 1  # slower bins are taken up by a constant
     kept = np.flatnonzero(~omitted)
     kept = kept[kept >= first]
     if not len(kept):

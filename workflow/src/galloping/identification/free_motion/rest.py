@@ -21,25 +21,25 @@ from galloping.model.functions import Function
 from galloping.model.polynomial import Exponents, velocity_pairs
 from galloping.recording.samples import Recording
 
-# Share of the motion that follows, below which a stretch is at rest. Growth at 3 % of critical
-# leaves 0.8 from one period to the next.
+# A stretch is at rest if it varies by at most this share of the motion that follows. Motion that
+# grows at 3 % of critical damping is 0.8 times as large one period before.
 MAX_REST = 0.2
-SMALL = 0.05  # the same of a motion that counts as rest beside what follows
-MIN_WINDOW = 8  # samples in which a size is taken
-WINDOWS = (1.0, 0.25)  # periods in which the size before and after a release is compared
-MIN_PAUSE = 2.0  # periods of a rest between two motions
-FOLLOWING = 1.5  # periods after a release, in which the motion nowhere pauses
-MIN_PERIODS = 1.5  # of a stretch of motion
-OUT_OF_REST = 5.0  # standard deviations of the rest, at which motion begins
+SMALL = 0.05  # the same share for a stretch that oscillates itself
+MIN_WINDOW = 8  # least samples of a window in which the size of a motion is computed
+WINDOWS = (1.0, 0.25)  # lengths, in periods, of windows that are compared before and after release
+MIN_PAUSE = 2.0  # least periods of a rest between two motions
+FOLLOWING = 1.5  # periods after a release in which the motion does not pause
+MIN_PERIODS = 1.5  # least periods of a stretch of motion
+OUT_OF_REST = 5.0  # motion begins at this many standard deviations of the rest
 # The size of the first period of motion is extrapolated from the two periods after it, with a decay
 # by a factor of MAX_FALL a period at most. Samples above SPIKE times this size show the
 # acceleration of a blow itself.
 SPIKE, MAX_FALL = 1.25, 3.0
-MIN_TAIL = 2.0  # periods of rest at the end
-TAILS = (1.0, 0.8, 0.6, 0.4, 0.2)  # shares of what may be rest at the end, the longest first
+MIN_TAIL = 2.0  # least periods of a rest at the end
+TAILS = (1.0, 0.8, 0.6, 0.4, 0.2)  # shares of a possible rest at the end that are tried in turn
 TINY = np.finfo(float).tiny
-COARSE = 5.0  # steps of a sensor, from the lowest to the highest sample, that show no motion
-SMOOTH = 1.0  # ratio of the squared differences to the variance: 2 of white noise
+COARSE = 5.0  # a range of at most this many steps of a sensor's resolution shows no motion
+SMOOTH = 1.0  # largest ratio of mean squared differences to variance; white noise has 2
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def moving_parts(time: np.ndarray, values: np.ndarray) -> list[MovingPart]:
     """
     whole = [MovingPart(slice(0, len(time)))]
     known = np.flatnonzero(np.isfinite(values).any(axis=1))
-    if len(known) and known[-1] - known[0] + 1 < len(time):  # what is missing is no rest
+    if len(known) and known[-1] - known[0] + 1 < len(time):  # missing samples are no rest
         inner = slice(known[0], known[-1] + 1)
         return [_shift_part(part, inner.start) for part in moving_parts(time[inner], values[inner])]
     columns, resolution = _fill_gaps(time, values)
@@ -230,10 +230,10 @@ def _find_onsets(columns: np.ndarray, period: float, resolution: np.ndarray) -> 
         before = deviation[:, : following.shape[1]]
         starts = np.maximum(before, resolution) <= MAX_REST * following
         low, usual, high = np.quantile(deviation, (0.01, 0.9, 0.99), axis=1)[:, :, np.newaxis]
-        moves = is_smooth[:, : following.shape[1]] | (low < MAX_REST * high)  # and no mere noise
+        moves = is_smooth[:, : following.shape[1]] | (low < MAX_REST * high)  # not only noise
         moves &= before > MAX_REST * usual
         is_onset = np.any(starts, axis=0) & ~np.any(moves & ~starts, axis=0)
-        if length < int(period):  # of few samples, which may be alike by chance
+        if length < int(period):  # the few samples of a short window may agree by chance
             is_onset[int(period) :] = False
         ends = np.flatnonzero(is_onset & ~np.append(is_onset[1:], False))
         for last in map(int, ends):

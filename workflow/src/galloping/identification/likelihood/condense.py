@@ -12,9 +12,10 @@ from galloping.identification.work import count_work
 from galloping.trajectory.right_hand_side import System
 from galloping.trajectory.taylor import ORDER, Samples, integrate
 
-# Three projections a window hold all that samples tell of a motion that turns by a twelfth of a
-# period in it; Taylor series of `taylor.ORDER` are then good to TRUNCATION, relative to each state:
-# below the noise of any sensor.
+# Samples are reduced to PROJECTIONS projections in each window. A shortest period has
+# WINDOWS_PER_PERIOD windows, so short that the projections contain all information of the samples.
+# The error of Taylor series of `taylor.ORDER` is then TRUNCATION, relative to each state: below the
+# noise of any sensor.
 WINDOWS_PER_PERIOD, PROJECTIONS = 12, 3
 TRUNCATION = 1e-7
 
@@ -126,7 +127,7 @@ class Condensed:
 
         Shape (n_recordings, n_observed); the estimate is from `remainder`.
         """
-        spare = self.counts - self.rows  # where there are none, the remainder is rounding
+        spare = self.counts - self.rows  # without spare samples the remainder is rounding
         inside = np.where(spare > 0, self.remainder, 0.0) / np.maximum(spare, 1)
         return np.where(self.is_known, self.known_noise**2, inside)
 
@@ -134,10 +135,11 @@ class Condensed:
     def has_noise_estimate(self) -> np.ndarray:
         """Whether the noise of each channel is known or can be estimated, for each recording.
 
-        Shape (n_recordings, n_observed). It can be estimated if windows have samples to spare:
-        three tenths of all, as with five samples in a window, of which three make projections, but
-        not with four. With a smaller share a misfit is compared with a rough estimate of the noise,
-        with a larger one more often with none; from 0.15 to 0.5 no answer of `make exam` changes.
+        Shape (n_recordings, n_observed). It can be estimated if more than three tenths of all
+        samples are spare. Three projections leave two of five samples in a window, which is enough,
+        but one of four is not. With a smaller share a misfit is compared with a rough estimate of
+        the noise, with a larger one more often with none. From 0.15 to 0.5 no answer of `make exam`
+        changes.
         """
         spare = self.counts - self.rows
         return self.is_known | (spare > 0.3 * np.maximum(self.counts, 1))

@@ -51,7 +51,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             rate = rates[:, i] - theta @ problem.known[i]
             good = np.isfinite(rate) & np.all(np.isfinite(theta), axis=1)
             if good.sum() <= len(problem.terms):
-                continue  # so few rows do not tell their noise
+                continue  # too few rows to estimate their noise
             rows, rate = theta[np.ix_(good, columns)], rate[good]
             scale = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
             gap = rate - rows @ (np.linalg.lstsq(rows / scale, rate, rcond=None)[0] / scale)
@@ -69,7 +69,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         price = problem.term_prices(2.0 * np.log(samples), size).of_terms(block)
         support[block] = problem.select_terms(own, right[block], [whole], price, among=block)
         count += samples
-    penalty = 2.0 * np.log(count / len(problem.unknown))  # of an equation's samples, on average
+    penalty = 2.0 * np.log(count / len(problem.unknown))  # by the mean sample count of an equation
     free, covariance = problem.solve_within_bounds(information, right, support)
     misfit = max(squares - float(free @ right), 0.0)
     fitted: Fitted = {

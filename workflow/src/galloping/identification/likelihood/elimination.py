@@ -26,14 +26,16 @@ from galloping.identification.problem import Problem
 from galloping.identification.selection import Price
 from galloping.identification.work import count_work
 
-# Of a chain's end with its first state; errors of the integrator grow alike. With 1e8 and with 1e10
-# the models of 37 and 39 of 48 recordings of Lorenz's system are exact, with 1e6 those of 39.
+# A chain ends before the derivatives of its end by its first state and by the coefficients, in
+# standard errors of one segment, exceed this limit. Integration errors grow as much. Of 48
+# recordings of Lorenz's system, 39 have exact models with 1e6, 37 with 1e8, and 39 with 1e10.
 MAX_SEGMENT_GROWTH = 1e6
-# Relative singular value below which a direction of a state is not solved for: three times
-# TRUNCATION, the integrator's relative error, which makes up singular values of its own size.
-# Between jumps, whose precision may differ by any factor, only rounding counts.
+# A direction of a chain's first state is not solved for if its relative singular value is below
+# UNDETERMINED: three times TRUNCATION, since integration errors cause singular values of this size.
+# With jumps, whose precision may differ by any factor, the limit is rounding,
+# UNDETERMINED_WITH_JUMPS.
 UNDETERMINED, UNDETERMINED_WITH_JUMPS = 3e-7, 1e-13
-LEAST_JUMP = 1e-12  # variance of a jump, relative to the mean square of a state
+LEAST_JUMP = 1e-12  # least variance of a jump, relative to the mean square of a state
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ def fit_exact(begun: Start) -> IdentifiedModel | NoModel:
         code = Code.LIMIT_OF_WORK if is_exhausted() else Code.ITERATION_DIVERGES
         return NoModel((Finding.of(code),))
     if joined.objection:
-        is_cut = joined.objection.code == Code.LIMIT_OF_WORK  # for no cause that the data show
+        is_cut = joined.objection.code == Code.LIMIT_OF_WORK  # then the data show no cause
         causes = [] if is_cut else _find_causes(joined.free.fit, penalty)
         return NoModel((*causes, joined.objection))
     remaining, shown = _chain_residuals(begun, joined.step.fit)
@@ -54,7 +54,7 @@ def fit_exact(begun: Start) -> IdentifiedModel | NoModel:
     step, fit, record = joined.step, joined.step.fit, joined.step.fit.record
     sigma, noise = _sample_noise(fit, remaining)
     doubts = [Finding.of(Code.UNSETTLED)]
-    if joined.settled:  # the residuals of another fit show that it is not the best, and no cause
+    if joined.settled:  # residuals of an unsettled fit are not the least, and show no cause
         doubts, is_near = _find_objections(fit, shown, penalty)
         if doubts and not is_near and problem.inputs and free_run.has_forgotten_start(fit):
             near = free_run.approximate_free_runs(fit, step.information, remaining, penalty, doubts)
@@ -90,8 +90,9 @@ def _fit_starts(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit |
     Otherwise the fit is that of the fewest terms of those that follow the data, or the first that
     can be integrated; None if none can.
 
-    Near kinks chi^2 has several minima: if a motion sticks, no slope leads to another. A guess then
-    counts as converged only if its residuals show no misfit, and the best of the others is taken.
+    Near kinks chi^2 has several minima: if a motion sticks, no gradient leads to another. A guess
+    then counts as converged only if its residuals show no misfit, and the best of the others is
+    taken.
     """
     best, has_kinks = None, begun.problem.tables.n_kinks > 0
 
@@ -101,7 +102,7 @@ def _fit_starts(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit |
 
     followed: dict[bytes, trajectory_fit.Step | None] = {}
     for name, terms, dear in starts.starts_of_terms(begun):
-        guess = terms.free.tobytes()  # two of them may be the same
+        guess = terms.free.tobytes()  # two guesses may be equal
         if guess not in followed:
             followed[guess] = trajectory_fit.fit_free_segments(begun, terms)
         free = followed[guess]
@@ -196,7 +197,7 @@ def _find_causes(fit: ShootingFit, penalty: float) -> list[Finding]:
     excess = float(np.sum(fit.record.condensed.rows * over))
     named = [fault.cause for fault in find_faults(fit, penalty) if fault.can_explain(excess)][:1]
     if fit.misfit < trajectory_fit.CLOSE and not any(each.code in FORCES for each in named):
-        # a small fault does not keep the pieces from joining
+        # a small fault would not prevent the segments from joining
         forces = FORCES[bool(fit.record.problem.inputs)]
         named += [Finding.of(Code.FOLLOWED_IN_PIECES), Finding.of(forces)]
     return named

@@ -47,26 +47,26 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
     record, problem = fit.record, fit.record.problem
     equation, term = problem.candidates.T
     exponents = exponent_matrix(problem.terms, len(problem.names))[term]
-    # linear in a state whose equation is identified: the dampings of a line
+    # terms linear in a state whose equation is identified, such as the dampings of a line
     of_rate = exponents[:, np.unique(equation)].sum(axis=1) == 1
     linear = (np.abs(exponents).sum(axis=1) == 1) & (problem.degrees == 1)
     rates = np.flatnonzero(linear & of_rate)
     misfit = white_misfit(record, fit.linearised.residual)
     excess = _log_excess(record, misfit)
     windows = np.diff(record.segments.first)
-    divisible = windows.min() >= PARTS and len(windows) <= 200  # a part needs 50 kB and more
+    divisible = windows.min() >= PARTS and len(windows) <= 200  # each part needs 50 kB or more
     if not (len(rates) and excess > 0.0 and divisible):
         return None
     parts, jumping = _divide_segments(record)
     size = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
     period = WINDOWS_PER_PERIOD * record.condensed.step
-    # (n_rates,) coefficients that would move their state at the rate of the motion
+    # (n_rates,) coefficients with which a term alone would move its state as fast as the motion
     unit = 2.0 * np.pi / period * size[equation[rates]] / size[exponents[rates].argmax(axis=1)]
-    # where expectation maximisation begins, and the least: from zero it would never rise
+    # first and least variance of expectation maximisation: from zero it would never rise
     variance, least = (2e-3 * unit) ** 2, (1e-6 * unit) ** 2
-    # fits, each after five passes of the variances, which move slowly: the first without choice of
-    # terms, the last with the terms before; with three or six fits, or three passes, one of ten
-    # answers of `make exam` changes, by less than 0.2 standard errors
+    # Number of fits, each after five passes that update the slowly changing variances. The first
+    # and the last fit choose no terms. With three or six fits, or with three passes, one of ten
+    # answers of `make exam` changes, by less than 0.2 standard errors.
     passes = 4
     fine = replace(fit, record=parts, starts=parts.starts, misfit=misfit, repeated=rates)
     for passed in range(passes):
@@ -74,9 +74,9 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
             return None
         passing("try coefficients that fluctuate")
         misfit = white_misfit(parts, fine.linearised.residual)
-        # fluctuations explain 0.56 or more of what is left where gusts are all that the library
-        # lacks, 0.32 to 0.50 on a line with more modes in the same gusts, of which the terms that
-        # are then chosen imitate the modes, and 0.06 or less without gusts
+        # Fluctuations explain 0.56 or more of the excess if the library lacks only gusts, and 0.06
+        # or less without gusts. On a line with more modes in the same gusts they explain 0.32 to
+        # 0.50, and the terms that are then chosen imitate these modes.
         if passed and not excess - _log_excess(record, misfit) >= 0.53 * excess:
             return None
         support, jump = fine.support, fine.jump
@@ -155,7 +155,7 @@ def _change_roots(
     Returns (n_segments, n_states + n_rates, n_states + n_rates), from each segment to the next.
     States jump after `jumping` alone.
     """
-    states = record.jump_roots(np.diag((1e-4 * size) ** 2))  # as good as continuous
+    states = record.jump_roots(np.diag((1e-4 * size) ** 2))  # practically continuous
     states[jumping] = record.jump_roots(jump)[jumping]
     n_states = len(size)
     roots = np.pad(states, ((0, 0), (0, len(variance)), (0, len(variance))))

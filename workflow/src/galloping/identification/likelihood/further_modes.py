@@ -17,9 +17,9 @@ from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.oscillations import FurtherMode
 from galloping.model.polynomial import velocity_pairs
 
-MOST = 4  # modes of a channel
-WORTH = 0.1  # share of what is left, that a mode takes to be worth a word
-FASTEST = 0.4  # periods in a window: of faster ones a mean tells little
+MOST = 4  # most modes of a channel
+WORTH = 0.1  # least share of the residual's power that a reported mode explains
+FASTEST = 0.4  # most periods of a mode in a window: means over windows show little of faster ones
 
 
 def find_further_modes(

@@ -30,7 +30,7 @@ from galloping.identification.selection import (
 )
 from galloping.model.polynomial import exponent_matrix, velocity_pairs
 
-FORCES = (Code.FORCES, Code.FORCES_BESIDE_INPUTS)  # without inputs, and beside them
+FORCES = (Code.FORCES, Code.FORCES_BESIDE_INPUTS)  # unknown forces without inputs, and with inputs
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,8 @@ def find_faults(fit: ShootingFit, penalty: float) -> list[Fault]:
     tested = [replace(test, z=z) for test, z in zip(tests, scores, strict=True)]
     tested += _test_gaps(own, fit) + _test_variances(fit, residual, rates)
     limit = -ndtri(5e-3 / 2.0 / len(tested))
-    # terms are looked for that only imitate a fault; a sound recording has a score so large a few
-    # times in a hundred, which costs a pass of the fit and no more
+    # A fault with such a score is also tested against terms that may only imitate it. A few of a
+    # hundred sound recordings have such a score, which costs no more than a pass of the fit.
     doubtful = [k for k, z in enumerate(scores) if z > 2.5]
     if doubtful and max(scores) < np.sqrt(penalty):
         quadratic = eliminate_chains(linearise_terms(np.ones(len(fit.support), bool)), segments)
@@ -97,7 +97,7 @@ def find_faults(fit: ShootingFit, penalty: float) -> list[Fault]:
     return sorted(shown, key=lambda fault: -fault.z)
 
 
-# An input that may be delayed: name, coefficients (equation, term) and their values for 1 s.
+# Input that may be delayed: name, coefficients (equation, term), their values for a delay of 1 s.
 DelayedInput = tuple[str, list[tuple[int, int]], list[float]]
 
 
@@ -286,8 +286,8 @@ def _test_gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
         return quadratic.fall + float(change @ quadratic.right)
 
     whole, bounds, tested = misfit_fall(segments), segments.bounds, []
-    place = np.arange(bounds[-1]) - np.repeat(bounds[:-1], np.diff(bounds))  # in its chain
-    for length in (1, 2, 4):  # for a force that comes and goes, and a phase that wanders
+    place = np.arange(bounds[-1]) - np.repeat(bounds[:-1], np.diff(bounds))  # place in its chain
+    for length in (1, 2, 4):  # segments in a chain, for intermittent forces and a drifting phase
         begins = place % length == 0
         freedom = int(begins.sum() - len(bounds) + 1) * starts.shape[1]
         if freedom > 0:
@@ -313,7 +313,7 @@ def _test_variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -
         for r, o in np.ndindex(sigma.shape):
             inside = there[:, o] & (owner == r)[:, None]
             own = square[:, o][inside]
-            # sigma, estimated from residuals, is so far above them only at its floor: rounding
+            # residuals are so far below sigma only if sigma is at its floor: they are rounding
             if len(own) < 2 or own.mean() < 0.25:
                 continue
             level = signal[:, o] / weight[:, o]

@@ -64,12 +64,12 @@ from galloping.identification.work import MOST, is_exhausted, limit_work, sub_bu
 from galloping.model.polynomial import Exponents, PolynomialModel
 from galloping.recording.samples import Recording
 
-FREE = 0.2  # of the work of a search, for a model that follows free motion that is not linear
+FREE = 0.2  # share of a search's work in which a nonlinear model of free motion is sought
 
 Outcome = IdentifiedModel | NoModel
 Findings = tuple[Finding, ...]
-# Takes what an earlier search found to speak against a model; gives an outcome, and whether that is
-# sure, so that no further search is needed.
+# A search takes the objections of earlier searches to a model. It returns its outcome, and whether
+# that is certain, so that no further search is needed.
 Search = Callable[[Findings], tuple[Outcome, bool]]
 
 
@@ -211,7 +211,7 @@ def _search_time_scale(
         may_be_random = is_ambient_candidate(first)
         follows = (
             not may_be_random
-            or problem.tables.n_kinks  # beside kinks a start may miss the model
+            or problem.tables.n_kinks  # near kinks a start may miss the model
             or (
                 not starts.has_free_equilibrium(first) and trajectory_fit.follows_in_segments(first)
             )
@@ -251,7 +251,7 @@ def _run_searches(searches: Sequence[Search], recordings: list[Recording]) -> Ou
 
 def _search_exact(begun: Start, _: Findings) -> tuple[Outcome, bool]:
     """Search for the model that follows the data to the noise."""
-    with sub_budget(0.6):  # of the work that is left; the rest to come near
+    with sub_budget(0.6):  # the rest of the work is for an approximate model
         return _search_rest_positions(begun, fit_exact), True
 
 
@@ -281,7 +281,7 @@ def _search_free_motion(begun: Start, objections: Findings) -> tuple[Outcome, bo
     noise, the model is the linear one of its modes. In free motion without further modes and
     events, random forces are not tried.
     """
-    if is_of_one_coordinate(begun.recordings):  # which was asked before all else
+    if is_of_one_coordinate(begun.recordings):  # already tried before all other searches
         return NoModel(objections), False
     motion = classify_motion(begun.recordings)
     if motion is None or not (motion.is_linear or motion.decays):

@@ -27,10 +27,10 @@ from galloping.model.polynomial import (
 )
 from galloping.recording.samples import powers_of_legendre
 
-# Times in a window at which a force is known, and degree of its polynomial over a window.
+# In each window a force is evaluated at POINTS times, and fitted by a polynomial of degree DEGREE.
 POINTS, DEGREE = 10, 5
-# Share of what the best model of the library leaves, beyond the noise, that a force explains if it
-# is named: with more of it other causes were named.
+# A force is named if it explains at least this share of the misfit, beyond the noise, of the best
+# model of the library. With a larger share, other causes were named instead.
 EXPLAINED = 0.5
 
 

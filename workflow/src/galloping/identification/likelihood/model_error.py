@@ -43,9 +43,9 @@ from galloping.identification.work import is_exhausted
 from galloping.model.intervals import NORMAL_95, QUANTILES_95
 from galloping.passes import passing
 
-# Total variance over that between stretches: an error alike in all stretches may be as large.
+# Ratio of total variance to variance between stretches: an error of all may be as large.
 SYSTEMATIC = 2.0
-UNTOLD = 1e-9  # share of the information below which what a part tells is rounding
+UNTOLD = 1e-9  # share of the information on a direction below which that of a part is rounding
 
 MisfitOf = Callable[[ShootingData, np.ndarray], np.ndarray]
 
@@ -101,7 +101,7 @@ class Approximation:
         for (a, b), noise in zip(pairwise(condensed.first), condensed.noise_variance, strict=True):
             targets, residual = condensed.targets[a:b, :, 0], self.residual[a:b, :, 0]
             motion += (b - a) * np.var(targets, axis=0)
-            with np.errstate(invalid="ignore"):  # of forecasts that diverge
+            with np.errstate(invalid="ignore"):  # forecasts may diverge
                 error += (b - a) * np.var(residual, axis=0)
             error -= noise * np.count_nonzero(targets, axis=0)
         return np.sqrt(np.maximum(error, 0.0) / np.maximum(motion, np.finfo(float).tiny))
@@ -127,7 +127,7 @@ def fit_approximation(
     if made.fluctuates:
         objections = (*objections, Finding.of(Code.COEFFICIENTS_FLUCTUATE))
     residual = condensed.targets - record.predict_projections(made.fit.free, made.fit.starts)
-    spare = condensed.is_known | (condensed.counts > condensed.rows)  # else windows tell no noise
+    spare = condensed.is_known | (condensed.counts > condensed.rows)  # else noise is not estimated
     noise = np.where(spare, np.sqrt(condensed.noise_variance), start.reference)
     missed = Finding.of(Code.FORECASTS_MISS, span_s=record.stretch, share=0.0)
     return as_identified(made, residual, noise, objections, missed)
@@ -160,7 +160,7 @@ def as_identified(
         Finding.of(Code.FURTHER_MODE, mode.state, frequency_hz=mode.frequency / (2.0 * np.pi))
         for mode in besides
     )
-    known = condensed.noise_variance  # zero where windows tell none
+    known = condensed.noise_variance  # zero where it is neither known nor estimated
     power = (
         np.where(known > 0.0, known, noise**2) * condensed.rows / np.diff(condensed.first)[:, None]
     )
@@ -191,7 +191,7 @@ def _search_approximation(start: ShootingFit, penalty: float) -> Approximation |
     """
     record, every = start.record, np.ones(len(start.free), bool)
     scale = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
-    # jumps begin at a twentieth of each state and are estimated anew at each pass
+    # jumps have a first deviation of a twentieth of each state; each pass estimates it anew
     jump, misfit = np.diag((0.05 * scale) ** 2), white_autocovariance(record, start.sigma**2)
     first = StretchFit(record, start.free, every, start.starts, misfit, jump)
     colour = ""
@@ -219,9 +219,9 @@ def _fit_with_misfit(
     The penalties are many times that of exact models. `NoModel` if the first leads to none; the
     second may be absent.
 
-    A wrong model needs stronger evidence: 7 times chooses nearly the same terms of every recording
-    of a truth, 3 to 5 up to five terms more. No model may jump more than the whole library: the
-    effect of an omitted term is no disturbance.
+    A wrong model needs stronger evidence: with 7 times the penalty, nearly the same terms are
+    chosen from all recordings of one system; with 3 to 5 times, up to five more. No model may jump
+    more than the whole library: the effect of an omitted term is no disturbance.
     """
     fit = whole = _iterate_fit(first, misfit_of)
     made: list[Approximation] = []
@@ -294,10 +294,10 @@ def _iterate_fit(
     Unless `price` is None, terms are chosen in the first passes. most_jump: (n_states, n_states)
     upper limit of the covariance of jumps.
 
-    Passes end with a step below 0.05, squared, in standard deviations: errors grow by 2.5 %. The
-    limit of the passes bounds the work of an alternating iteration. With half or twice as many, 3
-    of 22 approximate models of `make exam` have other terms; the coefficients of the others change
-    by less than 0.6 standard errors.
+    Passes end after a step with a squared length below 0.05, in standard deviations: it increases
+    errors by 2.5 %. The number of passes is limited, since an iteration may alternate. With half or
+    twice as many, 3 of 22 approximate models of `make exam` have other terms; the coefficients of
+    the others change by less than 0.6 standard errors.
     """
     record, passes, choosing = fit.record, 5 if price is None else 20, 6
     for passed in range(passes):
@@ -318,7 +318,7 @@ def _iterate_fit(
             jump = jump * np.outer(share, share)
         same, misfit = np.array_equal(support, fit.support), misfit_of(record, linear.residual)
         if price is not None:
-            # else a fit and the covariance of what it leaves may alternate with others
+            # averaged: otherwise the fit and the covariance of its residuals may alternate
             misfit = (misfit + fit.misfit) / 2.0
         moved = replace(fit, free=free, support=support, starts=starts, misfit=misfit, jump=jump)
         fit = shorten_until_integrable(fit, moved)
@@ -331,8 +331,8 @@ def _iterate_fit(
 def _cross_validate(fit: StretchFit, price: float) -> Approximation:
     """Estimate covariance and forecasts of a fit by leaving folds of segments out.
 
-    What a fold alone tells, such as the one before a motion comes to rest, has the covariance of
-    the whole fit.
+    Directions that a single fold determines, such as the fold before a motion comes to rest, have
+    the covariance of the whole fit.
     """
     record, roots = fit.record, fit.record.jump_roots(fit.jump)
     condensed, segments, linear = record.condensed, record.segments, fit.linearised
@@ -369,7 +369,7 @@ def _change_without(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute by how much coefficients change if they are fitted to a part of the segments.
 
-    Returns the changes (n_support,), none in directions that the part does not tell, and these
+    Returns the changes (n_support,), zero in directions that the part does not determine, and these
     directions, (n_support, k), with unit information of the whole. whole: its information. Raises
     LinAlgError if rounding has left no information on a coefficient.
     """

@@ -10,8 +10,8 @@ from scipy.optimize import minimize_scalar
 from galloping.model.polynomial import PolynomialModel
 from galloping.trajectory.taylor import Ending, solve
 
-SAMPLES = 60  # of a period, which takes at most 64 steps of the integration
-FINE = 1e-4  # of the step between these samples, to which a delay is told
+SAMPLES = 60  # samples in a period, which may take at most 64 integration steps
+FINE = 1e-4  # accuracy of a delay, relative to the step between these samples
 
 
 class FollowedRecording(NamedTuple):

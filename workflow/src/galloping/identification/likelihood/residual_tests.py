@@ -14,15 +14,15 @@ from galloping.identification.observations import Code, Finding
 # Rate at which white noise raises an objection, by the highest of all its spectral lines or by a
 # sum of squares.
 RESIDUAL_RATE = 1e-6
-# Bins on each side of a spectral line that its height is measured against: their mean has a
-# relative spread of a fifth.
+# The height of a spectral line is measured relative to the mean of this many bins on each side,
+# which has a relative standard deviation of a fifth.
 NEIGHBOURS = 15
-# chi^2 per degree of freedom from which noise is said to be correlated over a few samples: a model
-# error that large is refused by its own spectrum. Of such noise the power at the motion's
-# frequencies may be up to this many times that above them, and intervals widen by the root of the
-# ratio. Noise correlated over a period, which cannot be told from the motion, has more.
+# Noise counts as correlated over a few samples if chi^2 per degree of freedom exceeds this limit: a
+# model error of this size would be refused by its spectrum. The power of such noise at the motion's
+# frequencies may be up to this many times that at higher ones, and intervals widen by the root of
+# the ratio. Noise correlated over a period has a larger ratio, and cannot be told from the motion.
 MOST_COLOUR = 2.0
-# Residuals and noise relative to a channel below which they are truncation (1e-7) and rounding.
+# Residuals and noise below this share of a channel are truncation errors (1e-7) and rounding.
 ROUNDING = 1e-5
 
 
@@ -92,7 +92,7 @@ def diagnose_residuals(
     the shortest of the motion, s. Channels whose residuals are below ROUNDING are left out of the
     spectra.
     """
-    limit = 1.5 * condensed.step / period * (1.0 - TIME_ROUNDING)  # which may be at a bin
+    limit = 1.5 * condensed.step / period * (1.0 - TIME_ROUNDING)  # a bin may be at the limit
     low, high, bins = [], [], np.zeros(2)
     lines = [(0.0, 0.0, 0, 0)]  # height, frequency, channel, cycles
     band_power, excess = np.full(condensed.rows.shape, np.nan), np.zeros(condensed.rows.shape)
@@ -117,7 +117,7 @@ def diagnose_residuals(
     if low:
         band = float(sum(low) / bins[0] / (sum(high) / bins[1]))
         band_allowed = _max_mean_square(np.sqrt(np.sum(1.0 / bins)))
-    # a bin over the mean of m others is F-distributed with (2, 2 m) degrees; of the highest
+    # a bin over the mean of m others is F-distributed with (2, 2 m) degrees; limit of the highest
     m = 2 * NEIGHBOURS - 4
     tested = residual.shape[1] * int(condensed.first[-1]) / 2.0
     line_allowed = m * ((RESIDUAL_RATE / tested) ** (-1.0 / m) - 1.0)
@@ -147,8 +147,8 @@ def _chi2_inside(
 def _max_mean_square(spread: float) -> float:
     """Compute the largest allowed mean square of a variable of mean square one.
 
-    It is one plus as many deviations, of the relative `spread`, as a sum exceeds at RESIDUAL_RATE,
-    rounded up.
+    It is one plus a number of standard deviations, `spread`, which a sum exceeds at RESIDUAL_RATE.
+    The number is rounded up.
     """
     return float(1.0 + np.ceil(-ndtri(RESIDUAL_RATE)) * spread)
 

@@ -34,12 +34,12 @@ from galloping.identification.selection import Price, solve_support
 from galloping.identification.work import is_exhausted
 from galloping.model.intervals import draw_normal
 
-MOST_STEPS, MOST_HALVINGS = 12, 7
-MOST_CHOICES = 5  # of terms, each by the quadratic model of the least minimum before
-DRAWS = 40  # of models from which other minima are looked for
-STILL = 1e-9  # of the greatest argument of a kink: what is less sticks
-TURNS = 2  # in the last swing before a motion sticks
-LOWER = 1.0  # of chi^2, by which another minimum must be lower
+MOST_STEPS, MOST_HALVINGS = 12, 7  # most steps of a descent, and most halvings of a step
+MOST_CHOICES = 5  # most choices of terms, each by the quadratic model at the last minimum
+DRAWS = 40  # number of drawn models from which other minima are sought
+STILL = 1e-9  # a motion sticks while a kink's argument is below this share of its largest
+TURNS = 2  # turns of the motion in the last swing before it sticks
+LOWER = 1.0  # least difference in chi^2 by which another minimum must be lower
 
 
 def refine_fit(joined: JoinedFit, price: Price) -> JoinedFit:

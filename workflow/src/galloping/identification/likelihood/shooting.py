@@ -22,15 +22,16 @@ from galloping.identification.work import count_work
 from galloping.recording.samples import Recording
 from galloping.trajectory.taylor import at_points, integrate
 
-# Times the recorded motion, or a derivative of its size, from which a solution counts as diverged:
-# no motion comes near it, and squares and products of such numbers are still finite.
+# A solution counts as diverged if it is this many times as large as the recorded motion, or if its
+# derivatives are this many times their expected size. No motion comes near this, and products of
+# such numbers are finite.
 HUGE = 1e30
-# Of windows, and of a Gauss-Newton step, each half as long as the one before
-# (docs/identification_parts.csv).
+# Most trials of windows and segments, and of a Gauss-Newton step, each half as long as the one
+# before (docs/identification_parts.csv).
 MOST_TRIALS = 6
 Fit = TypeVar("Fit", bound=Any)  # with `record`, `free`, `support` and `starts`
 Found = TypeVar("Found")
-SEGMENT_WORK = 5e-5  # s of work, in which a segment is linearised, or put in a chain
+SEGMENT_WORK = 5e-5  # s of work to linearise a segment, or to put it in a chain
 
 
 @dataclass(frozen=True)
@@ -266,8 +267,8 @@ class ShootingFit:
     free: (n_candidates,) coefficients, zero outside the support (n_candidates,), boolean. starts:
     (n_segments, n_states) first states. sigma: (n_recordings, n_observed) standard deviation of the
     projections' noise, not below the floor. reference: the same as first estimated. chi2: misfit in
-    units of `reference`, of the fit from which the last step led here, infinite before any; of this
-    fit itself where a function says so.
+    units of `reference`. It is that of the fit from which the last step led here, and infinite
+    before any step; it is that of this fit itself where a function says so.
     """
 
     record: ShootingData
@@ -303,7 +304,7 @@ class ShootingFit:
     ) -> Linearised:
         """Linearise the residuals; arguments and exceptions are those of `linearise_segments`."""
         record, weight = self.record, 1.0 / self.sigma[:, :, None, None]
-        # segments, of some 500 windows in all: their derivatives fit in the cache
+        # segments with some 500 windows in all, whose derivatives fit in the cache
         at_once = max(500 * len(self.starts) // len(record.condensed.targets), 1)
 
         def whiten(rows: np.ndarray, windows: slice) -> np.ndarray:

@@ -147,7 +147,7 @@ def filter_back(rows, end_derivatives, mismatch, links, roots):
                 for k in range(n_states):
                     later[m + i, last] -= kept[g, i, n + k] * gap[k]
             continue
-        # of coefficients, state, state of the segment before, residual
+        # columns: coefficients, state, state of the segment before, residual
         joint[:] = 0.0
         joint[:n_states, : n + n_states] = kept[g, :, :last]
         joint[:n_states, -1] = kept[g, :, last]
@@ -187,8 +187,8 @@ def follow_states(relations, spreads, end_derivatives, begins_chain, first, firs
     n = width - n_states - 1
     response = np.zeros((count, n_states, n + 1))
     variance, of_jump = np.zeros((2, count, n_states, n_states))
-    # a covariance is a sum of squares: where a motion is unstable, rounding of a product with two
-    # large derivatives would outweigh it
+    # covariances are computed as sums of squares: where a motion is unstable, rounding of a product
+    # with two large derivatives would exceed them
     root, state, jump = np.zeros((3, 2 * n_states, n_states))
     bounds, chain = np.array([0, 2 * n_states]), -1
     for g in range(count):

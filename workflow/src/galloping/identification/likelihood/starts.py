@@ -24,7 +24,7 @@ from galloping.identification.preparation.weak_form import (
 )
 from galloping.recording.samples import Recording
 
-TIME_SCALES = (1.0, 1 / 2, 1 / 4)  # of the period that the spectrum shows
+TIME_SCALES = (1.0, 1 / 2, 1 / 4)  # shares of the period that the spectrum shows, in order of trial
 
 
 def rescale_start(
@@ -70,7 +70,7 @@ def positions_of_rest(begun: Start) -> Iterator[tuple[str, Start]]:
     the line of the study it is 0.15 deviations away, and on its accelerations starts that are 0.0
     to 0.1 deviations off always lead to the model. Raises what `weak_fit` raises.
     """
-    problem = begun.problem.drop_terms(lambda term: not any(term))  # which nothing moves
+    problem = begun.problem.drop_terms(lambda term: not any(term))  # without constants
     unmeasured = sorted(state for state, _ in _unmeasured_displacements(begun))
     units = 0.2 * np.eye(len(problem.states))[unmeasured]
     offsets = (0.0 * units[0], *units, *-units)
@@ -89,8 +89,8 @@ def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
 
     A factor multiplies the penalties at first. A start with few terms moves no faster than the
     samples show: of twenty recordings of the displacements of a line, three samples a second,
-    starts of 25 to 70 terms left fourteen without a model, of 4 to 10 terms none. A start of the
-    second degree diverges less.
+    fourteen had no model from starts of 25 to 70 terms; all had one from starts of 4 to 10 terms. A
+    start of the second degree diverges less.
     """
     rough, problem = rough_fit(begun), begun.problem
 
@@ -100,8 +100,8 @@ def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
         return replace(rough, free=free, support=chosen)
 
     yield "weak form" if rough is begun.fit else "weak form of a telling stretch", rough, 1.0
-    # times as much as terms cost: of six clear lines that did not settle from the weak form, four
-    # did with 16 times, each with the right terms, and two with four times
+    # factor on the penalties: of six clear lines that did not settle from the weak form, four
+    # settled with 16, each with the right terms, and two with four
     dear = 16.0
     yield "few terms", fit_support(rough.support, dear * begun.price.least), dear
     low = problem.degrees <= 2

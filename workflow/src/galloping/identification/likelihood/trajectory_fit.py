@@ -40,10 +40,10 @@ from galloping.recording.samples import Recording
 # solution in a window by more than OF_NOISE standard deviations of the noise, and a period has
 # fewer than FINEST_FOR_INPUTS windows.
 OF_NOISE, FINEST_FOR_INPUTS = 0.1, 96
-PERIODS_PER_SEGMENT = 6  # short enough for a rough start to converge from
-CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
-MOST_PASSES = 20  # with joined segments
-CONVERGED = 0.01  # squared length of a step, in standard deviations: errors grow by half a percent
+PERIODS_PER_SEGMENT = 6  # length of the first segments, from which a rough start converges
+CLOSE = 1.5  # chi^2 per projection below which a fit is close enough to choose its terms
+MOST_PASSES = 20  # most passes with joined segments
+CONVERGED = 0.01  # squared length of the last step, in standard deviations: errors grow by 0.5 %
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def fit_free_segments(begun: Start, start: WeakFit) -> Step | None:
             break
         try:
             fit = prepare_fit(begun, start, periods)
-            if fit.record.stretch >= stretch:  # of two windows, the shortest
+            if fit.record.stretch >= stretch:  # segments of two windows are the shortest
                 break
             stretch = fit.record.stretch
             periods = stretch / begun.period
@@ -152,8 +152,8 @@ def _iterate_free_segments(fit: ShootingFit, largest: np.ndarray) -> Step | None
     if a segment diverges.
     """
     before = fit
-    # with three steps fewer are `ok` (docs/identification_parts.csv); then segments are joined,
-    # however bad the fit
+    # with three steps fewer models are `ok` (docs/identification_parts.csv); after the last step
+    # segments are joined, however bad the fit
     for _ in range(5):
         step = take_step(before, fit, 1, None)
         if n_unidentifiable_directions(step.information, largest) == len(largest):
@@ -284,21 +284,21 @@ def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> Joined
     """
     step, count = free, len(free.fit.starts)
     best = step.best_terms(price.scale_by(dear))
-    # from chains of two or of eight on, three recordings have the same model
+    # segments in the first chains: with two or eight, three recordings have the same model
     chain = count if np.array_equal(best, step.fit.support) else 4
-    choosing = 14  # passes of MOST_PASSES: in all of them fewer settle (identification_parts.csv)
+    choosing = 14  # passes that choose terms; if all do, fewer settle (identification_parts.csv)
     whole, settled = False, False
     try:
         for passed in range(choosing if unseen else MOST_PASSES):
             times = max(dear / 2 ** (passed // 2), 1.0)
-            longest = None if whole else chain  # chains that come and go would never settle
+            longest = None if whole else chain  # changing chains would never settle
             of_pass = price.scale_by(times) if passed < choosing else None
             step = take_step(step.before, step.fit, longest, of_pass)
             unchanged = np.array_equal(step.fit.support, step.before.support)
             if times == 1.0 and not step.fit.support.any():
                 raise NotConvergedError(Code.NO_TERM)
             was_whole = whole or chain >= count
-            # the gap is measured before the step; about its square remains, 1e-6 of each state
+            # the gap is measured before the step, which leaves about its square, 1e-6 of each state
             converged = step.decrement < CONVERGED and step.gap < 1e-3 and times == 1.0
             settled = unchanged and was_whole and converged
             if settled or is_exhausted():
@@ -322,10 +322,10 @@ def take_step(
 ) -> Step:
     """Take a Gauss-Newton step from a fit or, if the fit is bad, from nearer to the one before it.
 
-    A fit is bad if it diverges, or if it is not close and chi^2 is half as large again as its
-    `chi2`: for `fit` that of `before`, for fits nearer to `before` that one pass earlier. The other
-    arguments are as in `_gauss_newton`. Raises FloatingPointError if all are bad, or the work is
-    exhausted.
+    A fit is bad if it diverges, or if it is not close and its chi^2 is 1.5 times its `chi2` or
+    more. This `chi2` is for `fit` that of `before`, and for fits nearer to `before` that of one
+    pass earlier. The other arguments are as in `_gauss_newton`. Raises FloatingPointError if all
+    are bad, or the work is exhausted.
     """
     passing("follow the recording in segments")
     if is_exhausted():
@@ -361,7 +361,7 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
     moved = update_noise(moved, record.condensed.sum_squares(linear.residual))
     information, right = quadratic.information, quadratic.right
     decrement = float(change @ information @ change)
-    # a state may be zero wherever segments end, but for rounding
+    # a state may be zero, except for rounding, wherever segments end
     size = np.maximum(abs(linear.ends).max(axis=0), ROUNDING * abs(record.states).max(axis=0))
     gap = float(np.max(quadratic.gap / (size + np.finfo(float).tiny)))
     return Step(information, right - information @ change, fit, moved, decrement, gap)
@@ -374,7 +374,8 @@ def update_noise(fit: ShootingFit, squares: np.ndarray) -> ShootingFit:
     """
     rows, floor = fit.record.condensed.rows, fit.record.floor
     share = fit.n_parameters / max(int(np.count_nonzero(squares)), 1)
-    # a fifth of the rows at least: what many parameters follow exactly would seem to have no noise,
-    # or a variance below zero; with a tenth or two fifths no answer of `make exam` changes
+    # Degrees of freedom are at least a fifth of the rows: data that many parameters follow exactly
+    # would otherwise seem to have no noise, or a negative variance. With a tenth or two fifths no
+    # answer of `make exam` changes.
     sigma = np.maximum(np.sqrt(squares / np.maximum(rows - share, 0.2 * rows + 1.0)), floor)
     return replace(fit, sigma=sigma, chi2=float(np.sum(squares / fit.reference**2)))

@@ -32,19 +32,20 @@ from galloping.identification.selection import (
 from galloping.identification.status import status_of
 from galloping.model.intervals import draw_normal
 
-# Weight that the plausible supports without one of the terms found may have together: at most one
-# in fifty of all models that are `ok` holds a false term (docs/identification_parts.csv).
+# Largest total weight, under an `ok`, of plausible supports that lack a selected term. At most one
+# in fifty `ok` models then has a false term (docs/identification_parts.csv).
 MOST_RIVAL_WEIGHT = 0.2
-# Share of its equation that an absent term may make up unseen under an `ok`: a simple term, and any
-# other (docs/identification_parts.csv). A term that may be twice as large as its equation
-# is one that others balance, as they do where all that was recorded lies near a surface.
+# Under an `ok`, an undetected absent term may be less than MOST_HIDDEN times as large as its
+# equation if it is simple, otherwise less than MOST_BALANCED times (docs/identification_parts.csv).
+# A term twice as large as its equation is balanced by others, as where all recorded states are near
+# a surface.
 MOST_HIDDEN, MOST_BALANCED = 0.25, 2.0
-# Times its equations that a mixture of terms may be, changing the fit by no noise, under an `ok`:
-# of seven models of a wake that were `ok` and wrong it was 15 to 45, of 179 right ones it was more
-# than ten of one (docs/identification_parts.csv).
+# Under an `ok`, a mixture of terms that changes the fit by less than noise may be less than this
+# many times as large as its equations. It was 15 to 45 times in seven wrong `ok` models of a wake,
+# and more than ten times in one of 179 right models (docs/identification_parts.csv).
 MOST_MIXED = 12.0
-RIVALS = 40  # drawn, to be told with a model
-FOLLOW = ("ok", "not identifiable")  # of models that follow the data to the noise
+RIVALS = 40  # number of rivals that are drawn and stored with a model
+FOLLOW = ("ok", "not identifiable")  # statuses of models that follow the data to the noise
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ def assess_fit(
         limits = detection_limits(unconditional_errors(believed, errors), support, penalty)
         simple = mark_simple_terms(problem, support)
         hidden = partial(find_hidden_term, problem, support)
-        # of another term than a simple one that is imitated altogether `find_unseen_mixture` speaks
+        # `find_unseen_mixture` treats terms that are not simple and that others imitate exactly
         asked = np.where(simple | np.isfinite(limits), limits, 0.0)
         most = np.where(simple, MOST_HIDDEN, MOST_BALANCED)
         missing = hidden(asked, regression.largest, most, Code.TERM_MAY_BE_MISSING)
@@ -274,8 +275,9 @@ def find_open_questions(
     here = make_tableau(whitened, plausible.supports[0])
     for count in (1, 2):
         (rises,), _, added = here.rises(0, count)
-        # noise alone raises a doubt once in a thousand over all terms that could be added, and over
-        # all pairs; with 0.005, 55 of 1,000 models were doubted for it alone, 5 wrong
+        # By noise alone a doubt arises once in a thousand for all terms that could be added, and as
+        # often for all pairs. With 0.005, 55 of 1,000 models were doubted only for this, 5 of them
+        # wrong.
         if len(rises) and -rises.min() > chdtri(count, 0.001 / len(rises)):
             names = problem.candidate_names(added[np.argmin(rises)])
             found.append(Finding.of(Code.TERM_PLAUSIBLE, terms=names, chi2=rises.min()))

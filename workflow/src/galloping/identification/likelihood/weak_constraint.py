@@ -21,12 +21,14 @@ from galloping.identification.likelihood.shooting import (
 )
 from galloping.identification.work import count_work
 
-# Periods of a stretch. Measured: with 3 to 6 jumps absorb a model's error, and amplitudes are up to
-# three times as far off; with 20 or more they do not absorb gusts, and dampings are as far off.
+# Periods in a stretch. Measured: with 3 to 6 periods, jumps absorb a model's error, and amplitudes
+# err by up to three times as much. With 20 periods or more, jumps do not absorb gusts, and dampings
+# err by as much.
 STRETCH_PERIODS = 10
-# Folds, each of which is left out in turn. Of fewer the covariance is known worse, and
-# `small_sample_factor`, 1.26 of twelve, is larger: of six, standard errors are up to twice as large
-# or half as large; more cost an elimination each, and change standard errors by a tenth at most.
+# Number of folds, each of which is left out in turn. Fewer folds give a less accurate covariance,
+# and a larger `small_sample_factor`, which is 1.26 for twelve: with six folds standard errors are
+# up to twice or half as large. Each further fold costs an elimination, and more folds change
+# standard errors by a tenth at most.
 FOLDS = 12
 
 
@@ -67,7 +69,7 @@ def coloured_misfit(record: ShootingData, residual: np.ndarray) -> np.ndarray:
         power = np.abs(rfft(residual[a:b], length, axis=0)) ** 2
         count = np.maximum(record.condensed.is_present[a:b].sum(axis=0), 1)
         misfit[r] = taper * irfft(power, length, axis=0)[:n_lags] / count
-    # so that its covariance can be factored
+    # so that the covariance can be factored
     misfit[:, 0] = (1.0 + 1e-9) * misfit[:, 0] + record.floor[:, :, None] ** 2
     return misfit
 
@@ -99,7 +101,7 @@ class StretchFit:
         at_once = 1  # segment: the rows of all of a long recording do not fit in memory
         return linearise_segments(
             self.record, self.free, self.starts,
-            # made once the first segment is integrated, in which most fits diverge that do
+            # made only after the first segment is integrated, since most diverging fits fail there
             lambda rows, windows: self._whitening(rows, windows), at_once,
             repeated=self.repeated, n_folds=min(len(self.starts), FOLDS),
         )  # fmt: skip
@@ -125,7 +127,7 @@ class StretchFit:
             count_work(1.5e-10 * len(lags) * rows.size)
             for o, k in np.ndindex(rows.shape[1:3]):
                 present = there[own, o, k]
-                if not present.any():  # LAPACK prints a message where there are none
+                if not present.any():  # without rows LAPACK would print a message
                     continue
                 at = np.flatnonzero(present)
                 factor = factors[recording, o, k, :n, :n]
@@ -145,7 +147,7 @@ def shorten_until_integrable(fit: StretchFit, following: StretchFit) -> StretchF
     """
 
     def integrable(tried: StretchFit) -> StretchFit:
-        tried.linearised  # noqa: B018 - which the next step needs
+        tried.linearised  # noqa: B018 - cached for the next step
         return tried
 
     return shorten_step(integrable, fit, following)

@@ -21,11 +21,11 @@ from galloping.identification.problem import Problem
 from galloping.model.functions import Function
 from galloping.recording.samples import Input, Recording, evaluate_extended
 
-# Of the misfit beyond the noise, that another interpolant takes away at least. An input that is
-# late by less than 0.3 of its step is not taken for held then: its misfit, which is quadratic in
-# the delay, falls by less.
+# Another interpolation is chosen if it removes more than this share of the misfit beyond the noise.
+# An input that is late by less than 0.3 of its step is then not taken for a held one: its misfit,
+# which is quadratic in the delay, falls by less.
 LEAST_FALL = 1.0 / 3.0
-FINER = 8  # steps, in a step of the grid, over which inputs are averaged exactly
+FINER = 8  # fine steps in a step of the grid; inputs are averaged exactly over each
 
 
 def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> dict[str, str]:

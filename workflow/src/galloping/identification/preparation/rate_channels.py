@@ -106,7 +106,7 @@ def without_offsets(
     slow = legvander(2.0 * (recording.time - recording.time[0]) / span - 1.0, DRIFT_DEGREE)
     unknown = given.unknown_offsets
     for k in np.flatnonzero(np.isfinite(rates).any(axis=0)):
-        # at the ends of stretches slopes are rough for a period, integrals err for more
+        # near the ends of stretches, slopes are inaccurate for a period, integrals for three
         inside = apart > (3.0 if k in integrated else 1.0) * period * (1.0 + TIME_ROUNDING)
         if unknown is not None and unknown[k]:
             good = inside & np.isfinite(difference[:, k])
@@ -116,7 +116,7 @@ def without_offsets(
             rates[:, k] -= fitted
             difference[:, k] -= fitted
         good = inside & np.isfinite(difference[:, k])
-        # eight robust deviations where samples have 5.5: slopes are rougher than the curve
+        # eight robust deviations, instead of 5.5 for samples: slopes are rougher than the curve
         limit = 8.0 * _robust_deviation(difference[good, k : k + 1])[0]
         rates[inside & (np.abs(difference[:, k]) > limit), k] = np.nan
     return replace(recording, rates=rates)
@@ -135,7 +135,7 @@ def _with_scale(recording: Recording, period: float) -> Recording:
         own, other = _weak_integrals(
             recording.time, values[:, k], rates[:, velocity], order, period
         )
-        if len(own) < 20:  # as many tell a scale to a few percent
+        if len(own) < 20:  # 20 integrals determine a scale to a few percent
             rate = f"d{recording.states[velocity]}"
             raise IdentificationError(Code.SCALE_UNDETERMINED, recording.states[k], rate=rate)
         scale = np.polyfit(other, own, 1)[0]  # the constant is the offset of the rate

@@ -58,7 +58,7 @@ def without_faults(recording: Recording, period: float) -> Recording:
         rates = np.where(np.fmax.reduce(rates) > np.fmin.reduce(rates), rates, np.nan)
     for channel in values.T:
         good = np.isfinite(channel)
-        least = max(5, 5e-4 * good.sum())  # a digital channel repeats some by chance
+        least = max(5, 5e-4 * good.sum())  # a digital channel repeats some values by chance
         if np.all(channel[good] == channel[good][:1]):
             channel[:] = np.nan
             continue
@@ -78,7 +78,7 @@ def find_saturated_values(values: np.ndarray) -> list[float]:
     """
     different, counts = np.unique(values, return_counts=True)
     ends = ((0, 1), (-1, -2)) if len(different) > 1 else ()
-    # four times: a coarsely resolved sine has 2.4 times
+    # four times as often: with a coarsely resolved sine it is 2.4 times
     return [float(different[end]) for end, beside in ends if counts[end] >= 4 * counts[beside]]
 
 
@@ -93,7 +93,7 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
     """
     before = np.isfinite(recording.values).sum(axis=0)
     smoothed = smooth(recording, period)
-    floor = 1e-3 * np.abs(smoothed.states).max(axis=0)  # while outliers still pull the curve
+    floor = 1e-3 * np.abs(smoothed.states).max(axis=0)  # accuracy while outliers pull the curve
     while True:
         far = np.zeros(recording.values.shape, bool)
         for k, gap in enumerate(np.abs(smoothed.residual.T)):

@@ -22,16 +22,16 @@ from galloping.identification.observations import Code
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording, inputs_on_grid
 
-# Of the smooth curves: the accelerations of a displacement's quintic spline are still cubic ones.
+# Degree of the smooth curves: the acceleration of a displacement's quintic spline is still cubic.
 SPLINE_DEGREE = 5
-# Knots a period: five carry a sine to 2.5e-4 of its size; one at each second point of the grid, the
-# most there are, its third harmonic to 1.4e-3.
+# Least knots in a period: five represent a sine to 2.5e-4 of its size. The most, one at every
+# second point of the grid, represent its third harmonic to 1.4e-3.
 LEAST_KNOTS_PER_PERIOD = 5
-SAMPLES_PER_KNOT = 3  # so that the noise can be told from the curve
-ABOVE_NOISE = 20.0  # times the median of a spectrum: what counts as signal
-LEAST_SAMPLES = 8  # of a channel: fewer carry no curve and no noise
-GRID_PER_PERIOD = 24  # eight points to the third harmonic
-DRIFT_DEGREE = 3  # bias and slow drift of a channel of rates: a cubic over the recording
+SAMPLES_PER_KNOT = 3  # least samples for each knot, so that the noise can be told from the curve
+ABOVE_NOISE = 20.0  # power above this many times the median of a spectrum is signal
+LEAST_SAMPLES = 8  # least samples of a channel: fewer determine neither curve nor noise
+GRID_PER_PERIOD = 24  # grid points in a shortest period: eight for its third harmonic
+DRIFT_DEGREE = 3  # degree in time of the offset and slow drift of a rate channel in a recording
 
 
 @cache
@@ -41,7 +41,7 @@ def _spline_basis() -> np.ndarray:
     n = SPLINE_DEGREE + 1.
     """
     spline = BSpline.basis_element(np.arange(SPLINE_DEGREE + 2.0))
-    spans = np.arange(SPLINE_DEGREE, -1.0, -1.0)  # the first one alive is on its last span
+    spans = np.arange(SPLINE_DEGREE, -1.0, -1.0)  # the first nonzero spline is on its last span
     return np.column_stack(
         [spline.derivative(k)(spans) / factorial(k) for k in range(SPLINE_DEGREE + 1)]
     )
@@ -125,8 +125,8 @@ def smooth(recording: Recording, period: float) -> Smooth:
         states[:, curve], residual[:, curve], noise[curve], density = _fit_curve(
             recording, curve, pieces, time, period
         )
-        valid &= _is_near_samples(recording, curve, time, 0.4 * period)  # nearly half a swing
-        # without samples of its own a state is told by its velocity for a period
+        valid &= _is_near_samples(recording, curve, time, 0.4 * period)  # nearly half a period
+        # without samples of its own, a state follows from its velocity for at most a period
         valid &= _is_near_samples(recording, curve[:1], time, period)
         valid &= _is_away_from_gaps(recording, curve, time, period)
         sigma[curve[0]] = density / np.sqrt(time[1] - time[0])
@@ -177,16 +177,16 @@ def _fit_curve(
     noise = np.where(scale > 0.0, scale, 1.0)
     deviation, residual = np.full(len(curve), np.nan), np.full(values.shape, np.nan)
     basis = _spline_basis()
-    # two channels are weighed by their sizes first, then twice by the noise that the last fit left:
-    # with one or four times no answer of `make exam` changes; the curve of one channel is the same
-    # with any weight
+    # Two channels are weighted by their sizes first, then twice by the noise of the last fit. With
+    # one or four times no answer of `make exam` changes. The curve of a single channel does not
+    # depend on its weight.
     for _ in range(1 if len(curve) == 1 else 3):
         bands = np.zeros((SPLINE_DEGREE + 1, pieces + SPLINE_DEGREE))
         right = np.zeros(pieces + SPLINE_DEGREE)
         _accumulate(place, values, 1.0 / noise**2, spacing, basis, bands, right)
         stiffness = count / noise**2 / spacing ** (2 * channels)
-        # closes gaps, moves no curve: with twice and half as much three models stay the same to
-        # 1e-3 of their errors
+        # this closes gaps without changing curves: with twice and half as much, three models change
+        # by less than 1e-3 of their errors
         _add_roughness(bands, 5e-4 * float(np.sum(stiffness)) / pieces)
         try:
             coefficients = solveh_banded(bands, right, lower=True)
@@ -197,7 +197,7 @@ def _fit_curve(
             gap = values[there, k] - _evaluate_spline(place[there], coefficients, k, spacing, basis)
             residual[there, k] = gap
             share = (pieces + SPLINE_DEGREE) / (count > 0).sum()
-            # where there are hardly more samples than knots, as in `trajectory_fit`
+            # degrees of freedom are at least a fifth of the samples, as in `trajectory_fit`
             deviation[k] = np.sqrt(np.sum(gap**2) / max(count[k] - share, 0.2 * count[k]))
             noise[k] = max(deviation[k], 1e-9 * scale[k], np.finfo(float).tiny)
     places = (grid - start) / spacing
@@ -294,9 +294,10 @@ def _add_roughness(bands: np.ndarray, weight: float) -> None:
             bands[b - a, a : a + n - 3] += weight * stencil[a] * stencil[b]
 
 
-# Displacements that no channel measures, but velocities or accelerations do, are integrated over
-# time without what is slow, which cannot be told from the drift of integration. Only the curves
-# that a fit starts from are made of them: its likelihood is of the channels themselves.
+# The functions below compute displacements that no channel measures by integrating velocities or
+# accelerations. Slow components are removed, since they cannot be told from the drift of
+# integration. The integrals are used only for the curves from which a fit starts: its likelihood is
+# that of the channels themselves.
 
 
 def sampled_rates(recording: Recording) -> np.ndarray:
@@ -355,10 +356,10 @@ def without_drift(time: np.ndarray, values: np.ndarray) -> np.ndarray:
 def _integrate_channel(time: np.ndarray, values: np.ndarray, times: int) -> np.ndarray:
     """Integrate values over time, `times` times, without what is slower than the motion.
 
-    A hundredth of the motion's power above the noise is slower. Below six tenths of that frequency
-    all is removed, steeply: white noise of accelerations grows as the square of the period in
-    displacements. The gain of the filter is 0.998 at that frequency, and 2e-4 at three tenths of
-    it. NaN where `values` (n,) are.
+    The slowest frequency of the motion is that with a hundredth of the power, without noise, below
+    it. Components below six tenths of it are removed by a steep filter: in displacements, white
+    noise of accelerations grows as the square of the period. The gain of the filter is 0.998 at the
+    slowest frequency, and 2e-4 at three tenths of it. The result is NaN where `values` (n,) are.
     """
     known = np.isfinite(values)
     grid = np.linspace(time[0], time[-1], int(known.sum()))

@@ -25,8 +25,8 @@ from galloping.model.polynomial import design_matrix, linear_term, term_name
 from galloping.passes import passing
 from galloping.recording.samples import Recording, evaluate_extended, inputs_on_grid
 
-TEST_STRIDE = GRID_PER_PERIOD // 6  # steps of the grid between tests, a third of their radius
-MOST_MISFIT = 3.0  # chi^2 per row of the weak form: linearised errors explain no more
+TEST_STRIDE = GRID_PER_PERIOD // 6  # grid steps between test functions: a third of their radius
+MOST_MISFIT = 3.0  # largest chi^2 per row of the weak form that linearised errors explain
 
 
 def whitened_weak_form(
@@ -48,12 +48,12 @@ def whitened_weak_form(
             _integrate_tests(_is_sign_hidden(problem, smooth)[:, None], phi)[:, 0] < 0.5 * phi.sum()
         )
         usable = usable & decided if np.any(usable & decided) else usable
-    # no row where a curve and its own derivative say the same
+    # no rows for a known equation between a curve and its own derivative
     told = {i for i in range(n_states) if smooth.derived[i] >= 0 or np.any(smooth.derived == i)}
     keep = [i for i in range(n_states) if i in problem.unknown or i not in told]
     moments = _integrate_tests(smooth.states, slope)
     tested = _integrate_tests(design_matrix(smooth.values, problem.terms), phi)
-    # columns first, as LAPACK wants them: of a long recording a copy would be the largest array
+    # columns first, as LAPACK needs them: for a long recording a copy would be the largest array
     rows = np.zeros((len(problem.candidates) + 1, len(tested), len(keep)))
     for row, (equation, term) in zip(rows, problem.candidates, strict=False):
         row[:, keep.index(equation)] = tested[:, term]
@@ -75,8 +75,8 @@ def whitened_weak_form(
 def _is_sign_hidden(problem: Problem, smooth: Smooth) -> np.ndarray:
     """Find points of the grid, 0 or 1, (n_grid,), where noise hides the sign of an argument.
 
-    It is an argument with a kink, as at rest: there discontinuous terms are noise, which linearised
-    errors do not include.
+    The argument is that of a function with a kink. Its sign is hidden at rest, for example: there
+    discontinuous terms are noise, which linearised errors do not include.
     """
     own = smooth.derived >= 0
     pace = 2.0 * np.pi / (GRID_PER_PERIOD * (smooth.time[1] - smooth.time[0]))
@@ -91,7 +91,8 @@ def _is_sign_hidden(problem: Problem, smooth: Smooth) -> np.ndarray:
 def _test_function(smooth: Smooth) -> tuple[np.ndarray, np.ndarray]:
     """Evaluate the test function and its derivative at the grid points, times their spacing.
 
-    (1 - u^2)^5, of a radius of half a period, keeps 0.68 of a sine of that period and 0.18 of half.
+    (1 - u^2)^5 with a radius of half a period keeps 0.68 of a sine of that period, 0.18 of one of
+    half.
     """
     spacing, radius = smooth.time[1] - smooth.time[0], GRID_PER_PERIOD // 2
     tau = np.arange(1 - radius, radius) / radius
@@ -116,7 +117,7 @@ def _row_covariance(
     n_tests, n_rows, width = len(usable), len(keep), len(_test_function(smooth)[0])
     reach = (width - 1) // TEST_STRIDE
     bands = np.zeros((n_rows * (reach + 1), n_tests, n_rows))
-    batch = 4096  # whose errors are linearised at once: what they need is 3 kB each
+    batch = 4096  # test functions whose errors are linearised at once; each needs 3 kB
     for begin in range(0, n_tests, batch):
         end = min(begin + batch, n_tests)
         last = min(end + reach, n_tests)
@@ -142,8 +143,8 @@ def _noise_influence(
 ) -> np.ndarray:
     """Compute derivatives of each row by unit noise, (n_tests, n_states, n_states, n_points).
 
-    A row is of a test and an equation, the noise of each state at each point that the test reaches.
-    points: of the grid, all that the tests reach.
+    A row belongs to a test function and an equation; the noise is that of each state at each grid
+    point that the test function reaches. points: all grid points that the test functions reach.
     """
     n_states, (phi, slope) = smooth.states.shape[1], _test_function(smooth)
     signals = problem.integrator_signals(smooth.states[points], smooth.inputs[points])
@@ -192,7 +193,7 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
     n = len(problem.candidates)
     support = every = np.ones(n, bool)
     coefficients = None
-    for _ in range(1 + 3):  # after three weighings coefficients move by less than their errors
+    for _ in range(1 + 3):  # after three weightings, coefficients change by less than their errors
         passing("start from the weak form")
         *system, total, n_rows = _normal_equations(problem, smoothed, coefficients)
         information, right = problem.with_prior(*system)
@@ -338,7 +339,7 @@ def delayed_inputs(start: Start) -> dict[str, float]:
     Delays within four of the shortest periods are tried, with all candidates, so that no nearly
     correct model is needed. A delay counts if it removes most of the misfit of the weak form beyond
     the noise. Eight steps of half a period and four halvings determine a delay to a thirty-second
-    of a period; a larger one is not found, and each step needs a weak form. The range was not
+    of a period. Larger delays are not found, since each step needs a weak form. The range was not
     calibrated.
     """
     problem, n = start.problem, len(start.problem.candidates)

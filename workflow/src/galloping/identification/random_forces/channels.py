@@ -11,10 +11,10 @@ from galloping.identification.preparation.smoothing import without_drift
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording
 
-# Median steps between two samples up to which none is missing between them: less than of other
-# gaps, since a mean rate is one over the whole step.
+# No sample is missing between two that are at most this many median steps apart. The limit is lower
+# than for other gaps, since a mean rate is the mean over the whole step.
 ADJACENT = 1.5
-MAX_CONDITION = 1e6  # of the modes' vectors: shapes that are more alike tell no system
+MAX_CONDITION = 1e6  # largest condition number of modes' vectors: more similar ones give no system
 
 
 @dataclass(frozen=True)

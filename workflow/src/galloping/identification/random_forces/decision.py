@@ -40,7 +40,8 @@ from galloping.identification.work import MOST, limit_work
 from galloping.model.polynomial import has_functions, velocity_pairs
 from galloping.recording.samples import Recording
 
-# s, of a trial beside inputs, and without: what takes more was mostly another motion.
+# Most work, s, of a trial of random forces: with inputs TRIAL_BESIDE_INPUTS, without inputs TRIAL.
+# Recordings that took more mostly had a motion of another kind.
 TRIAL_BESIDE_INPUTS, TRIAL = 0.15 * MOST, 0.4 * MOST
 
 Outcome = IdentifiedModel | NoModel
@@ -160,7 +161,7 @@ def _with_overlapping_modes(
         return _with_split_mode(found, several.whole, fit)
     if not may_have_split_mode(found):
         return found
-    # accelerations show how the forces differ from white ones, unless all beyond is filtered out
+    # accelerations show that forces are not white, unless motion beyond the modes is filtered out
     more = _best_model(_identify_selections(several.more(), fit))
     return more if _is_ok(more) and more.resonances else found
 
@@ -231,11 +232,11 @@ def _fit_on_trial(problem: Problem, selection: ModeSelection, as_fallback: bool 
             channels, left = fit.posed.channels, fit.whiteness
             unseen = set(channels.pairs) - set(channels.values)
             if unseen and not fit.posed.state_space_model(fit.model).is_linear:
-                # beside such terms forces imitate displacements that nothing measures
+                # with nonlinear terms, forces imitate displacements that no channel measures
                 return [Finding.of(Code.FORCES_UNDETERMINED)]
             if work.ended:
                 return [Finding.of(Code.LIMIT_OF_WORK)]
-            # beside inputs other models are near as well
+            # with inputs, other models may be as near
             near = left.is_nearly_white and not (problem.inputs and left.is_relevant)
             will_do = near or (as_fallback and left.explains_most)
             return [] if will_do else [left.to_finding(channels.names)]

@@ -28,17 +28,18 @@ from galloping.model.modes import Modes
 from galloping.passes import passing
 from galloping.recording.samples import inputs_at_times
 
-# Of differences: in units of a parameter, then of its error, within which the likelihood is nearly
-# quadratic, and a thousandth of which is far above rounding.
+# Steps of finite differences: FIRST_STEP in the unit of a parameter, later STEP in its standard
+# error. Within the latter the likelihood is nearly quadratic; a thousandth of it is far above
+# rounding.
 FIRST_STEP, STEP = 1e-5, 1e-3
-# Rise of the log-likelihood that a step of the iteration promises: of a squared length of 0.02, in
-# standard deviations, by which errors grow by a hundredth.
+# The iteration ends if a step promises a smaller rise of the log-likelihood. Such a step has a
+# squared length below 0.02 in standard deviations, and increases errors by less than a hundredth.
 CONVERGED = 1e-2
-MOST_STEPS, MOST_DAMPED = 40, 12
-TINY = 0.1  # of the least noise, to which noise beside it may fall
-UNTOLD = 1e-6  # information on a coefficient in its unit, below which the data say nothing of it
-FAINTEST = -40.0  # logarithm of a root of covariance in the size of the motion: zero has none
-LEAST_SHORTENING = 1e-4  # of the steps (K. Levenberg, 1944), in units of the information
+MOST_STEPS, MOST_DAMPED = 40, 12  # most steps of a fit, and most trials of a step, ever shorter
+TINY = 0.1  # least first value of the fitted noise in excess of the least noise, relative to that
+UNTOLD = 1e-6  # the data do not determine a parameter with less information, in its unit
+FAINTEST = -40.0  # least logarithm of a force's strength, relative to the motion; zero has none
+LEAST_SHORTENING = 1e-4  # least damping of steps (K. Levenberg, 1944), relative to the information
 
 
 def fisher_information(slopes: np.ndarray) -> np.ndarray:
@@ -200,7 +201,7 @@ class ForcedFit:
         grids = []
         for part, each in parts:
             error = part.standardised
-            error[:begin] = np.nan  # while the first state is found
+            error[:begin] = np.nan  # until the first state is determined
             grids.append(on_grid(each.time, error, step))
         left = assess_whiteness(grids, step, self.modes.omega / (2.0 * np.pi))
         if not (names := self.posed.problem.inputs):
@@ -238,7 +239,7 @@ def maximise_likelihood(
     slopes = _difference_innovations(filter_with, vector, here, step)
     first = slopes[parameters.places["coefficients"]]
     told = np.einsum("ijk,ijk->i", first, first) > UNTOLD
-    if not told.all():  # such as the position of rest by accelerations
+    if not told.all():  # accelerations, for example, do not determine the equilibrium
         kept = support.copy()
         kept[support] = told
         return maximise_likelihood(posed, model, kept, correlated)
@@ -249,7 +250,7 @@ def maximise_likelihood(
         step = STEP / np.sqrt(np.diag(known))
         for _ in range(MOST_DAMPED if exact else 1):
             change = np.linalg.solve(known + damping * np.diag(np.diag(known)), rise)
-            with np.errstate(all="ignore"):  # of a step that is too long
+            with np.errstate(all="ignore"):  # a step may be too long
                 tried = filter_with(vector + change)
                 better = tried.log_likelihood >= here.log_likelihood
             if better:
@@ -281,8 +282,8 @@ def _update_slopes(
     """Update the slopes of the innovations by their differences along a step.
 
     It is the least change of the slopes that gives these differences (C. G. Broyden, 1965), in
-    units of the parameters' standard errors: a tenth of the filters that differences by every
-    parameter need. change: the step. known: (n_parameters,) diagonal of the information. before,
+    units of the parameters' standard errors. It needs a tenth of the filter runs of differences by
+    every parameter. change: the step. known: (n_parameters,) diagonal of the information. before,
     after: the innovations at both ends of the step.
     """
     told = np.isfinite(before.innovations)
@@ -313,7 +314,7 @@ def _difference_innovations(
         moved = filter_with(vector + unit)
         if moved.objection:
             raise NotConvergedError.from_finding(moved.objection)
-        with np.errstate(all="ignore"):  # of a variance that is none
+        with np.errstate(all="ignore"):  # a variance may not be positive
             slopes[j, 0] = (moved.innovations - here.innovations)[known] / h / root
             slopes[j, 1] = np.log(moved.variances[known] / here.variances[known]) / h / np.sqrt(2.0)
     if not np.isfinite(slopes).all():
@@ -331,7 +332,7 @@ def forces_are_needed(fit: ForcedFit, penalty: float) -> bool:
 
 def forces_are_correlated(fit: ForcedFit, penalty: float) -> bool:
     """Decide whether the random forces on different equations are correlated, by a Wald test."""
-    if fit.model.extra_modes.hosts:  # which the same forces move
+    if fit.model.extra_modes.hosts:  # the same forces move the resonances
         return True
     root = fit.model.root
     shares = (root / np.diag(root))[fit.parameters.lower]

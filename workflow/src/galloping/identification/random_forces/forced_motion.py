@@ -18,11 +18,13 @@ from galloping.model.intervals import covariance_root
 from galloping.model.polynomial import PolynomialModel
 from galloping.recording.samples import Recording, mean_inputs
 
-# Slowest periods at the end of a recording that tell its last state: of a swing before them, with a
-# damping ratio of 0.01, a fortieth is left.
+# The last state is estimated from this many slowest periods at the end of a recording. Of an
+# earlier oscillation with a damping ratio of 0.01, a fortieth is left.
 WITHIN = 60.0
-POINTS, MOTIONS, SEGMENTS = 1500, 8, 6  # of spectra, and what those of motions are means over
-MOST_MISFIT = 1.5  # mean square of standardised innovations: that of another line is far larger
+# POINTS: frequencies of the spectra of a linear model. MOTIONS, SEGMENTS: number of simulated
+# motions, and of segments of each, over which the spectra of a nonlinear model are averaged.
+POINTS, MOTIONS, SEGMENTS = 1500, 8, 6
+MOST_MISFIT = 1.5  # largest mean square of standardised innovations; another line has far more
 
 
 def state_space_model(

@@ -38,9 +38,9 @@ from galloping.model.polynomial import design_matrix
 from galloping.passes import passing
 from galloping.recording.samples import Recording, inputs_at_times, mean_inputs
 
-SLOW = 0.3  # rate of slow forces to begin with, in the slowest frequency of the modes, rad/s
-LEAST_NOISE = 1e-4  # deviation of a sample, in that of its channel: exact samples have rounding
-STEADY = 0.5  # |mean| / root mean square of a term's input factor, above which it counts as steady
+SLOW = 0.3  # first decay rate of slow forces, 1/s, over the slowest modal frequency, rad/s
+LEAST_NOISE = 1e-4  # least noise of a sample, relative to its channel: exact samples have rounding
+STEADY = 0.5  # a term's input factor is steady if its |mean| / root mean square is larger
 
 
 @dataclass(frozen=True)

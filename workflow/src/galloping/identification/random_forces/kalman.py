@@ -19,7 +19,7 @@ from numba import njit
 
 from galloping.model.polynomial import differentiate_terms
 
-SETTLED = 1e-12  # relative change of the covariance of the states from sample to sample
+SETTLED = 1e-12  # relative change of the states' covariance per sample below which gains are reused
 
 
 @njit(cache=True, error_model="numpy")
@@ -47,9 +47,10 @@ def _add_congruence(a, b, begin, work, out):
 
 @njit(cache=True, error_model="numpy")
 def _update_covariance(p, row, noise, gain):
-    """Update a covariance by a sample, row x and noise of a variance; return the sample's variance.
+    """Update a covariance by a sample, `row` x plus noise; return the variance of the sample.
 
-    `gain` becomes the gain of the states, and `p` their covariance after the sample.
+    noise: its variance. `gain` becomes the gain of the states, and `p` their covariance after the
+    sample.
     """
     d, variance = len(row), noise
     for i in range(d):
@@ -237,7 +238,7 @@ def extended_filter(
     variances = np.full((n, channels), np.nan)
     means = np.full((n, d), np.nan)
     by_candidate = np.zeros((n, channels, many))
-    told = np.zeros((d, many))  # slopes of the states
+    told = np.zeros((d, many))  # slopes of the states by the coefficients
     terms, stages = np.zeros(len(exponents)), np.zeros((5, d))
     here, middle = np.append(x, driven[0]), np.append(x, driven[0])
     a, square, cube, fourth, over, half, work, added, jacobian, none = np.zeros((10, d, d))

@@ -10,13 +10,13 @@ from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.recording.samples import INTERPOLATED, Recording
 
-# Width of the filter's edge, in the frequency in its middle: a wider edge parts close modes less, a
-# narrower one needs more samples beside gaps and ends (REACH). With half and twice this width no
-# answer of `make exam` changes.
+# The edge of the filter is from 1 - ROLL_OFF to 1 + ROLL_OFF times the frequency in its middle. A
+# wider edge separates close modes less; a narrower one needs more samples beside gaps and ends
+# (REACH). With half and twice this width no answer of `make exam` changes.
 ROLL_OFF = 0.1
-REACH = 16.0  # steps after the filter, on each side: what is left out beyond is below a hundredth
-BRIDGED = 0.5  # of such a step, in which samples may be missing: interpolated; likewise
-FLAT = (1.0 - ROLL_OFF) / (1.0 + ROLL_OFF)  # share of `below` that stays as it is
+REACH = 16.0  # half length of the filter, in filtered steps; the rest of it is below a hundredth
+BRIDGED = 0.5  # gaps up to this share of such a step are interpolated; the error is as small
+FLAT = (1.0 - ROLL_OFF) / (1.0 + ROLL_OFF)  # frequencies below this share of `below` are unchanged
 
 
 def apply_model_filter(found: IdentifiedModel, recordings: list[Recording]) -> list[Recording]:
@@ -96,10 +96,10 @@ def _filter_channel(
     gaps = np.flatnonzero(np.diff(at) > max(INTERPOLATED * own, BRIDGED * step))
     begins, ends = np.append(at[gaps], at[-1]), np.append(at[gaps + 1], np.inf)
     first, last = time - REACH * step, time + REACH * step
-    following = np.searchsorted(ends, first, side="right")  # gap, the first that ends later
+    following = np.searchsorted(ends, first, side="right")  # first gap that ends later
     whole = np.flatnonzero((first >= at[0]) & (begins[following] >= last))
     width = int(2.0 * REACH * step / own) + 2
-    for some in np.array_split(whole, len(whole) // 256 + 1):  # which fit in the cache
+    for some in np.array_split(whole, len(whole) // 256 + 1):  # parts that fit in the cache
         near = np.searchsorted(grid, first[some])[:, None] + np.arange(width)
         inside = near < np.searchsorted(grid, last[some])[:, None]
         near = np.minimum(near, len(grid) - 1)

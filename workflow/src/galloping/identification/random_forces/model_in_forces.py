@@ -35,14 +35,14 @@ from galloping.identification.selection import added_deviation, select_support, 
 from galloping.identification.work import is_exhausted
 from galloping.recording.samples import Recording
 
-# Samples a shortest period, at which it is tried whether forces are random: with more a trial takes
-# longer, with fewer noise hides more. With 8 and with 32 no answer of `make exam` changes.
+# Samples in a shortest period that a trial of random forces uses. With more a trial takes longer,
+# with fewer noise hides more. With 8 and with 32 no answer of `make exam` changes.
 TRIED_PER_PERIOD = 16
-COUPLED_RATE = 0.01  # of uncoupled coordinates that are taken for coupled ones
-STARTS = 3  # of modes beside those of the coordinates: from the first, one in nine ends elsewhere
-SHARED = 0.8  # of a force, which others have, in starts alone: a fit finds its own share
-MOST_CHOICES = 4  # of nonlinear terms, each after a fit of the last
-START_PERIODS = 20.0  # shortest periods, over which the first state is told
+COUPLED_RATE = 0.01  # rate at which uncoupled coordinates are taken for coupled ones
+STARTS = 3  # starts tried with further modes; from the first alone, one fit in nine ends elsewhere
+SHARED = 0.8  # first share of a resonance's force in common with another; a fit finds its own
+MOST_CHOICES = 4  # most choices of further terms, each after a fit of those chosen before
+START_PERIODS = 20.0  # shortest periods of samples from which the first state is estimated
 
 
 def fit_in_forces(
@@ -97,7 +97,7 @@ def _fit_some_samples(
     fit = attempt(partial(_fit_from, posed, white[0]))
     if isinstance(fit, NoModel):
         return fit
-    if problem.inputs:  # what they bring is no slow force
+    if problem.inputs:  # otherwise slow forces would imitate their effects
         fit = _with_further_terms(fit, white[0].noise)
     if besides:
         if not fit.whiteness.is_nearly_white:
@@ -114,7 +114,7 @@ def _fit_some_samples(
 
 
 def _fit_from(posed: ForcedProblem, start: ForcedModel) -> ForcedFit:
-    with np.errstate(all="ignore"):  # one that leads nowhere overflows
+    with np.errstate(all="ignore"):  # a start without a fit may overflow
         begin = _with_shared_forces(posed, start) if start.extra_modes.hosts else start
         return maximise_likelihood(posed, begin, posed.always, correlated=True)
 
@@ -235,7 +235,7 @@ def _select_terms(fit: ForcedFit, penalty: float) -> np.ndarray:
     for k in np.flatnonzero(judged):
         equation, j = problem.candidates[k]
         moved = next((s for s, e in enumerate(problem.state_exponents[j]) if e), None)
-        if moved is None:  # a constant, which goes alone
+        if moved is None:  # a constant is a group of its own
             coordinates: tuple[int, ...] = (own[equation], int(k))
         else:
             coordinates = tuple(sorted({own[equation], own.get(moved, moved)}))

@@ -30,18 +30,22 @@ from galloping.recording.samples import Recording
 # off to try between these limits, as shares on a logarithmic scale: far from both or, for broad
 # modes, far from the faster mode.
 SWEPT, WITHIN = (1.04, 0.93), (0.5, 0.1)
-# Of a spectrum, times the median of the frequencies around it, that a mode is: noise in means of
-# four bins is so once in ten million. And modes that are closer are taken for one.
+# A mode is a peak of a spectrum of more than STANDS times the median of the frequencies within a
+# factor of AROUND. Noise in means of four bins has such a peak once in ten million. Peaks within a
+# factor of APART count as one mode.
 STANDS, AROUND, APART = 6.0, 1.25, 1.1
-MOST_MEDIANS = 2000  # that are computed of a spectrum
-# Times a mode, at which a filter may part the next one, and at which it bears on both dampings.
+MOST_MEDIANS = 2000  # most frequencies of a spectrum at which medians are computed
+# Limits of the next mode's frequency, relative to that of the last one kept. In FAR_APART a filter
+# separates the two; in CLOSE it affects the dampings.
 FAR_APART, CLOSE = (1.6, np.inf), (1.0, 1.6)
-FAR = 3.0  # times the fastest mode, where a filter ends that no further mode asks for
-MOST_KEPT = 0.5  # of the samples, that it leaves: else these are taken as they are
-PERIODS = 10  # of a mode, that a recording holds at least
-BESIDES = 3  # modes that a model has beside those of its coordinates, at most
-# Damping ratio from which on a mode may be two that overlap, share of the line that chance allows,
-# which one in three sound models leave, and a chance at which that is plain at any frequency.
+FAR = 3.0  # cut-off if no faster mode is to be removed, relative to the fastest mode's frequency
+MOST_KEPT = 0.5  # a filter that keeps all modes is used if it leaves a smaller share of the samples
+PERIODS = 10  # least periods of a mode in a recording
+BESIDES = 3  # most modes of a model beside those of its coordinates
+# A mode may be two that overlap if its damping ratio exceeds BROAD and innovations are correlated,
+# or their highest line exceeds LESS_WHITE times what chance allows, as in one of three sound
+# models. It is two if noise would cause the rise of the likelihood, at any frequency, at a rate
+# below LIKELIER.
 BROAD, LESS_WHITE, LIKELIER = 0.02, 0.75, 1e-7
 
 
@@ -129,9 +133,9 @@ class SeveralModes:
         """Yield recordings filtered to more modes than there are coordinates, all modes first.
 
         After all modes come one more than visible, then the slowest. Accelerations show forces
-        beyond all modes, where these are no longer white. Frequencies far beyond are removed, also
-        if there are no more modes than coordinates, and if samples are many times as fast as the
-        modes.
+        beyond all modes, where these are no longer white. Frequencies far beyond are therefore
+        removed, also if there are no more modes than coordinates. The same is done if a mode has
+        many samples in a period.
         """
         own, every = len(self.channels.pairs), len(self.modes)
         more = range(own + 1, min(own + BESIDES, every + 1) + 1)
@@ -144,7 +148,7 @@ class SeveralModes:
     ) -> Iterator[ModeSelection]:
         """Select as many of the slowest modes as each of `counts`; apart: as of `_filter_edges`."""
         step = max(each.step for each in self.recordings)
-        fastest = (1.0 + ROLL_OFF) / (2.2 * step)  # that a filter ends at
+        fastest = (1.0 + ROLL_OFF) / (2.2 * step)  # highest cut-off of a filter, Hz
         for k in counts:
             for below in _filter_edges(self.modes, k, fastest, apart):
                 selection = attempt(partial(self._select, k, below))
@@ -157,7 +161,7 @@ class SeveralModes:
         n_further, own = k - len(self.channels.pairs), tuple(modes[:k])
         slow = low_pass_recordings(recordings, below)
         period = prepare_recordings(slow)[2]
-        if not amplitude_fluctuates(slow, period):  # as of a limit cycle without its harmonics
+        if not amplitude_fluctuates(slow, period):  # such as a limit cycle without harmonics
             return None
         before, kept = (sum(len(one.time) for one in each) for each in (recordings, slow))
         is_whole = k >= len(modes) and not (self.channels.rates or kept < MOST_KEPT * before)
@@ -229,14 +233,14 @@ def find_peaks(step: float, grids: list[np.ndarray]) -> list[float]:
     alike = [
         np.pad(grid, ((0, lengths.max() - len(grid)), (0, 0)), constant_values=np.nan)
         for grid in grids
-    ]  # of one length, and so with spectra at the same frequencies
+    ]  # of equal length, so that spectra have the same frequencies
     omega, powers = estimate_spectra(alike, step)
     powers = powers.reshape(-1, len(grids), powers.shape[1])
     power = np.average(powers, axis=1, weights=lengths)
     if not len(power):
         return []
     frequency = omega[:: len(grids)] / (2.0 * np.pi)
-    # of a long recording interpolated: medians about all frequencies would take a minute
+    # of long recordings, medians are interpolated: at all frequencies they would take a minute
     count = len(frequency)
     some = np.arange(count)
     if count > MOST_MEDIANS:

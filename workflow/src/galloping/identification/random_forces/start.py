@@ -24,26 +24,26 @@ from galloping.identification.preparation.weak_form import MOST_MISFIT, Start
 from galloping.identification.random_forces.channels import Channels
 from galloping.recording.samples import Recording
 
-# Shortest periods, of the correlations that modes are told from: short ones tell broad modes, long
-# ones close modes. All are tried, and the likeliest start is taken.
+# Lengths of the correlations from which modes are found, in shortest periods. Short ones show broad
+# modes, long ones close modes. All are tried, and the likeliest start is used.
 SPANS = (3.0, 8.0, 15.0)
-PER_PERIOD = 8  # lags a shortest period: more say nothing more
-FURTHER = 0, 4  # states beside those of the modes: of what is slow, or of modes that are not asked
-LEAST_DAMPING = 1e-3  # ratio: a motion that lasts is stable
-BINS = 4  # of a spectrum, in a mean, of which noise then has a relative deviation of a half
-# From the first share of the frequencies on a spectrum is mostly noise, and a signal is more than
-# ABOVE_NOISE times its median there, as noise is in one mean of four bins of 3,700.
+PER_PERIOD = 8  # lags of correlations in a shortest period; more add no information
+FURTHER = 0, 4  # additional states that are tried, for slow motion or for modes that are not sought
+LEAST_DAMPING = 1e-3  # least damping ratio of a start: a motion that lasts is stable
+BINS = 4  # bins of a spectrum in each mean: a mean of noise has a relative deviation of a half
+# Above the share FLOOR of its frequencies a spectrum is mostly noise. A signal exceeds ABOVE_NOISE
+# times the median there; noise does so in one of 3,700 means of four bins.
 FLOOR, ABOVE_NOISE = 0.75, 4.0
 MOST_OF = 0.95  # share of a velocity's power at periods longer than the shortest of the motion
 # Least initial strength of a force or a noise, relative to that with which it alone would explain
 # the spectra: several forces may explain the same part of these.
 LEAST_SHARE = 0.1
-# Times the period of the swings, at which a start then follows something else, such as turbulence.
-# With less, more searches try filters in vain, with more, the swings beside it go unseen; not
-# calibrated.
+# A start follows something slower than the oscillations, such as turbulence, if its period is more
+# than this many times theirs. With a smaller value more searches try filters in vain; with a larger
+# one such oscillations are overlooked. The value was not calibrated.
 SLOWER = 4.0
-# Noise over the motion from which random forces leave little else. Measured: 0.3 leaves misfits of
-# 2.5 to 4.6 of six motions in random forces, 0.1 leaves 16 to 46.
+# Noise above this share of the motion hides the misfit of the weak form that random forces cause.
+# Measured: with 0.3, six motions in random forces have misfits of 2.5 to 4.6; with 0.1, 16 to 46.
 NOISY = 0.2
 
 
@@ -238,7 +238,7 @@ def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, 
         groups = len(power) // BINS
         own = power[: groups * BINS].reshape(groups, BINS, power.shape[1]).mean(axis=1)
         powers.append(own * step / len(grid) / share)
-        middle = np.arange(groups) * BINS + (BINS + 1) / 2  # bin, from that of the mean on
+        middle = np.arange(groups) * BINS + (BINS + 1) / 2  # bin number; bin 0 is the mean
         frequencies.append(2.0 * np.pi * middle / (len(grid) * step))
     omega = np.concatenate(frequencies)
     order = np.argsort(omega, kind="stable")
@@ -307,9 +307,10 @@ def estimate_strengths(
     return found[:white], found[white:-many], found[-many:]
 
 
-WINDOW = 3  # periods, in which a motion has a size
-# Of the mean size in thirds of a recording, and of the deviation of sizes from a smooth trend, in
-# share of their mean: that of a narrow band of Gaussian noise is 0.15 to 0.5.
+WINDOW = 3  # periods in each part whose size is computed
+# An amplitude fluctuates if its means in thirds of a recording differ by less than a factor of
+# STEADY, and its deviation from a polynomial trend of degree TREND exceeds WAVERING, relative to
+# its mean. For a narrow band of Gaussian noise this deviation is 0.15 to 0.5.
 STEADY, WAVERING, TREND = 5.0, 0.12, 3
 
 
@@ -340,8 +341,9 @@ def amplitude_fluctuates(recordings: Sequence[Recording], period: float) -> bool
 def is_ambient_candidate(start: Start) -> bool:
     """Decide whether random forces may have caused the recorded motion.
 
-    The weak form of a motion that follows from its initial state has small residuals, if noise does
-    not hide them and the start follows the oscillations, not slower components.
+    The weak form of a motion that follows from its initial state has small residuals. They are no
+    evidence of such a motion if noise hides larger ones, or if the start follows slower components
+    instead of the oscillations.
 
     start: the start of all methods.
     """

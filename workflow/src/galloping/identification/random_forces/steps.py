@@ -14,8 +14,8 @@ from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.recording.samples import Factor, Input, evaluate_extended
 
-TICKS = 1000  # of the median step, to which times are rounded: so that equal steps are one
-FEWEST = 1e-10  # relative determinant of the eigenvectors: fewer than n of them, but for rounding
+TICKS = 1000  # times are rounded to 1/TICKS of the median step, so that equal steps are one
+FEWEST = 1e-10  # largest condition number of n independent eigenvectors, times machine epsilon
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ class Steps:
     def input_factors(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
         """Evaluate products of powers of the inputs at three times in each integration substep.
 
-        Returns (3 n_substeps + 1, n_factors). The times are the beginning, half way and just before
-        the end of each of the substeps, (n_steps,) of a step, of all steps, and at the last time.
+        Returns (3 n_substeps + 1, n_factors): at the beginning, half way and just before the end of
+        each substep of all steps, and at the last time. substeps: (n_steps,) number in each step.
         The last result is cached, since a fit needs the same for nearly every model.
         """
         asked = substeps.tobytes(), tuple(factors)
@@ -67,7 +67,7 @@ class Steps:
         values = []
         for one in self.inputs:
             at, ends = evaluate_extended(one, time), time[2::2]
-            held = one.between == "zero"  # and may jump at the end
+            held = one.between == "zero"  # such an input may jump at the end of a step
             before = evaluate_extended(one, np.nextafter(ends, -np.inf)) if held else at[2::2]
             values.append(np.append(np.stack([at[:-1:2], at[1::2], before], axis=1), at[-1]))
         powers = np.array(factors, float)[:, :, np.newaxis]
@@ -83,7 +83,7 @@ def discretise(
     n), G. Raises IdentificationError if A has too few eigenvectors, as at critical damping.
     """
     values, vectors = np.linalg.eig(system)
-    alike = vectors / np.linalg.norm(vectors, axis=1)[:, np.newaxis]  # whatever the states' units
+    alike = vectors / np.linalg.norm(vectors, axis=1)[:, np.newaxis]  # in any units of the states
     if np.linalg.cond(alike / np.linalg.norm(alike, axis=0)) * np.finfo(float).eps > FEWEST:
         raise IdentificationError(Code.MODES_ALIKE)
     inverse = np.linalg.inv(vectors)

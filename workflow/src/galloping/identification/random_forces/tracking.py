@@ -25,14 +25,14 @@ from galloping.model.polynomial import PolynomialModel, exponent_matrix
 from galloping.recording.samples import Recording
 from galloping.trajectory.right_hand_side import Tables, make_tables
 
-# Standard deviation of the first state, in that of the motion: of a linear system, and of another,
-# whose slopes are told where it is expected to be. With 1e3 the samples outweigh it a million times
-# in squares, and ten of a covariance's sixteen digits are left.
+# Standard deviation of the first state, relative to the motion: DIFFUSE for a linear system, NEAR
+# for a nonlinear one, which is linearised at its expected state. With 1e3 the samples outweigh it
+# by 1e6 in squares, and ten of the sixteen digits of a covariance are left.
 DIFFUSE, NEAR = 1e3, 3.0
-# Of the shortest period, in the steps of a nonlinear system: steps of fourth order then make a
-# frequency wrong by 2e-4 of it, and a damping ratio by 6e-5.
+# Integration steps of a nonlinear system in its shortest period. With the method of fourth order, a
+# frequency then errs by 2e-4 of itself, and a damping ratio by 6e-5.
 SUBSTEPS = 16
-MOST_SUBSTEPS = 64  # of a step: the samples tell nothing of what is quicker
+MOST_SUBSTEPS = 64  # most integration steps between samples: these show nothing of quicker motion
 # Computing times, s. A linear filter takes FILTER, and OF_STATE per sample and state. A substep of
 # an extended filter takes OF_STEP, OF_TERM per exponent of the equations' terms, and OF_SLOPE per
 # candidate and squared number of states.
@@ -168,7 +168,7 @@ class StateSpaceModel:
         for k, one in enumerate(swings):
             force, rate = p + k, p + r + k
             system[:n, force], system[force, rate] = one.onto, 1.0
-            system[rate, force] = -np.square(one.frequency)  # infinite where too long a step leads
+            system[rate, force] = -np.square(one.frequency)  # infinite after too long a step
             system[rate, rate] = -2.0 * one.damping * one.frequency
             white[rate, driven] = white[driven, rate] = one.drive
         return system, white

@@ -15,10 +15,10 @@ from galloping.identification.random_forces.several_modes import (
 from galloping.identification.random_forces.start import above_noise, estimate_spectra, on_grids
 from galloping.recording.samples import Recording
 
-BEYOND = 3.5  # times what a coordinate mostly swings at: cubic terms answer at three times that
-MUCH = 0.2  # share of the power of its velocity that faster peaks have
-LEAKS = 2.0  # times the power that gaps lay beside a swing: chance makes some of it larger
-NAMED = 3  # frequencies that are named
+BEYOND = 3.5  # least ratio to a coordinate's main frequency: cubic terms cause motion at three
+MUCH = 0.2  # least share of a velocity's power that the faster peaks have
+LEAKS = 2.0  # factor on the estimated leakage by gaps, some of which is larger by chance
+NAMED = 3  # most frequencies that are named for a coordinate
 
 
 def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
@@ -29,7 +29,7 @@ def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
     step, grids = on_grids(recordings)
     omega, power = estimate_spectra(grids, step)
     power = above_noise(power)
-    slowest = 2.0 * np.pi * PERIODS / (step * max(map(len, grids)))  # slower is a drift
+    slowest = 2.0 * np.pi * PERIODS / (step * max(map(len, grids)))  # rad/s; slower is a drift
     for i in channels.pairs:
         if not (shown := channels.derivatives(i)):
             continue

@@ -9,25 +9,28 @@ from scipy.special import chdtri, fdtri
 from galloping.identification.observations import Code, Finding, Severity
 from galloping.identification.random_forces.start import sample_correlations
 
-RATE = 1e-3  # of sound recordings that are doubted
-PERIODS, MOST_LAGS = 3.0, 100  # over which innovations may be correlated
-# Of a spectrum, taken together: a mode that is missing is as broad; and groups of them beside it.
+RATE = 1e-3  # rate at which sound recordings are doubted
+PERIODS, MOST_LAGS = 3.0, 100  # longest tested lag: PERIODS slowest periods, or MOST_LAGS steps
+# BINS bins of a spectrum, as broad as a missing mode, are one group. It is compared with the AROUND
+# groups beside it.
 BINS, AROUND = 16, 8
-SAMPLES = 32  # in a period of the fastest mode, that are enough to tell forces
-GROUPS = 16  # of the values of what innovations may be a function of
-RELEVANT = 0.02  # share of the innovations' power that their past may tell, in a sound model
+SAMPLES = 32  # samples in a period of the fastest mode that show forces; of more, sums are tested
+GROUPS = 16  # groups of equally many values of a quantity on which innovations may depend
+RELEVANT = 0.02  # largest share of the innovations' power that their past predicts in a sound model
 # A line of the spectrum between NEAR[0] times the slowest mode's frequency and NEAR[1] times the
 # fastest one's affects the results on these modes. A line elsewhere counts as another motion only
 # if it is higher than APART times what chance allows.
 NEAR, APART = (0.5, 2.0), 2.0
 
-# Of a fit that answers unasked, though its innovations are not white: what they may show. Measured:
-# limit cycles of lines, also in gusts, leave lines 60 to 200 times as high as chance allows.
+# Innovations are nearly white, so that random forces are accepted as the cause, if their highest
+# spectral line is below MOST_LINE times what chance allows, and their past predicts less than the
+# share MOST_TOLD of their power. Measured: limit cycles of overhead lines, also in gusts, leave
+# spectral lines 60 to 200 times as high as chance allows.
 MOST_LINE, MOST_TOLD = 10.0, 0.05
-PARTLY_TOLD = 1.0 / 3.0  # share that may be told where there is no other answer
-# Deviations of a single innovation, that no random force makes. Normal ones reach 5 in 1e6 samples,
-# a clock set by 0.7 s in a motion of metres makes 15. Gusts and traffic reach more than normal
-# ones; with 7 and with 14 no answer of `make exam` changes.
+PARTLY_TOLD = 1.0 / 3.0  # limit of the predicted share if no other model is found
+# Random forces do not cause a single innovation of more than this many standard deviations. Normal
+# ones reach 5 in 1e6 samples; those of gusts and traffic reach more. A clock that is set by 0.7 s
+# in a motion of metres causes 15. With 7 and with 14 no answer of `make exam` changes.
 JUMP = 10.0
 
 
@@ -116,8 +119,8 @@ def assess_whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) ->
     """Test whether standardised innovations on a uniform time grid are white noise.
 
     grids: (n, n_channels) each, NaN where missing. step: s. modes: Hz, of the model. With many
-    samples in a period each shows mostly the noise of the sensor and hardly any force: sums of
-    several are tested as well, which are as white.
+    samples in a period, each innovation shows mostly sensor noise and hardly any force. Therefore
+    sums of several innovations, which are as white, are tested as well.
     """
     found = _assess_grids(grids, step, modes)
     many = int(1.0 / (modes.max() * step * SAMPLES))
@@ -150,7 +153,7 @@ def _assess_grids(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Wh
     correlation = products / scale
     freedom = int(np.count_nonzero(counts))
     statistic = float(np.sum(correlation**2 * counts)) / max(freedom, 1)
-    beyond = np.maximum(correlation**2 - 1.0 / np.maximum(counts, 1.0), 0.0)  # chance
+    beyond = np.maximum(correlation**2 - 1.0 / np.maximum(counts, 1.0), 0.0)  # beyond chance
     told = float(np.sum(beyond[correlation**2 * counts > chdtri(1, RATE)])) / channels
     peak, frequency, channel = _find_peak(grids, step)
     bins = max(sum(len(grid) // 2 // BINS for grid in grids) * channels, 1)

@@ -30,10 +30,12 @@ from galloping.identification.sparse.tuning import (
 from galloping.model.polynomial import Exponents, design_matrix
 from galloping.recording.samples import Recording
 
-DEGREE = 7  # its truncation error stays below rounding noise in 100 Hz records without noise
+DEGREE = 7  # degree of splines; it truncates less than rounding in noise-free 100 Hz recordings
 KNOT_EVERY = (128, 96, 64, 48, 32, 24, 16, 12, 8, 4, 2)  # samples between knots, smooth to rough
-ON_GRID, MOST_MISSING = 1e-3, 100  # of the spacing; places of a grid for each sample
-ENOUGH = 1.05  # the scan stops once every channel's score is this much above its best
+# ON_GRID: largest distance of a sample from a uniform grid, in steps. MOST_MISSING: grid points for
+# each sample, at most.
+ON_GRID, MOST_MISSING = 1e-3, 100
+ENOUGH = 1.05  # the scan stops once every channel's score exceeds this many times its best
 
 
 def differentiate(
@@ -81,8 +83,8 @@ def _fit_splines(time: np.ndarray, values: np.ndarray) -> tuple[list[BSpline], n
     for every in KNOT_EVERY:
         knots = _clamped_knots(time, every)
         p = len(knots) - DEGREE - 1
-        # of few residuals the score is no judge; with 0.9 no model of the study's subsets of 1,000
-        # samples changes, with 0.3 a third do
+        # With few degrees of freedom the score is unreliable. With 0.9 no model of the study's
+        # subsets of 1,000 samples changes; with 0.3 a third of them do.
         if p < DEGREE + 2 or p > 0.6 * n:
             continue
         design, bands = _spline_basis(time.tobytes(), every)
@@ -115,7 +117,7 @@ def _spline_basis(time: bytes, every: int) -> tuple[csr_array, np.ndarray]:
     The factor is banded.
     """
     instants = np.frombuffer(time)
-    # no sample is outside, and to look for one costs as much as the matrix
+    # no sample is outside; to check this would cost as much as the matrix
     design = BSpline.design_matrix(
         instants, _clamped_knots(instants, every), DEGREE, extrapolate=True
     )

@@ -17,7 +17,7 @@ from galloping.identification.sparse.supports import (
     solve,
 )
 
-STEPS = 20  # the largest model of an equation
+STEPS = 20  # most terms of an equation
 
 
 def fit_frols(evidence: Regressions) -> IdentifiedModel:

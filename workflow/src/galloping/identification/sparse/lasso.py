@@ -9,7 +9,7 @@ from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import Scaled, judge_path
 from galloping.identification.sparse.supports import NEGLIGIBLE, ebic_scores, refit, solve
 
-PENALTIES = np.geomspace(1, 1e-6, 45)  # of unit columns and targets, as sums over rows
+PENALTIES = np.geomspace(1, 1e-6, 45)  # for unit columns and targets, with squares summed over rows
 
 
 def fit_lasso(evidence: Regressions, *, threshold: float | None) -> IdentifiedModel:
@@ -48,7 +48,7 @@ def models_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
             moments[f, m], grams[f], n_samples=1, method="lasso", alpha_min=PENALTIES[-1]
         )
         for place, penalty in enumerate(PENALTIES):
-            # the coefficients that are not zero between two kinks are those of either
+            # between two kinks, the nonzero coefficients are those at either kink
             after = np.searchsorted(-kinks, -penalty)
             supports[f, m, place] = np.any(path[:, max(after - 1, 0) : after + 1], axis=1)
             supports[f, m, place] &= penalty < kinks[0]

@@ -21,13 +21,13 @@ from galloping.identification.observations import Code
 from galloping.model.polynomial import Exponents, PolynomialModel
 
 BLOCKS = 10  # stretches of a recording, reduced separately: for bootstrap and cross-validation
-FOLDS = 5  # every fifth of them is left out at a time: each has early and late ones
-ROUNDING = 1e-13  # share of a sum of squares below which a difference of such sums is nothing
+FOLDS = 5  # every fifth block is left out at a time: each fold has early and late ones
+ROUNDING = 1e-13  # share of a sum of squares below which a difference of such sums is rounding
 Path = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """From Gram matrices (f, p, p) of unit columns and moments (f, m, p) to models (f, m, k, p)."""
 
 
-@dataclass(frozen=True, eq=False)  # itself alone, so that what was made of it can be kept
+@dataclass(frozen=True, eq=False)  # compared by identity, so that results can be cached
 class ReducedRegression:
     """Regression of state derivatives on library terms, reduced by QR to few equivalent rows.
 

@@ -25,8 +25,8 @@ from galloping.identification.sparse.supports import (
 from galloping.model.polynomial import linear_term, velocity_pairs
 from galloping.results import IDENTIFIED, KNOWN
 
-# Of unit columns: a ridge keeps nearly collinear ones from large coefficients of opposite sign
-# while thresholds act; the last step is least squares without it.
+# Ridges that are tried, for columns of unit length. During thresholding a ridge prevents large
+# coefficients of opposite sign of nearly collinear columns. The last step has no ridge.
 RIDGES = (0.0, 1e-4)
 
 
@@ -89,7 +89,7 @@ def models_along(path: np.ndarray, grams: np.ndarray, moments: np.ndarray) -> np
     return solve(grams, moments, np.concatenate(supports, axis=2))
 
 
-@lru_cache(maxsize=1)  # ensembles ask again
+@lru_cache(maxsize=1)  # ensembles need the same choice again
 def choose_thresholds(
     problem: ReducedRegression, threshold: float | None, path_length: int
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-NEGLIGIBLE = 1e-4  # share of a state derivative: a term that moves it by less is beyond any sensor
-COLLINEAR = 1e-12  # of a unit column's square: what rounding leaves of one that others make up
+NEGLIGIBLE = 1e-4  # least share of a term in a state derivative: no sensor resolves less
+COLLINEAR = 1e-12  # share of a unit column's square that rounding leaves if others explain it
 
 
 def threshold_path(length: int) -> np.ndarray:
@@ -105,7 +105,7 @@ def forward_models(grams: np.ndarray, moments: np.ndarray, steps: int) -> np.nda
     added = np.zeros((f, m, steps, 2 * p))
     rows, columns = np.ogrid[:f, :m]
     for step in range(steps):
-        # a column that others explain but for rounding has nothing to add
+        # a column that others explain, except for rounding, adds nothing
         gain = np.where(lengths > COLLINEAR, moments**2 / np.maximum(lengths, COLLINEAR), 0)
         gain[taken] = 0
         place = gain.argmax(axis=2)

@@ -30,9 +30,9 @@ SMALLEST, WINDOWS = 7, 7  # samples of the smallest window, number of windows up
 ORDERS = (5, 3)  # of the local polynomials
 HALF_WIDTHS = (1 / 8, 1 / 4, 1 / 2)  # of the test functions, in periods
 ENDS = (2, 8)  # orders of the test functions at their ends
-JUDGE = (1 / 2, 4)  # half width in periods, and order at the ends, of the test functions that judge
-KEPT = 7500  # rows of a recording, or up to twice as many: their neighbours say the same
-STEPS = 15  # terms up to which models grow to compare settings by
+JUDGE = (1 / 2, 4)  # half width in periods, and order at the ends, of the validating test functions
+KEPT = 7500  # rows used of a recording, or up to twice as many: their neighbours add nothing
+STEPS = 15  # most terms of the models by which settings are compared
 Block = tuple[np.ndarray, np.ndarray]  # rows of a library (r, p) and of targets (r, m)
 
 
@@ -60,7 +60,7 @@ class TriedFilter:
 def best_filter(tried: Sequence[TriedFilter]) -> TriedFilter:
     """Choose the filter whose greedily grown models have the least error on held-out data.
 
-    Errors of each state derivative, over the least of all filters, are added.
+    The errors of the state derivatives, each relative to the least of all filters, are added.
     """
     path = partial(forward_models, steps=STEPS)
     errors = np.stack(
@@ -87,7 +87,7 @@ def savitzky_golay(window: int, order: int, step: float) -> tuple[np.ndarray, np
     smoother(impulse, t=1.0)
     slope = ps.SINDyDerivative(
         kind="savitzky_golay", left=half, right=half, order=order, iwindow=True,
-        periodic=True, period=len(impulse) / half,  # or the windows at the ends hold too little
+        periodic=True, period=len(impulse) / half,  # else windows at the ends have too few samples
     )  # fmt: skip
     # in half windows as unit of time: well conditioned
     slopes = np.asarray(slope(impulse, t=1 / half)) / half
