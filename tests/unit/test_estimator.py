@@ -193,6 +193,14 @@ def test_frames_are_recordings(data, options):
     assert np.allclose(made.time, TIME, atol=1e-9)
 
 
+def test_rows_of_a_part_of_a_frame_are_no_times():
+    part = frame().reset_index(drop=True)[125:]
+    with pytest.raises(ValueError, match="t: is missing"):
+        make_recordings(part)
+    (made,) = make_recordings(part, TIME[125:])
+    assert np.array_equal(made.values, X[125:])
+
+
 def test_frames_of_polars_and_xarray_are_recordings():
     polars, xarray = pytest.importorskip("polars"), pytest.importorskip("xarray")
     table = polars.DataFrame({"t": TIME, "q": X[:, 0], "dq": X[:, 1]})

@@ -224,3 +224,31 @@ def test_a_random_force_in_an_accelerometer_is_no_noise(tmp_path):
         ]
 
     assert said(moved) == [] and said(force) == ["mostly_noise"]
+
+
+def test_sensors_that_a_logger_writes_in_turn_have_their_own_step(tmp_path) -> None:
+    rows = [FRAME.assign(w=np.nan), FRAME.assign(v=np.nan, t=TIME + 0.001)]
+    frame = pd.concat(rows).sort_values("t")
+    report = questioned(tmp_path / "a.csv", frame)
+    assert report["sampling"]["rate_hz"] == pytest.approx(25.0, rel=1e-6)
+    assert report["sampling"]["gaps_total"] == 0
+    assert recorded(tmp_path / "b.csv", frame).step == pytest.approx(0.04, rel=1e-6)
+
+
+@pytest.mark.parametrize(("form", "start"), [
+    ("%y/%m/%d %H:%M:%S.%f", None), ("%Y-%m-%dT%H:%M:%S.%f", "2026-01-02T"),
+    ("%Y-%m-%dT%H:%M:%S.%f+01:00", "2026-01-01T"), ("%H:%M:%S.%f", ""),
+])  # fmt: skip
+def test_times_over_midnight_go_on_and_have_a_zone_only_where_it_stands(tmp_path, form, start):
+    day = "2026-01-01" if start == "2026-01-01T" else "2026-01-02"
+    dates = pd.Timestamp(f"{day}T23:59:50") + pd.to_timedelta(TIME, "s")
+    path = write(tmp_path / "a.csv", FRAME.assign(t=dates.strftime(form)))
+    mapping = validate_mapping({**MAPPING, "time": {"column": "t"}})
+    if start is None:  # may be the 26th of January
+        with pytest.raises(FileError, match="day or month first"):
+            read_series(path, mapping)
+        return
+    series = read_series(path, mapping)
+    np.testing.assert_allclose(series.time, TIME, atol=1e-6)
+    assert series.start.startswith(start) and series.start.endswith("+00:00") == ("+" in form)
+    assert bool(series.start) == bool(start)

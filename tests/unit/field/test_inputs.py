@@ -9,12 +9,14 @@ import pandas as pd
 import pint
 import pytest
 from ambient import stepped
+from click.testing import CliRunner
 from field_files import run
 from scipy.ndimage import gaussian_filter1d
 
 import galloping
 from galloping import IdentifiedModel, Input, PolynomialModel, Recording
 from galloping.behaviour.objections import with_objections
+from galloping.cli import main
 from galloping.identification.observations import Code, Finding
 from galloping.model.terms import parse_library
 from galloping.readers.mapping import input_of, validate_mapping
@@ -236,6 +238,8 @@ def test_a_model_with_inputs_is_simulated_in_them(driven, tmp_path):
     assert "driven by u" in run("simulate", model, code=1)
     rows = run("simulate", model, "--at", "u=2", "--duration", 2000, "--rate", 1).splitlines()
     assert float(rows[-1].split(",")[1]) == pytest.approx(0.5, rel=0.02)  # 1.5 u / 6
+    far = CliRunner().invoke(main, ["simulate", str(model), "--at", "u=200", "--duration", "1"])
+    assert "Extrapolation: u = 200" in far.stderr
     path = folder / "a.csv"
     simulated = pd.read_csv(StringIO(run("simulate", model, "--inputs", path, "--rate", 25)))
     assert len(simulated) == 2500

@@ -6,7 +6,12 @@ from field_files import run
 from odd_files import ROWS, V, W, table, written
 
 from galloping.readers.angles import unwrap_angle
-from galloping.readers.columns import measured_quantity, quantity_by_name_alone
+from galloping.readers.columns import (
+    is_beside_motion,
+    is_time,
+    measured_quantity,
+    quantity_by_name_alone,
+)
 from galloping.readers.file_table import printable
 from galloping.readers.hints import likely_time_unit, likely_unit
 from galloping.readers.units import UnitError, factor, input_si, is_unit, split_header
@@ -151,3 +156,9 @@ def test_a_count_of_samples_keeps_the_gaps_of_a_camera(tmp_path):
 
 def test_a_name_has_one_line_that_prints():
     assert printable("a\n**ok**: b\x1b[31m\u202e c") == "a **ok**: b [31m c"
+
+
+@pytest.mark.parametrize("header", ["Temps", "Tempo [s]", "Temps (s)", "t", "Zeit"])
+def test_times_have_names_in_several_languages(header: str) -> None:
+    assert is_time(header) and not is_beside_motion(header)
+    assert not is_time("Temperatur") and is_beside_motion("Temperature [degC]")

@@ -306,7 +306,7 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
         click.echo(told, err=True)
     recording, time = field.recordings[-1], None
     if duration:
-        samples = max(duration / recording.step, 1.0)
+        samples = max(duration / recording.step, 2.0)
         if samples > MOST_ROWS:
             step = f"{recording.step:g} s, that of {file}"
             raise ValueError(
@@ -364,6 +364,7 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
     """
     import numpy as np
 
+    from galloping.behaviour.assess import list_extrapolations
     from galloping.summary.driving import read_model_inputs, usual_sampling
 
     loaded = _answered(model)
@@ -388,9 +389,15 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
     else:
         raise ValueError(f"{model}: holds no initial state; say --initial")
     usual, often = usual_sampling(loaded.model, start, inputs)
+    for told in list_extrapolations(
+        loaded, {name: getattr(one, "values", one) for name, one in inputs.items()}
+    ):
+        click.echo(told, err=True)
     duration, rate = duration or min(known, usual), rate or often
     rows = _simulated(model, loaded.model, start, rate, int(duration * rate + 1e-9), inputs)
     print_rows(rows, as_json)
+    if loaded.status != "ok":
+        click.echo(f"Caution: status of the model: {loaded.verdict}", err=True)
 
 
 def _simulated(path, model, state, rate: float, last: int, inputs) -> Iterator[dict]:

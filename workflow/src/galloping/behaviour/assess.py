@@ -180,6 +180,11 @@ def _assess_condition(
     motion = _settle_motion(best, begin)
     middle, size = _motion_extent(best, motion, begin)
     rests = find_equilibria(best, middle, size)
+    largest = CEILING * size  # no model holds of larger motions
+    for k, name in enumerate(best.states):
+        low, high = here.recorded.get(name, (0.0, 0.0))
+        if high > low:
+            largest[k] = CEILING * (high - low) / 2.0
     cycles: list[Point] = []
     ends: list[str] = []
     for point in known:
@@ -191,8 +196,10 @@ def _assess_condition(
         if found is None:  # a motion that neither grows nor dies out may be on no cycle
             ends.append("irregular" if motion.kind == "cycle" else motion.kind)
             continue
-        if np.all(found.solution.half_range() < CEILING * size):  # further off no model is told
+        if np.all(found.solution.half_range() < largest):
             _add_cycle(cycles, found, size)
+        else:
+            ends.append("diverged")
     return Condition(
         dict(at),
         tuple(_describe_equilibrium(here, rest, size) for rest in rests),

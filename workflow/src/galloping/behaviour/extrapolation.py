@@ -143,7 +143,8 @@ def _nonlinear_share(model: PolynomialModel, rest: np.ndarray, states: np.ndarra
     """
     linear = (states - rest) @ model.jacobian(rest[np.newaxis])[0].T
     nonlinear = np.abs(model(states) - model(rest[np.newaxis]) - linear).max(axis=0)
-    return np.minimum(nonlinear / np.maximum(np.abs(linear).max(axis=0), np.finfo(float).tiny), 1.0)
+    size = np.abs(linear).max(axis=0)
+    return np.minimum(nonlinear, size) / np.maximum(size, np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)

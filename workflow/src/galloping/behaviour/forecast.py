@@ -409,8 +409,9 @@ def _continued(name: str, past: Input, ahead: Input | float, end: float, until: 
         if not known.any() or not np.all(known | late | beyond):
             first, last = ahead.stretches[0][0], ahead.stretches[-1][1]
             raise ValueError(
-                f"input {name} is known from {first:g} to {last:g} s after the recording, with "
-                f"{len(ahead.stretches) - 1} gaps; it is needed from {end:g} to {until:g} s"
+                f"input {name} is known from {first:g} to {last:g} s, with "
+                f"{len(ahead.stretches) - 1} gaps; needed from {end:g} to {until:g} s, by the "
+                "clock of the recording"
             )
         values = np.interp(time, time[known], values[known])
     else:

@@ -14,6 +14,7 @@ from galloping.identification.preparation.screening import find_saturated_values
 from galloping.identification.sentences import sentence_of
 from galloping.inspection.noticed import sentences_of
 from galloping.readers.units import state_unit
+from galloping.recording.samples import sampling_step
 
 if TYPE_CHECKING:
     from galloping.readers.mapping import ColumnMapping, InputColumn
@@ -56,7 +57,7 @@ def inspect_recording(series: "Series", mapping: "ColumnMapping") -> dict:
     time = series.time
     sampled = np.flatnonzero(np.isfinite(series.values).any(axis=1))
     begins, steps = time[sampled], np.diff(time[sampled])
-    step = float(np.median(steps))
+    step = sampling_step(time, series.values)
     gaps = np.flatnonzero(steps > REPORTED_GAP * step)
     report: dict[str, Any] = {
         "file": series.path.name,
@@ -64,7 +65,7 @@ def inspect_recording(series: "Series", mapping: "ColumnMapping") -> dict:
         "sampling": {
             "samples": len(sampled),
             "duration_s": float(time[-1] - time[0]),
-            "sampled_s": sampled_time(begins),
+            "sampled_s": sampled_time(begins, step),
             "rate_hz": 1.0 / step,
             "irregularity_percent": float(100 * np.std(steps[steps <= REPORTED_GAP * step]) / step),
             "gaps": [
@@ -237,10 +238,14 @@ def split_at_gaps(time: np.ndarray, longest: float) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in pairwise(edges)]
 
 
-def sampled_time(time: np.ndarray) -> float:
-    """Compute the total time in s that is covered by samples, without the gaps between them."""
+def sampled_time(time: np.ndarray, step: float | None = None) -> float:
+    """Compute the total time in s that is covered by samples, without the gaps between them.
+
+    step: the usual one between samples, s; by default the median.
+    """
     steps = np.diff(time)
-    return float(steps[steps <= REPORTED_GAP * np.median(steps)].sum())
+    usual = np.median(steps) if step is None else step
+    return float(steps[steps <= REPORTED_GAP * usual].sum())
 
 
 def peaks_of(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,8 @@ from galloping.readers.units import ORDERS, is_same_quantity, split_header
 
 # Stems of words, and whole words where short; English, German, and some Romance and Chinese ones.
 TIMES = {"time", "zeit", "timestamp", "uhr", "elapsed", "temps", "tiempo", "时间"}
-TIME_WORDS = {"t", "ts", "date", "datetime", "datum", "sec", "seconds"}
+TEMPERATURE_LIKE = {"temps", "tempo"}  # times in French and Italian
+TIME_WORDS = TEMPERATURE_LIKE | {"t", "ts", "date", "datetime", "datum", "sec", "seconds"}
 DIRECTIONS = {
     "v": ({"vertic", "vertik", "senkrecht", "heave", "垂直", "竖向"}, {"vert", "v", "qv", "av"}),
     "w": (
@@ -52,7 +53,8 @@ def is_time(header: str) -> bool:
     """Decide from its name whether a column contains times."""
     words = words_of(header)
     is_labview = split_header(header)[0] == "X_Value"
-    return is_labview or (_has_word(words, TIMES, TIME_WORDS) and not _has_word(words, *OTHERS))
+    is_other = _has_word(words - TEMPERATURE_LIKE, *OTHERS)
+    return is_labview or (_has_word(words, TIMES, TIME_WORDS) and not is_other)
 
 
 def is_count(header: str) -> bool:
@@ -62,7 +64,7 @@ def is_count(header: str) -> bool:
 
 def is_beside_motion(header: str) -> bool:
     """Decide from its name whether a column measures another quantity than the motion."""
-    return _has_word(words_of(header), *OTHERS)
+    return _has_word(words_of(header) - TEMPERATURE_LIKE, *OTHERS)
 
 
 def derivative_order(header: str, unit: str) -> int | None:

@@ -14,11 +14,13 @@ from galloping.readers.units import factor
 
 DAYS = (
     "%d.%m.%Y", "%d.%m.%y", "%Y/%m/%d", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%m-%d-%Y", "%m/%d/%y",
-    "%d/%m/%y", "%d-%b-%Y",
+    "%d/%m/%y", "%y/%m/%d", "%y-%m-%d", "%d-%b-%Y",
 )  # fmt: skip
+UNDATED = 1900  # year that times of day have
 HOURS = [f"%{hours}.%f{half}" for hours, half in (("H:%M:%S", ""), ("I:%M:%S", " %p"))]
 HOURS += [hours.replace(".%f", ":%f") for hours in HOURS]
 WHOLE = r"(?<![:\d])(\d\d?:\d\d:\d\d)(?![.:\d])"  # seconds, which may stand among fractions of them
+ZONE = r":\d\d[^+\-Z]*(?:Z|[+-]\d\d(?::?\d\d)?)$"  # at the end of a time
 FORMS = [f"{day} {hour}" for day in DAYS for hour in HOURS] + HOURS
 
 
@@ -40,6 +42,8 @@ def find_instants(
         return None
     first = text.dropna()[:1]
     found = [pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")]
+    if not text.str.contains(ZONE).any():
+        found[0] = found[0].dt.tz_localize(None)
     if found[0].isna().all():
         forms = [form for form in FORMS
                  if pd.to_datetime(first, format=form, errors="coerce").notna().all()]  # fmt: skip
@@ -73,7 +77,8 @@ def seconds_of(
     elif isinstance(times, pd.DatetimeIndex) and times.notna().any():
         first = times.min()
         seconds = np.asarray((times - first).total_seconds(), float)
-        return seconds, first.isoformat(), first.timestamp()
+        dated = first.isoformat() if first.year > UNDATED else ""
+        return seconds, dated, first.timestamp()
     elif isinstance(times, pd.TimedeltaIndex):
         values = times.total_seconds().to_numpy(float)
     elif times is not None:

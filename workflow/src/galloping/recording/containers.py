@@ -66,7 +66,9 @@ class Table:
         if len(set(names)) < len(names):
             raise ValueError(f"{what}: {names!r:.60}; columns must have distinct names")
         index = getattr(data, "index", None)
-        counts_rows = getattr(index, "start", None) == 0 and getattr(index, "step", None) == 1
+        # an index of whole numbers without a name counts rows, also of a part of a frame
+        kind = getattr(getattr(index, "dtype", None), "kind", "")
+        counts_rows = kind in ("i", "u") and getattr(index, "name", None) is None
         return cls(what, {str(n): data[n] for n in names}, None if counts_rows else index)
 
     def pop(self, what: str, name: str) -> Any:

@@ -515,14 +515,27 @@ class Recording(Immutable):
 
     @property
     def step(self) -> float:
-        """Median time between samples, s."""
-        return float(np.median(np.diff(self.time)))
+        """Median time between samples of the channel that is sampled most often, s."""
+        rates = np.empty((len(self.time), 0)) if self.rates is None else self.rates
+        return sampling_step(self.time, np.hstack([self.values, rates]))
 
     @property
     def is_uniform(self) -> bool:
         """Whether the samples are equally spaced (to a thousandth of the spacing)."""
         steps = np.diff(self.time)
         return bool(np.ptp(steps) < 1e-3 * steps.mean())
+
+
+def sampling_step(time: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+    """Compute the median time between samples of the channel that is sampled most often, s.
+
+    time: (n,). values: (n, n_channels), NaN where missing: loggers may write the sensors in turn.
+    """
+    known = np.isfinite(values)
+    own = (time[column] for column in known.T if not column.all() and np.count_nonzero(column) > 1)
+    every = [time] if not known.size or known.all(axis=0).any() else []
+    steps = [np.median(np.diff(one)) for one in (*every, *own)]
+    return float(min(steps, default=np.median(np.diff(time))))
 
 
 def typical_inputs(names: Sequence[str], recordings: Sequence[Recording]) -> dict[str, float]:

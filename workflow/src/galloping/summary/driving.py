@@ -1,5 +1,6 @@
 """Inputs of a model for simulation or forecast: constant values, and inputs from a file."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -93,10 +94,19 @@ def inputs_after(
             f"{path}: has {'dates' if series.start else 'no dates'} for times, unlike "
             f"{recording.path}; must be one clock"
         )
+    if (is_zoned := _has_zone(series.start)) != _has_zone(recording.start):
+        raise ValueError(
+            f"{path}: times have {'a' if is_zoned else 'no'} time zone, unlike those of "
+            f"{recording.path}; must be one clock"
+        )
     shift = series.origin - recording.origin
     return found | {
         name: replace(one, time=one.time + shift) for name, one in series.inputs.items()
     }
+
+
+def _has_zone(instant: str) -> bool:
+    return re.search(r"[+-]\d\d:\d\d$", instant) is not None
 
 
 def usual_sampling(

@@ -375,7 +375,7 @@ def longest_period(recordings: Sequence[Recording]) -> float:
     """
     frequencies = []
     for recording in recordings:
-        least = PERIODS_HELD / sampled_time(recording.time) * (1.0 - TIME_ROUNDING)
+        least = PERIODS_HELD / sampled_time(recording.time, recording.step) * (1.0 - TIME_ROUNDING)
         for channel in Sensed.by(recording).samples(recording).T:
             known = np.isfinite(channel)
             if np.count_nonzero(known) > 1:

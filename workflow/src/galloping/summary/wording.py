@@ -160,7 +160,7 @@ def _growth(of: "Condition") -> str:
     dampings = [mode.damping for mode in of.equilibria[0].modes]
     if any(one.value < 0.0 and not one.high > 0.0 for one in dampings):
         return "small motions grow"
-    may = any(one.value < 0.0 or one.low < 0.0 for one in dampings)
+    may = any(one.value <= 0.0 or one.low < 0.0 for one in dampings)
     return "small motions may grow" if may else "small motions die out"
 
 
