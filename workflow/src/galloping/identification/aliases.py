@@ -17,7 +17,7 @@ from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
 from galloping.model.intervals import DRAWS, draw_models_and_rivals
 from galloping.model.polynomial import Exponents, exponent_matrix, term_name
-from galloping.recording.samples import Recording
+from galloping.recording.samples import Recording, inputs_at_times
 
 # A factor is a combination of simpler ones if these leave less than this share of its length, times
 # the root of their number plus one. For factors of unit length, smaller coefficients are rounding.
@@ -75,13 +75,16 @@ def _distinct_input_values(problem: Problem, recordings: Sequence[Recording]) ->
     found = []
     for one in recordings:
         inputs = [one.inputs[name] for name in problem.inputs]
-        if len(inputs) == 1:
+        if any(each.between != "zero" for each in inputs):  # which move between their samples
+            moments = np.unique(np.concatenate([one.time, *(each.time for each in inputs)]))
+            found.append(inputs_at_times(inputs, moments))
+        elif len(inputs) == 1:
             found.append(inputs[0].values[:, np.newaxis])
         else:
             found.append(np.column_stack([each.last_sample(one.time) for each in inputs]))
     values = np.concatenate(found)
     values = np.unique(values[np.isfinite(values).all(axis=1)], axis=0)
-    return values[:: -(-len(values) // MOST_VALUES)]
+    return values[:: max(-(-len(values) // MOST_VALUES), 1)]
 
 
 def _complexity_key(factor: tuple[int, ...]) -> tuple:

@@ -389,6 +389,8 @@ class Recording(Immutable):
                     )
         if self.known_noise is not None:
             noise = as_floats("recording: known_noise", self.known_noise, (2, len(states)))
+            if np.any(noise <= 0.0):
+                raise ValueError("recording: known_noise: must be > 0, or NaN where unknown")
             checked["known_noise"] = noise
         for name, one in self.inputs.items():
             if not isinstance(name, str) or name in states:
@@ -506,8 +508,8 @@ class Recording(Immutable):
             there &= one.covered(self.time)
             begins.append(np.array(one.stretches)[:, 0])
         piece = np.searchsorted(np.sort(np.concatenate(begins)), self.time, side="right")
-        if there.all() and len(np.unique(piece)) == 1 and list(self.inputs) == list(names):
-            return [self]
+        if there.all() and len(np.unique(piece)) == 1:
+            return [self if list(self.inputs) == list(names) else replace(self, inputs=inputs)]
         rows = (np.flatnonzero(there & (piece == k)) for k in np.unique(piece))
         return [
             replace(self, inputs=inputs)[own[0] : own[-1] + 1] for own in rows if len(own) >= least

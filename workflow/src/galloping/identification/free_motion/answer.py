@@ -152,6 +152,7 @@ def _can_be_linear(problem: Problem, motion: FreeMotion) -> bool:
             for velocity in motion.channels.pairs.values()
             for term in linear
         )
+        and not problem.known[list(motion.channels.pairs.values())].any()
     )
 
 
@@ -225,7 +226,8 @@ def _identified_model(
 ) -> IdentifiedModel | NoModel:
     """Make the model of a linear system (n_states, n_states) with the covariance of its entries.
 
-    NoModel if a coefficient is out of its bounds.
+    NoModel if a coefficient is out of its bounds, or the library lacks the constants of a motion
+    about another position than zero.
     """
     n, rest = len(system), np.zeros(len(system))
     rest_errors = np.zeros(n)
@@ -235,8 +237,12 @@ def _identified_model(
     rest = np.where(is_displaced, rest, 0.0)
     constant = (0,) * len(problem.names)
     terms = {problem.linear(state): state for state in range(n)}
-    if is_displaced.any() and constant in problem.terms:
-        terms[problem.terms.index(constant)] = n
+    if is_displaced.any():  # only constants in the equations of velocities shift the equilibrium
+        place = problem.terms.index(constant) if constant in problem.terms else None
+        moved = np.abs(system @ rest) > 0.0
+        if place is None or not problem.open[moved, place].all():
+            return NoModel()
+        terms[place] = n
     whole = np.zeros((n * n + n,) * 2)  # covariance of the entries and of the position of rest
     whole[: n * n, : n * n], whole[n * n :, n * n :] = covariance, np.diag(rest_errors**2)
     free, slopes = (

@@ -51,8 +51,10 @@ def _under_force(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
         return forced
     motion = modes.evaluate(range(len(modes.poles)), 0, stretch.time - period)
     left = stretch.values - motion
+    told = np.isfinite(modes.noise[0])
+    left, noise = left[:, told], modes.noise[0][told]
     with np.errstate(invalid="ignore"):
-        away = np.abs(left - np.nanmedian(left[inside], axis=0)) > MISFIT * modes.noise[0]
+        away = np.abs(left - np.nanmedian(left[inside], axis=0)) > MISFIT * noise
     early, late = stretch.time <= period, stretch.time >= stretch.duration - period
     away = away.any(axis=1)
     if (at := np.flatnonzero(away & early)).size:

@@ -264,7 +264,7 @@ def _linearise(stretches: Sequence[Stretch], poles: np.ndarray) -> _NormalEquati
         for c, degree in enumerate(stretch.drift_degrees):
             known = np.isfinite(stretch.values[:, c])
             count = np.count_nonzero(known)
-            if count < MIN_SAMPLES + 2 * n + degree:
+            if count < MIN_SAMPLES + 2 * n + degree or stretch.sizes[c] == 0.0:
                 continue
             values = np.where(known, stretch.values[:, c], 0.0)
             of_channel = columns if known.all() else np.where(known[:, np.newaxis], columns, 0.0)

@@ -36,6 +36,8 @@ def fit_envelope(
     of the mode. names: of the channels. begin: time of the first sample of the stretch on the
     recording's clock, s.
     """
+    if np.isnan(modes.noise[index]).all():  # too few samples for the modes
+        return []
     channel, time, values = in_strongest_channel(stretch, modes, index, [place])
     pole = modes.poles[place]
     period = 2.0 * np.pi / pole.imag

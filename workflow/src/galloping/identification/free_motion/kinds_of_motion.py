@@ -241,7 +241,10 @@ def _running_amplitudes(
     """Compute amplitudes of modes of about the same frequency in windows of each stretch."""
     found = []
     omega = modes.poles[own[0]].imag
+    longest = max(one.duration for one in stretches)
     for index, stretch in enumerate(stretches):
+        if 2.0 * stretch.duration < longest or np.isnan(modes.noise[index]).all():
+            continue  # a few periods follow any trend
         _, time, values = in_strongest_channel(stretch, modes, index, own)
         length = max(2.0 * np.pi / omega, stretch.duration / WINDOWS)
         found.append(running_amplitude(time, values, omega, length)[1])

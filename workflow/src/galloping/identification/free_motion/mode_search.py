@@ -68,6 +68,7 @@ def strongest_mode(
     most = np.log2(max(MOST_DAMPING * omega[-1] * longest, 2.0))
     faster = WINDOW_RATIO ** np.arange(int(np.ceil(most)))  # decay rates, in units of the slowest
     parts = np.maximum(faster // EMPTY, 1)
+    strides = np.concatenate([[1], parts, parts])  # steps in `omega` between bins of each window
     series, spans = [], []
     for stretch, residual in zip(stretches, residuals, strict=True):
         place = np.round(stretch.time / step).astype(int)
@@ -80,10 +81,14 @@ def strongest_mode(
             time = stretch.time[known] / longest
             series.append(_windowed_powers(time, column[known], place[known], size, parts))
             spans.append((stretch.duration, place[-1] + 1))
+            # above half the rate of its own samples a channel has mirror images
+            own_step = np.median(np.diff(stretch.time[known]))
+            mirrored = omega * own_step > np.pi * MAX_FREQUENCY
+            for image, stride in zip(series[-1], strides, strict=True):
+                image[mirrored[::stride]] = 0.0
     if not series:
         return None
     windows = np.concatenate([[0.0], faster, -faster]) / longest
-    strides = np.concatenate([[1], parts, parts])  # steps in `omega` between their bins
     looks = len(windows) * longest / step / 2.0
     allowed = float(gammainccinv(len(series), FALSE_ALARM_RATE / looks))
     slowest, fastest = 2.0 * np.pi * MIN_PERIODS / longest, MAX_FREQUENCY * omega[-1]
@@ -232,7 +237,9 @@ def fit_modes(
 def unexplained_power_share(stretches: Sequence[Stretch], found: DampedModes) -> float:
     """Compute the largest share of the power of any channel that fitted modes do not explain."""
     shares = [
-        np.nanmax(found.noise[index][one.sizes > 0.0] / one.sizes[one.sizes > 0.0])
+        np.fmax.reduce(
+            found.noise[index][one.sizes > 0.0] / one.sizes[one.sizes > 0.0], initial=0.0
+        )
         for index, one in enumerate(stretches)
     ]
     return float(max(shares)) ** 2

@@ -215,8 +215,6 @@ def _project_recording(
                 for i in range(n):
                     basis[used, i] /= np.sqrt(left)
                 used += 1
-            for i in range(n):
-                remainder[o] += sample[i] ** 2
             for b in range(used):
                 dot = 0.0
                 for i in range(n):
@@ -226,10 +224,13 @@ def _project_recording(
                         functionals[w, o, b, k] += power
                         power *= point[i]
                 targets[w, o, b] = dot
-                remainder[o] -= dot**2
+                for i in range(n):  # not the difference of squares, which an offset would round off
+                    sample[i] -= dot * basis[b, i]
                 if kept is not None:
                     for i in range(n):
                         kept[here[i], o, b] = basis[b, i]
+            for i in range(n):
+                remainder[o] += sample[i] ** 2
             rows[o] += used
 
 

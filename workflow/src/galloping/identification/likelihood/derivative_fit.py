@@ -7,6 +7,7 @@ from galloping.identification.answers import refused_model
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.condense import TRUNCATION
 from galloping.identification.likelihood.free_run import sandwich_covariance
+from galloping.identification.likelihood.model_error import prior_covariance
 from galloping.identification.likelihood.residual_tests import RESIDUAL_RATE
 from galloping.identification.likelihood.verdict import (
     ApproximateFit,
@@ -71,7 +72,8 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         count += samples
     penalty = 2.0 * np.log(count / len(problem.unknown))  # by the mean sample count of an equation
     free, covariance = problem.solve_within_bounds(information, right, support)
-    misfit = max(squares - float(free @ right), 0.0)
+    bare, pull = problem.with_prior(np.zeros((n, n)), np.zeros(n))
+    misfit = squares + float(free @ ((information - bare) @ free - 2.0 * (right - pull)))
     fitted: Fitted = {
         "initial_states": np.array([recording.values[0] for recording in recordings]),
         "sigma": sigma,
@@ -90,7 +92,8 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         pull = np.zeros((len(one), n))
         pull[:, block] = one[:, None] * rows
         pulls.append(pull[:, support])
-    covariance = sandwich_covariance(pulls, covariance)
+    of_prior = prior_covariance(problem, covariance, support)
+    covariance = sandwich_covariance(pulls, covariance) + of_prior
     correlated = [Finding.of(Code.DERIVATIVES_CORRELATED)]
     near = ApproximateFit(free, support, information, covariance, penalty)
     return assess_approximation(problem, near, correlated, **fitted)

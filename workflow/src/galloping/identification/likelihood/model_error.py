@@ -99,8 +99,11 @@ class Approximation:
         condensed = self.fit.record.condensed
         motion, error = np.zeros((2, len(condensed.observed)))
         for (a, b), noise in zip(pairwise(condensed.first), condensed.noise_variance, strict=True):
-            targets, residual = condensed.targets[a:b, :, 0], self.residual[a:b, :, 0]
-            motion += (b - a) * np.var(targets, axis=0)
+            residual, ones = self.residual[a:b, :, 0], condensed.samplings[a:b, :, 0, 0]
+            about = np.sum(ones * condensed.targets[a:b, :, 0], axis=0)
+            about /= np.maximum(np.sum(ones**2, axis=0), np.finfo(float).tiny)
+            targets = condensed.targets[a:b, :, 0] - about * ones
+            motion += np.sum(targets**2, axis=0)
             with np.errstate(invalid="ignore"):  # forecasts may diverge
                 error += (b - a) * np.var(residual, axis=0)
             error -= noise * np.count_nonzero(targets, axis=0)

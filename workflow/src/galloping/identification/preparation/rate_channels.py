@@ -61,7 +61,8 @@ def estimate_scales(recordings: list[Recording], scaled: list[Recording]) -> dic
     for recording, own in zip(recordings, scaled, strict=True):
         if own is not recording:
             for k in _unknown_scales(recording):
-                ratio = np.nanmedian(recording.values[:, k] / own.values[:, k])
+                there = np.nan_to_num(own.values[:, k]) != 0.0
+                ratio = np.median(recording.values[there, k] / own.values[there, k])
                 told.setdefault(f"scale_{recording.states[k]}", []).append(float(ratio))
     return {name: float(np.mean(values)) for name, values in told.items()}
 
@@ -69,7 +70,8 @@ def estimate_scales(recordings: list[Recording], scaled: list[Recording]) -> dic
 def _unknown_scales(recording: Recording) -> list[int]:
     """List the indices of the values of unknown scale."""
     scales = recording.unknown_scales
-    return [] if scales is None else np.flatnonzero(scales).tolist()
+    given = np.isfinite(recording.values).any(axis=0)
+    return [] if scales is None else np.flatnonzero(scales & given).tolist()
 
 
 def _curve_slopes(recording: Recording, smoothed: Smooth) -> np.ndarray:
@@ -98,6 +100,7 @@ def without_offsets(
     if given.rates is None:
         return recording
     rates = given.rates.copy()
+    rates[:, ~(np.fmax.reduce(rates) > np.fmin.reduce(rates))] = np.nan  # of a sensor that is stuck
     difference = rates - _curve_slopes(recording, smoothed)
     ends = np.sort(np.append(smoothed.time[[0, -1]], smoothed.time[~smoothed.valid]))
     apart = distance_to(ends, recording.time)

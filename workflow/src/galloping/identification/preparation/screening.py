@@ -93,7 +93,7 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
     """
     before = np.isfinite(recording.values).sum(axis=0)
     smoothed = smooth(recording, period)
-    floor = 1e-3 * np.abs(smoothed.states).max(axis=0)  # accuracy while outliers pull the curve
+    floor = 1e-3 * np.ptp(smoothed.states, axis=0)  # accuracy while outliers pull the curve
     while True:
         far = np.zeros(recording.values.shape, bool)
         for k, gap in enumerate(np.abs(smoothed.residual.T)):

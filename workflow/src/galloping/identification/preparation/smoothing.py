@@ -362,7 +362,8 @@ def _integrate_channel(time: np.ndarray, values: np.ndarray, times: int) -> np.n
     slowest frequency, and 2e-4 at three tenths of it. The result is NaN where `values` (n,) are.
     """
     known = np.isfinite(values)
-    grid = np.linspace(time[0], time[-1], int(known.sum()))
+    sampled = time[known]
+    grid = np.linspace(sampled[0], sampled[-1], len(sampled))
     signal = without_drift(grid, np.interp(grid, time[known], values[known]))
     omega = 2.0 * np.pi * np.fft.rfftfreq(len(grid), grid[1] - grid[0])[1:]
     power = np.abs(np.fft.rfft(signal * np.hanning(len(signal)))[1:]) ** 2

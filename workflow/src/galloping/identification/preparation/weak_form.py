@@ -203,7 +203,9 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
             raise IdentificationError(Code.GAPS_EVERYWHERE)
         free, _ = problem.solve_within_bounds(information, right, support)
         coefficients = problem.coefficients(free)
-    misfit = (total - float(free @ right)) / max(n_rows - int(support.sum()), 1)
+    # of the data alone, also where priors or bounds hold coefficients
+    squares = total + float(free @ (system[0] @ free - 2.0 * system[1]))
+    misfit = squares / max(n_rows - int(support.sum()), 1)
     return WeakFit(free, support, information, right, max(misfit, 0.0), n_rows)
 
 

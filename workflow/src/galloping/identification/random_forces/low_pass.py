@@ -68,13 +68,16 @@ def low_pass_recording(recording: Recording, below: float) -> Recording:
     time = np.arange(recording.time[0] + REACH * step, recording.time[-1] - REACH * step, step)
     held = [each for each in (recording.values, recording.rates) if each is not None]
     filtered = np.full((len(time), len(held), len(recording.states)), np.nan)
+    paces = np.full(filtered.shape[1:], own)  # s, between samples of each channel
     if own < step and not recording.exact:
         for k, i in np.ndindex(filtered.shape[1:]):
             column = held[k][:, i]
             known = np.isfinite(column)
-            if known.any():
+            if known.sum() > 1:
                 samples = recording.time[known], column[known]
-                filtered[:, k, i] = _filter_channel(*samples, time, step, own)
+                paces[k, i] = pace = float(np.median(np.diff(samples[0])))
+                if pace < step:
+                    filtered[:, k, i] = _filter_channel(*samples, time, step, pace)
     there = np.isfinite(filtered).any(axis=(1, 2))
     if there.sum() < 2:
         raise IdentificationError(
@@ -83,7 +86,8 @@ def low_pass_recording(recording: Recording, below: float) -> Recording:
         )  # fmt: skip
     values, rates = filtered[there, 0], filtered[there, 1] if len(held) > 1 else None
     noise = recording.known_noise
-    quieter = None if noise is None else noise * np.sqrt(own / step)
+    paces = np.pad(paces, ((0, 2 - len(paces)), (0, 0)), constant_values=own)
+    quieter = None if noise is None else noise * np.sqrt(paces / step)
     return replace(recording, time=time[there], values=values, rates=rates, known_noise=quieter)
 
 

@@ -236,6 +236,11 @@ def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, 
         share = np.maximum(known.mean(axis=0), 1e-3)
         power = np.abs(np.fft.rfft(np.where(known, grid, 0.0), axis=0)[1:]) ** 2
         groups = len(power) // BINS
+        for c in np.flatnonzero(
+            known.sum(axis=0) > 1
+        ):  # beyond are mirror images of what is slower
+            apart = np.median(np.diff(np.flatnonzero(known[:, c])))
+            power[int(len(grid) / (2.0 * apart)) :, c] = 0.0
         own = power[: groups * BINS].reshape(groups, BINS, power.shape[1]).mean(axis=1)
         powers.append(own * step / len(grid) / share)
         middle = np.arange(groups) * BINS + (BINS + 1) / 2  # bin number; bin 0 is the mean
@@ -247,7 +252,8 @@ def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, 
 
 def above_noise(power: np.ndarray) -> np.ndarray:
     """Set to zero those of ascending spectra, (n, n_channels), that white noise explains."""
-    noise = np.median(power[int(FLOOR * len(power)) :], axis=0)
+    fast = power[int(FLOOR * len(power)) :]
+    noise = np.array([np.median(own[own > 0.0]) if own.any() else 0.0 for own in fast.T])
     return np.where(power > ABOVE_NOISE * noise, power, 0.0)
 
 
