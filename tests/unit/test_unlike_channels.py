@@ -40,7 +40,7 @@ def test_free_motion_is_not_linear_where_the_library_says_so() -> None:
     spring = [Coefficient("dx", (3, 0), -5.0, 0.0)]
     found = maximum_likelihood(Recording(time, STATES, values), CUBIC, coefficients=spring)
     assert found.status != "ok"
-    around = Recording(time, STATES, values + [10.0, 0.0])
+    around = Recording(time, STATES, np.add(values, [10.0, 0.0]))
     assert maximum_likelihood(around, CUBIC[1:]).status != "ok"  # without a constant
     assert CUBIC[0] == (0, 0)
 
