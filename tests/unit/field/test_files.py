@@ -252,3 +252,17 @@ def test_times_over_midnight_go_on_and_have_a_zone_only_where_it_stands(tmp_path
     np.testing.assert_allclose(series.time, TIME, atol=1e-6)
     assert series.start.startswith(start) and series.start.endswith("+00:00") == ("+" in form)
     assert bool(series.start) == bool(start)
+
+
+@pytest.mark.parametrize(("cell", "said"), [
+    ("abc", "row 202, column 'v': 'abc' is not a number"),
+    ("1.234,5", "row 202, column 'v': '1.234,5' is not a number"),
+    ("1.234", "'1.234' has a point; others have a decimal comma"),
+])  # fmt: skip
+def test_one_bad_cell_among_decimal_commas_is_named(tmp_path, cell: str, said: str) -> None:
+    rows = [";".join(f"{x:.2f}".replace(".", ",") for x in row) for row in FRAME.to_numpy()]
+    rows[200] = f"8,00;{cell};3,00"
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(["t;v;w", *rows]))
+    with pytest.raises(FileError, match=said):
+        read_series(path, validate_mapping({**MAPPING, "decimal": ","}))

@@ -20,7 +20,13 @@ from galloping.behaviour.assessment import (
     RestPosition,
     SmallMotion,
 )
-from galloping.behaviour.dynamics import LARGER, ROUNDING, Value, find_equilibrium
+from galloping.behaviour.dynamics import (
+    LARGER,
+    ROUNDING,
+    Value,
+    find_equilibrium,
+    undetected_damping,
+)
 from galloping.behaviour.following import simulator_of
 from galloping.cycles.continuation import Point, Range
 from galloping.cycles.diagram import Diagram, diagram, equilibrium_branch, hopf_points
@@ -136,10 +142,12 @@ def list_extrapolations(
 class _Drawn:
     """A model, models drawn with the covariance of its coefficients, and an initial state.
 
-    small: models drawn for small motions, with the effect of terms of the next degrees. start:
-    (n_states,) recorded initial state. recorded: recorded range of states, by name.
+    found: the identified model, with its inputs. small: models drawn for small motions, with the
+    effect of terms of the next degrees. start: (n_states,) recorded initial state. recorded:
+    recorded range of states, by name.
     """
 
+    found: IdentifiedModel
     model: PolynomialModel
     draws: tuple[PolynomialModel, ...]
     small: tuple[PolynomialModel, ...]
@@ -157,7 +165,7 @@ class _Drawn:
         rng = np.random.default_rng(seed)
         draws = draw_models_and_rivals(found, rng)
         small = add_higher_degree_effects(draws, found, rng)
-        return cls(found.model, tuple(draws), tuple(small), start, recorded)
+        return cls(found, found.model, tuple(draws), tuple(small), start, recorded)
 
     def at(self, values: Mapping[str, float]) -> "_Drawn":
         """Return the same models at constant values of inputs."""
@@ -360,7 +368,8 @@ def _describe_equilibrium(of: _Drawn, rest: np.ndarray, size: np.ndarray) -> Res
             _, order = linear_sum_assignment(np.abs(values[:, np.newaxis] - own))
             places.append(at.x)
             matched.append(own[order])
-    shown = list(velocity_pairs(best.states)) or list(range(len(best.states)))
+    pairs = velocity_pairs(best.states)
+    shown = list(pairs) or list(range(len(best.states)))
     order = [k for k in np.argsort(np.abs(values)) if values[k].imag >= 0]
     shares = np.abs(vectors[np.ix_(shown, order)]) / size[shown, np.newaxis]
     modes = []
@@ -379,6 +388,9 @@ def _describe_equilibrium(of: _Drawn, rest: np.ndarray, size: np.ndarray) -> Res
                 Value(0.0, 0.0, 0.0),
                 Value.of(-rate.real, interval_of_draws(-own.real)),
             )
+        if rate.imag > 0 and abs(damping.value) < ROUNDING and shown[place] in pairs:
+            half = undetected_damping(of.found, shown[place], frequency.value)
+            damping = Value(0.0, -half, half) if np.isfinite(half) else damping
         modes.append(SmallMotion(state, frequency, damping))
     place = {
         best.states[i]: Value.of(rest[i], interval_of_draws([x[i] for x in places])) for i in shown

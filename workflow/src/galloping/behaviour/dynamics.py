@@ -201,16 +201,28 @@ def _undamped_intervals(
     damping: Mapping[str, Value],
 ) -> dict[str, Value]:
     """Compute the interval of the damping of a mode whose equation has no damping term."""
-    model, found = identified.model, {}
-    for i, velocity in pairs.items():
-        name = model.states[i]
-        own = linear_term(velocity, len(model.states))
-        if abs(damping[name].value) < ROUNDING and own in model.terms:
-            limit = identified.detection_limits[velocity, model.terms.index(own)]
-            half = limit / (4.0 * np.pi * frequencies[name].value)
-            if np.isfinite(half):
-                found[name] = Value(0.0, -half, half)
+    found = {}
+    for i in pairs:
+        name = identified.model.states[i]
+        half = undetected_damping(identified, i, frequencies[name].value)
+        if abs(damping[name].value) < ROUNDING and np.isfinite(half):
+            found[name] = Value(0.0, -half, half)
     return found
+
+
+def undetected_damping(identified: IdentifiedModel, coordinate: int, frequency: float) -> float:
+    """Compute the damping ratio of a mode up to which a damping term would not be detected.
+
+    coordinate: index of the mode's coordinate. frequency: Hz. NaN if the library has no such term
+    or no limit is known.
+    """
+    model = identified.model
+    velocity = velocity_pairs(model.states)[coordinate]
+    own = linear_term(velocity, len(model.states))
+    if own not in model.terms:
+        return np.nan
+    limit = identified.detection_limits[velocity, model.terms.index(own)]
+    return float(limit / (4.0 * np.pi * frequency))
 
 
 def _free_and_linear(

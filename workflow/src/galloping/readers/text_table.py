@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from galloping.readers import FileError
-from galloping.readers.layout import Layout, find_layout
+from galloping.readers.layout import DECIMAL_COMMA, DECIMAL_POINT, Layout, find_layout
 from galloping.readers.units import split_header
 
 HEAD = 65536  # bytes that the layout of a text table is told from
@@ -65,7 +65,7 @@ def read_text(
     content = []
     for k, (header, unit) in enumerate(zip(layout.header, layout.units, strict=True)):
         if header:
-            values, words = _without_words(frame[k], layout.decimal)
+            values, words = _without_words(_with_points(frame[k], header, layout), layout.decimal)
             content.append((header, values.to_numpy(), unit))
             notes += [
                 f"column {split_header(header)[0]!r}: {count} cells of {word!r} were left out, as "
@@ -91,6 +91,22 @@ def _read_frame(
         raise FileError(_describe_uneven(error, layout)) from error
     except pd.errors.EmptyDataError as error:
         raise FileError("no rows of data") from error
+
+
+def _with_points(cells: pd.Series, header: str, layout: Layout) -> pd.Series:
+    """Replace the decimal commas of a column that pandas left as text, such as for one bad cell.
+
+    Raises FileError if another number of the column has a decimal point.
+    """
+    if layout.decimal != "," or cells.dtype.kind in "fiub":
+        return cells
+    text = cells.astype("string").str.strip()
+    commas = text.str.fullmatch(DECIMAL_COMMA.pattern).fillna(False)
+    points = np.flatnonzero(text.str.fullmatch(DECIMAL_POINT.pattern).fillna(False))
+    if commas.any() and len(points):
+        where = f"row {layout.line + int(points[0])}, column {split_header(header)[0]!r}"
+        raise FileError(f"{where}: {text[points[0]]!r} has a point; others have a decimal comma")
+    return text.where(~commas, text.str.replace(",", ".")).astype(object)
 
 
 def _without_words(cells: pd.Series, decimal: str) -> tuple[pd.Series, dict[str, int]]:
