@@ -97,7 +97,8 @@ def typical_measures(case: Mapping) -> tuple[Measure, ...]:
     """
     span, mass = case["line"]["span"], case["spacers"]["mass"]
     positions = case["spacers"]["positions"]
-    thirds = [round(share * span, 3) for share in (2 / 9, 4 / 9, 7 / 9)]
+    digits = 0 if span > 9.0 else 3  # whole metres, unless these are no ninths of the span
+    thirds = [round(share * span, digits) for share in (2 / 9, 4 / 9, 7 / 9)]
     others = (spacers(4 * mass, positions), spacers(mass, thirds)) if mass and positions else ()
     return (
         tension(1.2),
