@@ -283,7 +283,6 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     """
     import numpy as np
 
-    from galloping.behaviour.assess import list_extrapolations
     from galloping.summary.analysis import read_field
     from galloping.summary.csv_rows import forecast_rows
     from galloping.summary.driving import inputs_after
@@ -300,10 +299,7 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
             f"{model}: has the states {', '.join(states)}, not {', '.join(field.mapping.states)}"
         )
     inputs = inputs_after(field, loaded.model.inputs, at, inputs_file)
-    for told in list_extrapolations(
-        loaded, {name: getattr(one, "values", one) for name, one in inputs.items()}
-    ):
-        click.echo(told, err=True)
+    _warn_of_extrapolation(loaded, inputs)
     recording, time = field.recordings[-1], None
     if duration:
         samples = max(duration / recording.step, 2.0)
@@ -316,8 +312,7 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     with show_progress():
         ahead = forecast_from(loaded, recording, time, window=window, inputs=inputs, seed=seed)
     print_rows(forecast_rows(ahead), as_json)
-    if loaded.status != "ok":
-        click.echo(f"Caution: status of the model: {loaded.verdict}", err=True)
+    _warn_of_status(loaded)
 
 
 @main.command()
@@ -364,7 +359,6 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
     """
     import numpy as np
 
-    from galloping.behaviour.assess import list_extrapolations
     from galloping.summary.driving import read_model_inputs, usual_sampling
 
     loaded = _answered(model)
@@ -389,15 +383,26 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
     else:
         raise ValueError(f"{model}: holds no initial state; say --initial")
     usual, often = usual_sampling(loaded.model, start, inputs)
-    for told in list_extrapolations(
-        loaded, {name: getattr(one, "values", one) for name, one in inputs.items()}
-    ):
-        click.echo(told, err=True)
+    _warn_of_extrapolation(loaded, inputs)
     duration, rate = duration or min(known, usual), rate or often
     rows = _simulated(model, loaded.model, start, rate, int(duration * rate + 1e-9), inputs)
     print_rows(rows, as_json)
-    if loaded.status != "ok":
-        click.echo(f"Caution: status of the model: {loaded.verdict}", err=True)
+    _warn_of_status(loaded)
+
+
+def _warn_of_extrapolation(model, inputs) -> None:
+    """Say on standard error which inputs lie outside the recorded range of a model."""
+    from galloping.behaviour.assess import list_extrapolations
+
+    values = {name: getattr(one, "values", one) for name, one in inputs.items()}
+    for told in list_extrapolations(model, values):
+        click.echo(told, err=True)
+
+
+def _warn_of_status(model) -> None:
+    """Say on standard error that a model is not `ok`."""
+    if model.status != "ok":
+        click.echo(f"Caution: status of the model: {model.verdict}", err=True)
 
 
 def _simulated(path, model, state, rate: float, last: int, inputs) -> Iterator[dict]:

@@ -19,6 +19,7 @@ from galloping.identification.preparation.smoothing import (
     distance_to,
     sampled_rates,
     unmeasured_displacements,
+    without_stuck_channels,
 )
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording
@@ -99,8 +100,7 @@ def without_offsets(
     """
     if given.rates is None:
         return recording
-    rates = given.rates.copy()
-    rates[:, ~(np.fmax.reduce(rates) > np.fmin.reduce(rates))] = np.nan  # of a sensor that is stuck
+    rates = without_stuck_channels(given.rates)
     difference = rates - _curve_slopes(recording, smoothed)
     ends = np.sort(np.append(smoothed.time[[0, -1]], smoothed.time[~smoothed.valid]))
     apart = distance_to(ends, recording.time)

@@ -17,6 +17,7 @@ from galloping.identification.preparation.smoothing import (
     shortest_period,
     smooth,
     with_integrals,
+    without_stuck_channels,
 )
 from galloping.identification.work import count_work
 from galloping.passes import passing
@@ -55,7 +56,7 @@ def without_faults(recording: Recording, period: float) -> Recording:
     """
     values, rates = recording.values.copy(), recording.rates
     if rates is not None:
-        rates = np.where(np.fmax.reduce(rates) > np.fmin.reduce(rates), rates, np.nan)
+        rates = without_stuck_channels(rates)
     for channel in values.T:
         good = np.isfinite(channel)
         least = max(5, 5e-4 * good.sum())  # a digital channel repeats some values by chance

@@ -332,6 +332,11 @@ def with_integrals(recording: Recording) -> Recording:
     return replace(recording, values=values)
 
 
+def without_stuck_channels(values: np.ndarray) -> np.ndarray:
+    """Return a copy of channels, (n, n_channels), with NaN for those that never vary."""
+    return np.where(np.fmax.reduce(values) > np.fmin.reduce(values), values, np.nan)
+
+
 def without_means(values: np.ndarray) -> np.ndarray:
     """Subtract its mean from each channel, (n, n_channels), NaN where missing."""
     known = np.isfinite(values)
