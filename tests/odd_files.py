@@ -231,6 +231,8 @@ READ: dict[str, tuple[Content, tuple[str, ...]]] = {
         dated("%H:%M:%S.%f", STAMPS + pd.Timedelta("11:59:50")), V, W), ()),
     "decimal_commas_told.csv": (lines("t;v;w", ";", ","), PLAIN),
     "decimal_commas_and_blanks_told.txt": (lines("t v w", " ", ","), PLAIN),
+    "decimal_commas_in_quotes.csv": (table("t,v,w", *(
+        [f'"{cell}"' for cell in commas(each)] for each in (TIME, V, W))), PLAIN),
     "sixteen.csv": (lines().encode("utf-16"), PLAIN),
     "windows_1252.csv": (lines("Zeit [s];Vertikalweg [µm];Querweg w [m]", ";", ",",
         v=1e6 * V).encode("cp1252"), ()),
@@ -322,6 +324,8 @@ READ: dict[str, tuple[Content, tuple[str, ...]]] = {
 REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "commas_of_thousands.csv": (lines("t [s];v [m];w [m]", ";", v=commas(1.5 + V, 3)), BY_NAME,
         ("row 2, column 'v': '1,500'", "say --decimal ,")),
+    "switch.csv": (lines(v=[str(v > 0.0) for v in V]), PLAIN,
+        ("column 'v'", "true and false, which are no motion")),
     "day_or_month.csv": (lines("time,v,w",
         t=[f"0{1 + k // 500}/05/2026 12:00:{k / 100 % 10:09.6f}" for k in range(1000)]), METRES,
         ("row 2, column 'time'", "day or month")),

@@ -209,6 +209,7 @@ likely(recording(), TERMS, forced=("x",)) | random force: 'x'; must be among q, 
 likely(recording(), TERMS, coefficients=[known("q")]) | coefficients: 'q'; must be an unknown
 likely(recording(), TERMS, coefficients=[known("dq", (0, 2))]) | coefficients: dq^2: not in the
 likely([DRIVEN, recording()], GUSTY.terms) | recordings: item 1 lacks the input U of the first
+likely(DRIVEN, GUSTY.terms) | terms: (0, 3, -1); U is 0 in a recording
 known("dq", (1, 0), -1) | coefficient: deviation: -1; must be a number from 0 up to 1e+100
 galloping.Prior(term=0.0) | prior: term: 0.0; {ODDS}
 galloping.Prior(nonlinear="small") | prior: nonlinear: 'small'; {ODDS}

@@ -67,7 +67,7 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
     whole = [k for k in plain if len(cells[k]) == columns]
     notes = []
     if decimal is None:
-        decimal = _find_decimal(c for k in whole for c in cells[k]) if separator != "," else "."
+        decimal = _find_decimal(c for k in whole for c in cells[k])
         if decimal == ",":
             notes.append("commas were read as decimal marks")
     first = _find_first_row(cells, plain, columns, decimal)
@@ -146,10 +146,9 @@ def _find_separator(
         columns, count = Counter(map(len, last)).most_common(1)[0]
         if columns > 1 and 2 * count > len(last):
             cells = [cell for row in last if len(row) == columns for cell in row if cell]
-            mark = decimal or ("." if separator == "," else None)
-            share = sum(_is_number(cell, mark) for cell in cells) / max(len(cells), 1)
+            share = sum(_is_number(cell, decimal) for cell in cells) / max(len(cells), 1)
             headed = any(
-                len(_without_end(row)) in (columns, columns + 1) and not _is_data(row, mark)
+                len(_without_end(row)) in (columns, columns + 1) and not _is_data(row, decimal)
                 for row in split
             )
             found.append((round(-2 * share), not headed, place, separator, columns))

@@ -156,6 +156,18 @@ class Condensed:
         own[:, rates] = self.functionals[:, rates, :, 1:3] * (self.step / np.array([1, 2]))
         return own
 
+    @cached_property
+    def motion(self) -> np.ndarray:
+        """Projections of the samples less their mean in each recording, shaped as `targets`."""
+        ones = self.samplings[..., 0]
+        sums = [
+            np.add.reduceat(np.sum(ones * each, axis=2), self.first[:-1])
+            for each in (self.targets, ones)
+        ]
+        means = sums[0] / np.maximum(sums[1], np.finfo(float).tiny)
+        own = np.repeat(means, np.diff(self.first), axis=0)
+        return self.targets - own[..., np.newaxis] * ones
+
 
 def rate_functionals(functionals: np.ndarray, step: float) -> np.ndarray:
     """Convert weights on a signal's Taylor coefficients to weights that act on its derivative."""

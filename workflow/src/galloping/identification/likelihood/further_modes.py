@@ -36,7 +36,7 @@ def find_further_modes(
     weights = condensed.samplings[:, :, 0, 0]
     for r, (a, b) in enumerate(pairwise(condensed.first)):
         for o, i in enumerate(condensed.observed):
-            left, data = residual[a:b, o, 0], condensed.targets[a:b, o, 0]
+            left, data = residual[a:b, o, 0], condensed.motion[a:b, o, 0]
             sampled = np.flatnonzero((weights[a:b, o] > 0.0) & np.isfinite(left))
             exact = np.linalg.norm(left[sampled]) < ROUNDING * np.linalg.norm(data)
             few = len(sampled) < max((b - a) / 2, NEIGHBOURS)

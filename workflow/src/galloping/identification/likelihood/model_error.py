@@ -72,14 +72,14 @@ class Approximation:
 
     @cached_property
     def forecast_squares(self) -> np.ndarray:
-        """Mean squares of the data and of the forecast errors, for each segment and channel.
+        """Mean squares of the motion and of the forecast errors, for each segment and channel.
 
         Shape (2, n_segments, n_observed).
         """
         first = self.fit.record.segments.first
         squares = [
             np.add.reduceat(np.sum(values**2, axis=2), first[:-1]) / np.diff(first)[:, None]
-            for values in (self.fit.record.condensed.targets, self.residual)
+            for values in (self.fit.record.condensed.motion, self.residual)
         ]
         return np.array(squares)
 
@@ -99,14 +99,10 @@ class Approximation:
         condensed = self.fit.record.condensed
         motion, error = np.zeros((2, len(condensed.observed)))
         for (a, b), noise in zip(pairwise(condensed.first), condensed.noise_variance, strict=True):
-            residual, ones = self.residual[a:b, :, 0], condensed.samplings[a:b, :, 0, 0]
-            about = np.sum(ones * condensed.targets[a:b, :, 0], axis=0)
-            about /= np.maximum(np.sum(ones**2, axis=0), np.finfo(float).tiny)
-            targets = condensed.targets[a:b, :, 0] - about * ones
-            motion += np.sum(targets**2, axis=0)
             with np.errstate(invalid="ignore"):  # forecasts may diverge
-                error += (b - a) * np.var(residual, axis=0)
-            error -= noise * np.count_nonzero(targets, axis=0)
+                error += (b - a) * np.var(self.residual[a:b, :, 0], axis=0)
+            error -= noise * np.count_nonzero(condensed.targets[a:b, :, 0], axis=0)
+            motion += np.sum(condensed.motion[a:b, :, 0] ** 2, axis=0)
         return np.sqrt(np.maximum(error, 0.0) / np.maximum(motion, np.finfo(float).tiny))
 
 

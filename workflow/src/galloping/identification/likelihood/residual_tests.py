@@ -100,9 +100,7 @@ def diagnose_residuals(
         for o in range(residual.shape[1]):
             series = residual[a:b, o, 0]
             sampled = np.count_nonzero(series)
-            ones, data = condensed.samplings[a:b, o, 0, 0], condensed.targets[a:b, o, 0]
-            data = data - ones * (ones @ data) / max(ones @ ones, np.finfo(float).tiny)
-            exact = np.linalg.norm(series) < ROUNDING * np.linalg.norm(data)
+            exact = np.linalg.norm(series) < ROUNDING * np.linalg.norm(condensed.motion[a:b, o, 0])
             if b - a < 4 * NEIGHBOURS or sampled < NEIGHBOURS or exact:
                 continue
             power = np.abs(np.fft.rfft(series)[1:]) ** 2 / sampled
