@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from galloping import Input, Recording, maximum_likelihood, polynomial_library
+from galloping import (
+    Input,
+    PolynomialModel,
+    Recording,
+    maximum_likelihood,
+    measure,
+    polynomial_library,
+    simulate,
+)
+from galloping.identification.observations import Code
 from galloping.identification.preparation.screening import smooth_without_outliers
 from galloping.identification.prior_knowledge import Coefficient
 
@@ -91,3 +100,19 @@ def test_a_coefficient_that_only_the_prior_tells_has_the_error_of_the_prior() ->
     found = maximum_likelihood(recording, ((0,), (1,), (3,)), coefficients=prior)
     assert found.model.coefficients[0, 2] == pytest.approx(2.0, rel=1e-3)
     assert found.standard_errors[0, 2] == pytest.approx(0.5, rel=1e-3)
+
+
+@pytest.mark.parametrize("resolution", [0.0, 0.01])
+def test_a_recording_at_rest_changes_nothing_beside_a_motion(resolution: float) -> None:
+    time = np.arange(1500) * 0.04
+    model = PolynomialModel(STATES, ((1, 0), (0, 1), (0, 3)), [[0, 1, 0], [-4, -0.05, -0.05]])
+    moves = measure(model, simulate(model, [1.5, 0.0], time), level=0.03, seed=5)
+    noise = 0.3 * resolution * np.random.default_rng(6).standard_normal(moves.values.shape)
+    steps = np.round(noise / resolution) * resolution if resolution else noise
+    alone, beside = (
+        maximum_likelihood(own, CUBIC) for own in ([moves], [moves, Recording(time, STATES, steps)])
+    )
+    assert alone.status == beside.status == "ok"
+    np.testing.assert_allclose(beside.model.coefficients, alone.model.coefficients, atol=1e-3)
+    codes = {(finding.code, finding.recording) for finding in beside.findings}
+    assert ((Code.CAME_TO_REST, 1) in codes) == (resolution == 0.0)

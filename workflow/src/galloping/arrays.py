@@ -125,6 +125,12 @@ def round_up(number: float) -> int:
     return int(np.ceil(number - TIME_ROUNDING))
 
 
+def finest_step(values: NDArray[np.float64]) -> float:
+    """Return the least difference between two different finite values, 0 if there are none."""
+    steps = np.diff(np.unique(values[np.isfinite(values)]))
+    return float(steps.min()) if len(steps) else 0.0
+
+
 def first_from(time: NDArray[np.float64], moments: ArrayLike) -> NDArray[np.int_]:
     """Return, for each given time, the index of the first sample at or after that time.
 

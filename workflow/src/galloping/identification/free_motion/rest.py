@@ -13,7 +13,7 @@ from itertools import chain
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
-from galloping.arrays import one_thread
+from galloping.arrays import finest_step, one_thread
 from galloping.identification.free_motion.damped_modes import Stretch
 from galloping.identification.free_motion.mode_search import strongest_mode
 from galloping.identification.observations import Code, Finding, Severity
@@ -127,19 +127,26 @@ def moving_recordings(recordings: Sequence[Recording], terms: Sequence[Exponents
     """Remove the rest before and after the motion from recordings.
 
     Recordings of systems without a velocity, those with inputs and those of exact states are
-    unchanged. terms: the library. If it has a function sign(u), the motion may stick, and the rest
-    after it is part of it.
+    unchanged. A recording in which no channel varies is left out beside others. terms: the library.
+    If it has a function sign(u), the motion may stick, and the rest after it is part of it.
     """
     may_stick = any(isinstance(own, Function) and own.name == "sign" for own in chain(*terms))
     found: list[Recording] = []
     until_rest: list[Recording] = []
     origins: list[int] = []
     findings: list[Finding] = []
+    may_rest = [
+        not (each.inputs or each.exact) and bool(velocity_pairs(each.states)) for each in recordings
+    ]
+    still = [own and not _varies(each) for own, each in zip(may_rest, recordings, strict=True)]
     for index, recording in enumerate(recordings):
         whole = [MovingPart(slice(0, len(recording.time)))]
-        if not (recording.inputs or recording.exact) and velocity_pairs(recording.states):
-            rates = [] if recording.rates is None else [recording.rates]
-            whole = moving_parts(recording.time, np.hstack([recording.values, *rates]))
+        if still[index] and not all(still):
+            rest = MovingPart(slice(0, 1), rests_until=len(recording.time) - 1)
+            findings += _rest_findings(recording.time, rest, index)
+            continue
+        if may_rest[index]:
+            whole = moving_parts(recording.time, _all_channels(recording))
         for part in whole:
             until_rest.append(_select_rows(recording, part.rows))
             if may_stick and part.rests_until is not None:
@@ -149,6 +156,15 @@ def moving_recordings(recordings: Sequence[Recording], terms: Sequence[Exponents
             origins.append(index)
             findings += _rest_findings(recording.time, part, index)
     return Moving(found, until_rest, origins, tuple(findings))
+
+
+def _all_channels(recording: Recording) -> np.ndarray:
+    rates = [] if recording.rates is None else [recording.rates]
+    return np.hstack([recording.values, *rates])
+
+
+def _varies(recording: Recording) -> bool:
+    return len(_fill_gaps(recording.time, _all_channels(recording))[0]) > 0
 
 
 def _select_rows(recording: Recording, rows: slice) -> Recording:
@@ -176,7 +192,7 @@ def _fill_gaps(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.nda
         known = np.isfinite(column)
         if np.count_nonzero(known) >= MIN_WINDOW and np.ptp(column[known]) > 0.0:
             found.append(np.interp(time, time[known], column[known]))
-            resolutions.append(np.diff(np.unique(column[known])).min())
+            resolutions.append(finest_step(column))
     return np.array(found).reshape(-1, len(time)), np.array(resolutions)[:, np.newaxis]
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.arrays import TIME_ROUNDING, round_down
+from galloping.arrays import TIME_ROUNDING, finest_step, round_down
 from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import (
@@ -87,14 +87,17 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
     """Smooth a recording, remove samples far from the smooth curves, and return both.
 
     Far is 5.5 robust standard deviations, which Gaussian noise exceeds once in 30 million samples,
-    and well above the accuracy of the curve itself; the curve is fitted again until none is left.
-    The deviation is that of the channel and also that of the samples within some four periods, as
-    noise may vary with the signal. Raises IdentificationError if more than a tenth of the samples
-    of a channel would be removed.
+    and well above the accuracy of the curve itself and the resolution of the channel; the curve is
+    fitted again until none is left. The deviation is that of the channel and also that of the
+    samples within some four periods, as noise may vary with the signal. Raises IdentificationError
+    if more than a tenth of the samples of a channel would be removed.
     """
     before = np.isfinite(recording.values).sum(axis=0)
     smoothed = smooth(recording, period)
-    floor = 1e-3 * np.ptp(smoothed.states, axis=0)  # accuracy while outliers pull the curve
+    floor = np.maximum(
+        1e-3 * np.ptp(smoothed.states, axis=0),  # accuracy while outliers pull the curve
+        [finest_step(channel) / np.sqrt(12.0) for channel in recording.values.T],
+    )
     while True:
         far = np.zeros(recording.values.shape, bool)
         for k, gap in enumerate(np.abs(smoothed.residual.T)):
