@@ -195,7 +195,7 @@ def test_a_driven_system_is_identified_by_one_command(driven):
     assert {name for name, value in row.items() if value} == {"y", "dy", "u"}
     assert row["u"] == pytest.approx(1.5, rel=0.01) and row["dy"] == pytest.approx(-0.2, rel=0.05)
     rows = json.loads(run("show", folder / "out" / "model.json", "--json"))
-    assert [r["unit"] for r in rows if r["term"] == "u" and r["equation"] == "dy"] == ["s^-1 N^-1"]
+    assert [r["unit"] for r in rows if r["term"] == "u" and r["equation"] == "dy"] == ["s^-2 N^-1"]
     said = json.loads((folder / "said.json").read_text(encoding="utf-8"))
     assert (said["status"], said["inputs"], said["coefficients"]) == ("ok", {"u": "N"}, rows)
     assert all(Path(path).exists() for path in said["files"].values()) and said["files"]

@@ -96,7 +96,8 @@ NONE = (0.0, -0.003, 0.003)
         ((UNSURE, DIES), "cycle", "**Whether small vertical motions grow or die out is not"),
         ((DIES, DIES), "cycle", "small motions of the line die out, and larger ones go on**"),
         ((DIES, DIES), "rest", "**As recorded, the line does not gallop.** Small motions die out."),
-        ((NONE, NONE), "cycle", "small motions of the line neither grow nor die out**: "),
+        ((NONE, NONE), "repeats", "small motions of the line neither grow nor die out**: "),
+        ((NONE, NONE), "rest", "The motion dies out, by friction or by terms of higher degree"),
         ((NONE, DIES), "cycle", "**Whether small vertical motions grow or die out is not known**"),
         ((GROWS, UNSURE), "cycle", "**As recorded, the line gallops.** Small motions grow: vert"),
         ((GROWS, GROWS), "diverged", "How far it grows is unknown: in simulation the motion"),
@@ -105,13 +106,15 @@ NONE = (0.0, -0.003, 0.003)
 def test_whether_a_line_gallops_is_one_line_of_a_summary(summary, damping, kind, said):
     values = {state: Value(*each) for state, each in zip(("q_v", "q_w"), damping, strict=True)}
     known = replace(summary.dynamics, damping=values, kind=kind)
+    if kind == "repeats":  # on no limit cycle
+        known = replace(known, kind="cycle", period=None)
     outcome = str(replace(summary, dynamics=known)).splitlines()[4]
     assert said in outcome and "  " not in outcome
 
 
 def test_a_motion_that_keeps_its_size_may_be_galloping(summary):
     values = {state: Value(*NONE) for state in ("q_v", "q_w")}
-    known = replace(summary.dynamics, damping=values)
+    known = replace(summary.dynamics, damping=values, period=None)
     found = replace(summary.found, status="not identifiable", findings=())
     text = str(replace(summary, dynamics=known, found=found))
     assert "the amplitude is constant, as far as the samples show" in text

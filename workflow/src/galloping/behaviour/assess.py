@@ -24,6 +24,8 @@ from galloping.behaviour.dynamics import (
     LARGER,
     ROUNDING,
     Value,
+    assign_states,
+    farthest_start,
     find_equilibrium,
     undetected_damping,
 )
@@ -42,6 +44,7 @@ from galloping.model.intervals import (
 )
 from galloping.model.polynomial import PolynomialModel, velocity_pairs
 from galloping.passes import passing
+from galloping.readers.units import is_span
 
 KICK = 1e-2  # of the size of the motion, from an equilibrium
 BEYOND = 2.5  # sizes of the motion: how far from its middle equilibria are looked for
@@ -76,8 +79,8 @@ def assess(
     Raises
     ------
     ValueError
-        If there is no model, an input has no value, or a value has the opposite sign of nearly all
-        recorded values and is far from them (`list_extrapolations`).
+        If there is no model, an input has no value, or an input of a span has the opposite sign of
+        nearly all recorded values and is far from them (`list_extrapolations`).
     """
     if found.status == "refused":
         raise ValueError(f"there is no model to assess: {found.reason}")
@@ -115,8 +118,8 @@ def list_extrapolations(
     """Return a note on each input whose requested values lie outside the recorded range.
 
     The range is that of nine tenths of the recorded values. at: one value or several of each input.
-    Raises ValueError for a value that has the other sign than nearly all recorded ones and is
-    further from them than their range is wide: no wind blows at -5 m/s.
+    Raises ValueError for an input of a span that has the other sign than nearly all recorded values
+    and is further from them than their range is wide: no wind blows at -5 m/s.
     """
     said = []
     for name, values in at.items():
@@ -126,7 +129,8 @@ def list_extrapolations(
         least, most = float(np.nanmin(values)), float(np.nanmax(values))
         recorded = f"90 % of the recorded values lie between {low:.3g} and {high:.3g}"
         for value, bound, sign in ((least, low, 1.0), (most, high, -1.0)):
-            if sign * bound >= 0.0 > sign * value and sign * (bound - value) > high - low:
+            far = sign * bound >= 0.0 > sign * value and sign * (bound - value) > high - low
+            if far and is_span(found.model.states):
                 wanted = "0 or more" if sign > 0 else "0 or less"
                 raise ValueError(f"{name} = {value:g}: {recorded}; must be {wanted}")
         if least < low or most > high:
@@ -157,11 +161,19 @@ class _Drawn:
     @classmethod
     def of(cls, found: IdentifiedModel, seed: int) -> "_Drawn":
         """Draw models from an identified model."""
-        known = found.initial_states[np.isfinite(found.initial_states).all(axis=1)]
-        recorded = {name: ends for name in found.model.states if (ends := found.recorded(name))}
+        states, starts = found.model.states, found.initial_states
+        known = starts[np.isfinite(starts).all(axis=1)]
+        recorded = {name: ends for name in states if (ends := found.recorded(name))}
+        extent = np.array([recorded.get(name, (0.0, 0.0)) for name in states])
         # without known states the largest recorded ones, or 1 in their units: not an equilibrium
-        largest = np.array([max(recorded.get(n, (0.0,)), key=abs) for n in found.model.states])
-        start = known[-1] if len(known) else largest if largest.any() else np.ones(len(largest))
+        start = extent[np.arange(len(extent)), np.abs(extent).argmax(axis=1)]
+        if len(known):
+            sizes = np.ptp(extent, axis=1)
+            sizes = np.where(sizes > 0.0, sizes, np.abs(known).max(axis=0))
+            sizes = np.maximum(sizes, np.finfo(float).tiny)
+            start = farthest_start(known, extent.mean(axis=1), sizes)
+        elif not start.any():
+            start = np.ones(len(states))
         rng = np.random.default_rng(seed)
         draws = draw_models_and_rivals(found, rng)
         small = add_higher_degree_effects(draws, found, rng)
@@ -329,9 +341,17 @@ def _motion_extent(
         estimate_missing_sizes(size, model, middle),
         list(velocity_pairs(model.states).values()),
     )
-    for own in (velocities, np.setdiff1d(np.arange(len(size)), velocities)):
+    if not is_span(model.states):  # whose states may have any units
+        return middle, np.maximum(size, LEAST * np.abs(start - middle))
+    for own in (velocities, _positions(model)):
         size[own] = np.maximum(size[own], LEAST * size[own].max(initial=0.0))
     return middle, size
+
+
+def _positions(model: PolynomialModel) -> list[int]:
+    """List the states that are no velocities of others."""
+    velocities = velocity_pairs(model.states).values()
+    return [k for k in range(len(model.states)) if k not in velocities]
 
 
 def find_equilibria(
@@ -342,7 +362,7 @@ def find_equilibria(
     They are (n_states,) each, within BEYOND times `size` of `middle`.
     """
     pairs = velocity_pairs(model.states)
-    own = list(pairs) or list(range(len(model.states)))
+    own = _positions(model)
     shares = (-BEYOND, -1.0, 0.0, 1.0, BEYOND) if len(own) < 4 else (-1.0, 0.0, 1.0)
     found: list[np.ndarray] = []
     for steps in list(product(shares, repeat=len(own)))[:MOST_STARTS]:
@@ -369,11 +389,11 @@ def _describe_equilibrium(of: _Drawn, rest: np.ndarray, size: np.ndarray) -> Res
             places.append(at.x)
             matched.append(own[order])
     pairs = velocity_pairs(best.states)
-    shown = list(pairs) or list(range(len(best.states)))
+    shown = _positions(best)
     order = [k for k in np.argsort(np.abs(values)) if values[k].imag >= 0]
     shares = np.abs(vectors[np.ix_(shown, order)]) / size[shown, np.newaxis]
     modes = []
-    for k, place in zip(order, _assign_states(shares), strict=True):
+    for k, place in zip(order, assign_states(shares), strict=True):
         state = best.states[shown[place]]
         rate, own = values[k], np.array([each[k] for each in matched])
         if rate.imag > 0:
@@ -410,21 +430,10 @@ def _damping_ratios(rates: np.ndarray) -> np.ndarray:
     return np.where(np.abs(ratios) < ROUNDING, 0.0, ratios)
 
 
-def _assign_states(shares: np.ndarray) -> np.ndarray:
-    """Choose the state that names each mode: each another one if there are as many.
-
-    shares: (n_states, n_modes), how much each state moves in a mode, relative to the motion.
-    """
-    if shares.shape[0] != shares.shape[1]:
-        return np.argmax(shares, axis=0)
-    shares = shares / np.maximum(shares.sum(axis=0), np.finfo(float).tiny)
-    return linear_sum_assignment(shares.T, maximize=True)[1]
-
-
 def _describe_cycle(of: _Drawn, point: Point) -> Cycle:
     states, kept = of.model.states, find_nearby_cycles(of.draws, point.solution, of.model)
     found = len(kept) / len(of.draws)
-    shown = list(velocity_pairs(states)) or list(range(len(states)))
+    shown = _positions(of.model)
     ends = intervals(kept, len(states))
     half = point.solution.half_range()
     sizes = {states[i]: Value.of(half[i], ends[:, i]) for i in shown}

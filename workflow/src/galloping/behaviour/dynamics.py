@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import OptimizeResult, root
+from scipy.optimize import OptimizeResult, linear_sum_assignment, root
 
 from galloping.arrays import Immutable
 from galloping.behaviour.following import half_ranges, simulator_of
@@ -97,6 +97,16 @@ class Surroundings(Immutable):
         return found.x if found.success and inside else None
 
 
+def farthest_start(starts: np.ndarray, middle: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Return the known initial state that is farthest from the middle of a motion.
+
+    Larger motions may go on where smaller ones die out. starts: (n_recordings, n_states), NaN where
+    unknown. middle, sizes: (n_states,) of the motion. The last start if none is known.
+    """
+    distances = np.linalg.norm((starts - middle) / sizes, axis=1)
+    return starts[np.nanargmax(distances)] if np.isfinite(distances).any() else starts[-1]
+
+
 def find_equilibrium(
     model: PolynomialModel, start: np.ndarray, sizes: np.ndarray
 ) -> OptimizeResult:
@@ -176,9 +186,9 @@ def dynamics(
     )
     rest = {} if np.isnan(best[0]).any() else rest
     damping |= _undamped_intervals(identified, pairs, frequencies, damping)
-    simulator, start = simulator_of(model), identified.initial_states[-1]
     pace, sizes = Pace.of(model, around.middle), around.sizes(model)
-    motion = settle_in_periods(simulator, model, start, pace, sizes)
+    start = farthest_start(identified.initial_states, around.middle, sizes)
+    motion = settle_in_periods(simulator_of(model), model, start, pace, sizes)
     if motion.kind != "cycle":
         return Dynamics(rest, frequencies, damping, motion.kind, None, {})
     point = find_cycle_from_motion(constant(model, sizes), 0.0, motion)
@@ -238,7 +248,10 @@ def _free_and_linear(
         }
         for k in range(3)
     )
-    kind = "diverged" if np.nanmin(best[2]) < 0.0 else "rest"
+    if np.nanmin(best[2]) < -ROUNDING:
+        kind = "diverged"
+    else:
+        kind = "rest" if np.nanmax(best[2]) > ROUNDING else "cycle"
     rest = {} if np.isnan(best[0]).any() else rest
     further = _of_further_modes(identified)
     return Dynamics(rest, frequencies | further[0], damping | further[1], kind, None, {})
@@ -352,12 +365,17 @@ def _linear_properties(
         return result
     result[0] = rest[list(pairs)]
     modes, sizes = model.small_motions(rest).oscillations(), around.sizes(model)[:, np.newaxis]
-    free = list(range(len(modes.values)))
-    for k, i in enumerate(pairs):
-        if not free:
-            break
-        moved = modes.shapes[:, free] / sizes
-        shares = np.abs(moved[i]) / np.linalg.norm(moved[list(pairs)], axis=0)
-        mode = free.pop(int(np.argmax(shares)))
-        result[1:, k] = modes.omega[mode] / (2 * np.pi), modes.damping[mode]
+    states = assign_states(np.abs(modes.shapes / sizes)[list(pairs)])
+    result[1:, states] = modes.omega / (2 * np.pi), modes.damping
     return result
+
+
+def assign_states(shares: np.ndarray) -> np.ndarray:
+    """Choose the state that names each mode: each another one, unless there are more modes.
+
+    shares: (n_states, n_modes), how much each state moves in a mode, relative to the motion.
+    """
+    if shares.shape[0] < shares.shape[1]:
+        return np.argmax(shares, axis=0)
+    shares = shares / np.maximum(np.linalg.norm(shares, axis=0), np.finfo(float).tiny)
+    return linear_sum_assignment(shares.T, maximize=True)[1]

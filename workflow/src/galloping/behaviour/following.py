@@ -272,6 +272,8 @@ def first_guess(recording: Recording, begin: int) -> np.ndarray:
         elif k in displacement:
             source = recording.values[:, displacement[k]]
             known = np.isfinite(source)
+            if np.count_nonzero(known) <= FEWEST:
+                continue
             away = np.abs(time[known] - time[begin])
             within = max(
                 SLOPE / 2 * shortest_period([recording]), np.partition(away, FEWEST)[FEWEST]

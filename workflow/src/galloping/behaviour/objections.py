@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from math import floor, log10
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from galloping.arrays import first_from
 from galloping.behaviour.dynamics import Surroundings, dynamics
 from galloping.behaviour.following import Following
 from galloping.identification.identified_model import LITTLE_TOLD, IdentifiedModel
+from galloping.identification.inputs import FEWEST
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.observations import Code, Finding
 from galloping.identification.random_forces.start import amplitude_fluctuates
@@ -137,7 +139,8 @@ def _find_changes(
 
 
 def _list_spans(parts: Sequence[Recording]) -> str:
-    ends = ((float(f"{end:.3g}") for end in part.time[[0, -1]]) for part in parts)
+    digits = 2 - floor(log10(min(np.ptp(part.time) for part in parts)))
+    ends = ((round(float(end), digits) for end in part.time[[0, -1]]) for part in parts)
     return ", ".join(f"{first:g} to {last:g} s" for first, last in ends)
 
 
@@ -148,7 +151,8 @@ def _changing_at_random(
 
     Its halves then differ by more than UNLIKE standard errors.
     """
-    if identified.model.inputs or np.ptp(recording.time) < 2 * LEAST_PERIODS * period:
+    is_short = np.ptp(recording.time) < 2 * LEAST_PERIODS * period
+    if identified.model.inputs or is_short or len(recording.time) < 2 * FEWEST:
         return []
     middle, model = len(recording.time) // 2, identified.model
     halves, told = [recording[:middle], recording[middle:]], []
@@ -280,7 +284,8 @@ def difference(
     The recordings, or parts of one recording, were identified together. An exact model has no
     errors: recordings that one model follows are of one system.
     """
-    if together.status not in ("approximate", "refused") or len(parts) < 2:
+    is_exact = together.status not in ("approximate", "refused")
+    if is_exact or len(parts) < 2 or min(len(part.time) for part in parts) < FEWEST:
         return None
     alone = [identify([part]) for part in parts]
     if any(each.status == "refused" for each in alone):

@@ -76,7 +76,8 @@ def split_recording(recording: Recording, period: float) -> list[Recording]:
         if len(part) >= FEWEST and np.ptp(recording.time[part]) >= LEAST * period
     ]
     if driven.all() and ((told.all() and len(parts) == 1) or not long):
-        return [recording]
+        is_whole = not len(rows) or rows[-1] - rows[0] + 1 == len(recording.time)
+        return [recording if is_whole else recording[rows[0] : rows[-1] + 1]]
     if not long:
         raise ValueError(
             f"inputs: {', '.join(recording.inputs)}: nowhere are all known for {LEAST} periods "

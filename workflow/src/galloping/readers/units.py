@@ -2,14 +2,14 @@
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from galloping.model.polynomial import Exponents
+from galloping.model.polynomial import Exponents, velocity_pairs
 from galloping.readers.unit_definitions import DEFINITIONS, PREFIXES
 
 AMOUNT = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)?\s*(.*)", re.DOTALL)
@@ -226,6 +226,11 @@ def meaning(target: str) -> str:
     return f"{DIRECTION[stem]} {KIND[order]}" if stem in DIRECTION and order < len(KIND) else ""
 
 
+def is_span(states: Iterable[str]) -> bool:
+    """Decide from their names whether states are those of a span of an overhead line."""
+    return any(map(meaning, states))
+
+
 def state_unit(name: str) -> str:
     """Return the SI unit of a state by its name: m for `q_v`, m/s for `dq_v`, `1` if unknown."""
     stem = name.lstrip("d")
@@ -289,8 +294,15 @@ def coefficient_unit(
     exponents: of a term, with its functions. names: of states and inputs. inputs: the unit of each,
     '' if unknown, which is written as [U].
     """
-    _, metres, seconds = USUAL[state_unit(state)]
-    powers = Counter(m=metres, s=seconds - 1)
+    states = tuple(name for name in names if name not in inputs)
+    velocities = {states[k] for k in velocity_pairs(states).values()}
+
+    def symbols(name: str) -> dict[str, int]:
+        unit = state_unit(name)
+        return {"s": -1} if unit == "1" and name in velocities else _unit_symbols(unit)
+
+    powers = Counter({"m": 0, **symbols(state)})
+    powers["s"] -= 1
     factors = list(zip(names, exponents, strict=False))
     degree = {"abs": 1, "inverse": -1}  # the value of another function is a pure number
     for function in exponents[len(names) :]:
@@ -300,7 +312,7 @@ def coefficient_unit(
         if power and name in inputs:
             own = _unit_symbols(inputs[name]) if inputs[name] else {f"[{name}]": 1}
         else:
-            own = _unit_symbols(state_unit(name))
+            own = symbols(name)
         powers.subtract({symbol: power * each for symbol, each in own.items()})
     parts = [f"{symbol}^{power}" for symbol, power in powers.items() if power]
     return " ".join(parts).replace("^1 ", " ").removesuffix("^1") or "1"

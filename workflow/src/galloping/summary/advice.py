@@ -11,9 +11,8 @@ from galloping.evaluation.bounds import Experiment, bound_of, information
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code
 from galloping.model.polynomial import term_name, velocity_pairs
-from galloping.readers.units import coefficient_unit, state_unit
+from galloping.readers.units import coefficient_unit, is_span, state_unit
 from galloping.recording.samples import Recording
-from galloping.summary.helps import is_span
 
 FARTHER = 1.5  # times the largest displacement from rest that was recorded
 FARTHEST = 2.0  # times the same, to which a release may lead: the model tells no motion beyond
@@ -52,8 +51,11 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
     if driven or repeats or not exact or not np.isfinite(identified.sigma[-1]).any():
         return None
     model, states = identified.model, identified.model.states
-    free = np.argwhere(identified.support)
-    before = np.linalg.inv(identified.covariance)
+    is_free = np.diag(identified.covariance) > 0.0
+    if not is_free.any():
+        return None
+    free = np.argwhere(identified.support)[is_free]
+    before = np.linalg.inv(identified.covariance[np.ix_(is_free, is_free)])
     now = bound_of(model, free, before)
     weakest = int(np.argmin(now.t))
     if not np.isfinite(now.std[weakest]):  # lost in rounding
@@ -96,8 +98,8 @@ def _list_options(
     around = Surroundings.of([recording])
     rest = around.middle if (found := around.rest(identified.model)) is None else found
     twice = first.time[1] * np.arange(2 * len(first.time))
-    # no line is made to start as it did
-    again = "another event like this one" if is_span(identified) else "the same motion again"
+    of_span = is_span(states)  # no line is made to start as it did
+    again = "another event like this one" if of_span else "the same motion again"
     options = {
         again: first,
         f"{again}, twice as long": replace(first, time=twice),
@@ -107,7 +109,7 @@ def _list_options(
     bounded = np.all(np.isfinite(motion[-1]))
     if bounded:
         options["the time after this one"] = replace(first, initial_state=motion[-1])
-    released = () if is_span(identified) else pairs or range(len(states))  # nobody pulls at a line
+    released = () if of_span else pairs or range(len(states))  # nobody pulls at a line
     for k in released:
         if np.isfinite(recording.values[:, k]).any():
             recorded = np.nanmax(np.abs(recording.values[:, k] - rest[k]))

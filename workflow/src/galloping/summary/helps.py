@@ -7,7 +7,7 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code, Finding
 from galloping.identification.sentences import explain
 from galloping.inspection.quality import finding_of
-from galloping.readers.units import meaning
+from galloping.readers.units import is_same_quantity, is_span
 
 if TYPE_CHECKING:
     from galloping.summary.summarise import Summary
@@ -27,7 +27,7 @@ KNOWN = 0.01  # standard error of a coefficient that no further recording needs 
 def what_helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
     """List advice on how to improve an identified model, the most useful first."""
     problems = [finding_of(problem) for report in reports for problem in report["problems"]]
-    span, units = is_span(of.found), units_in(reports)
+    span, units = is_span(of.found.model.states), units_in(reports)
     helps = [more for _, more in meanings_and_advice(problems, span) if more]
     if of.found.status == "refused" and (alone := _alone(reports)):
         helps.insert(0, f"a model without {alone}, which has no motion of its own (`--states`)")
@@ -116,12 +116,9 @@ def shown_units(units: Mapping[str, str]) -> dict[str, str]:
 
 def may_be_wind(found: IdentifiedModel, units: Mapping[str, str]) -> bool:
     """Decide whether the inputs of a span's model may be wind speeds, with the unit m/s."""
-    return is_span(found) and all(units.get(n, "m/s") == "m/s" for n in found.model.inputs)
-
-
-def is_span(found: IdentifiedModel) -> bool:
-    """Decide from its state names whether a model describes a span of an overhead line."""
-    return any(map(meaning, found.model.states))
+    return is_span(found.model.states) and all(
+        is_same_quantity(units.get(name, "m/s"), "m/s") for name in found.model.inputs
+    )
 
 
 def listed(parts: Iterable[str]) -> str:

@@ -237,7 +237,13 @@ def compute_numbers(
 
 
 def is_undamped(known: Dynamics) -> bool:
-    """Decide whether the damping of all modes is zero, so that no motion grows or decays."""
+    """Decide whether no motion grows or decays: each repeats, with any amplitude."""
+    repeats = known.kind == "cycle" and known.period is None
+    return repeats and is_linearly_undamped(known)
+
+
+def is_linearly_undamped(known: Dynamics) -> bool:
+    """Decide whether the damping of all small motions is zero."""
     return all(abs(value.value) < ROUNDING for value in known.damping.values())
 
 

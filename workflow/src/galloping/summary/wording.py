@@ -14,10 +14,9 @@ from galloping.behaviour.dynamics import LARGER, ROUNDING, Value
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code
 from galloping.inspection.noticed import envelope_rows, sentences_of
-from galloping.readers.units import meaning, plain_unit
+from galloping.readers.units import is_span, meaning, plain_unit
 from galloping.recording.samples import Recording
 from galloping.summary.helps import (
-    is_span,
     listed,
     may_be_wind,
     meanings_and_advice,
@@ -34,6 +33,7 @@ from galloping.summary.numbers import (
     SummaryNumbers,
     SystemEstimates,
     is_damping_undetermined,
+    is_linearly_undamped,
     is_undamped,
 )
 
@@ -82,7 +82,7 @@ def render_summary(of: "Summary", told: SummaryNumbers, reports: Sequence[dict] 
     described = [*map(report_text, reports)] or [*map(repr, of.recordings)]
     unused = [f"{name!r} of {report['file']}" for report in reports
               for name in report.get("unused_motion", ())]  # fmt: skip
-    of_span, units = is_span(found), units_in(reports)
+    of_span, units = is_span(found.model.states), units_in(reports)
     further = [one.name for one in found.further_modes]
     line = "the line" if of_span else "the system"
     values = {
@@ -104,6 +104,7 @@ def render_summary(of: "Summary", told: SummaryNumbers, reports: Sequence[dict] 
         "repeats": found.has_finding(Code.MOTION_REPEATS),
         "rested": found.has_finding(Code.RELEASED, Code.CAME_TO_REST),
         "keeps": known is not None and is_undamped(known),
+        "rubs": known is not None and known.kind == "rest" and is_linearly_undamped(known),
         "blind": known is not None and is_damping_undetermined(found, known),
         "mixed": found.has_finding(*PARTS_DIFFER),
         "margins": _margins(known, of.recordings, found) if found.is_forced and known else [],
@@ -185,7 +186,7 @@ def _template(name: str) -> Template:
         "bullets": lambda lines: "\n".join(f"- {line}" for line in lines),
         "cells": lambda of: " | ".join(_cells(of)),
         "digits": lambda number, state="": f"{number:.3g} {plain_unit(state)}".strip(),
-        "end": lambda kind: RUNS_AWAY if kind.startswith("diverged") else ENDS.get(kind, kind),
+        "end": lambda kind: ENDS.get(kind.partition(":")[0], RUNS_AWAY),
         "escape": escape_markdown,
         "extent": extent_in_words,
         "growth": _growth,
