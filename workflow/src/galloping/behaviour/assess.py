@@ -6,7 +6,7 @@ those of models drawn with the covariance of the coefficients.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -108,8 +108,8 @@ def assess(
     of = _Drawn.of(found, seed)
     if len(values) < 2:
         return Assessment((_assess_condition(of, held),), notes=tuple(notes))
-    conditions, onsets, more = _assess_range(of, held, along, values)
-    return Assessment(conditions, along, (values[0], values[-1]), onsets, (*more, *notes))
+    found_along = _assess_range(of, held, along, values)
+    return replace(found_along, notes=(*found_along.notes, *notes))
 
 
 def list_extrapolations(
@@ -187,6 +187,15 @@ class _Drawn:
         )
         return replace(self, model=self.model.at(held), draws=draws, small=small)
 
+    def extent(self, model: PolynomialModel, motion: Settled) -> tuple[np.ndarray, np.ndarray]:
+        """Compute middle and size, (n_states,) each, of the motion of a model from the start.
+
+        The size is at least half the recorded range.
+        """
+        middle, size = _motion_extent(model, motion, self.start)
+        ends = [self.recorded.get(name, (0.0, 0.0)) for name in model.states]
+        return middle, np.maximum(size, np.ptp(ends, axis=1) / 2.0)
+
 
 def _assess_condition(
     of: _Drawn, at: Mapping[str, float], known: Sequence[Point] = ()
@@ -198,7 +207,7 @@ def _assess_condition(
     here = of.at(at)
     best, begin = here.model, here.start
     motion = _settle_motion(best, begin)
-    middle, size = _motion_extent(best, motion, begin)
+    middle, size = here.extent(best, motion)
     rests = find_equilibria(best, middle, size)
     largest = CEILING * size  # no model holds of larger motions
     for k, name in enumerate(best.states):
@@ -237,18 +246,26 @@ def _add_cycle(cycles: list[Point], point: Point, size: np.ndarray) -> None:
 
 def _assess_range(
     of: _Drawn, at: Mapping[str, float], along: str, values: np.ndarray
-) -> tuple[tuple[Condition, ...], tuple[Onset, ...], list[str]]:
-    """Assess every value of a range, with limit cycles followed along the range."""
+) -> Assessment:
+    """Assess every value of a range, with limit cycles followed along the range.
+
+    The equilibrium is followed from the first value that has one.
+    """
     of = of.at(at)
-    best, span = of.model.at({along: float(values[0])}), Range(values[0], values[-1])
-    middle, size = _motion_extent(best, _settle_motion(best, of.start), of.start)
-    family = _make_family(of.model, along, size)
-    rests = find_equilibria(best, middle, size)
-    found, notes = None, [] if rests else [f"no rest at {along} = {values[0]:g}"]
-    if rests:
-        rest = min(rests, key=lambda each: np.linalg.norm((each - middle) / size))
-        found, notes = _follow_branches(family, span, rest, of.start, along)
-    onsets = tuple(_find_onsets(found, of, family, span, rest)) if found else ()
+    found, notes = None, []
+    onsets: tuple[Onset, ...] = ()
+    for low in values[:-1].tolist():
+        best, span = of.model.at({along: low}), Range(low, values[-1])
+        middle, size = of.extent(best, _settle_motion(best, of.start))
+        family = _make_family(of.model, along, size)
+        if rests := find_equilibria(best, middle, size):
+            rest = min(rests, key=lambda each: np.linalg.norm((each - middle) / size))
+            found, more = _follow_branches(family, span, rest, of.start, along)
+            onsets = tuple(_find_onsets(found, of, family, span, rest)) if found else ()
+            notes += more
+            break
+        notes.append(f"no equilibrium was found at {along} = {low:g}")
+    is_complete = found is not None and found.equilibria.complete and span.low == values[0]
     conditions = []
     for value in values.tolist():
         passing(f"{along} = {value:g}")
@@ -259,7 +276,9 @@ def _assess_range(
             except ValueError as failure:
                 notes.append(str(failure))
         conditions.append(_assess_condition(of, {**at, along: value}, known))
-    return tuple(conditions), onsets, notes
+    return Assessment(
+        tuple(conditions), along, (values[0], values[-1]), onsets, tuple(notes), is_complete
+    )
 
 
 def _follow_branches(
@@ -277,7 +296,13 @@ def _follow_branches(
         return None, [f"along {along}: {failure}"]
     branches = (found.equilibria, *found.cycles.values())
     incomplete = [branch.reason for branch in branches if not branch.complete]
-    return found, [*found.failures, *incomplete]
+    steady = [
+        f"between {along} = {one.solution.value:.4g} and {other.solution.value:.4g} small motions "
+        f"that do not oscillate {'begin' if more > 0 else 'cease'} to grow"
+        for one, other in pairwise(found.equilibria.points)
+        if (more := _count_growing(other) - _count_growing(one)) % 2
+    ]
+    return found, [*steady, *found.failures, *incomplete]
 
 
 def _find_onsets(

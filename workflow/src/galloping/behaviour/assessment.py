@@ -100,7 +100,9 @@ class Assessment(Immutable):
     onsets : tuple of Onset
         In the order of the range.
     notes : tuple of str
-        What could not be computed.
+        What could not be computed, and which values extrapolate.
+    is_complete : bool
+        Whether the equilibrium was followed along the whole range.
     """
 
     conditions: tuple[Condition, ...]
@@ -108,6 +110,7 @@ class Assessment(Immutable):
     span: tuple[float, float] = (np.nan, np.nan)
     onsets: tuple[Onset, ...] = ()
     notes: tuple[str, ...] = ()
+    is_complete: bool = True
 
     def to_frame(self) -> "DataFrame":
         """Return the equilibria, limit cycles and onsets as a pandas DataFrame.
