@@ -83,11 +83,11 @@ def test_long_recordings_are_identified_from_their_liveliest_and_largest_stretch
 def test_advice_ranks_recordings_by_what_they_tell_of_the_weakest_term(field):
     identified = maximum_likelihood(list(field.recordings), TERMS)
     told = advice(identified, field.recordings[0], longest_period(field.recordings))
-    errors = [error for _, error in told.options]
-    assert errors == sorted(errors) and max(errors) < told.error
-    assert not any("release" in name for name, _ in told.options)  # of a live span
-    again = dict(told.options)["another event like this one"]
-    assert told.error / again == pytest.approx(np.sqrt(2.0), rel=0.2)
+    errors = list(told.options.values())
+    assert errors == sorted(errors) and max(errors) < told.standard_error
+    assert not any("release" in name for name in told.options)  # of a live span
+    again = told.options["another event like this one"]
+    assert told.standard_error / again == pytest.approx(np.sqrt(2.0), rel=0.2)
     assert advice(replace(identified, status="approximate"), field.recordings[0], 5.0) is None
     repeats = identified.with_findings(Finding.of(Code.MOTION_REPEATS))
     assert advice(repeats, field.recordings[0], 5.0) is None

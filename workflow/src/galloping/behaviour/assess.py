@@ -435,7 +435,7 @@ def _describe_equilibrium(of: _Drawn, rest: np.ndarray, size: np.ndarray) -> Res
             )
         if rate.imag > 0 and abs(damping.value) < ROUNDING and shown[place] in pairs:
             half = undetected_damping(of.found, shown[place], frequency.value)
-            damping = Value(0.0, -half, half) if np.isfinite(half) else damping
+            damping = Value.about(0.0, half) if np.isfinite(half) else damping
         modes.append(SmallMotion(state, frequency, damping))
     place = {
         best.states[i]: Value.of(rest[i], interval_of_draws([x[i] for x in places])) for i in shown

@@ -46,6 +46,11 @@ class Value(Immutable):
     high: float = np.nan
 
     @classmethod
+    def about(cls, value: float, half: float) -> "Value":
+        """Make a value in the middle of an interval, from half the length of that."""
+        return cls(float(value), float(value - half), float(value + half))
+
+    @classmethod
     def of(cls, value: float, ends: Iterable[float]) -> "Value":
         """Make a value with an interval, which is widened if it does not contain the value.
 
@@ -216,7 +221,7 @@ def _undamped_intervals(
         name = identified.model.states[i]
         half = undetected_damping(identified, i, frequencies[name].value)
         if abs(damping[name].value) < ROUNDING and np.isfinite(half):
-            found[name] = Value(0.0, -half, half)
+            found[name] = Value.about(0.0, half)
     return found
 
 
@@ -240,10 +245,9 @@ def _free_and_linear(
 ) -> Dynamics:
     """Compute the dynamics of a linear model of free motion, with its further modes."""
     best, deviation, _ = _by_slopes(identified, pairs, around)
-    low, high = best - NORMAL_95 * deviation, best + NORMAL_95 * deviation
     rest, frequencies, damping = (
         {
-            identified.model.states[i]: Value(best[k, n], low[k, n], high[k, n])
+            identified.model.states[i]: Value.about(best[k, n], NORMAL_95 * deviation[k, n])
             for n, i in enumerate(pairs)
         }
         for k in range(3)
@@ -271,8 +275,8 @@ def _of_further_modes(identified: IdentifiedModel) -> tuple[dict[str, Value], di
         )
         omega = np.hypot(mode.frequency, mode.growth)
         ratio, error = -mode.growth / omega, NORMAL_95 * mode.growth_error / omega
-        frequencies[mode.name] = Value(hz, hz - half, hz + half)
-        damping[mode.name] = Value(ratio, ratio - error, ratio + error)
+        frequencies[mode.name] = Value.about(hz, half)
+        damping[mode.name] = Value.about(ratio, error)
     return frequencies, damping
 
 
@@ -313,15 +317,14 @@ def _in_random_forces(
     rest, frequencies, damping = {}, {}, {}
     for n, i in enumerate(pairs):
         name, omega = model.states[i], 2.0 * np.pi * best[1, n]
-        rest[name], frequencies[name] = (
-            Value(best[k, n], best[k, n] - half[k, n], best[k, n] + half[k, n]) for k in (0, 1)
-        )
+        rest[name], frequencies[name] = (Value.about(best[k, n], half[k, n]) for k in (0, 1))
         low, high = decay_interval(decay[n], of_decay[n], duration)
         damping[name] = Value(best[2, n], low / omega, high / omega)
     for one in filter(lambda each: each.is_mode, identified.resonances):
         (error, of_ratio), omega = one.errors, one.frequency
-        hz, spread = omega / (2.0 * np.pi), NORMAL_95 * error / (2.0 * np.pi)
-        frequencies[one.name] = Value(hz, hz - spread, hz + spread)
+        frequencies[one.name] = Value.about(
+            omega / (2.0 * np.pi), NORMAL_95 * error / (2.0 * np.pi)
+        )
         low, high = decay_interval(omega * one.damping, omega * of_ratio, duration)
         damping[one.name] = Value(one.damping, low / omega, high / omega)
     rest = {} if np.isnan(best[0]).any() else rest

@@ -1,5 +1,6 @@
 """Advice on the further recording that would best improve the least certain term."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import floor, log10
 
@@ -25,17 +26,16 @@ class Advice:
     """Error of the least certain coefficient, now and after each of several further recordings.
 
     The errors follow from the Cramér-Rao bound. term: the least certain one, with its equation.
-    coefficient; error: its present standard error, in unit. duration: s, of a further recording.
-    options: descriptions of recordings, with the standard error that this term would have, the best
-    first.
+    coefficient, standard_error: present ones, in unit. duration_s: of a further recording. options:
+    standard error after each further recording, by its description, the best first.
     """
 
     term: str
     coefficient: float
-    error: float
+    standard_error: float
     unit: str
-    duration: float
-    options: tuple[tuple[str, float], ...]
+    duration_s: float
+    options: Mapping[str, float]
 
 
 def advice(identified: IdentifiedModel, recording: Recording, period: float) -> Advice | None:
@@ -85,7 +85,7 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
         float(now.std[weakest]),
         coefficient_unit(states[equation], model.terms[term], states),
         float(duration),
-        tuple(sorted(ranked, key=lambda option: option[1])),
+        dict(sorted(ranked, key=lambda option: option[1])),
     )
 
 

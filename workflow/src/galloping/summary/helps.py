@@ -38,12 +38,12 @@ def what_helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
     for _, more in meanings_and_advice(of.found.findings, span):
         helps += [more] if more and more not in " ".join(helps) else []
     advice = of.advice
-    if advice and advice.options and advice.error > KNOWN * abs(advice.coefficient):
-        name, error = advice.options[0]
+    if advice and advice.options and advice.standard_error > KNOWN * abs(advice.coefficient):
+        name, error = next(iter(advice.options.items()))
         helps.append(
             f"one more recording{' at the same wind speed' * span}, preferably {name}: the "
             "standard error of the least certain coefficient falls from "
-            f"{relative_error_text(advice.error, advice.coefficient)} to "
+            f"{relative_error_text(advice.standard_error, advice.coefficient)} to "
             f"{relative_error_text(error, advice.coefficient)}"
         )
     if of.found.status == "approximate" and PLACES not in helps:

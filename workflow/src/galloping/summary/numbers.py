@@ -147,22 +147,6 @@ class AbsentTerm:
 
 
 @dataclass(frozen=True)
-class FurtherRecording:
-    """Standard error of the least certain coefficient, now and after further recordings.
-
-    standard_error: present one. options: standard error after each further recording, the best
-    first.
-    """
-
-    term: str
-    coefficient: float
-    standard_error: float
-    unit: str
-    duration_s: float
-    options: Mapping[str, float]
-
-
-@dataclass(frozen=True)
 class SummaryNumbers:
     """All numbers of the summary of an identified model, as written to summary.json.
 
@@ -186,7 +170,7 @@ class SummaryNumbers:
     stretches_percent: float
     absent_terms: tuple[AbsentTerm, ...]
     scales: Mapping[str, float]
-    further_recording: FurtherRecording | None
+    further_recording: "Advice | None"
     compared: tuple[str, SystemEstimates] | None
 
 
@@ -229,7 +213,7 @@ def compute_numbers(
             for name, value in found.diagnostics.items()
             if name.startswith("scale_")
         },
-        further_recording=_further_recording(of.advice) if of.advice else None,
+        further_recording=of.advice,
         compared=(beside[0], _estimate_system(beside[1], None, units))
         if beside and beside[1]
         else None,
@@ -422,9 +406,3 @@ def _list_absent(
 def _root_mean_square(name: str, recordings: Sequence[Recording]) -> float:
     values = np.concatenate([one.inputs[name].values for one in recordings])
     return float(np.sqrt(np.nanmean(values**2)))
-
-
-def _further_recording(own: "Advice") -> FurtherRecording:
-    return FurtherRecording(
-        own.term, own.coefficient, own.error, own.unit, own.duration, dict(own.options)
-    )
