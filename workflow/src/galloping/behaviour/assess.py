@@ -21,7 +21,7 @@ from galloping.behaviour.assessment import (
     SmallMotion,
 )
 from galloping.behaviour.dynamics import (
-    LARGER,
+    BEYOND_RECORDED,
     ROUNDING,
     Value,
     assign_states,
@@ -463,7 +463,7 @@ def _describe_cycle(of: _Drawn, point: Point) -> Cycle:
     half = point.solution.half_range()
     sizes = {states[i]: Value.of(half[i], ends[:, i]) for i in shown}
     beyond = any(
-        sizes[name].value > LARGER * (high - low) / 2.0
+        sizes[name].value > BEYOND_RECORDED * (high - low) / 2.0
         for name, (low, high) in of.recorded.items()
         if name in sizes
     )

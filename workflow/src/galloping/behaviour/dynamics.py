@@ -27,7 +27,7 @@ from galloping.recording.samples import Recording
 
 ENOUGH = 0.9  # of the draws, that have a limit cycle: fewer are the tame ones
 DIFFERENCE = 1e-2  # of coefficients, in standard errors
-LARGER = 1.2  # times the recorded motion, from which a limit cycle is beyond it
+BEYOND_RECORDED = 1.2  # times the recorded motion, from which a limit cycle is beyond it
 ROUNDING = 1e-9  # of a damping ratio, and of a position of rest, in sizes of the motion
 
 

@@ -20,7 +20,9 @@ from galloping.recording.samples import INTERPOLATED, Input, Recording
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-DRAWS = 100  # of models and starts: the ends of a 90 % band then scatter by a tenth of its width
+FORECAST_DRAWS = (
+    100  # of models and starts: the ends of a 90 % band then scatter by a tenth of its width
+)
 FOLLOWS = 1.3  # chi^2 per sample of a start that is right
 SHARES = (1.0, 0.5, 0.25)  # of the window, where motions soon part
 ENOUGH = 0.9  # of the draws, that follow the samples
@@ -124,7 +126,7 @@ def forecast(
     follow = Following(identified, recording)
     sigma = follow.sigma
     if identified.is_forced:
-        models = draw_models(identified, rng, DRAWS)
+        models = draw_models(identified, rng, FORECAST_DRAWS)
         states = in_random_forces.simulate_motions(identified, models, recording, time, rng)
         shown = (follow.shown(*each, time) for each in zip(models, states, strict=True))
         motions = np.array(list(shown))
@@ -135,17 +137,19 @@ def forecast(
     else:
         for share in SHARES:
             motions = _draw_motions(follow, time, share * window, FOLLOWS, rng)
-            if len(motions) > ENOUGH * DRAWS:
+            if len(motions) > ENOUGH * FORECAST_DRAWS:
                 break
         missed = np.zeros_like(sigma)
-    if len(motions) < DRAWS // 2:
+    if len(motions) < FORECAST_DRAWS // 2:
         raise ValueError(
-            f"{DRAWS - len(motions)} of {DRAWS} draws of the model do not follow the last "
+            f"{FORECAST_DRAWS - len(motions)} of {FORECAST_DRAWS} draws of the model do not follow the last "
             f"{min(window, np.ptp(recording.time)):.3g} s of the recording"
         )
     bounded = np.isfinite(motions).all(axis=(1, 2))
-    if bounded.sum() < DRAWS // 2:
-        raise ValueError(f"{DRAWS - bounded.sum()} of {DRAWS} draws of the model diverge")
+    if bounded.sum() < FORECAST_DRAWS // 2:
+        raise ValueError(
+            f"{FORECAST_DRAWS - bounded.sum()} of {FORECAST_DRAWS} draws of the model diverge"
+        )
     draws = rng.standard_normal((len(time), *motions.shape[::2])).transpose(1, 0, 2)
     seen = motions + np.maximum(sigma, missed) * draws
     low, high = _compute_quantiles(seen, QUANTILES_90)
@@ -320,7 +324,7 @@ def _draw_motions(
     near = follow.motion(best, fitted, sampled)
     if follow.misfit(near, values) < worst:
         slopes = follow.slopes(best, fitted, near, sampled)
-        for model in draw_models(follow.identified, rng, DRAWS):
+        for model in draw_models(follow.identified, rng, FORECAST_DRAWS):
             passing("draw models and starts")
             noisy = values + sigma * rng.standard_normal(values.shape)
             start = follow.start(model, rows, fitted, noisy, slopes)

@@ -26,7 +26,7 @@ from galloping.recording.samples import Recording
 # motion of a stable line that does not is forced (ambient vibration, buffeting); a model that goes
 # on moving where the recorded motion dies out is none of the line.
 LASTING = 1 / 3  # of a motion that its last third has at least, where it does not decay
-LARGER = 3.0  # times the other motion then: that of the model, or the recorded one
+OUTLASTS = 3.0  # times the other motion then: that of the model, or the recorded one
 THIRDS = 3  # parts of a recording, which are compared
 LEAST_PERIODS = 15  # of a part
 # Share of the motion that one model misses, below which a difference changes no number of interest,
@@ -196,7 +196,7 @@ def recording_outlasts_model(identified: IdentifiedModel, recordings: Sequence[R
     recordings: those of the identification, with an initial state of each in `initial_states`.
     """
     kept = [
-        recorded.last > LASTING * recorded.all and recorded.last > LARGER * own.last
+        recorded.last > LASTING * recorded.all and recorded.last > OUTLASTS * own.last
         for recorded, own in _compare_sizes(identified, recordings)
     ]
     return bool(kept) and all(kept)
@@ -209,7 +209,7 @@ def outlives_recording(identified: IdentifiedModel, recordings: Sequence[Recordi
     """
     return any(
         recorded.last < LASTING * recorded.all
-        and not (own.last <= LASTING * own.all or own.last <= LARGER * recorded.last)
+        and not (own.last <= LASTING * own.all or own.last <= OUTLASTS * recorded.last)
         for recorded, own in _compare_sizes(identified, recordings)
     )
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jinja2 import Environment, StrictUndefined, Template
 
-from galloping.behaviour.dynamics import LARGER, ROUNDING, Value
+from galloping.behaviour.dynamics import BEYOND_RECORDED, ROUNDING, Value
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code
 from galloping.inspection.noticed import envelope_rows, sentences_of
@@ -333,7 +333,7 @@ def _beyond_recorded(told: SummaryNumbers) -> list[str]:
     return [
         f"{value.value / half[name]:.2g} times the recorded {_name(name)} amplitude"
         for name, value in (told.system.limit_cycle if told.system else {}).items()
-        if half.get(name) and value.value > LARGER * half[name]
+        if half.get(name) and value.value > BEYOND_RECORDED * half[name]
     ]
 
 
