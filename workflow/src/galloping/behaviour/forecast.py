@@ -142,8 +142,8 @@ def forecast(
         missed = np.zeros_like(sigma)
     if len(motions) < FORECAST_DRAWS // 2:
         raise ValueError(
-            f"{FORECAST_DRAWS - len(motions)} of {FORECAST_DRAWS} draws of the model do not follow the last "
-            f"{min(window, np.ptp(recording.time)):.3g} s of the recording"
+            f"{FORECAST_DRAWS - len(motions)} of {FORECAST_DRAWS} draws of the model do not follow "
+            f"the last {min(window, np.ptp(recording.time)):.3g} s of the recording"
         )
     bounded = np.isfinite(motions).all(axis=(1, 2))
     if bounded.sum() < FORECAST_DRAWS // 2:
