@@ -20,7 +20,7 @@ from galloping.evaluation.bounds_of_cells import at_the_bound, deviations, ranke
 from galloping.line.galerkin import Derived
 from galloping.model.intervals import IDENTIFIABLE
 from galloping.model.polynomial import polynomial_library
-from galloping.recording.measurement import BY_NAME, Noise, channel_scale
+from galloping.recording.measurement import Noise, noises_of
 from galloping.tables.scores import efficiency, identifiability
 from galloping.trajectory.simulation import Simulator
 from galloping.trials.published import SETTINGS
@@ -38,8 +38,8 @@ def given_line(name):
 def cell(name, protocol, level=0.05, rows=slice(None)):
     """(model, bound) of a record of a default case."""
     line, motion = given_line(name)
-    noise = BY_NAME[protocol].noise(level, channel_scale(motion, relative=True))
-    return line, *bounds_of(line, EQUATIONS, [motion], [noise], [[rows]])
+    noises = noises_of([motion], protocol, level, relative=True)
+    return line, *bounds_of(line, EQUATIONS, [motion], noises, [[rows]])
 
 
 @pytest.mark.parametrize(

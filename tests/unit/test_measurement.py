@@ -1,5 +1,6 @@
 """Recordings: noise, subsets, seeds by name, and files."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from lines import CASES, moved, simulate
 
 from galloping.recording.measurement import recordings_of
+from galloping.results import Motion
 from galloping.streams import make_generator
 from galloping.study.files import read_recordings, write_recordings
 
@@ -45,6 +47,19 @@ def test_noise_of_each_protocol(name, protocol, relative):
     kept = measured[protocol]
     assert np.isnan(np.delete(values, kept, axis=1)).all()
     check_noise((values - exact)[:, kept], sigma[kept])
+
+
+@pytest.mark.parametrize(
+    ("protocol", "measured"), [("displacement", [0, 3]), ("acceleration", [1, 2])]
+)
+def test_what_a_protocol_measures_follows_from_the_names_of_states(protocol, measured):
+    states = np.random.default_rng(0).normal(size=(50, 5))
+    motion = Motion(("a", "da", "db", "b", "z"), np.arange(50.0), states, states)
+    (recording,) = record(None, [motion], protocol=protocol, samples=50, replicates=1)
+    channels = recording.values if protocol == "displacement" else recording.rates
+    assert np.flatnonzero(np.isfinite(channels).all(axis=0)).tolist() == measured
+    with pytest.raises(ValueError, match=f"protocol: '{protocol}'; must be derivative or state"):
+        record(None, [replace(motion, names=tuple("abcde"))], protocol=protocol, samples=50)
 
 
 def check_noise(noise, sigma):

@@ -4,11 +4,12 @@ A protocol consists of the noise on each state and on each state's derivative: t
 from it, the Cramér-Rao bound (`bounds`) and the applicable methods (`identification.registry`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording
 from galloping.results import Motion
 from galloping.streams import make_generator
@@ -35,20 +36,20 @@ class Noise:
 class Protocol:
     """Measurement setup: which states or derivatives are measured, and with what noise.
 
-    noise: from the noise level and the scale (2, n_states) of each state and of each rate to a
-    `Noise`; displacements come before velocities. meaning: in the words of the settings.
-    by_default: whether a study has it that names none.
+    noise: from the noise level, the scale (2, n_states) of each state and of each rate, and the
+    velocity of each displacement (`velocity_pairs`) to a `Noise`. meaning: in the words of the
+    settings. by_default: whether a study has it that names none.
     """
 
     name: str
-    noise: Callable[[float, np.ndarray], Noise]
+    noise: Callable[[float, np.ndarray, Mapping[int, int]], Noise]
     meaning: str
     by_default: bool = True
 
     @property
     def measures(self) -> str:
         """What the setup measures: DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE or RATES."""
-        noise = self.noise(1.0, np.ones((2, 2)))
+        noise = self.noise(1.0, np.ones((2, 2)), {0: 1})
         if np.any(np.isfinite(noise.rates)):
             return RATES if np.any(noise.states) else DERIVATIVES
         return ALL_STATES if np.all(np.isfinite(noise.states)) else DISPLACEMENTS_ALONE
@@ -56,7 +57,7 @@ class Protocol:
     @property
     def is_scaled(self) -> bool:
         """Whether the standard deviation of the noise scales with the size of the motion."""
-        one, other = (self.noise(1.0, np.full((2, 2), size)) for size in (1.0, 2.0))
+        one, other = (self.noise(1.0, np.full((2, 2), size), {0: 1}) for size in (1.0, 2.0))
         return bool(np.any(one.states != other.states) or np.any(one.rates != other.rates))
 
     def noise_label(self, relative: bool) -> str:
@@ -74,27 +75,29 @@ class Protocol:
         return labels.get(self.measures, "sensor noise, m/s²")
 
 
-def _noise_of_derivatives(level: float, scale: np.ndarray) -> Noise:
+def _noise_of_derivatives(level: float, scale: np.ndarray, _: Mapping[int, int]) -> Noise:
     """Make absolute noise on every rate (Brunton et al. 2016)."""
     return Noise(np.zeros(scale.shape[1]), np.full(scale.shape[1], level))
 
 
-def _noise_of_states(level: float, scale: np.ndarray) -> Noise:
+def _noise_of_states(level: float, scale: np.ndarray, _: Mapping[int, int]) -> Noise:
     return Noise(level * scale[0], np.full(scale.shape[1], np.inf))
 
 
-def _noise_of_displacements(level: float, scale: np.ndarray) -> Noise:
-    """Make noise as `_noise_of_states`, without the velocities, the second half of the states."""
-    noise = _noise_of_states(level, scale)
-    noise.states[scale.shape[1] // 2 :] = np.inf
-    return noise
+def _noise_of_displacements(level: float, scale: np.ndarray, pairs: Mapping[int, int]) -> Noise:
+    """Make noise on the displacements, which alone are measured."""
+    return Noise(_only(list(pairs), level * scale[0]), np.full(scale.shape[1], np.inf))
 
 
-def _noise_of_accelerations(level: float, scale: np.ndarray) -> Noise:
+def _noise_of_accelerations(level: float, scale: np.ndarray, pairs: Mapping[int, int]) -> Noise:
     """Make noise on the rates of the velocities, which alone are measured."""
-    noise = Noise(np.full(scale.shape[1], np.inf), level * scale[1])
-    noise.rates[: scale.shape[1] // 2] = np.inf
-    return noise
+    rates = _only(list(pairs.values()), level * scale[1])
+    return Noise(np.full(scale.shape[1], np.inf), rates)
+
+
+def _only(measured: Sequence[int], sigma: np.ndarray) -> np.ndarray:
+    """Replace the standard deviations (n_states,) of channels that are not measured by infinity."""
+    return np.where(np.isin(np.arange(len(sigma)), measured), sigma, np.inf)
 
 
 PROTOCOLS = (
@@ -151,10 +154,19 @@ def noises_of(
 ) -> list[Noise]:
     """Compute the standard deviations of the noise on each motion in a measurement setup.
 
-    protocol: its name; raises KeyError if it is unknown.
+    protocol: its name; raises KeyError if it is unknown, and ValueError if it measures
+    displacements or accelerations and no state is a velocity.
     """
-    described = BY_NAME[protocol]
-    return [described.noise(level, channel_scale(each, relative)) for each in motions]
+    described, found = BY_NAME[protocol], []
+    for motion in motions:
+        pairs = velocity_pairs(motion.names)
+        if not pairs and described.measures in (DISPLACEMENTS_ALONE, RATES):
+            raise ValueError(
+                f"protocol: {protocol!r}; must be derivative or state, since none of the states "
+                f"{', '.join(motion.names)} is a velocity dX of another"
+            )
+        found.append(described.noise(level, channel_scale(motion, relative), pairs))
+    return found
 
 
 def _add_noise(exact: np.ndarray, sigma: np.ndarray, rng: np.random.Generator) -> np.ndarray:
