@@ -19,7 +19,7 @@ from galloping.recording.containers import make_recordings
 
 ROOT = Path(__file__).parents[2]
 TIME = np.arange(1200) / 40
-DUFFING = galloping.parse_model("q = dq; dq = -4 q - 0.2 dq - q^3")
+DUFFING = galloping.parse_model("q = dq; dq = -4 q - 0.2 dq - q^3;")
 DRIVEN = galloping.parse_model("y = -0.8 y + 0.5 F", ["F"])
 STATES = ["q", "dq"]
 

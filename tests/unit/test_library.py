@@ -222,9 +222,22 @@ Recording.from_frame({"t": [0, 1]}, inputs=["V"]) | recording: inputs: no column
 recording(inputs={"q": U}) | recording: inputs: 'q'; must be a name of no state
 GUSTY.at({"V": 1.0}) | V: no input; the model has the inputs U
 GUSTY.at({"U": 0.0}) | U: 0; dq^3/U is not finite there
+GUSTY.at({"U": "2"}) | U: '2'; must be a finite number
+GUSTY([[0.1, 0.0]]) | u: not there; the model is driven by U
+LINE([0.1, 0.0]) | x: has shape (2,); must have shape (n, 2)
+LINE.jacobian(VALUES, VALUES) | u: has shape (200, 2); must have shape (200, 0)
+galloping.simulate(GUSTY, [0.1, 0.0], TIME, {"U": CALM}) | inputs: U: 0; dq^3/U is not finite there
+galloping.simulate(GUSTY, [0.1, 0.0], TIME, {"U": "2"}) | inputs: U: a str; must be Input or number
+Recording.from_frame(pd.DataFrame({"q": []}, pd.DatetimeIndex([]))) | recording: {BAD_TIME}
 galloping.simulate(GUSTY, [0.1, 0.0], TIME) | inputs: U: not there; the model is driven by it
 galloping.simulate(GUSTY, [0.1, 0.0], TIME + 1.0, {"U": U}) | inputs: U: not there at 10 s
 galloping.PolynomialModel(("a",), ((1,), (2,)), [[0]]) | coefficients: shape (1, 1), expected (1, 2)
+galloping.PolynomialModel("a", ((-1,),), [[1]]) | terms: (-1,); {WHOLE}
+galloping.PolynomialModel("a", ((0.5,),), [[1]]) | terms: (0.5,); {WHOLE}
+galloping.PolynomialModel("a", ((1, 0.5),), [[1]], "u") | terms: (1, 0.5); {WHOLE}
+galloping.PolynomialModel("a", ((1,), (1,)), [[1, 2]]) | terms: a: is there twice; must be distinct
+galloping.PolynomialModel("aa", ((1, 0),), [[1], [1]]) | states, inputs: a, a; must be distinct
+galloping.MaximumLikelihood().fit([[1, 2], [3]], t=0.1) | x: rows differ in length; must have equal
 LINE.on_library(((1, 0),)) | term dq is not in the library
 galloping.IdentifiedModel(LINE, "sure") | status: 'sure' must be one of ok, not identifiable
 NONE.simulate([0.0, 0.0], [0.0, 1.0]) | there is no model to simulate: No model was found.
@@ -253,6 +266,7 @@ ENDINGS = {
     "BAD_TIME": "time: must be finite, strictly increasing, two samples or more",
     "ODDS": "must be a number in (0, 1]",
     "SHAPE": "must have shape (200, 2)",
+    "WHOLE": "exponents must be whole numbers, those of states >= 0",
     "WANTED": "must be a Recording, or a list of recordings of one system",
     "ONE": "1 numbers for the 2 states q, dq; none for dq",
     "IDENTIFIED": "must be an IdentifiedModel, such as `maximum_likelihood` returns",
@@ -265,6 +279,7 @@ SHORT = Recording(TIME[:10], ("q", "dq"), VALUES[:10])
 OTHER = recording(states=("a", "b"))
 NONE = galloping.IdentifiedModel.refused(LINE.states, TERMS, [])
 U = galloping.Input(TIME, np.cos(TIME))
+CALM = galloping.Input(TIME, np.zeros(200))
 DRIVEN = recording(inputs={"U": U})
 GUSTY = galloping.PolynomialModel(
     LINE.states, ((1, 0, 0), (0, 1, 0), (0, 3, -1)), [[0, 1, 0], [-4, 0.1, -0.9]], ("U",)

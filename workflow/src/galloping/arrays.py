@@ -53,6 +53,17 @@ def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> ND
     return array.astype(float, copy=False)
 
 
+def count_dimensions(name: str, values: ArrayLike) -> int:
+    """Return the number of dimensions of values, 0 of a number; raise ValueError for ragged lists.
+
+    The message names `name`.
+    """
+    try:
+        return np.ndim(values)
+    except ValueError:
+        raise ValueError(f"{name}: rows differ in length; must have equal lengths") from None
+
+
 def as_finite(
     name: str, values: ArrayLike, shape: tuple[int | None, ...], infinite: bool = False
 ) -> NDArray[np.float64]:
@@ -96,7 +107,7 @@ def as_seconds(name: str, times: Any) -> Any:
         return times
     if np.isnat(array).any():
         raise ValueError(f"{name}: no time in row {np.argmax(np.isnat(array))}")
-    return (array - array[0]) / np.timedelta64(1, "s")
+    return (array - array.ravel()[:1]) / np.timedelta64(1, "s")
 
 
 def as_increasing(name: str, values: ArrayLike) -> NDArray[np.float64]:
@@ -138,8 +149,12 @@ def first_from(time: NDArray[np.float64], moments: ArrayLike) -> NDArray[np.int_
     early by rounding alone is at the moment. Returns (...) indices, n for a moment after the last
     sample.
     """
-    tie = TIME_ROUNDING * (time[-1] - time[0]) / max(len(time) - 1, 1)
-    return np.searchsorted(time, np.asarray(moments) - tie)
+    return np.searchsorted(time, np.asarray(moments) - time_tie(time))
+
+
+def time_tie(time: NDArray[np.float64]) -> float:
+    """Return the time difference that counts as rounding between increasing sample times (n,)."""
+    return float(TIME_ROUNDING * (time[-1] - time[0]) / max(len(time) - 1, 1))
 
 
 def _describe_shape(shape: tuple[int | None, ...]) -> str:

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain, combinations_with_replacement, compress
 from math import floor, isfinite, log10, prod
-from numbers import Integral
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import Immutable, Matrix
+from galloping.arrays import Immutable, Matrix, as_floats
 from galloping.model.functions import FUNCTIONS, Function, differentiate_term, n_exponents
 from galloping.model.modes import Modes
 
@@ -212,7 +212,8 @@ class PolynomialModel(Immutable):
     Raises
     ------
     ValueError
-        If the shapes do not match.
+        If the shapes do not match, a name or a term occurs twice, or an exponent is not whole or,
+        of a state, negative.
     """
 
     states: tuple[str, ...]
@@ -241,11 +242,7 @@ class PolynomialModel(Immutable):
                 f"coefficients: shape {self.coefficients.shape}, expected "
                 f"({len(self.states)}, {len(self.terms)})"
             )
-        if any(n_exponents(term) != len(self.names) for term in self.terms):
-            raise ValueError(f"terms: must have {len(self.names)} exponents, of states and inputs")
-        functions, _ = split_functions(self.terms)
-        if any(len(own.weights) != len(self.states) for own in functions):
-            raise ValueError(f"terms: functions must have {len(self.states)} weights, of states")
+        _check_terms(self.terms, self.states, self.inputs)
 
     def __repr__(self) -> str:
         driven = f" driven by {', '.join(self.inputs)}" if self.inputs else ""
@@ -320,18 +317,29 @@ class PolynomialModel(Immutable):
     ) -> NDArray[np.float64]:
         """Evaluate the state derivatives at `x`: (n, n_states) -> (n, n_states).
 
-        u: (n, n_inputs) of a model with inputs.
+        u: (n, n_inputs) of a model with inputs. Raises ValueError for arrays of another form.
         """
-        return design_matrix(join_inputs(x, u), self.terms) @ self.coefficients.T
+        return design_matrix(self._join(x, u), self.terms) @ self.coefficients.T
+
+    def _join(self, x: NDArray[np.float64], u: NDArray[np.float64] | None) -> NDArray[np.float64]:
+        """Concatenate the columns of states and inputs, (n, n_states + n_inputs)."""
+        x = as_floats("x", x, (None, len(self.states)))
+        if u is None:
+            if self.inputs:
+                driven = ", ".join(self.inputs)
+                raise ValueError(f"u: not there; the model is driven by {driven}")
+            return x
+        return join_inputs(x, as_floats("u", u, (len(x), len(self.inputs))))
 
     def jacobian(
         self, x: NDArray[np.float64], u: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
         """Compute the Jacobian of the right-hand side by the states at each of n states.
 
-        x: (n, n_states). u: (n, n_inputs). Returns (n, n_states, n_states).
+        x: (n, n_states). u: (n, n_inputs). Returns (n, n_states, n_states). Raises ValueError for
+        arrays of another form.
         """
-        both = join_inputs(x, u)
+        both = self._join(x, u)
         by_state = [
             design_matrix(both, lower) @ (self.coefficients[:, places] * factors).T
             for places, factors, lower in differentiate_terms(self.terms, len(self.states))
@@ -413,6 +421,30 @@ class PolynomialModel(Immutable):
         return PolynomialModel(self.states, terms, coefficients, self.inputs)
 
 
+@cache
+def _check_terms(
+    terms: tuple[Exponents, ...], states: tuple[str, ...], inputs: tuple[str, ...]
+) -> None:
+    """Raise ValueError, in one line, if a model of these states and inputs cannot have terms."""
+    names = states + inputs
+    if len(set(names)) < len(names):
+        raise ValueError(f"states, inputs: {', '.join(names):.60}; must be distinct")
+    for term in terms:
+        exponents = term[: n_exponents(term)]
+        if len(exponents) != len(names):
+            raise ValueError(f"terms: must have {len(names)} exponents, of states and inputs")
+        whole = all(isinstance(exponent, Integral) for exponent in exponents)
+        if not whole or min(exponents[: len(states)], default=0) < 0:
+            wanted = "exponents must be whole numbers, those of states >= 0"
+            raise ValueError(f"terms: {exponents!r:.60}; {wanted}")
+    if len(set(terms)) < len(terms):
+        twice = next(term for term, count in Counter(terms).items() if count > 1)
+        raise ValueError(f"terms: {term_name(twice, names)}: is there twice; must be distinct")
+    functions, _ = split_functions(terms)
+    if any(len(own.weights) != len(states) for own in functions):
+        raise ValueError(f"terms: functions must have {len(states)} weights, of states")
+
+
 def merge_inputs(
     model: PolynomialModel, values: Mapping[str, float]
 ) -> tuple[tuple[Exponents, ...], NDArray[np.float64]]:
@@ -426,10 +458,10 @@ def merge_inputs(
         if name not in model.inputs:
             has = f"has the inputs {', '.join(model.inputs)}" if model.inputs else "has no inputs"
             raise ValueError(f"{name}: no input; the model {has}")
-        if not isfinite(value):
+        if not (isinstance(value, Real) and isfinite(value)):
             raise ValueError(f"{name}: {value!r:.60}; must be a finite number")
     held = tuple(len(model.states) + k for k, name in enumerate(model.inputs) if name in values)
-    own = [values[name] for name in model.inputs if name in values]
+    own = [float(values[name]) for name in model.inputs if name in values]
     terms, places = _drop_exponents(model.terms, held)
     merge = np.zeros((len(places), len(terms)))
     for j, (term, place) in enumerate(zip(model.terms, places, strict=True)):

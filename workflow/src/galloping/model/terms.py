@@ -196,7 +196,7 @@ def parse_model(text: str, inputs: Sequence[str] = ()) -> PolynomialModel:
     Parameters
     ----------
     text : str
-        One equation for each state, separated by `;`, such as
+        One equation for each state, separated by `;`, one of which may follow the last, such as
         `q = dq; dq = -9.81 sin(q) - 0.1 dq`; the states are on the left-hand sides.
     inputs : sequence of str
         Names of the inputs.
@@ -210,7 +210,7 @@ def parse_model(text: str, inputs: Sequence[str] = ()) -> PolynomialModel:
     ValueError
         If an equation cannot be read, or a state has two.
     """
-    texts, inputs = text.split(";"), tuple(inputs)
+    texts, inputs = text.rstrip().removesuffix(";").split(";"), tuple(inputs)
     heads = [re.sub(r"^d\s*\(|\)\s*/\s*dt$", "", own.partition("=")[0].strip()) for own in texts]
     states = tuple(head.strip() for head in heads)
     known = [parse_known(own, states, inputs) for own in texts]

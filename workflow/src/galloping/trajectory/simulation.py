@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import compress
+from numbers import Real
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,7 @@ from galloping.model.polynomial import (
     design_matrix,
     join_inputs,
     split_functions,
+    term_name,
 )
 from galloping.recording.samples import Factor, Input, fit_windows
 from galloping.trajectory.right_hand_side import compile_system, make_tables
@@ -202,8 +204,8 @@ def check_inputs(
 ) -> dict[str, Input | float]:
     """Return a model's inputs in its order, after a check that they cover given times.
 
-    time: (n,) s. Raises ValueError if an input is missing, is neither an Input nor a number, or is
-    not known at all times, as in a gap.
+    time: (n,) s. Raises ValueError if an input is missing, is neither an Input nor a number, is not
+    known at all times, as in a gap, or is zero where a term is divided by it.
     """
     for name in model.inputs:
         if name not in inputs:
@@ -212,7 +214,13 @@ def check_inputs(
         if isinstance(one, Input):
             if not (covered := one.covered(time)).all():
                 raise ValueError(f"inputs: {name}: not there at {time[~covered][0]:.6g} s")
-        elif not isinstance(one, int | float):
+            during = one.values[(one.time >= time[0]) & (one.time <= time[-1])]
+            if 0.0 in during or 0.0 in one(time):
+                for term in compress(model.terms, model.has_term):
+                    if term[model.names.index(name)] < 0:
+                        said = f"{term_name(term, model.names)} is not finite there"
+                        raise ValueError(f"inputs: {name}: 0; {said}")
+        elif not isinstance(one, Real):
             raise ValueError(f"inputs: {name}: a {type(one).__name__}; must be Input or number")
     return {name: inputs[name] for name in model.inputs}
 
