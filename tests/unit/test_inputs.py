@@ -46,6 +46,26 @@ def test_times_without_samples_are_not_covered():
     assert not held.covered([TIME[200]])[0]
 
 
+def test_an_input_in_every_other_row_is_held_over_the_rows_between():
+    values = np.where(np.arange(401) % 2, np.nan, TIME)
+    values[200:203] = np.nan
+    held = Input(TIME, values, "zero")
+    assert held.stretches == ((0.0, TIME[198]), (TIME[204], TIME[-1]))
+    assert held(TIME[11]) == TIME[10]
+    recording = galloping.Recording(TIME, ("q",), np.zeros((401, 1)), inputs={"U": held})
+    assert [len(one.time) for one in recording.driven(["U"])] == [199, 197]
+
+
+def test_an_input_reaches_times_that_are_outside_by_rounding():
+    tenths = np.arange(13) / 10
+    given = Input(tenths, wave(tenths))
+    beyond = np.array([-1e-12, 0.5, np.nextafter(1.2, 2.0)])
+    assert given(beyond) == pytest.approx(wave(beyond))
+    assert given.covered(beyond).all() and not given.covered([1.2 + 1e-3])[0]
+    recording = galloping.Recording(beyond, ("q",), np.zeros((3, 1)), inputs={"U": given})
+    assert recording.driven(["U"]) == [recording]
+
+
 def test_windows_keep_the_moments_of_an_input():
     """The polynomial over a window has the integrals of the factor times 1, t, .., t^degree."""
     factors, degree, step = ((1,), (2,), (-1,)), 3, 0.7
@@ -130,7 +150,7 @@ def test_motion_with_an_input_is_that_of_another_integrator(between):
 
 
 def test_constant_inputs_may_be_numbers():
-    motion = galloping.simulate(LINE, [0.1, 0.0], TIME, {"U": 12.0})
+    motion = galloping.simulate(LINE, [0.1, 0.0], TIME, {"U": np.float32(12.0)})
     alone = galloping.simulate(LINE.at({"U": 12.0}), [0.1, 0.0], TIME)
     assert motion.states == pytest.approx(alone.states, abs=1e-12)
 

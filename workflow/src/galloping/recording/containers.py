@@ -10,7 +10,7 @@ from typing import Any, TypeAlias, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import as_finite, as_floats, as_seconds
+from galloping.arrays import as_finite, as_floats, as_seconds, count_dimensions
 from galloping.recording.samples import Frame, Input, Recording
 
 Samples: TypeAlias = ArrayLike | Frame
@@ -58,7 +58,7 @@ class Table:
         if hasattr(data, "to_frame") and not hasattr(data, "columns"):  # a series, a trajectory
             data = data.to_frame()
         if not hasattr(data, "columns") and not isinstance(data, Mapping):
-            if np.ndim(data) == 1:
+            if count_dimensions(what, data) == 1:
                 data = np.asarray(data)[:, np.newaxis]
             values = as_floats(what, data, (None, None))
             return cls(what, {f"{what}{k}": y for k, y in enumerate(values.T)}, is_named=False)
@@ -138,7 +138,7 @@ def split_samples(
     if columns := _as_names(u):
         driving = {name: table.pop("u", name) for name in columns}
     names, values = table.matrix(states)
-    if t is not None and np.ndim(t) == 0:
+    if t is not None and count_dimensions("t", t) == 0:
         step = float(as_finite("t", t, ()))
         if step <= 0.0:
             raise ValueError(f"t: {t!r:.60}; must be a step > 0, or times that increase")
@@ -243,7 +243,7 @@ def make_inputs(
         columns = dict(zip(own, values.T, strict=True))
     found: dict[str, Any] = {}
     for name, values in columns.items():
-        if isinstance(values, Input) or np.ndim(values) == 0:
+        if isinstance(values, Input) or count_dimensions(f"u: {name}", values) == 0:
             found[name] = values if isinstance(values, Input) else float(values)
             continue
         try:

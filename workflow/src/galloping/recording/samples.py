@@ -8,13 +8,21 @@ negative.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
+from numbers import Real
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.polynomial.legendre import Legendre, legvander
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import Immutable, Matrix, as_floats, as_increasing, as_seconds
+from galloping.arrays import (
+    Immutable,
+    Matrix,
+    as_floats,
+    as_increasing,
+    as_seconds,
+    time_tie,
+)
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -92,7 +100,7 @@ class Input(Immutable):
             raise ValueError("input: values: fewer than two are there")
         if self.between not in BETWEEN:
             raise ValueError(f"input: between: {self.between!r:.60}; must be {', '.join(BETWEEN)}")
-        if not isinstance(self.error, int | float) or not 0.0 <= self.error < 1.0:
+        if not isinstance(self.error, Real) or not 0.0 <= self.error < 1.0:
             raise ValueError(f"input: error: {self.error!r:.60}; must be a number in [0, 1)")
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "values", values)
@@ -109,8 +117,9 @@ class Input(Immutable):
     def stretches(self) -> tuple[tuple[float, float], ...]:
         """First and last time, s, of each stretch of samples without a gap.
 
-        In a held input, a gap is a missing sample. In other inputs, it is a time between samples
-        longer than INTERPOLATED median steps.
+        In a held input, a gap is a missing sample, or more missing samples than usual where a
+        logger writes it in every other row. In other inputs, it is a time between samples longer
+        than INTERPOLATED median steps.
         """
         return tuple((float(time[0]), float(time[-1])) for time, _ in self._pieces)
 
@@ -119,7 +128,8 @@ class Input(Immutable):
         there = np.isfinite(self.values)
         time, values = self.time[there], self.values[there]
         if self.between == "zero":
-            apart = np.diff(np.flatnonzero(there)) > 1
+            rows = np.diff(np.flatnonzero(there))
+            apart = rows > np.median(rows)
         else:
             steps = np.diff(time)
             apart = steps > INTERPOLATED * np.median(steps)
@@ -128,12 +138,21 @@ class Input(Immutable):
         return [piece for piece in pieces if len(piece[0]) > 1]
 
     def covered(self, time: ArrayLike) -> NDArray[np.bool_]:
-        """Decide for each time whether the input is known there, that is, not in a gap."""
+        """Decide for each time whether the input is known there, that is, not in a gap.
+
+        A time that is outside by rounding alone is inside.
+        """
         time = np.asarray(time, float)
         inside = np.zeros(time.shape, bool)
-        for first, last in self.stretches:
-            inside |= (time >= first) & (time <= last)
+        for piece, _ in self._pieces:
+            inside |= self._is_within(piece, time)
         return inside
+
+    def _is_within(
+        self, piece: NDArray[np.float64], time: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        tie = time_tie(self.time)
+        return (time >= piece[0] - tie) & (time <= piece[-1] + tie)
 
     @cached_property
     def _splines(self) -> "list[CubicSpline]":
@@ -146,13 +165,14 @@ class Input(Immutable):
         time = np.asarray(time, float)
         found = np.full(time.shape, np.nan)
         for k, (at, values) in enumerate(self._pieces):
-            inside = (time >= at[0]) & (time <= at[-1])
+            inside = self._is_within(at, time)
+            moments = np.clip(time[inside], at[0], at[-1])
             if self.between == "zero":
-                found[inside] = values[np.searchsorted(at, time[inside], side="right") - 1]
+                found[inside] = values[np.searchsorted(at, moments, side="right") - 1]
             elif self.between == "linear":
-                found[inside] = np.interp(time[inside], at, values)
+                found[inside] = np.interp(moments, at, values)
             else:
-                found[inside] = self._splines[k](time[inside])
+                found[inside] = self._splines[k](moments)
         return found
 
     def last_sample(self, time: ArrayLike) -> NDArray[np.float64]:
@@ -168,7 +188,7 @@ class Input(Immutable):
         time = np.asarray(time, float)
         found = np.full(time.shape, np.nan)
         for k, (at, values) in enumerate(self._pieces):
-            inside = (time >= at[0]) & (time <= at[-1])
+            inside = self._is_within(at, time)
             ends = np.clip(time[inside] + width * np.array([[-0.5], [0.5]]), at[0], at[-1])
             if self.between == "cubic":
                 integral = self._splines[k].antiderivative()(ends)
@@ -480,7 +500,7 @@ class Recording(Immutable):
         }
         if len({len(times), *map(len, columns.values())}) > 1:
             raise ValueError("recording: columns differ in length")
-        values = np.array([columns[name] for name in states]).T.reshape(-1, len(states))
+        values = np.array([columns[name] for name in states]).T.reshape(len(times), len(states))
         own = {}
         for name in inputs:
             try:
@@ -506,7 +526,7 @@ class Recording(Immutable):
         begins = [np.empty(0)]
         for one in inputs.values():
             there &= one.covered(self.time)
-            begins.append(np.array(one.stretches)[:, 0])
+            begins.append(np.array(one.stretches)[:, 0] - time_tie(one.time))
         piece = np.searchsorted(np.sort(np.concatenate(begins)), self.time, side="right")
         if there.all() and len(np.unique(piece)) == 1:
             return [self if list(self.inputs) == list(names) else replace(self, inputs=inputs)]
