@@ -397,6 +397,18 @@ def test_which_cases_are_judged():
     assert "continuous" in departures(load({"cases": continuous}))["internal_resonance"]
 
 
+@pytest.mark.parametrize(
+    ("changed", "reason"),
+    [({"simulation": {"duration": 400}}, "simulation.duration is 400, where the paper has 300"),
+     ({"simulation": {"sampling_rate": 200}}, "simulation.sampling_rate is 200, where the paper"),
+     ({"simulation": {"steady_window": [100, 200]}}, "simulation.steady_window is [100.0, 200.0]"),
+     ({"identification": {"degree": 4}}, "identification.degree is 4, where the paper has 3")],
+)  # fmt: skip
+def test_claims_are_not_judged_by_other_records_or_another_library(changed, reason):
+    (said,) = set(departures(load(changed)).values())
+    assert said.startswith(reason)
+
+
 def test_files_are_judged_together_before_anything_is_written(tmp_path):
     files = ROOT / "config/config.yaml", tmp_path / "a.yaml", tmp_path / "b.yaml"
     files[1].write_text("reference: kept\ncases: {non_resonant: null}\n")

@@ -1,11 +1,11 @@
 """Selection of study cells for tables and figures that cannot show all."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import reduce
 from itertools import product
 from operator import getitem
 
-from galloping.configuration.load import plain
+from galloping.configuration.load import load, plain
 from galloping.configuration.schema import child, leaves, schema
 from galloping.configuration.settings import CaseSection, Settings, paper_cases
 from galloping.fields import show
@@ -15,6 +15,13 @@ from galloping.results import JOINT, NOISE, OURS, OURS_FAMILY, PAPER_METHOD, PAP
 from galloping.study.cells import Case, Cell, Study
 
 Pair = tuple[Protocol, Method]
+# Settings of the whole study whose default is what the paper prints.
+PRINTED_OF_STUDY = (
+    "simulation.duration",
+    "simulation.sampling_rate",
+    "simulation.steady_window",
+    "identification.degree",
+)
 
 
 def paper_pair(study: Study) -> Pair:
@@ -36,13 +43,24 @@ def is_papers(pair: Pair) -> bool:
 def departures(settings: Settings) -> dict[str, str]:
     """Give for each overhead line in the paper why the study cannot test claims about that line.
 
-    The reason is "" if they can: everything that the paper prints of the line is unchanged,
-    whatever the rest is.
+    The reason is "" if they can: everything that the paper prints of the line, the record and the
+    library is unchanged, whatever the rest is.
     """
-    cases = settings.cases
+    cases, study = settings.cases, plain(settings)
+    changed = (_describe_change(key, study, plain(load({}))) for key in PRINTED_OF_STUDY)
+    of_study = next(filter(None, changed), "")
     return {
-        name: _describe_departure(cases.get(name), case) for name, case in paper_cases().items()
+        name: _describe_departure(cases.get(name), case) or of_study
+        for name, case in paper_cases().items()
     }
+
+
+def _describe_change(key: str, ours: Mapping, papers: Mapping) -> str:
+    """Describe how the value at a dotted key differs from the paper's, "" if it does not."""
+    value, printed = (reduce(getitem, key.split("."), values) for values in (ours, papers))
+    if value == printed:
+        return ""
+    return f"{key} is {show(value)}, where the paper has {show(printed)}"
 
 
 def _describe_departure(case: CaseSection | None, paper: CaseSection) -> str:
@@ -52,13 +70,13 @@ def _describe_departure(case: CaseSection | None, paper: CaseSection) -> str:
         return f"its recordings are those of a line that is {case.truth.model}"
     ours, papers = plain(case), plain(paper)
     for key, node in leaves(child(schema(), "cases")):
-        path = key.split(".")[1:]  # below the name of the case
+        key = key.partition(".")[2]  # below the name of the case
         if node.get("provenance") != "printed":
             continue
-        value, printed = (reduce(getitem, path, values) for values in (ours, papers))
+        printed = reduce(getitem, key.split("."), papers)
         # where the paper's own case has another value it is ours, as the tension of the second line
-        if printed == node["default"] and value != printed:
-            return f"{'.'.join(path)} is {show(value)}, where the paper has {show(printed)}"
+        if printed == node["default"] and (said := _describe_change(key, ours, papers)):
+            return said
     return ""
 
 
