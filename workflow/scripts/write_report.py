@@ -65,7 +65,7 @@ def write_report(
     names = {name: method_style(name).label for name in METHODS}
     page = {
         "title": "Galloping of iced overhead lines",
-        "paper": None if paper is None else section(paper, read.get("reproduction"), known),
+        "paper": None if paper is None else section(paper, read.get("reproduction"), known, study),
         "equations": None if equations is None else side_by_side(equations, names),
         "made": made_by(),
         "parts": {

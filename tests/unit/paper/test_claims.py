@@ -1,11 +1,14 @@
 """The paper's claims: what it prints, how draws are judged, and what is not."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 from lines import CASES, RESONANT
 from pictures import drawn
 
+from galloping.configuration.load import load, plain
 from galloping.figures.against_paper import draw_printed
 from galloping.paper import claims as paper_claims
 from galloping.paper.draws import Amounts, paper_draws
@@ -15,6 +18,7 @@ from galloping.tables.judged_claims import claims_table, paper_table, variation_
 from galloping.tables.line_parameters import conductor
 from galloping.tables.table3 import as_printed
 
+ROOT = Path(__file__).parents[3]
 CASE, PAIR = "internal_resonance", ("derivative", "paper")
 INF = np.inf
 POINTS = (1000, 5000, 10000, 30000)
@@ -85,7 +89,25 @@ def test_the_interval_of_a_share_is_wilson_s_and_a_single_draw_has_none():
     assert (found["share_met_low"], found["share_met_high"]) == pytest.approx(
         (0.4313, 0.5687), abs=1e-3
     )
-    assert paper_claims.share_with_interval(np.array([True]))["share_met_low"] == 1.0
+    one = paper_claims.share_with_interval(np.array([True]), is_exact=True)
+    assert one["share_met_low"] == 1.0
+
+
+@pytest.mark.parametrize(("kind", "value"), [("value", 3.0), ("at_least", 11), ("at_most", 11)])
+def test_one_realisation_of_noise_is_not_enough(kind, value):
+    found = judge_values(kind, [value])
+    assert found["verdict"] == "undecided" and "one realisation" in found["reason"]
+
+
+def test_with_one_realisation_only_what_has_no_noise_is_judged():
+    table = tables(scores(draws=1))
+    judged = table[table["role"].isin(("counted", "joint"))].set_index("claim")["verdict"]
+    held = judged[judged.isin(paper_claims.HELD)]
+    assert list(held.index) == ["exact structure without noise", "exact parameters without noise"]
+    assert {"undecided"} == set(judged.drop(held.index))
+    (noiseless,) = report.build_table(table)["exact structure without noise"]
+    (noisy,) = report.build_table(table)["all terms found at noise 0.05"]
+    assert (noiseless.ours, noisy.ours) == ("yes", "in 100 % of the realisations")
 
 
 def settings(cases=(CASE,), pairs=(PAIR,)):
@@ -200,6 +222,21 @@ def test_the_first_screen_counts_and_lists_them():
     drawn(lambda: draw_printed(table, {"case": CASE}))
 
 
+def test_numbers_outside_the_range_of_the_fit_are_counted():
+    study, region = plain(load({})), pd.read_csv(ROOT / "results/reference/paper/paper_region.csv")
+    line, table = study["cases"]["internal_resonance"], tables(scores())
+    line |= {"wind": {"speed": 10.0}, "damping": {"vertical": 0.005, "horizontal": 0.005}}
+    line["initial_state"] |= {"q_v": 0.5, "q_w": 0.7}
+    study["identification"]["paper"]["threshold"] = 0.0015
+    assert report.count_unfitted(table, region, study) == 0
+    assert "were fitted" in report.section(table, None, region, study)["setting"]
+    line["wind"]["speed"] = 20.0
+    study["identification"]["paper"]["threshold"] = None
+    said = report.section(table, None, region, study)["setting"]
+    assert "2 of them are outside the range that was fitted" in said and "These" not in said
+    assert report.count_unfitted(table, None, study) == 0
+
+
 def test_other_settings_are_judged_one_at_a_time():
     plan = {"threshold": 0.002, "draws": 3, "seed": 5}
     amounts = Amounts(levels=(0.0, 0.05), points=())
@@ -215,6 +252,8 @@ def test_other_settings_are_judged_one_at_a_time():
     ]
     assert exact.to_dict() == {12.0: True, 14.0: True, 0.002: True, 1.0: False}
     assert set(rows.loc[rows["claim"] == "all terms found at noise 0.01", "verdict"]) == {"not run"}
+    said = report.by_settings(rows.assign(case="non_resonant"))
+    assert "claims about the non-resonant line" in said
 
 
 def test_an_inferred_value_says_so_and_another_does_not():

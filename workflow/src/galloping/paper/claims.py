@@ -8,8 +8,8 @@ A printed number is `reproduced` if it is between the 5th and 95th percentile of
 if our errors are smaller (it is above), `worse` if they are larger. A bound is `met` if the 95 %
 interval of the share of draws that satisfy it is above a half, `seldom met` if it is below,
 `not met` if no draw satisfies it, else `undecided`. A number is `undecided` if fewer than half of
-the draws give one. `not run`: the study lacks the draws. `not judged`: the study's line or method
-is not the paper's.
+the draws give one, and so is any claim with a single draw of its noise. `not run`: the study lacks
+the draws. `not judged`: the study's line or method is not the paper's.
 """
 
 from __future__ import annotations
@@ -89,6 +89,11 @@ class Claim:
     def is_r2(self) -> bool:
         """Whether the claim is a bound on R2 itself, not on a difference of two R2."""
         return self.column.startswith("r2_") and not self.minus
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether the claim is about recordings without noise, of which one represents all."""
+        return self.level == 0
 
     @property
     def cell_kind(self) -> str:
@@ -176,21 +181,23 @@ def judge(claim: Claim, scores: pd.DataFrame) -> dict:
             "high": high,
             "ratio": median / claim.printed if number else None,
             "spread": float(np.divide(high, low)) if number else None,
-            **share_with_interval(claim.is_met(values)),
+            **share_with_interval(claim.is_met(values), claim.is_exact),
         }
+    if found["replicates"] == 1 and not claim.is_exact:
+        return {**found, "verdict": "undecided", "reason": "the study has one realisation"}
     verdict, reason = (_judge_number if number else _judge_bound)(claim, scores, values, found)
     return {**found, "verdict": verdict, "reason": reason}
 
 
-def share_with_interval(kept: np.ndarray) -> dict[str, float]:
+def share_with_interval(kept: np.ndarray, is_exact: bool = False) -> dict[str, float]:
     """Compute the share of noise realisations that satisfy a bound, with its 95 % interval.
 
-    kept: whether each draw satisfies a bound. The interval is that of E. B. Wilson (1927). A single
-    draw represents all, as without noise: its share has no sampling error.
+    kept: whether each draw satisfies a bound. is_exact: whether the draws have no noise, so that
+    the share has no sampling error. The interval is that of E. B. Wilson (1927).
     """
     share, draws = float(np.mean(kept)), len(kept)
     low, high = share, share
-    if draws > 1:
+    if not is_exact:
         low, high = binomtest(int(np.sum(kept)), draws).proportion_ci(method="wilson")
     return {"share_met": share, "share_met_low": low, "share_met_high": high, "replicates": draws}
 
@@ -212,13 +219,13 @@ def _judge_number(
 ) -> tuple[str, str]:
     finite, printed = np.mean(np.isfinite(values)), claim.printed
     if finite < HALF:
-        return "undecided", f"only {_format_percent(finite)} of the realisations give a number"
+        return "undecided", f"only {format_percent(finite)} of the realisations give a number"
     paper = f"where the paper errs by {printed:g} %"
     if printed > found["high"]:
         return "better", f"95 % of the realisations err by less than {found['high']:.3g} %, {paper}"
     if printed < found["low"]:
         return "worse", f"95 % of the realisations err by more than {found['low']:.3g} %, {paper}"
-    text = f"{_format_percent(found['share_met'])} of the realisations err less than the paper"
+    text = f"{format_percent(found['share_met'])} of the realisations err less than the paper"
     if not found["spread"] < WIDE:
         text += (
             f", but they spread from {found['low']:.2g} to {found['high']:.3g} %: nearly any "
@@ -231,10 +238,10 @@ def _judge_bound(
     claim: Claim, scores: pd.DataFrame, values: np.ndarray, found: dict
 ) -> tuple[str, str]:
     verdict = "undecided" if np.mean(np.isnan(values)) > HALF else verdict_of_share(found)
-    if found["replicates"] == 1:
+    if claim.is_exact:
         return verdict, "without noise there is a single value"
     shares = [found[name] for name in ("share_met", "share_met_low", "share_met_high")]
-    text = "{} of the realisations ({} to {})".format(*map(_format_percent, shares))
+    text = "{} of the realisations ({} to {})".format(*map(format_percent, shares))
     missed = ~claim.is_met(values)
     if not np.any(missed):
         return verdict, text
@@ -245,9 +252,7 @@ def _judge_bound(
         "run away": others["motion"] != "ok",
     }
     causes = [
-        f"{_format_percent(np.mean(which))} {fault}"
-        for fault, which in faults.items()
-        if any(which)
+        f"{format_percent(np.mean(which))} {fault}" for fault, which in faults.items() if any(which)
     ]
     if not causes:
         text += "; the others have exactly the true terms, with coefficients that are off"
@@ -268,5 +273,6 @@ def find_joint_draws(claims: Sequence[Claim], scores: pd.DataFrame) -> np.ndarra
     return np.all([np.resize(each, draws) for each in kept], axis=0)
 
 
-def _format_percent(share: float) -> str:
+def format_percent(share: float) -> str:
+    """Format a share as text, in whole per cent."""
     return f"{100 * share:.0f} %"

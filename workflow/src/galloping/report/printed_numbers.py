@@ -1,12 +1,15 @@
 """Comparison of the paper's printed numbers with ours: sentences and rows, from tables."""
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import reduce
+from operator import getitem
 
 import numpy as np
 import pandas as pd
 
-from galloping.paper.claims import AT_LEAST, AT_MOST, CLAIMS, HELD, WIDE, Claim
+from galloping.paper.claims import AT_LEAST, AT_MOST, CLAIMS, HELD, WIDE, Claim, format_percent
 from galloping.paper.unknowns import UNKNOWNS
 from galloping.tables.inference import NEAR
 
@@ -36,17 +39,22 @@ class PaperCell:
         return self.verdict in HELD if self.held is None else self.held
 
 
-def section(paper: pd.DataFrame, varied: pd.DataFrame | None, region: pd.DataFrame | None) -> dict:
+def section(
+    paper: pd.DataFrame,
+    varied: pd.DataFrame | None,
+    region: pd.DataFrame | None,
+    study: Mapping,
+) -> dict:
     """Build the report's section that compares the paper's statements with the study's results.
 
     paper, varied, region: paper.csv, reproduction.csv and paper_region.csv. The last two are None
-    if the study does not have them. Returns setting: the sentence on the settings of the study;
+    if the study does not have them. study: its settings. Returns setting: the sentence on these;
     count: the sentence on the number of confirmed statements; rows: the table, a cell for each
     statement; failures: a sentence for each unconfirmed claim; by_settings: a sentence on settings
     that the paper does not print, or "".
     """
     return {
-        "setting": describe_setting(paper, region),
+        "setting": describe_setting(paper, region, count_unfitted(paper, region, study)),
         "count": describe_counts(paper),
         "rows": {
             statement: merge_directions(cells) for statement, cells in build_table(paper).items()
@@ -56,17 +64,41 @@ def section(paper: pd.DataFrame, varied: pd.DataFrame | None, region: pd.DataFra
     }
 
 
-def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
+def count_unfitted(paper: pd.DataFrame, region: pd.DataFrame | None, study: Mapping) -> int:
+    """Count the unprinted numbers of the first line that are outside the range of the fit.
+
+    Parameters are as in `section`. The range is that of the region; without one, none is outside.
+    """
+    line = study["cases"].get(next(iter(paper["case"]), ""))
+    if region is None or line is None:
+        return 0
+    ranges = region.drop_duplicates("unknown").set_index("unknown")[["low", "high"]]
+    threshold = study["identification"]["paper"]["threshold"]
+    values = [reduce(getitem, u.path, line) if u.path else threshold for u in UNKNOWNS]
+    low, high = ranges.reindex([u.name for u in UNKNOWNS]).to_numpy().T
+    own = np.array(values, float)
+    return int(np.sum(~((own >= low) & (own <= high))))
+
+
+def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None, unfitted: int = 0) -> str:
     """Describe in sentences how the settings that the paper does not state were chosen.
 
-    paper: paper.csv. region: paper_region.csv.
+    paper: paper.csv. region: paper_region.csv. unfitted: number of these settings outside the range
+    of the fit.
     """
     text = (
         f"The paper does not state {len(UNKNOWNS)} numbers that the study needs for the line with "
-        "internal resonance, such as the wind speed. These numbers were fitted to all claims of "
-        "the paper about this line. Agreement therefore shows that the claims are consistent with "
-        "each other; it does not confirm the paper."
+        "internal resonance, such as the wind speed. "
     )
+    if unfitted:
+        text += f"In this study, {unfitted} of them are outside the range that was fitted to the "
+        text += "claims of the paper about this line."
+    else:
+        text += (
+            "These numbers were fitted to all claims of the paper about this line. Agreement "
+            "therefore shows that the claims are consistent with each other; it does not confirm "
+            "the paper."
+        )
     if region is not None:
         first = region.drop_duplicates("unknown").set_index("unknown")["verdict"]
         count = int((first.reindex([u.name for u in UNKNOWNS]) == "left open").sum())
@@ -78,7 +110,7 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None) -> str:
         first = joint[joint["case"] == joint["case"].iloc[0]].to_dict("records")
         for row in first:
             count = int(re.findall(r"\d+", row["claim"])[0])
-            text += f" {_format_percent(row['share_met'])} of the noise realisations satisfy "
+            text += f" {format_percent(row['share_met'])} of the noise realisations satisfy "
             text += (
                 f"all {count} claims that are not printed errors."
                 if "except" in row["claim"]
@@ -176,8 +208,9 @@ def by_settings(varied: pd.DataFrame) -> str:
     )
     of = f"{own['sum'].iloc[0]} are reproduced at the study's settings; " if len(own) else ""
     return (
-        f"The paper leaves some settings open. Of {others['size'].iloc[0]} claims about the first "
-        f"line that were run, {of}with one setting changed, the fewest are {examples}."
+        f"The paper leaves some settings open. Of {others['size'].iloc[0]} claims about the "
+        f"{varied['case'].iloc[0].replace('_', '-')} line that were run, {of}with one setting "
+        f"changed, the fewest are {examples}."
     )
 
 
@@ -198,9 +231,9 @@ def _describe_printed(claim: Claim) -> str:
 
 def _describe_ours(row: dict, claim: Claim | None) -> str:
     """Describe the draws: a median with its range, a value, or a share of the draws."""
-    share = _format_percent(row["share_met"])
+    share = format_percent(row["share_met"])
     if claim is None or claim.is_yes_or_no:
-        if claim and row["share_met_low"] == row["share_met_high"]:  # no noise, one draw
+        if claim and claim.is_exact:
             return "yes" if row["share_met"] == 1 else "no"
         return f"in {share} of the realisations"
     median, low, high = (_format_number(row[name]) for name in ("median", "low", "high"))
@@ -208,10 +241,6 @@ def _describe_ours(row: dict, claim: Claim | None) -> str:
         return f"{row['median']:.3f}, met in {share}"
     value = f"{median} {claim.unit}".rstrip()
     return value if low == high else f"{value} ({low} to {high})"
-
-
-def _format_percent(share: float) -> str:
-    return f"{100 * share:.0f} %"
 
 
 def _format_number(value: float) -> str:

@@ -135,17 +135,15 @@ def _joint_rows(claims: Sequence[Claim], case: str, draws: pd.DataFrame) -> list
     for name, group in (("R2 bounds", of_r2), ("claims except printed errors", bounds)):
         if len(group) < 2 or (kept := find_joint_draws(group, draws)) is None:
             continue
-        if len(kept) > 1:  # without noise there is one draw
-            found = share_with_interval(kept)
-            share, low, high = (100 * found[key] for key in ("share_met", "share_met_low",
-                                                             "share_met_high"))  # fmt: skip
-            rows.append({
-                "claim": f"all {len(group)} {name} at once", "role": JOINT,
-                "case": case, "direction": "",
-                **{NAMES.get(key, key): value for key, value in found.items()},
-                "verdict": verdict_of_share(found),
-                "reason": f"{share:.0f} % ({low:.0f} to {high:.0f} %) of {len(kept)} realisations",
-            })  # fmt: skip
+        found = share_with_interval(kept)
+        share, low, high = (100 * found[key] for key in ("share_met", "share_met_low",
+                                                         "share_met_high"))  # fmt: skip
+        rows.append({
+            "claim": f"all {len(group)} {name} at once", "role": JOINT, "case": case,
+            "direction": "", **{NAMES.get(key, key): value for key, value in found.items()},
+            "verdict": verdict_of_share(found),
+            "reason": f"{share:.0f} % ({low:.0f} to {high:.0f} %) of {len(kept)} realisations",
+        })  # fmt: skip
     return rows
 
 
