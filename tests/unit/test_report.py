@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from galloping.configuration.load import load, plain
+from galloping.recording.measurement import IN_DEVIATIONS
 from galloping.report.data_dictionary import meaning
 from galloping.report.equations import as_symbols, side_by_side
 from galloping.report.page import Item, as_html, render
@@ -99,15 +100,17 @@ def test_a_broken_caption_is_an_error():
 def test_the_headline_is_read_from_the_tables():
     cell = {"case": "line", "protocol": "state", "level": 0.05}
     efficiency = pd.DataFrame(
-        [{**cell, "points": points, "method": "maximum_likelihood", "replicates": 20,
-          "exact_support": exact, "efficiency": 0.98}
-         for points, exact in ((30001, 20), (5000, 19), (1000, 12))]
+        [{**cell, "level": level, "points": points, "method": "maximum_likelihood",
+          "replicates": 20, "exact_support": exact, "efficiency": 0.98, "recordings": number}
+         for number, level, points, exact in
+         ((1, 0.05, 30001, 20.0), (1, 0.05, 5000, 19), (1, 0.05, 2000, 12), (1, 0.05, 1000, 20),
+          (1, 0.1, 30001, 12), (1, 0.15, 30001, 20), (2, 0.3, 30001, 20))]
     )  # fmt: skip
     errors = pd.DataFrame(
         [{**cell, "method": method, "mean_error_percent": error}
          for method, error in (("maximum_likelihood", 0.5), ("stlsq", 17.0), ("weak", 30.0))]
     )  # fmt: skip
-    about = {"case": "line", "protocol": "state"}
+    about = {"case": "line", "protocol": "state", "noise_unit": IN_DEVIATIONS}
     place = {"case": "line", "parameter": "wind_speed"}
     cycles = pd.DataFrame(
         [{**place, "value": value, "stable": stable, "vertical_amplitude_m": value / 10,
@@ -119,7 +122,10 @@ def test_the_headline_is_read_from_the_tables():
               "bifurcations": changes}  # fmt: skip
     said = on_methods(tables, **about)
     assert "20 of 20" in said[0] and "0.5 %, against 17 % by stlsq" in said[0]
-    assert "down to 5,000 samples" in said[1]
+    assert "up to 5 % noise and down to 5,000 samples" in said[1]
+    in_metres = on_methods(tables, **about | {"noise_unit": "m"})
+    assert "with noise of 0.05 m, maximum" in in_metres[0]
+    assert "up to noise of 0.05 m and" in in_metres[1]
     (of_wind,) = on_engineering(tables, **about)
     assert "from a wind of 5.25 m/s" in of_wind and "1.60 m (vertical)" in of_wind
     nothing = {name: table[:0] for name, table in tables.items()}
@@ -130,7 +136,8 @@ def test_the_headline_is_read_from_the_tables():
 
 
 def test_what_needs_no_figure_is_said():
-    about, cell = {"case": "line", "protocol": "state"}, {"case": "line", "protocol": "state"}
+    cell = {"case": "line", "protocol": "state"}
+    about = cell | {"noise_unit": IN_DEVIATIONS}
     r2 = pd.DataFrame(
         {**cell, "method": method, "level": 0.15, "state": state, "r2_median": value}
         for method, state, value in (

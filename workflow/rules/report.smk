@@ -31,6 +31,7 @@ rule make_table:
 
 
 COMPARED = [name for name in TABLES if name not in NOT_COMPARED]
+SENSORS = shown.sensor_protocol(STUDY)  # that the report's sentences are about
 OTHERS = ("results", "reference", "recordings", "figures")  # on which no number depends
 
 
@@ -157,9 +158,15 @@ rule write_report:
         },
         headline={
             "headline": (
-                {"case": LINES[0], "protocol": shown.sensor_protocol(STUDY).name}
+                {
+                    "case": LINES[0],
+                    "protocol": SENSORS.name,
+                    "noise_unit": SENSORS.noise_unit(
+                        STUDY.settings.measurement.state_noise == "relative"
+                    ),
+                }
                 if LINES
-                else {"case": "", "protocol": ""}
+                else {"case": "", "protocol": "", "noise_unit": ""}
             )
         },
         study={"study": STUDY.plain},

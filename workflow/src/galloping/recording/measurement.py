@@ -18,6 +18,7 @@ from galloping.streams import make_generator
 # states that are not exact, if there are any.
 DERIVATIVES, ALL_STATES = "derivatives", "states"
 DISPLACEMENTS_ALONE, RATES = "displacements", "rates"
+IN_DEVIATIONS = "standard deviations of each channel"  # unit of a relative noise level
 
 
 @dataclass(frozen=True)
@@ -60,19 +61,22 @@ class Protocol:
         one, other = (self.noise(1.0, np.full((2, 2), size), {0: 1}) for size in (1.0, 2.0))
         return bool(np.any(one.states != other.states) or np.any(one.rates != other.rates))
 
+    def noise_unit(self, relative: bool) -> str:
+        """Return the unit of the noise level, IN_DEVIATIONS if that is the size of the motion.
+
+        relative: as in `channel_scale`.
+        """
+        if relative and self.is_scaled:
+            return IN_DEVIATIONS
+        return {DISPLACEMENTS_ALONE: "m", RATES: "m/s²"}.get(self.measures, "SI units")
+
     def noise_label(self, relative: bool) -> str:
         """Return a label of the noise level, with its unit.
 
         relative: as in `channel_scale`.
         """
-        if relative and self.is_scaled:
-            return "sensor noise, standard deviations of each channel"
-        labels = {
-            DERIVATIVES: "noise of the derivatives, SI units",
-            ALL_STATES: "sensor noise, SI units",
-            DISPLACEMENTS_ALONE: "sensor noise, m",
-        }
-        return labels.get(self.measures, "sensor noise, m/s²")
+        noise = "noise of the derivatives" if self.measures == DERIVATIVES else "sensor noise"
+        return f"{noise}, {self.noise_unit(relative)}"
 
 
 def _noise_of_derivatives(level: float, scale: np.ndarray, _: Mapping[int, int]) -> Noise:

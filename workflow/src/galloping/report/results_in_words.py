@@ -6,36 +6,46 @@ from math import floor, isfinite
 import pandas as pd
 
 from galloping.paper.unknowns import UNKNOWNS
+from galloping.recording.measurement import IN_DEVIATIONS
 from galloping.results import OURS, PAPER_METHOD
 
 LEVEL = 0.05  # of the noise that sentences are about, or the nearest of the study
 
 
-def on_methods(tables: Mapping[str, pd.DataFrame], case: str, protocol: str) -> list[str]:
+def on_methods(
+    tables: Mapping[str, pd.DataFrame], case: str, protocol: str, noise_unit: str
+) -> list[str]:
     """Write the report's sentences on how well the methods identify models, from result tables.
 
     tables: those of the study by name, of which it may lack any. case: the line of the sentences.
-    protocol: that of its sensors. A sentence whose rows are missing is left out.
+    protocol: that of its sensors. noise_unit: of the noise levels of these. A sentence whose rows
+    are missing is left out.
     """
     about = {"case": case, "protocol": protocol}
     sentences: list[str] = []
     if {"efficiency", "noise_coefficients"} <= set(tables):
         efficiency = tables["efficiency"]
-        sentences.append(_from_sensors(efficiency, tables["noise_coefficients"], **about))
-        sentences.append(_least_data(efficiency, **about))
+        errors = tables["noise_coefficients"]
+        sentences.append(_from_sensors(efficiency, errors, **about, noise_unit=noise_unit))
+        sentences.append(_least_data(efficiency, **about, noise_unit=noise_unit))
     if "noise_r2" in tables:
-        sentences.append(_describe_reconstruction(tables["noise_r2"], **about))
+        sentences.append(
+            _describe_reconstruction(tables["noise_r2"], **about, noise_unit=noise_unit)
+        )
     if "identifiability" in tables:
-        sentences.append(_describe_identifiability(tables["identifiability"], protocol))
+        table = tables["identifiability"]
+        sentences.append(_describe_identifiability(table, protocol, noise_unit))
     if "trust" in tables:
         sentences += verdicts(tables["trust"])
     return list(filter(None, sentences))
 
 
-def on_engineering(tables: Mapping[str, pd.DataFrame], case: str, protocol: str) -> list[str]:
+def on_engineering(
+    tables: Mapping[str, pd.DataFrame], case: str, protocol: str, **_: str
+) -> list[str]:
     """Write the report's sentences on the galloping of an overhead line, from tables of results.
 
-    Parameters are as in `on_methods`.
+    Parameters are as in `on_methods`; the unit of the noise is not needed.
     """
     sentences: list[str] = []
     if {"limit_cycles", "bifurcations"} <= set(tables):
@@ -83,10 +93,21 @@ def inferred(region: pd.DataFrame) -> list[str]:
     ]
 
 
-def _from_sensors(efficiency: pd.DataFrame, errors: pd.DataFrame, case: str, protocol: str) -> str:
-    rows = efficiency[(efficiency["case"] == case) & (efficiency["protocol"] == protocol)]
-    rows = rows[(rows["method"] == OURS) & (rows["points"] == rows["points"].max())]
-    rows = _rows_at_level(rows)
+def _describe_noise(level: float, unit: str) -> str:
+    return f"{100 * level:g} % noise" if unit == IN_DEVIATIONS else f"noise of {level:g} {unit}"
+
+
+def _of_single_recordings(efficiency: pd.DataFrame, case: str, protocol: str) -> pd.DataFrame:
+    """Select the rows of our method that have one recording in each noise realisation."""
+    own = (efficiency["case"] == case) & (efficiency["protocol"] == protocol)
+    return efficiency[own & (efficiency["method"] == OURS) & (efficiency["recordings"] == 1)]
+
+
+def _from_sensors(
+    efficiency: pd.DataFrame, errors: pd.DataFrame, case: str, protocol: str, noise_unit: str
+) -> str:
+    rows = _of_single_recordings(efficiency, case, protocol)
+    rows = _rows_at_level(rows[rows["points"] == rows["points"].max()])
     if rows.empty:
         return ""
     row = rows.iloc[0]
@@ -99,24 +120,32 @@ def _from_sensors(efficiency: pd.DataFrame, errors: pd.DataFrame, case: str, pro
     beside = f", against {peers.min():.2g} % by {peers.idxmin()}" if len(peers) else ""
     return (
         f"From {protocol} measurements of {_case_in_words(case)} with "
-        f"{100 * row['level']:g} % noise, maximum likelihood finds exactly the true terms "
-        f"in {row['exact_support']} of "
-        f"{row['replicates']} recordings, with a mean coefficient error of "
+        f"{_describe_noise(row['level'], noise_unit)}, maximum likelihood finds exactly the true "
+        f"terms in {row['exact_support']:g} of "
+        f"{row['replicates']:g} recordings, with a mean coefficient error of "
         f"{medians[OURS]:.2g} %{beside}; its error is {row['efficiency']:.2f} times the "
         f"Cramér-Rao bound."
     )
 
 
-def _least_data(efficiency: pd.DataFrame, case: str, protocol: str) -> str:
-    rows = efficiency[(efficiency["case"] == case) & (efficiency["protocol"] == protocol)]
-    rows = rows[(rows["method"] == OURS) & (rows["exact_support"] >= 0.95 * rows["replicates"])]
-    noisy = rows[rows["level"] > 0]
-    if noisy.empty:
+def _least_data(efficiency: pd.DataFrame, case: str, protocol: str, noise_unit: str) -> str:
+    """Describe up to which noise, and from how few samples, the true terms are found.
+
+    Levels count up to the first at which they are not, and numbers of samples down to it.
+    """
+    rows = _of_single_recordings(efficiency, case, protocol)
+    rows = rows[rows["level"] > 0]
+    rows = rows.assign(holds=rows["exact_support"] >= 0.95 * rows["replicates"])
+    is_whole = rows["points"] == rows["points"].max()
+    whole, parts = rows[is_whole].sort_values("level"), rows[~is_whole]
+    whole = whole[whole["holds"].cummin()]
+    if whole.empty:
         return ""
-    highest, fewest = noisy["level"].max(), noisy["points"].min()
+    parts = parts.sort_values("points", ascending=False)
+    fewest = pd.concat([whole, parts[parts["holds"].cummin()]])["points"].min()
     return (
-        f"It finds the true terms in at least 95 % of the recordings up to {100 * highest:g} % "
-        f"noise and down to {fewest:,} samples."
+        f"It finds the true terms in at least 95 % of the recordings up to "
+        f"{_describe_noise(whole['level'].max(), noise_unit)} and down to {fewest:,} samples."
     )
 
 
@@ -146,7 +175,7 @@ def _rows_at_level(table: pd.DataFrame) -> pd.DataFrame:
     return table[table["level"] == levels.loc[(levels - LEVEL).abs().idxmin()]]
 
 
-def _describe_reconstruction(r2: pd.DataFrame, case: str, protocol: str) -> str:
+def _describe_reconstruction(r2: pd.DataFrame, case: str, protocol: str, noise_unit: str) -> str:
     rows = r2[(r2["case"] == case) & (r2["protocol"] == protocol) & (r2["level"] > 0)]
     worst = rows.groupby(["method", "level"])["r2_median"].min().unstack("level")
     if OURS not in worst.index:
@@ -154,7 +183,7 @@ def _describe_reconstruction(r2: pd.DataFrame, case: str, protocol: str) -> str:
     text = (
         f"Reconstructions by maximum likelihood have a median R² of at least "
         f"{_rounded_down(worst.loc[OURS].min())} in both directions up to "
-        f"{100 * worst.columns.max():g} % noise"
+        f"{_describe_noise(worst.columns.max(), noise_unit)}"
     )
     if PAPER_METHOD in worst.index:
         papers = _rounded_down(worst.loc[PAPER_METHOD].min())
@@ -167,7 +196,7 @@ def _rounded_down(r2: float) -> str:
     return f"{floor(1e4 * r2) / 1e4:.4f}".replace("-", "\N{MINUS SIGN}") if isfinite(r2) else "none"
 
 
-def _describe_identifiability(table: pd.DataFrame, protocol: str) -> str:
+def _describe_identifiability(table: pd.DataFrame, protocol: str, noise_unit: str) -> str:
     is_bounded = table["coefficient_over_bound"].notna()
     rows = _rows_at_level(table[(table["protocol"] == protocol) & is_bounded])
     rows = rows[rows["points"] == rows["points"].max()] if len(rows) else rows
@@ -179,8 +208,8 @@ def _describe_identifiability(table: pd.DataFrame, protocol: str) -> str:
     if not said:
         return ""
     return (
-        f"By the Cramér-Rao bound, at {100 * rows['level'].iloc[0]:g} % noise an unbiased method "
-        f"can identify {', '.join(said)}."
+        f"By the Cramér-Rao bound, at {_describe_noise(rows['level'].iloc[0], noise_unit)} an "
+        f"unbiased method can identify {', '.join(said)}."
     )
 
 
