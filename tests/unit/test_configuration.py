@@ -184,6 +184,8 @@ REFUSED = [
      f"\n{CASE}.ice.horizontal: 'x' is text, not a number; each must be -10000..10000"),
     (f"{CASE}.truth.model", "plate", "unknown model 'plate'; allowed: two_mode, continuous"),
     (f"{CASE}.truth.modes", 3, "is not allowed with model two_mode; must be left out"),
+    (f"{CASE}.truth.antisymmetric", case(truth={"model": "continuous", "modes": 1,
+     "antisymmetric": 0.2}), "0.2 is not allowed with 1 mode; must be 0, or modes 2 or more"),
     # of the study
     ("cases", NO_CASES, "there is none; must hold at least one, or there must be trials"),
     ("simulation.sampling_rate", "0.125e0", "0.125 gives 37.5", "300 s", "100..10000000"),

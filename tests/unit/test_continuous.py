@@ -117,6 +117,15 @@ def test_sensors_read_the_line_and_tell_the_first_modes_apart():
     assert np.all(error.max(axis=(0, 1)) < 1e-3 * np.abs(slope).max(axis=(0, 1)))
 
 
+def test_a_short_span_with_many_modes_has_shorter_steps():
+    case = {**RESONANT, "line": {**RESONANT["line"], "span": 10.0}}
+    case["spacers"] = {**case["spacers"], "positions": [2.5, 5.0, 7.5]}
+    line, time = continuous_line(case, 25), TIME[:21]
+    states = simulate(line, displaced_state(line, (0.01, 0.01)), time)
+    finer = simulate(line, displaced_state(line, (0.01, 0.01)), time, step=2e-4)
+    assert states == pytest.approx(finer, abs=1e-3 * np.abs(finer).max())
+
+
 def test_unknown_aerodynamics_are_refused():
     with pytest.raises(ValueError, match=r"aerodynamics: steady .*small_angle, relative"):
         continuous_line(RESONANT, 1, aerodynamic="steady")

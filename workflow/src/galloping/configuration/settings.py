@@ -84,6 +84,12 @@ class TruthSection(TRUTH_KEYS):
                         "continuous",
                         name,
                     )
+        if self.antisymmetric and self.modes < 2:
+            raise make_error(
+                f"{show(self.antisymmetric)} is not allowed with {self.modes} mode; must be 0, or "
+                "modes 2 or more",
+                "antisymmetric",
+            )
         return self
 
 

@@ -29,6 +29,7 @@ from galloping.results import Motion
 
 AERODYNAMICS = ("small_angle", "relative")
 STEP = 0.005  # s, of the integrator: an eightieth of the shortest period of 13 modes
+RADIANS = 0.5  # of the fastest mode in a step: the method is unstable from 2.8 on
 
 
 # of a `Span`, what its rates are computed from
@@ -229,8 +230,10 @@ def simulate(
 
     Returns (q, p, dq, dp), (n, 4 n_modes). start: the state at time[0]. time: (n,) s, equally
     spaced. speed: (n,) wind at those times, linear between them; the mean wind by default. step: s,
-    the longest step of the Runge-Kutta method of order 4.
+    the longest step of the Runge-Kutta method of order 4; of a line whose fastest mode it does not
+    resolve it is shorter, RADIANS of that.
     """
+    step = min(step, RADIANS / float(np.max(natural_modes(line)[0])))
     interval = (time[-1] - time[0]) / (len(time) - 1)
     substeps = max(1, int(np.ceil(interval / step - 1e-9)))
     if speed is None:
