@@ -148,6 +148,39 @@ def test_a_release_of_three_metres_makes_the_non_resonant_line_identifiable():
     assert same["min_coefficient_over_bound"] == pytest.approx(2.07 * np.sqrt(2), rel=0.02)
 
 
+def test_a_record_of_hours_has_a_bound():
+    swing = galloping.parse_model("q = dq; dq = -100 q")
+    time = np.arange(200_001) / 10
+    states, moved = sensitivities(swing, np.array([[1, 1]]), np.array([1.0, 0.0]), time)
+    assert states[:, 0] == pytest.approx(np.cos(10 * time), abs=1e-6)
+    assert moved[-1, 0, 0] == pytest.approx(time[-1] * np.sin(10 * time[-1]) / 20, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("protocol", "said"),
+    [("state", "noise of q_w, dq_w: 0"), ("acceleration", "noise of the rate of dq_w: 0")],
+)
+def test_a_direction_at_rest_is_named(protocol, said):
+    line, motion = given_line("internal_resonance")
+    still = replace(motion, **{
+        name: getattr(motion, name) * [1, 0, 1, 0] for name in ("states", "rates")
+    })  # fmt: skip
+    noises = noises_of([still], protocol, 0.05, relative=True)
+    with pytest.raises(ValueError, match=f"{said}; must be > 0"):
+        bounds_of(line, EQUATIONS, [still], noises, [[slice(None)]])
+    assert ranked_releases(line, still, 0.05, [3.0]) == []
+    away = parse_runaway(line)
+    assert ranked_releases(away, motion, 0.05, [3.0]) == []
+
+
+def parse_runaway(line):
+    """The line with a stiffness that pushes it away at once."""
+    coefficients = line.coefficients.copy()
+    coefficients[2, line.term_names.index("q_v")] = 50.0
+    coefficients[2, line.term_names.index("q_v^3")] = 1e3
+    return replace(line, coefficients=coefficients)
+
+
 def test_identifiability_tells_which_terms_can_be_known():
     line, found = cell("non_resonant", "state")
     columns = {"case": "a", "recordings": 1, "protocol": "state", "level": 0.05, "points": 30001}

@@ -29,12 +29,15 @@ def evaluate_cell(
     status = next(
         (m.status for m in motions[: measurement["recordings"]] if m.status != "ok"), "ok"
     )
-    known, at_bound = [], []
-    if is_own_model and status == "ok":
-        known = cell_bounds(line, motions, *drawn)
-        at_bound = models_at(line, known, *drawn, lacking=line.term_names[len(terms) :])
-    elif is_own_model:
-        why = Finding.of(Code.COMPUTATION_FAILED, error="the line itself diverges")
+    known, at_bound, failed = [], [], "" if status == "ok" else "the line itself diverges"
+    if is_own_model and not failed:
+        try:
+            known = cell_bounds(line, motions, *drawn)
+            at_bound = models_at(line, known, *drawn, lacking=line.term_names[len(terms) :])
+        except ValueError as error:  # a state that does not move, a motion too sensitive
+            failed = str(error)
+    if is_own_model and failed:
+        why = Finding.of(Code.COMPUTATION_FAILED, error=failed)
         nothing = IdentifiedModel.refused(line.states, line.terms, [why])
         at_bound = [nothing] * measurement["replicates"]
     models = ({BOUND: at_bound} if at_bound else {}) | read_families(identified)

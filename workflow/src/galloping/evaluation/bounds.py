@@ -18,8 +18,6 @@ from galloping.trajectory.simulation import (
 )
 from galloping.trajectory.taylor import Ending, solve
 
-MAX_STEPS = 2**16
-
 
 def sensitivities(
     model: PolynomialModel,
@@ -49,7 +47,7 @@ def sensitivities(
         except FloatingPointError:
             raise ValueError(diverges) from None
     else:
-        states, moved, _, ending = solve(model, start, time, MAX_STEPS, free)
+        states, moved, _, ending = solve(model, start, time, max_steps(time), free)
         if ending is not Ending.COMPLETE:
             raise ValueError(diverges)
     if not (np.all(np.isfinite(states)) and np.all(np.isfinite(moved))):
@@ -225,7 +223,8 @@ def bounds_of(
     """Compute Cramér-Rao bounds on a model's present terms, for each set of sampling times.
 
     motions, noises: one for each recording. samplings: indices of the samples of each recording.
-    Raises ValueError for rates of exact states if their noise differs.
+    Raises ValueError for rates of exact states if their noise differs, for a state whose noise is
+    zero among others, and as `weighted_sensitivities`.
     """
     free = free_terms(model, equations)
     rates = [n.rates if np.any(np.isfinite(n.rates)) else None for n in noises]
@@ -236,6 +235,8 @@ def bounds_of(
         x = ([m.states[k] for m, k in zip(motions, rows, strict=True)] for rows in samplings)
         sigma = noises[0].rates
         return [derivative_bound(model, free, np.concatenate(each), sigma) for each in x]
+    for motion, noise in zip(motions, noises, strict=True):
+        check_noise(motion.names, noise)
     # a motion is followed once: to be free where it starts is to be free where samples begin
     whole = [
         weighted_sensitivities(
@@ -251,6 +252,17 @@ def bounds_of(
         for rows in samplings
     )
     return [bound_of(model, free, total) for total in totals]
+
+
+def check_noise(states: Sequence[str], noise: Noise) -> None:
+    """Raise ValueError, which names the channel, if a measured channel has no noise.
+
+    Noise in proportion to a motion is zero of a state that does not move.
+    """
+    names = (*states, *(f"the rate of {state}" for state in states))
+    still = [n for n, sigma in zip(names, (*noise.states, *noise.rates), strict=True) if sigma == 0]
+    if still:
+        raise ValueError(f"noise of {', '.join(still)}: 0; must be > 0, of a state that moves")
 
 
 def on_library(model: PolynomialModel, found: Bound) -> np.ndarray:

@@ -13,7 +13,7 @@ from galloping.identification.observations import Code, Finding
 from galloping.line.galerkin import EQUATIONS
 from galloping.model.intervals import IDENTIFIABLE, draw_normal
 from galloping.model.polynomial import PolynomialModel, term_name
-from galloping.recording.measurement import Motion, noises_of, recordings_of
+from galloping.recording.measurement import Motion, Noise, noises_of, recordings_of
 from galloping.streams import make_generator
 from galloping.trajectory.simulation import Simulator
 
@@ -100,17 +100,18 @@ def ranked_releases(
 
     The best is first. They are at rest at one of the `heights` (m) in either direction, a row each.
     first: the existing recording. level: of the noise on every state, over its deviation. Initial
-    displacements from which the motion diverges are left out; all are if that of `first` does, or
-    if there is no noise.
+    displacements from which the motion diverges, or leaves a state at rest, are left out; all are
+    if that of `first` does, or if there is no noise.
     """
     if first.status != "ok" or level == 0:
         return []
     simulator = Simulator(line.states, line.terms)
     free = cramer_rao.free_terms(line, tuple(EQUATIONS))
-    before, rows = (
-        cramer_rao.information(line, free, _noisy_states(first.time, first.states, level)),
-        [],
-    )
+    rows: list[dict] = []
+    try:
+        before = _noisy_information(line, free, first.time, first.states, level)
+    except ValueError:  # the line diverges or does not move
+        return rows
     for state, height in product(("q_v", "q_w"), heights):
         start = first.states[0].copy()
         start[line.states.index(state)] = height
@@ -118,10 +119,8 @@ def ranked_releases(
         if motion.status != "ok":
             continue
         try:
-            added = cramer_rao.information(
-                line, free, _noisy_states(first.time, motion.states, level)
-            )
-        except ValueError:  # the line diverges
+            added = _noisy_information(line, free, first.time, motion.states, level)
+        except ValueError:
             continue
         bound = cramer_rao.bound_of(line, free, before + added)
         weakest = int(np.argmin(bound.t))
@@ -136,5 +135,13 @@ def ranked_releases(
     return sorted(rows, key=lambda row: -row["min_coefficient_over_bound"])
 
 
-def _noisy_states(time: np.ndarray, states: np.ndarray, level: float) -> Experiment:
-    return Experiment(states[0], time, level * states.std(axis=0))
+def _noisy_information(
+    line: PolynomialModel, free: np.ndarray, time: np.ndarray, states: np.ndarray, level: float
+) -> np.ndarray:
+    """Compute the information of noisy states; raise ValueError if the line diverges or is still.
+
+    level: of the noise on every state, over its deviation.
+    """
+    sigma = level * states.std(axis=0)
+    cramer_rao.check_noise(line.states, Noise(sigma, np.full(len(sigma), np.inf)))
+    return cramer_rao.information(line, free, Experiment(states[0], time, sigma))
