@@ -50,6 +50,12 @@ def test_diagram():
     settings = {"parameter": "wind_speed", "label": "wind speed", "cases": {"line": RESONANT}}
     said = draw_limit_cycles(cycles, changes, settings).get_label()
     assert f"{hopf['value']:.1f} m/s (line)" in said
+    alone = drawn(lambda: draw_limit_cycles(cycles, changes, settings))
+    tenser = cycles.assign(parameter="tension", value=1e4 * cycles["value"])
+    both = pd.concat([cycles, tenser])
+    assert drawn(lambda: draw_limit_cycles(both, changes, settings)) == alone
+    (axes,) = draw_limit_cycles(tenser, changes, settings).axes
+    assert axes.texts[0].get_text() == "this study does not vary the wind speed alone"
 
 
 def test_parameters_without_a_hopf_bifurcation_in_their_range():
@@ -81,6 +87,9 @@ def test_map_and_orbits():
     more = pd.concat([table, table.assign(y_parameter="span"), table])  # of other sweeps
     assert drawn(lambda: draw_resonance_map(more, settings)) == alone
     assert drawn(lambda: draw_resonance_map(more[more["y_parameter"] == "span"], settings))
+    other = {"x": table["y"], "y": table["x"], "x_parameter": "tension"}
+    turned = table.assign(**other, y_parameter="wind_speed")
+    assert drawn(lambda: draw_resonance_map(turned, settings)) == alone
     bounded = table[np.isfinite(table["horizontal_amplitude_m"])]
     ratio = bounded.loc[bounded["horizontal_amplitude_m"].idxmax(), "frequency_ratio"]
     assert f"{ratio:.2f} times" in draw_resonance_map(table, settings).get_label()
@@ -120,6 +129,9 @@ def test_clearance_and_measures():
     better = table[:1].assign(measure="a damper", vertical_amplitude_m=as_it_is / 2)
     said = draw_measures(pd.concat([table, better]), {"cases": ["line"]}).get_label()
     assert f"a damper, reduces the vertical amplitude from {as_it_is:.2g}" in said
+    calm = table[:1].assign(measure="a long damper", vertical_amplitude_m=0.0)
+    said = draw_measures(pd.concat([table, better, calm]), {"cases": ["line"]}).get_label()
+    assert f"a long damper, reduces the vertical amplitude from {as_it_is:.2g} to 0 m" in said
     many = [f"line {k}" for k in range(20)]
     tall = draw_measures(pd.concat([table.assign(case=name) for name in many]), {"cases": many})
     assert len(tall.axes) == 3 * len(many) and tall.get_figheight() <= TALLEST

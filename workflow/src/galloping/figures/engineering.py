@@ -17,7 +17,7 @@ from galloping.figures import parts
 from galloping.figures.schematics import INK, arrow
 from galloping.figures.style import MODEL, PAPER, TRUE, spoken, styled
 from galloping.line.galerkin import Line, make_mode_shapes, positions
-from galloping.line.measures import NOTHING, design_ellipses
+from galloping.line.measures import NOTHING, design_ellipses, ice_removal
 from galloping.storage import replacing
 
 COLUMNS = 3  # of panels of orbits
@@ -143,14 +143,14 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
 
 def _most_useful(of_case: pd.DataFrame) -> str:
     """Describe the vertical amplitude without and with the best measure that keeps the ice."""
-    galloping = of_case[of_case["vertical_amplitude_m"] > 0].set_index("measure")[
-        "vertical_amplitude_m"
-    ]
-    if NOTHING.label not in galloping or galloping.idxmin() == NOTHING.label:
+    with_ice = of_case[of_case["measure"] != ice_removal().label].set_index("measure")
+    amplitude = with_ice["vertical_amplitude_m"]
+    amplitude = amplitude[np.isfinite(amplitude)]
+    if not amplitude.get(NOTHING.label, 0.0) > amplitude.min():
         return ""
     return (
-        f"The best measure that leaves the ice, {galloping.idxmin()}, reduces the vertical "
-        f"amplitude from {galloping[NOTHING.label]:.2g} to {galloping.min():.2g} m"
+        f"The best measure that leaves the ice, {amplitude.idxmin()}, reduces the vertical "
+        f"amplitude from {amplitude[NOTHING.label]:.2g} to {amplitude.min():.2g} m"
     )
 
 

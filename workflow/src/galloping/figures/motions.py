@@ -159,10 +159,14 @@ def draw_limit_cycles(
     """
     if cycles.empty:
         return parts.make_empty_figure("this study varies no single parameter")
+    cycles = parts.where(cycles, parameter=settings["parameter"])
+    if cycles.empty:
+        varied = settings["label"].partition(",")[0]
+        return parts.make_empty_figure(f"this study does not vary the {varied} alone")
     figure, grids = parts.case_grids(list(settings["cases"]), 1, len(STATES), 0.9, 1.9)
     for row, (case, grid) in enumerate(grids.items()):
-        own = {"case": case, "parameter": settings["parameter"]}
-        of_case, its_bifurcations = (parts.where(each, **own) for each in (cycles, bifurcations))
+        of_case = parts.where(cycles, case=case)
+        its_bifurcations = parts.where(bifurcations, case=case, parameter=settings["parameter"])
         for column, (axes, direction) in enumerate(zip(grid[0], STATES, strict=True)):
             _set_title(axes, row * len(STATES) + column, STATES[direction])
             _draw_branches(axes, of_case, its_bifurcations, direction)
@@ -223,12 +227,17 @@ def _draw_branches(
 def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
     """Plot a map of galloping amplitudes over wind and tension, with the 2:1 frequency ratio.
 
-    table: resonance_map.csv, which may contain maps over other parameters as well. settings: case,
-    x_label, y_label, y_scale (units of the axis in one of the table, such as 1000 for kN).
+    table: resonance_map.csv, which may have the two parameters in either order, and maps over
+    others as well. settings: case, x_label, y_label, y_scale (units of the axis in one of the
+    table, such as 1000 for kN).
     """
     if len(table):  # without a map it has no such columns
         over = {"x_parameter": "wind_speed", "y_parameter": "tension"}
-        table = parts.where(table, case=settings["case"], **over).drop_duplicates(["x", "y"])
+        turned = table.rename(
+            columns={"x": "y", "y": "x", "x_parameter": "y_parameter", "y_parameter": "x_parameter"}
+        )
+        table = parts.where(pd.concat([table, turned]), case=settings["case"], **over)
+        table = table.drop_duplicates(["x", "y"])
     if table.empty:
         return parts.make_empty_figure("this study does not vary wind and tension together")
     table = table.assign(y=table["y"] / settings["y_scale"])
