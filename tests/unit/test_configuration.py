@@ -184,6 +184,8 @@ REFUSED = [
      f"\n{CASE}.ice.horizontal: 'x' is text, not a number; each must be -10000..10000"),
     (f"{CASE}.truth.model", "plate", "unknown model 'plate'; allowed: two_mode, continuous"),
     (f"{CASE}.truth.modes", 3, "is not allowed with model two_mode; must be left out"),
+    ("sweeps.calm.values", {"sweeps": {"calm": {"parameter": "tension", "values": [500, 600, 10]}}},
+     "500 gives a sag of 331.1 m in a span of 300 m", "must be >= 2207 N"),
     (f"{CASE}.truth.antisymmetric", case(truth={"model": "continuous", "modes": 1,
      "antisymmetric": 0.2}), "0.2 is not allowed with 1 mode; must be 0, or modes 2 or more"),
     # of the study

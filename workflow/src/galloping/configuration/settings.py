@@ -1,7 +1,7 @@
 """Settings of a study; `keys/keys.csv` describes each key."""
 
 from inspect import signature
-from itertools import pairwise
+from itertools import pairwise, product
 from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -118,17 +118,20 @@ class CaseSection(CASE_KEYS):
             if position >= self.line.span:
                 told = f"{show(position)} is beyond the span ({span} m); must be > 0 and < {span} m"
                 raise make_error(told, "spacers", "positions")
-        weight = self.conductor.mass * self.gravity
-        sag = weight * self.line.span**2 / (8 * self.line.tension)
-        if sag > LARGEST_SAG * self.line.span:
-            least = weight * self.line.span / (8 * LARGEST_SAG)
-            raise make_error(
-                f"{show(self.line.tension)} gives a sag of {sag:.4g} m in a span of {span} m, "
-                f"which is no shallow cable; must be >= {least:.4g} N",
-                "line",
-                "tension",
-            )
+        if told := self.describe_slackness(self.line.tension):
+            raise make_error(told, "line", "tension")
         return self
+
+    def describe_slackness(self, tension: float) -> str:
+        """Describe why the line is no shallow cable at a tension (N), "" if it is one."""
+        weight, span = self.conductor.mass * self.gravity, self.line.span
+        sag = weight * span**2 / (8 * tension)
+        if sag <= LARGEST_SAG * span:
+            return ""
+        return (
+            f"{show(tension)} gives a sag of {sag:.4g} m in a span of {show(span)} m, which is no "
+            f"shallow cable; must be >= {weight * span / (8 * LARGEST_SAG):.4g} N"
+        )
 
 
 def paper_cases() -> dict[str, CaseSection]:
@@ -382,6 +385,17 @@ SETTINGS_KEYS: Any = keys(
 
 class Settings(SETTINGS_KEYS):
     """All settings of a study."""
+
+    @model_validator(mode="after")
+    def _sweeps_of_shallow_cables(self) -> Self:
+        for name, sweep in self.sweeps.items():
+            swept = ((sweep.parameter, "values"), (sweep.second, "second_values"))
+            for case, (parameter, key) in product(self.cases.values(), swept):
+                if parameter == "tension" and (
+                    told := case.describe_slackness(getattr(sweep, key)[0])
+                ):
+                    raise make_error(told, "sweeps", name, key)
+        return self
 
     @field_validator("results")
     @classmethod

@@ -49,7 +49,7 @@ def tension(factor: float) -> Measure:
     def change(case: Mapping) -> dict:
         return {**case, "line": {**case["line"], "tension": factor * case["line"]["tension"]}}
 
-    return Measure(f"{abs(factor - 1):.0%} {word} tension", change)
+    return Measure(f"{100 * abs(factor - 1):.3g}% {word} tension", change)
 
 
 def damper(position: float, coefficient: float) -> Measure:
