@@ -133,6 +133,7 @@ rule redraw_paper:
         amounts=amounts(),
         number=setting("measurement.paper_replicates"),
         threshold=setting("identification.paper.threshold"),
+        path_length=setting("identification.paper.path_length"),
         kinematics=setting("identification.paper.kinematics"),
         degree=setting("identification.degree"),
         seed=setting("measurement.seed"),
@@ -167,6 +168,7 @@ rule vary_parameter:
             )
         },
         threshold=setting("identification.paper.threshold"),
+        path_length=setting("identification.paper.path_length"),
         kinematics=setting("identification.paper.kinematics"),
         degree=setting("identification.degree"),
         seed=setting("measurement.seed"),

@@ -7,13 +7,13 @@ from galloping.tables.judged_claims import variation_rows
 
 
 def vary_parameter(
-    parameter, drawn, claims, case, line, values, amounts, number, threshold, kinematics,
-    degree, seed,
+    parameter, drawn, claims, case, line, values, amounts, number, threshold, path_length,
+    kinematics, degree, seed,
 ):  # fmt: skip
     """Assess the reproduced paper's claims at each value of a setting that the paper omits."""
     plan = {
-        "draws": number, "threshold": threshold, "kinematics": kinematics, "degree": degree,
-        "seed": seed,
+        "draws": number, "threshold": threshold, "path_length": path_length,
+        "kinematics": kinematics, "degree": degree, "seed": seed,
     }  # fmt: skip
     own, amounts = read_table(drawn), Amounts(**amounts)
     write_table(claims, variation_rows(line, plan, amounts, parameter, values, case, own))

@@ -238,7 +238,8 @@ def test_numbers_outside_the_range_of_the_fit_are_counted():
 
 
 def test_other_settings_are_judged_one_at_a_time():
-    plan = {"threshold": 0.002, "draws": 3, "seed": 5}
+    plan = {"threshold": 0.002, "path_length": 30, "kinematics": "identified", "degree": 3,
+            "draws": 3, "seed": 5}  # fmt: skip
     amounts = Amounts(levels=(0.0, 0.05), points=())
     values = {"wind_speed": (12.0, 14.0), "threshold": (0.002, 1.0)}
     drawn_ = paper_draws(RESONANT, name=(CASE,), amounts=amounts, **plan)

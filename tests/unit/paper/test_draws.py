@@ -11,7 +11,7 @@ from galloping.configuration.yaml_file import read
 from galloping.evaluation.score import Truth, evaluate
 from galloping.identification import cell, registry
 from galloping.identification.sparse.evidence import reduce_by_splines
-from galloping.identification.sparse.stlsq import fit
+from galloping.identification.sparse.stlsq import fit, fit_raw
 from galloping.model.polynomial import design_matrix, extend_library, polynomial_library
 from galloping.paper import draws
 from galloping.paper.quick import QuickStudy
@@ -19,9 +19,10 @@ from galloping.paper.unknowns import MethodReading
 from galloping.results import IDENTIFIED, KNOWN, NOISE, PAPER_METHOD, SUBSET
 
 CASE = {**RESONANT, "initial_state": {**RESONANT["initial_state"], "q_v": 0.7, "q_w": 1.0}}
-AMOUNTS = draws.Amounts(levels=(0.0, 0.05), points=(1000,), duration=60, sampling_rate=50,
-                        steady_window=(40, 60))  # fmt: skip
-SETTING = {"threshold": 0.003}
+MINUTE = {"duration": 60, "sampling_rate": 50, "steady_window": (40, 60)}
+AMOUNTS = draws.Amounts(levels=(0.0, 0.05), points=(1000,), **MINUTE)
+SETTING = {"threshold": 0.003, "path_length": 30}
+PLAN = {"kinematics": IDENTIFIED, "degree": 3}
 TERMS = polynomial_library(4, 3)
 PYSINDY_RIDGE = 0.05  # `alpha` of its STLSQ, where none is given
 
@@ -37,7 +38,9 @@ def short(levels, duration=30, points=()):
 
 
 def drawn(number, amounts, **setting):
-    return draws.paper_draws(CASE, draws=number, seed=1, name=("test",), amounts=amounts, **setting)
+    return draws.paper_draws(
+        CASE, draws=number, seed=1, name=("test",), amounts=amounts, **PLAN | setting
+    )
 
 
 def items(line, **options):
@@ -54,7 +57,7 @@ def identified(recordings):
 
 def test_one_recording_gives_one_model_by_either_way(line):
     ((recording,),) = items(line, samples=3001)
-    ours = draws.identify_by_paper_method(reduce_by_splines([recording], TERMS), **SETTING)
+    ours = fit_raw(reduce_by_splines([recording], TERMS), **SETTING)
     (standard,) = identified([(recording,)])[PAPER_METHOD]
     np.testing.assert_allclose(ours.model.coefficients, standard.model.coefficients, rtol=1e-9)
 
@@ -98,7 +101,7 @@ def test_a_draw_depends_on_its_own_cell_and_number_alone():
     pd.testing.assert_frame_equal(one, same.reset_index(drop=True))
 
 
-@pytest.mark.parametrize("protocol", list(draws.PROTOCOLS))
+@pytest.mark.parametrize("protocol", list(draws.NOISES_BY_READING))
 def test_known_kinematic_equations_are_not_identified(protocol):
     study = QuickStudy(*draws.line_motion(CASE, 30, 100), short((0.05,)))
     known, identified = (
@@ -122,3 +125,17 @@ def test_the_default_ridge_of_pysindy_finds_false_terms_without_noise(root):
     )
     np.testing.assert_array_equal(without, true)
     assert (with_ridge & ~true).any()
+
+
+def test_the_length_of_the_path_of_thresholds_counts():
+    amounts = draws.Amounts(levels=(0.05,), points=(), **MINUTE)
+    short_path, long_path = (
+        drawn(2, amounts, threshold=None, path_length=count)["e2"].to_list() for count in (3, 30)
+    )
+    assert short_path != long_path
+
+
+def test_draws_with_too_few_samples_are_refused():
+    amounts = draws.Amounts(levels=(), points=(100,), **MINUTE)
+    table = drawn(2, amounts, **SETTING | {"degree": 5})
+    assert table["status"].to_list() == ["refused"] * 2

@@ -53,7 +53,7 @@ def test_quick_motions_are_those_of_the_simulator(moved):
     quick = QuickStudy(*moved, amounts).draw_scores(method, 12, np.random.default_rng(1))
     exact = draws.paper_draws(
         unknowns.FIRST_READING.case_at(KNOWN, RESONANT), draws=12, seed=1, name=("x",),
-        threshold=0.0017, kinematics="known", amounts=amounts,
+        threshold=0.0017, path_length=30, kinematics="known", degree=3, amounts=amounts,
     )  # fmt: skip
     for column in ("r2_q_w", "amplitude_error_q_v_percent", "mean_error_cubic_percent"):
         assert np.all(np.isfinite(quick[column]))

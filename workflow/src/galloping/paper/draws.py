@@ -29,7 +29,7 @@ from galloping.model.polynomial import (
     polynomial_library,
 )
 from galloping.recording.measurement import Motion, channel_scale
-from galloping.results import IDENTIFIED, NOISE, SUBSET
+from galloping.results import NOISE, SUBSET
 from galloping.streams import make_generator
 from galloping.trajectory.simulation import Simulator, time_grid
 
@@ -90,6 +90,8 @@ class DerivativeNoise(_Noise):
         points: number of samples, at random if fewer than all. level: of the noise.
         """
         n, p = self._design_matrix.shape
+        if points <= p:
+            raise np.linalg.LinAlgError(f"{points} samples do not determine {p} terms")
         gram, moments = self._whole_products
         if points < n:
             kept = np.zeros(n, bool)
@@ -181,7 +183,7 @@ class VelocityNoise(_Noise):
 
 
 # by name: how noise comes into the regression, and which of `channel_scale` a level is in units of
-PROTOCOLS: dict[str, tuple[Callable[..., DerivativeNoise | VelocityNoise], int]] = {
+NOISES_BY_READING: dict[str, tuple[Callable[..., DerivativeNoise | VelocityNoise], int]] = {
     "derivative": (DerivativeNoise, 1),
     "velocity": (VelocityNoise, 0),
     "smoothed velocity": (partial(VelocityNoise, has_smooth_rates=True), 0),
@@ -237,22 +239,25 @@ def paper_draws(
     seed: int,
     name: Sequence[str],
     threshold: float | None,
-    kinematics: str = IDENTIFIED,
-    degree: int = 3,
+    path_length: int,
+    kinematics: str,
+    degree: int,
     amounts: Amounts,
 ) -> pd.DataFrame:
     """Score the reproduced paper's identification method over random noise realisations.
 
-    case: as of `study.cells.Case.released`. threshold, kinematics: as of `stlsq.fit_raw`. A draw
-    depends on `seed`, `name`, its cell and its number only. Columns kind, level, points, replicate,
+    case: as of `study.cells.Case.released`. threshold, path_length, kinematics: as of
+    `stlsq.fit_raw`. A draw depends on `seed`, `name`, its cell and its number only; one that does
+    not determine a model counts as refused. Columns kind, level, points, replicate,
     and those of `evaluation.score.score`. Without noise all draws are equal, and there is one.
     """
     motion, line = line_motion(case, amounts.duration, amounts.sampling_rate)
     terms = polynomial_library(len(line.states), degree)
     true = line.on_library(extend_library(terms, line))
     truth = Truth(true, motion.time, motion.states, amounts.steady_window, motion.status)
-    noise, scale = PROTOCOLS["derivative"]
+    noise, scale = NOISES_BY_READING["derivative"]
     noisy = noise(motion, terms, channel_scale(motion, relative=False)[scale])
+    options: Any = {"threshold": threshold, "path_length": path_length, "kinematics": kinematics}
     unbounded = np.full((1, *true.coefficients.shape), np.nan)
 
     rows = []
@@ -262,22 +267,13 @@ def paper_draws(
             part, models = numbers[start : start + AT_ONCE], []
             for draw in part:
                 rng = make_generator(seed, "paper", *name, kind, f"{level:.12g}", points, draw)
-                (reduced,) = noisy.draw(level, points, rng).regressions(line.states, terms)
-                models.append(
-                    identify_by_paper_method(reduced, threshold=threshold, kinematics=kinematics)
-                )
+                try:
+                    (reduced,) = noisy.draw(level, points, rng).regressions(line.states, terms)
+                    model = stlsq.fit_raw(reduced, **options)
+                except NO_MODEL as error:
+                    model = IdentifiedModel.refused(line.states, terms, [as_finding(error)])
+                models.append(model)
             scored, _ = evaluate(truth, {"paper": models}, unbounded)
             cell = {"kind": kind, "level": level, "points": points}
             rows += [{**cell, **row, "replicate": d} for d, row in zip(part, scored, strict=True)]
     return pd.DataFrame(rows).drop(columns="method", errors="ignore")
-
-
-def identify_by_paper_method(reduced: ReducedRegression, **options: Any) -> IdentifiedModel:
-    """Identify a model from a reduced regression by the paper's thresholded least squares.
-
-    options: threshold, kinematics of `stlsq.fit_raw`.
-    """
-    try:
-        return stlsq.fit_raw(reduced, path_length=PATH_LENGTH, **options)
-    except NO_MODEL as error:
-        return IdentifiedModel.refused(reduced.states, reduced.terms, [as_finding(error)])

@@ -22,7 +22,7 @@ from galloping.model.polynomial import (
     factor_monomials,
     polynomial_library,
 )
-from galloping.paper.draws import PATH_LENGTH, PROTOCOLS, Amounts, Products
+from galloping.paper.draws import NOISES_BY_READING, PATH_LENGTH, Amounts, Products
 from galloping.paper.unknowns import MethodReading
 from galloping.recording.measurement import Motion, channel_scale
 from galloping.results import KNOWN
@@ -57,7 +57,7 @@ class QuickStudy:
         count: number of realisations for each sort of recording. unmoved_levels: noise levels of
         whole records whose models are not simulated, the slowest step.
         """
-        noise, scale = PROTOCOLS[method.protocol]
+        noise, scale = NOISES_BY_READING[method.protocol]
         noisy = noise(self.motion, self.terms, channel_scale(self.motion, method.relative)[scale])
         cells, models = self.amounts.cells, []
         for _, level, points in cells:

@@ -64,8 +64,8 @@ class MethodReading:
 
     threshold: one number for all terms, or None to choose each equation's by EBIC. columns: `raw`
     or `normalised`, to which thresholds apply. kinematics: KNOWN, or IDENTIFIED as any equation.
-    protocol: of `draws.PROTOCOLS`. relative: whether noise levels are in standard deviations of
-    each noisy channel.
+    protocol: of `draws.NOISES_BY_READING`. relative: whether noise levels are in standard
+    deviations of each noisy channel.
     """
 
     threshold: float | None = 1.0
