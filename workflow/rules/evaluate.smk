@@ -63,6 +63,7 @@ rule find_oracle:
         },
         degree=setting("identification.degree"),
         path_length=setting("identification.stlsq.path_length"),
+        weak_path_length=setting("identification.weak.path_length"),
         steady_window=setting("simulation.steady_window"),
         code=lambda wildcards: code("find_oracle.py"),
     message:

@@ -4,7 +4,7 @@ from galloping.evaluation.bounds_of_cells import cell_bounds, deviations, models
 from galloping.evaluation.score import Truth, evaluate
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code, Finding
-from galloping.model.polynomial import extend_library, polynomial_library
+from galloping.model.polynomial import polynomial_library
 from galloping.reproducibility.job import run
 from galloping.results import BOUND
 from galloping.storage import write_rows
@@ -23,8 +23,7 @@ def evaluate_cell(
 ):  # fmt: skip
     """Write scores, Cramér-Rao bounds and simulated motions of models of a set of recordings."""
     line, motions = read_model(model).model, read_trajectories(trajectory)
-    terms = polynomial_library(len(line.states), degree)
-    line = line.on_library(extend_library(terms, line))
+    line, terms = line.on_polynomials(degree), polynomial_library(len(line.states), degree)
     drawn = measurement, (case, protocol, cell)
     status = next(
         (m.status for m in motions[: measurement["recordings"]] if m.status != "ok"), "ok"

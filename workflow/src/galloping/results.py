@@ -23,6 +23,10 @@ OURS = "maximum_likelihood"  # what figures set beside the paper's method
 OURS_FAMILY = "likelihood"
 
 
+DISPLACEMENT_COLUMNS = {"q_v": 0, "q_w": 1}  # among the states
+ORDERS = {"linear": 1, "quadratic": 2, "cubic": 3}  # of terms
+
+
 @dataclass(frozen=True)
 class Derived:
     """Equations of an overhead line, with its named coefficients and quantities such as the sag.

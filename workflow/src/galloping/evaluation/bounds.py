@@ -128,7 +128,7 @@ def weighted_sensitivities(
     rates = model.jacobian(states, driving) @ moved
     theta = design_matrix(join_inputs(states, driving), model.terms)
     rates[:, free[:, 0], np.arange(len(free))] += theta[:, free[:, 1]]
-    held = sticking_projections(model, states, driving)
+    held = sticking_projections(model, states, theta @ model.coefficients.T, driving)
     rates = rates if held is None else held @ rates
     return np.concatenate([weighted, rates / experiment.rate_sigma[:, None]], axis=1)
 

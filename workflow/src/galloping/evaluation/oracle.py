@@ -10,7 +10,7 @@ from itertools import product
 
 import numpy as np
 
-from galloping.evaluation.score import ORDERS, UNKNOWN, Truth, reconstruct, score
+from galloping.evaluation.score import DYNAMIC_ROWS, Truth, reconstruct, score
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import as_finding
 from galloping.identification.sparse import evidence, frols, stlsq
@@ -19,6 +19,7 @@ from galloping.identification.sparse.regression import Path, check_nonzero
 from galloping.identification.sparse.supports import solve, threshold_path
 from galloping.model.polynomial import PolynomialModel
 from galloping.recording.samples import Recording
+from galloping.results import ORDERS
 
 CHOICES = ("least error", "right terms")
 
@@ -43,7 +44,7 @@ def _error_weights(true: PolynomialModel) -> np.ndarray:
     """Compute the weight of each absolute error in the mean over orders, (n_states, n_terms)."""
     degree = np.array([sum(term) for term in true.terms])
     judged = true.support.copy()
-    judged[[i for i in range(len(judged)) if i not in UNKNOWN]] = False
+    judged[[i for i in range(len(judged)) if i not in DYNAMIC_ROWS]] = False
     weights = np.zeros(judged.shape)
     for order in ORDERS.values():
         terms = judged & (degree == order)
@@ -55,19 +56,26 @@ def _error_weights(true: PolynomialModel) -> np.ndarray:
 
 
 def oracle_rows(
-    truth: Truth, replicates: Iterable[Sequence[Recording]], path_length: int
+    truth: Truth,
+    replicates: Iterable[Sequence[Recording]],
+    path_length: int,
+    weak_path_length: int,
 ) -> list[dict]:
     """Score sparse regression methods with the best possible tuning, chosen with the truth.
 
     The methods are STLSQ, FROLS and the weak form; scores are those of `evaluation.score`. Each row
     has its `choice` of CHOICES. truth: its model is on the candidate library. replicates:
-    recordings of each. path_length: number of thresholds tried.
+    recordings of each. path_length, weak_path_length: number of thresholds tried, of STLSQ and of
+    the weak form.
     """
     named, models = [], []
-    thresholds = partial(stlsq.models_along, threshold_path(path_length))
+    thresholds, weak_thresholds = (
+        partial(stlsq.models_along, threshold_path(count))
+        for count in (path_length, weak_path_length)
+    )
     # LASSO is left out: it finds no better supports than FROLS, at twenty times the cost
     regressed = {"stlsq": thresholds, "frols": frols.models_along}
-    ways = ((evidence.reduce, regressed), (evidence.reduce_weakly, {"weak": thresholds}))
+    ways = ((evidence.reduce, regressed), (evidence.reduce_weakly, {"weak": weak_thresholds}))
     for (replicate, recordings), (make, paths) in product(enumerate(replicates), ways):
         for method, chosen in _choose_candidates(truth.model, recordings, make, paths):
             for choice, model in zip(CHOICES, chosen, strict=True):

@@ -12,12 +12,10 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import EQUATIONS
 from galloping.model.intervals import NORMAL_95, QUANTILES_90
 from galloping.model.polynomial import PolynomialModel
-from galloping.results import Reconstruction
+from galloping.results import DISPLACEMENT_COLUMNS, ORDERS, Reconstruction
 from galloping.trajectory.simulation import Simulator, Trajectory
 
-DISPLACEMENT_COLUMNS = {"q_v": 0, "q_w": 1}
-ORDERS = {"linear": 1, "quadratic": 2, "cubic": 3}
-UNKNOWN = tuple(EQUATIONS)  # the kinematic rows carry no parameter of the line
+DYNAMIC_ROWS = tuple(EQUATIONS)  # the kinematic rows carry no parameter of the line
 PLOT_RATE = 20.0  # Hz, an order of magnitude above the fastest harmonic that matters
 
 
@@ -61,15 +59,15 @@ class Truth:
     @cached_property
     def amplitude(self) -> np.ndarray:
         """Amplitude of each displacement in the steady window, m; NaN without galloping."""
-        return np.where(gallops(self.model), steady_amplitude(self._steady_rows), np.nan)
+        return np.where(gallops(self.model), steady_amplitude(self._steady_displacements), np.nan)
 
     @cached_property
     def frequency(self) -> np.ndarray:
         """Dominant frequency of each displacement in the steady window, Hz."""
-        return steady_frequency(self._steady_rows, self.step)
+        return steady_frequency(self._steady_displacements, self.step)
 
     @property
-    def _steady_rows(self) -> np.ndarray:
+    def _steady_displacements(self) -> np.ndarray:
         return self.states[self.steady_rows][:, list(DISPLACEMENT_COLUMNS.values())]
 
 
@@ -93,12 +91,12 @@ def score(
     standard_errors = _on_terms_of(truth, result.standard_errors, absent=np.nan)
     if result.status == "refused":
         coefficients = np.full_like(coefficients, np.nan)
-    errors = mean_error_by_order(truth.model, coefficients, UNKNOWN)
+    errors = mean_error_by_order(truth.model, coefficients, DYNAMIC_ROWS)
     numbers = {f"mean_error_{order}_percent": 100 * error for order, error in errors.items()}
     numbers["e2"] = relative_norm_error(truth.model, coefficients)
     numbers |= support_scores(truth.model, coefficients)
-    numbers["efficiency"] = efficiency(truth.model, coefficients, bound, UNKNOWN)
-    numbers |= coverage(truth.model, coefficients, standard_errors, UNKNOWN)
+    numbers["efficiency"] = efficiency(truth.model, coefficients, bound, DYNAMIC_ROWS)
+    numbers |= coverage(truth.model, coefficients, standard_errors, DYNAMIC_ROWS)
     if not truth.is_own_model:
         numbers = dict.fromkeys(numbers, np.nan)
     columns = list(DISPLACEMENT_COLUMNS.values())

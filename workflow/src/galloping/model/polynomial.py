@@ -420,6 +420,13 @@ class PolynomialModel(Immutable):
                 raise ValueError(f"term {term_name(term, self.names)} is not in the library")
         return PolynomialModel(self.states, terms, coefficients, self.inputs)
 
+    def on_polynomials(self, degree: int) -> PolynomialModel:
+        """Return the same model on all monomials up to a degree, then its terms that are no such.
+
+        Names of inputs count as those of states.
+        """
+        return self.on_library(extend_library(polynomial_library(len(self.names), degree), self))
+
 
 @cache
 def _check_terms(

@@ -25,7 +25,6 @@ from galloping.model.polynomial import (
     Exponents,
     PolynomialModel,
     design_matrix,
-    extend_library,
     polynomial_library,
 )
 from galloping.recording.measurement import Motion, channel_scale
@@ -252,8 +251,7 @@ def paper_draws(
     and those of `evaluation.score.score`. Without noise all draws are equal, and there is one.
     """
     motion, line = line_motion(case, amounts.duration, amounts.sampling_rate)
-    terms = polynomial_library(len(line.states), degree)
-    true = line.on_library(extend_library(terms, line))
+    terms, true = polynomial_library(len(line.states), degree), line.on_polynomials(degree)
     truth = Truth(true, motion.time, motion.states, amounts.steady_window, motion.status)
     noise, scale = NOISES_BY_READING["derivative"]
     noisy = noise(motion, terms, channel_scale(motion, relative=False)[scale])

@@ -25,7 +25,7 @@ from galloping.model.polynomial import (
 from galloping.paper.draws import NOISES_BY_READING, PATH_LENGTH, Amounts, Products
 from galloping.paper.unknowns import MethodReading
 from galloping.recording.measurement import Motion, channel_scale
-from galloping.results import KNOWN
+from galloping.results import DISPLACEMENT_COLUMNS, KNOWN, ORDERS
 
 STEP = 5  # samples of a step of the simulation
 LANES = 16  # models that move side by side
@@ -70,7 +70,7 @@ class QuickStudy:
             ]
         found = np.concatenate(models)
         if method.kinematics == KNOWN:
-            rows = [row for row in range(found.shape[1]) if row not in score.UNKNOWN]
+            rows = [row for row in range(found.shape[1]) if row not in score.DYNAMIC_ROWS]
             found[:, rows] = self.true.coefficients[rows]
         columns: dict[str, Any] = {
             name: np.repeat([cell[k] for cell in cells], count)
@@ -97,11 +97,13 @@ class QuickStudy:
 
     def _coefficient_scores(self, models: np.ndarray) -> dict[str, list[float]]:
         """Score the coefficients of models (draws, n_states, n_terms)."""
-        errors = [score.mean_error_by_order(self.true, model, score.UNKNOWN) for model in models]
+        errors = [
+            score.mean_error_by_order(self.true, model, score.DYNAMIC_ROWS) for model in models
+        ]
         found = [score.support_scores(self.true, model) for model in models]
         columns = {
             f"mean_error_{order}_percent": [100 * each.get(order, np.nan) for each in errors]
-            for order in score.ORDERS
+            for order in ORDERS
         }
         return columns | {name: [each[name] for each in found] for name in ("missing", "spurious")}
 
@@ -109,7 +111,7 @@ class QuickStudy:
         quality, amplitudes = self._simulate_models(models)
         off = np.abs(amplitudes - self._own_amplitudes) / self._own_amplitudes
         columns = {}
-        for k, name in enumerate(score.DISPLACEMENT_COLUMNS):
+        for k, name in enumerate(DISPLACEMENT_COLUMNS):
             columns[f"r2_{name}"] = quality[:, k]
             columns[f"amplitude_error_{name}_percent"] = 100 * off[:, k]
         return columns
@@ -124,7 +126,7 @@ class QuickStudy:
         # the first monomial is the constant: nothing makes it, and -1 stands for it
         made = [(0, 0), *factor_monomials(self.terms)[1:]]
         last, lower = np.ascontiguousarray(np.maximum(np.array(made, int), 0).T)
-        displacements = list(score.DISPLACEMENT_COLUMNS.values())
+        displacements = list(DISPLACEMENT_COLUMNS.values())
         true = np.ascontiguousarray(self.motion.states[::STEP, displacements])
         step = STEP / self.amounts.sampling_rate
         first = round(self.amounts.steady_window[0] / step)

@@ -11,12 +11,9 @@ import pandas as pd
 
 from galloping.line.galerkin import EQUATIONS, Derived
 from galloping.model.intervals import IDENTIFIABLE, median_and_interval
-from galloping.model.polynomial import extend_library, polynomial_library
-from galloping.results import NOISE, SUBSET
+from galloping.results import DISPLACEMENT_COLUMNS, NOISE, ORDERS, SUBSET
 
 CELL = ["case", "protocol", "level"]
-ORDERS = ("linear", "quadratic", "cubic")
-STATES = ("q_v", "q_w")
 CHOSEN, ORACLE = "as chosen", "oracle"
 PEERS = (
     "case", "protocol", "level", "method", "setting", "mean_error_percent", "share_exact_support",
@@ -112,7 +109,10 @@ def noise_r2(scores: pd.DataFrame) -> pd.DataFrame:
 
     The groups are those of case, measurement setup, method, noise level and state.
     """
-    columns, keys = {state: f"r2_{state}" for state in STATES}, [*CELL[:2], "method", "level"]
+    columns, keys = (
+        {state: f"r2_{state}" for state in DISPLACEMENT_COLUMNS},
+        [*CELL[:2], "method", "level"],
+    )
     table = medians(of_kind(scores, NOISE), keys, columns, "state", "r2")
     return table.rename(columns={"r2": "r2_median"})
 
@@ -123,9 +123,11 @@ def data_amount(scores: pd.DataFrame) -> pd.DataFrame:
     The groups are those of case, measurement setup, method, number of samples and state.
     """
     subsets, keys = of_kind(scores, SUBSET), ["case", "protocol", "method", "points"]
-    columns = {state: f"amplitude_error_{state}_percent" for state in STATES}
+    columns = {state: f"amplitude_error_{state}_percent" for state in DISPLACEMENT_COLUMNS}
     amplitude = medians(subsets, keys, columns, "state", "amplitude_error_percent")
-    r2 = medians(subsets, keys, {state: f"r2_{state}" for state in STATES}, "state", "r2")
+    r2 = medians(
+        subsets, keys, {state: f"r2_{state}" for state in DISPLACEMENT_COLUMNS}, "state", "r2"
+    )
     return amplitude.merge(r2, on=[*keys, "state", "replicates", "failures"], validate="1:1")
 
 
@@ -182,9 +184,7 @@ def identifiability(
     """
     parts = [pd.DataFrame(columns=IDENTIFIABILITY)]
     for cell, columns in settings["cells"].items():
-        model = models[columns["case"]].model
-        terms = polynomial_library(len(model.states), settings["degree"])
-        model = model.on_library(extend_library(terms, model))
+        model = models[columns["case"]].model.on_polynomials(settings["degree"])
         typical = np.sqrt(np.mean(bounds[cell] ** 2, axis=0))
         dynamic = np.isin(np.arange(len(model.states)), list(EQUATIONS))
         i, j = np.nonzero(model.support & dynamic[:, np.newaxis])

@@ -244,17 +244,22 @@ def rates_along(
     states: (n, n_states). A sticking state does not accelerate. driving: (n, n_inputs) of a model
     with inputs.
     """
-    rates, held = model(states, driving), sticking_projections(model, states, driving)
+    rates = model(states, driving)
+    held = sticking_projections(model, states, rates, driving)
     return rates if held is None else np.einsum("nij,nj->ni", held, rates)
 
 
 def sticking_projections(
-    model: PolynomialModel, states: NDArray[np.float64], driving: NDArray[np.float64] | None = None
+    model: PolynomialModel,
+    states: NDArray[np.float64],
+    rates: NDArray[np.float64],
+    driving: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64] | None:
     """Compute matrices that cancel the acceleration of states that dry friction holds at rest.
 
-    Returns (n, n_states, n_states), factors on the rates and their derivatives, by which an
-    argument of a sign remains at its zero; None for a model without one.
+    states, rates: (n, n_states), rates those of the model. Returns (n, n_states, n_states), factors
+    on the rates and their derivatives, by which an argument of a sign remains at its zero; None for
+    a model without one.
     """
     both, n, places = join_inputs(states, driving), len(model.states), len(model.names)
     signs = [own for own in split_functions(model.terms)[0] if own.name == "sign"]
@@ -271,7 +276,7 @@ def sticking_projections(
             for term in compress(model.terms, has)
         )
         of_signs[:, :, k] = design_matrix(both, left) @ model.coefficients[:, has].T
-    held, rates = np.tile(np.eye(n), (len(states), 1, 1)), model(states, driving)
+    held = np.tile(np.eye(n), (len(states), 1, 1))
     for row in np.flatnonzero(still.any(axis=1)):
         own = still[row]
         balance = weights[own] @ of_signs[row][:, own]
