@@ -67,6 +67,7 @@ def test_lists_arrays_and_frames_are_the_same_recording():
         recording(time=TIME.tolist(), states=["q", "dq"], values=VALUES.tolist()),
         recording(time=frame["t"], values=frame[["q", "dq"]]),
         Recording.from_frame(frame, time="t"),
+        Recording.from_frame(frame.set_index("t")),
         Recording.from_frame({"s": TIME, "q": VALUES[:, 0], "dq": VALUES[:, 1]}, time="s"),
     ):
         assert other.states == ("q", "dq")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import as_finite, as_floats, as_seconds, count_dimensions
-from galloping.recording.samples import Frame, Input, Recording
+from galloping.recording.samples import Frame, Input, Recording, index_of_times
 
 Samples: TypeAlias = ArrayLike | Frame
 Data: TypeAlias = Samples | Recording | Sequence[Samples | Recording]
@@ -65,11 +65,7 @@ class Table:
         names = list(data if isinstance(data, Mapping) else data.columns)
         if len(set(names)) < len(names):
             raise ValueError(f"{what}: {names!r:.60}; columns must have distinct names")
-        index = getattr(data, "index", None)
-        # an index of whole numbers without a name counts rows, also of a part of a frame
-        kind = getattr(getattr(index, "dtype", None), "kind", "")
-        counts_rows = kind in ("i", "u") and getattr(index, "name", None) is None
-        return cls(what, {str(n): data[n] for n in names}, None if counts_rows else index)
+        return cls(what, {str(n): data[n] for n in names}, index_of_times(data))
 
     def pop(self, what: str, name: str) -> Any:
         """Remove a column by its name and return it; raise ValueError if it is missing.

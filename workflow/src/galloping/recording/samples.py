@@ -204,6 +204,16 @@ class Input(Immutable):
         return found
 
 
+def index_of_times(frame: object) -> Any:
+    """Return the index of a data frame as times; None without one, or if it counts rows.
+
+    An index of whole numbers without a name counts rows, also of a part of a frame.
+    """
+    index = getattr(frame, "index", None)
+    kind = getattr(getattr(index, "dtype", None), "kind", "")
+    return None if kind in ("i", "u") and getattr(index, "name", None) is None else index
+
+
 Factor = tuple[int, ...]
 
 
@@ -464,7 +474,7 @@ class Recording(Immutable):
             Every column except the times and the `inputs` is a state.
         time : str, optional
             Name of the column of times, s or dates; by default `t`. Without such a column, the
-            index of the frame is used if it has dates.
+            index of the frame is used if it does not count rows.
         inputs : sequence of str
             Names of the columns that are inputs.
         between : str
@@ -481,12 +491,10 @@ class Recording(Immutable):
         """
         names = list(frame)
         column = "t" if time is None else time
-        index = getattr(frame, "index", None)
-        if column in names:
-            times = frame[column]
-        elif time is None and as_seconds("recording: index", index) is not index:
-            times = index
-        else:
+        times = frame[column] if column in names else None
+        if time is None and times is None:
+            times = index_of_times(frame)
+        if times is None:
             raise ValueError(f"recording: no column {column!r}; must be one of {names!r:.60}")
         if isinstance(inputs, str):
             raise ValueError(f"recording: inputs: {inputs!r:.60}; must be a list of names")
