@@ -1,6 +1,7 @@
 """Receipts, what is made and said of them before a run, audit and repair; without Snakemake."""
 
 import os
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -147,10 +148,31 @@ def test_what_is_not_as_its_receipt_says_is_named(harm):
     receipt_path(table).unlink()
     findings = look()
     assert (findings.damaged, findings.missing) == ((model,), (lost,))
-    assert (findings.unknown, findings.new) == ((table,), ())
+    assert (findings.unrecorded, findings.unseen) == ((table,), ())
     kept.SEEN.unlink()
     findings = look()
-    assert (findings.damaged, findings.unknown, findings.new) == ((model,), (), (model,))
+    assert (findings.damaged, findings.unrecorded, findings.unseen) == ((model,), (), (model,))
+
+
+def test_what_is_deleted_with_its_receipt_is_missed_until_it_is_made():
+    model, table = make("models/a.json"), make("tables/t.csv")
+    kept.remember(RESULTS, look())
+    for path in (model, table):
+        shutil.rmtree(Path(path).parent)
+    for _ in range(2):  # as long as no run makes it
+        assert sorted(look().missing) == [model, table]
+        kept.remember(RESULTS, look())
+    make("models/a.json")
+    assert look().missing == (table,)
+    kept.remember(RESULTS, replace(look(), missing=()))  # no job makes it any more
+    assert look().missing == ()
+
+
+def test_a_copy_of_results_among_results_is_none_of_them():
+    table = make("tables/t.csv")
+    shutil.copytree(Path(table).parent, Path(RESULTS, "tables_before"))
+    make("tables/t.csv", "2\n")
+    assert list(receipts(RESULTS)) == [table] and look().damaged == ()
 
 
 def test_after_a_kill_only_a_repair_may_lock_a_study():

@@ -45,9 +45,9 @@ def test_a_damaged_memory_of_digests_is_left_aside(content):
     SEEN.parent.mkdir()
     SEEN.write_text(content)
     findings = inspect(RESULTS, receipts(RESULTS))
-    assert findings.damaged == (TABLE,) and findings.new == (TABLE,)
+    assert findings.damaged == (TABLE,) and findings.unseen == (TABLE,)
     remember(RESULTS, findings)
-    assert inspect(RESULTS, receipts(RESULTS)).new == ()
+    assert inspect(RESULTS, receipts(RESULTS)).unseen == ()
 
 
 @pytest.mark.parametrize("content", DAMAGED)

@@ -1,13 +1,96 @@
 """What the commands of the Makefile refuse and show before they do it."""
 
+import argparse
 import shutil
+import sys
 from dataclasses import asdict
+from importlib import import_module
+from pathlib import Path
 
 import pytest
 from studies import Study, run, script
 
-from galloping.reproducibility.receipts import Receipt, receipt_path
+from galloping.configuration.load import load, plain
+from galloping.reproducibility import plan
+from galloping.reproducibility.lock import end_in_one_line
+from galloping.reproducibility.receipts import Receipt, receipt_path, remember, write_receipt
+from galloping.reproducibility.receipts import inspect as find_deviations
 from galloping.storage import write_json, write_text
+
+ROOT = Path(__file__).parents[2]
+sys.path.append(str(ROOT / "workflow" / "scripts"))
+run_study = import_module("run_study")
+
+
+def make_report(settings):
+    """The receipt of the report of a study, by its path."""
+    path = f"{settings.results}/report.html"
+    made = Receipt(path, "write_report", {}, f"{settings.results}/logs/report.log",
+                   {"study": {"study": plain(settings)}}, {}, "0" * 64, 2, 1.0)  # fmt: skip
+    write_receipt(made)
+    return {path: made}
+
+
+def test_a_run_with_earlier_settings_is_announced(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(run_study, "WORKFLOW", tmp_path / "workflow")  # nothing newer than
+    monkeypatch.setattr(run_study.sysconfig, "get_path", lambda _: tmp_path / "site")
+    for path in ("config/config.yaml", "site/a"):
+        write_text(tmp_path / path, "")
+    earlier, now = load({"measurement": {"replicates": 5}}), load({})
+    made = make_report(earlier)
+    monkeypatch.setattr(plan, "planning", lambda _: plan.Plan(plain(now), ()))
+    monkeypatch.setattr(plan, "outlook", lambda *_: ["announced"])
+    options = argparse.Namespace(cores="1", workflow_profile=None)
+    assert list(run_study.announced(now, [], made, options)) == ["announced"]
+    assert list(run_study.announced(earlier, [], made, options)) == []
+
+
+def test_files_that_are_gone_with_their_receipts_are_asked_for_if_planned(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    paths = [f"results/models/{name}.json" for name in "ab"]
+    for path in paths:
+        write_text(path, "1\n")
+        write_receipt(Receipt(path, "make", {}, "results/logs/a", {}, {}, "0" * 64, 2, 1.0))
+    remember("results", find_deviations("results", run_study.receipts("results")))
+    shutil.rmtree("results/models")
+    job = plan.PlannedJob("make", {}, (), (paths[0],))
+    monkeypatch.setattr(plan, "planning", lambda _: plan.Plan({"results": "results"}, (job,)))
+    monkeypatch.setattr(plan, "recorded", lambda _: set())
+    assert run_study.check("results", [], "repair") == ["all", paths[0]]
+    assert find_deviations("results", {}).missing == (paths[0],)
+
+
+def test_statements_are_counted_only_where_the_paper_is_in_the_study(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    paper = Path("results/tables/paper.csv")
+    paper.parent.mkdir(parents=True)
+    shutil.copy(ROOT / "results/reference/paper.csv", paper)
+    told = []
+    for settings in ({}, {"cases": {"mine": {}}}):
+        run_study.tell(load(settings), 0, 1.0)
+        told.append(capsys.readouterr().out.splitlines())
+    assert len(told[0]) == 2 and told[1] == told[0][:1]
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (KeyboardInterrupt(), "Interrupted: run it again to go on."),
+        (FileNotFoundError(2, "No such file or directory", "a.zip"),
+         "a.zip: No such file or directory"),
+        (OSError("disk"), "disk"),
+    ],
+)  # fmt: skip
+def test_errors_and_interrupts_are_one_line(error, line):
+    with pytest.raises(SystemExit) as end, end_in_one_line():
+        raise error
+    assert end.value.code == line
+
+
+def test_an_archive_that_is_not_there_is_not_called_forged(root):
+    status, said = script(root, "keep_results", "verify_archive", "none.zip")
+    assert (status, said) == (1, ["none.zip: No such file or directory"])
 
 
 @pytest.mark.parametrize("cores", ["0", "1.5"])

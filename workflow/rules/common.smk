@@ -3,7 +3,7 @@ from functools import cache
 
 from galloping.summary import OUTPUTS, SHOWN as SHOWN_OF_FIELD
 from galloping.reproducibility import digest
-from galloping.reproducibility.lock import OF_STUDY
+from galloping.reproducibility.lock import RESULTS_VARIABLE
 from galloping.report import data_dictionary
 from galloping.reproducibility.receipts import RECEIPTS, receipt_path
 from galloping.study import shown
@@ -16,7 +16,7 @@ try:
     STUDY = Study(load(clean_merged(config, files[-1:] + files[:-1])))
 except ConfigurationError as error:
     sys.exit(str(error))
-if OF_STUDY not in os.environ:  # `make` has said so itself
+if RESULTS_VARIABLE not in os.environ:  # `make` has said so itself
     print(*STUDY.doubts, sep="\n", end="\n" * bool(STUDY.doubts), file=sys.stderr)
 
 LINES = [case.name for case in STUDY.cases]

@@ -14,7 +14,6 @@ from pathlib import Path
 import pandas as pd
 
 from galloping.configuration.load import load_files, plain
-from galloping.configuration.yaml_file import ConfigurationError
 from galloping.publication.archive import (
     NotRestorable,
     changed_settings,
@@ -26,7 +25,7 @@ from galloping.publication.archive import (
 from galloping.publication.archive import restore as restored
 from galloping.publication.publishing import ALLOWABLE, NotPublishable
 from galloping.publication.publishing import publish as published
-from galloping.reproducibility.lock import Obstacle, check_places, locked, make_command
+from galloping.reproducibility.lock import check_places, end_in_one_line, locked, make_command
 from galloping.reproducibility.plan import planning
 from galloping.reproducibility.receipts import digest, inspect, receipts, remember
 from galloping.reproducibility.repair import audit, remove
@@ -63,14 +62,10 @@ def main() -> None:
             command.add_argument(name, **({"action": "store_true"} if flag else {}))
         command.add_argument("--configfile", nargs="+", default=[])
     given = vars(parser.parse_args())
-    try:
+    with end_in_one_line():
         settings = load_files(["config/config.yaml", *given["configfile"]])
         check_places(settings.results)  # Snakemake would say less of both
         given.pop("run")(**given)
-    except (ConfigurationError, Obstacle) as error:
-        sys.exit(str(error))
-    except OSError as error:
-        sys.exit(f"{error.filename or 'results'}: {error.strerror or error}")
 
 
 @contextmanager
@@ -110,7 +105,7 @@ def verify_archive(archive, sha256, configfile):
             if not sha256:
                 print("Compare it with the published SHA-256, or give that: SHA256=...")
             compare(Path(folder), plain(load_files(["config/config.yaml", *configfile])))
-    except (NotRestorable, ConfigurationError, OSError) as error:
+    except NotRestorable as error:
         sys.exit(f"{error}\n{archive}: not as it was published")
 
 

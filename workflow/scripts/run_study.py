@@ -15,31 +15,39 @@ import sys
 import sysconfig
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
-from galloping.configuration.load import load_files
+from galloping.configuration.load import load_files, plain
 from galloping.configuration.settings import Settings
-from galloping.configuration.yaml_file import ConfigurationError
 from galloping.reproducibility.job import failures
 from galloping.reproducibility.lock import (
     Killed,
     Obstacle,
     check_disk,
     clear_unfinished,
+    end_in_one_line,
     end_orphans,
-    format_killed_message,
     locked,
     make_command,
     marked_environment,
 )
-from galloping.reproducibility.receipts import Receipt, inspect, receipt_path, receipts, remember
+from galloping.reproducibility.receipts import (
+    Receipt,
+    inspect,
+    list_first,
+    receipt_path,
+    receipts,
+    remember,
+)
 from galloping.study.cells import Study
+from galloping.study.shown import departures_from_paper
 
 WORKFLOW = Path(__file__).parents[1]
 STEPS = re.compile(r"^(\d+) of (\d+) steps", re.MULTILINE)  # as Snakemake says after each job
 
-SAID = Path("logs", "snakemake.txt")  # below the results: Snakemake's own words, off a terminal
-EVERY = 60.0  # s, between two lines on how far a run is
+SNAKEMAKE_OUTPUT = Path("logs", "snakemake.txt")  # below the results: written off a terminal
+PROGRESS_INTERVAL = 60.0  # s, between two lines on how far a run is
 LAST_WORDS = 20  # lines of Snakemake's that are shown where no job says what went wrong
 
 
@@ -55,8 +63,7 @@ def main(*arguments: str) -> int:
     known, _ = parser.parse_known_args(options)
     check_cores(known.cores)
     files, repair = known.configfile, make_command(known.configfile, "repair")
-    results = "results"
-    try:
+    with end_in_one_line(repair):
         settings = load_files(["config/config.yaml", *files])
         results = settings.results
         with locked(results, repair, repairing=own.repair) as began:
@@ -72,26 +79,20 @@ def main(*arguments: str) -> int:
                 sys.exit("Interrupted. Finished jobs are kept; run it again to go on.")
             if not status:
                 made = sum(before.get(path) != receipt for path, receipt in after.items())
-                tell(results, made, time.monotonic() - start)
+                tell(settings, made, time.monotonic() - start)
                 return 0
             check_disk(results)
             if reasons := "; ".join(failures(results, began)):
                 told = f"The study stopped: {reasons}. Finished jobs are kept"
                 print(f"{told}; run it again to go on.", file=sys.stderr)
             elif not sys.stdout.isatty():
-                words = Path(results, SAID).read_text(encoding="utf-8", errors="replace")
+                said = Path(results, SNAKEMAKE_OUTPUT)
+                words = said.read_text(encoding="utf-8", errors="replace")
                 last = [line for line in words.splitlines() if line.strip()][-LAST_WORDS:]
                 if "\nTraceback " in words:
-                    said = Path(results, SAID)
                     last = [f"Snakemake stopped: {last[-1]} ({said}); `{repair}` may mend it"]
                 print(*last, sep="\n", file=sys.stderr)
             return status
-    except (ConfigurationError, Obstacle) as error:
-        sys.exit(str(error))
-    except Killed:
-        sys.exit(format_killed_message(repair))
-    except OSError as error:
-        sys.exit(f"{error.filename or results}: {error.strerror or error}")
 
 
 def announced(
@@ -103,13 +104,15 @@ def announced(
     """Yield lines of text on what a run will do: jobs, duration, changes and warnings.
 
     If nothing changed since the report, only the warnings are yielded. The plan contains these
-    warnings itself.
+    warnings itself. known: receipts by path.
     """
-    report = receipt_path(Path(settings.results, "report.html"))
-    made = report.stat().st_mtime if report.exists() else 0.0
+    report = f"{settings.results}/report.html"
+    receipt = receipt_path(report)
+    made = receipt.stat().st_mtime if receipt.exists() else 0.0
+    before = known[report].settings.get("study") if report in known else None
     read = [path for path in WORKFLOW.rglob("*") if path.is_file() and path.suffix != ".pyc"]
     read += map(Path, ["config/config.yaml", *configfiles, sysconfig.get_path("purelib")])
-    if any(path.stat().st_mtime > made for path in read):
+    if before != {"study": plain(settings)} or any(path.stat().st_mtime > made for path in read):
         from galloping.reproducibility.plan import outlook, planning  # Snakemake: seldom needed
 
         cores = int(options.cores) if str(options.cores).isdecimal() else os.cpu_count()
@@ -120,14 +123,15 @@ def announced(
         yield from Study(settings).doubts
 
 
-def tell(results: str, made: int, seconds: float) -> None:
+def tell(settings: Settings, made: int, seconds: float) -> None:
     """Print a summary of a run: new results, reproduced claims, and the path of the report."""
     from galloping.reproducibility.plan import duration_in_words
 
+    results = settings.results
     files = f"{made} files made in {duration_in_words(seconds)}"
     print(f"{files}: {results}" if made else "Nothing to do: all results are as configured.")
     report, table = Path(results, "report.html"), Path(results, "tables", "paper.csv")
-    if table.exists():
+    if table.exists() and departures_from_paper(Study(settings)):  # else of an earlier study
         import pandas as pd
 
         from galloping.report.printed_numbers import describe_counts
@@ -151,24 +155,24 @@ def check(results: str, configfiles: list[str], repair: str) -> list[str]:
     findings = inspect(results, receipts(results))
     for fault, paths in {
         "edited or damaged since its job wrote it": findings.damaged,
-        "no receipt says how it was made": findings.unknown,
+        "no receipt says how it was made": findings.unrecorded,
     }.items():
         if paths:
-            more = f" and {len(paths) - 1} more" if paths[1:] else ""
             cure = f"`{repair}` sets it aside and makes it again"
-            raise Obstacle(f"{paths[0]}{more}: {fault}; {cure}")
-    targets = []
-    if findings.new or findings.missing:
+            raise Obstacle(f"{list_first(paths)}: {fault}; {cure}")
+    targets: list[str] = []
+    if findings.unseen or findings.missing:
         from galloping.reproducibility.plan import planning, recorded  # Snakemake: seldom needed
 
         planned = planning(configfiles).maker  # a recording may have been asked for beside it
-        if unrecorded := (set(findings.new) & planned.keys()) - recorded(configfiles):
+        if unrecorded := (set(findings.unseen) & planned.keys()) - recorded(configfiles):
             raise Obstacle(
                 f"{results}: Snakemake's records of {len(unrecorded)} files (.snakemake) are gone, "
                 f"with them what was edited since; `{repair}` compares the receipts instead"
             )
-        if findings.missing:
-            targets = ["all", *(path for path in findings.missing if path in planned)]
+        missing = tuple(path for path in findings.missing if path in planned)
+        findings = replace(findings, missing=missing)  # others are remembered no longer
+        targets = ["all", *missing] if missing else []
     remember(results, findings)
     return targets
 
@@ -193,7 +197,7 @@ def mend(results: str, configfiles: list[str]) -> list[str]:
     unknown = [path for path in plan.maker if path not in known and Path(path).exists()]
     for path in unknown:
         print(f"{path} has no receipt that can be read: set aside as {set_aside(results, path)}")
-    if (set(findings.new) & plan.maker.keys()) - recorded(configfiles):
+    if (set(findings.unseen) & plan.maker.keys()) - recorded(configfiles):
         print(*adopt(plan), sep="\n", flush=True)
         known = receipts(results)
     findings = inspect(results, known)
@@ -215,7 +219,7 @@ def snakemake(results: str, *arguments: str) -> tuple[int, bool]:
     if sys.stdout.isatty():
         status = subprocess.Popen([*command, "--logger", "rich"], env=environment).wait()
     else:
-        said = Path(results, SAID)
+        said = Path(results, SNAKEMAKE_OUTPUT)
         said.parent.mkdir(parents=True, exist_ok=True)
         with said.open("w", encoding="utf-8") as file:
             process = subprocess.Popen(command, env=environment, stdout=file, stderr=file)
@@ -230,7 +234,7 @@ def followed(process: subprocess.Popen, said: Path) -> int:
     told = ""
     while True:
         try:
-            return process.wait(EVERY)
+            return process.wait(PROGRESS_INTERVAL)
         except subprocess.TimeoutExpired:
             done = STEPS.findall(said.read_text(encoding="utf-8", errors="replace"))
             line = "{} of {} jobs done".format(*done[-1]) if done else ""

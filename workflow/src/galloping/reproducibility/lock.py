@@ -11,10 +11,11 @@ from pathlib import Path
 
 import psutil
 
+from galloping.configuration.yaml_file import ConfigurationError
 from galloping.storage import PARTIAL
 
 MARK = ".running"  # in the results folder: the process that works there, empty if none does
-OF_STUDY = "GALLOPING_RESULTS"  # in the environment of all that a run starts
+RESULTS_VARIABLE = "GALLOPING_RESULTS"  # in the environment of all that a run starts
 FULL = 1 << 20  # bytes: with less, Snakemake cannot even keep its records
 PATIENCE = 5.0  # s
 
@@ -67,6 +68,24 @@ def locked(results: str, repair: str, *, repairing: bool = False) -> Iterator[in
                 mark.truncate(0)
 
 
+@contextmanager
+def end_in_one_line(repair: str = "") -> Iterator[None]:
+    """End the process with one line if a `with` block raises an error, or after Ctrl-C.
+
+    The errors are those that a user can mend. repair: as in `locked`.
+    """
+    try:
+        yield
+    except (ConfigurationError, Obstacle) as error:
+        sys.exit(str(error))
+    except Killed:
+        sys.exit(format_killed_message(repair))
+    except KeyboardInterrupt:
+        sys.exit("Interrupted: run it again to go on.")
+    except OSError as error:
+        sys.exit(f"{error.filename}: {error.strerror}" if error.filename else str(error))
+
+
 def check_disk(results: str) -> None:
     """Raise Obstacle if the working or results folder is read-only or its disk is full."""
     for place in filter(Path.exists, (Path.cwd(), Path.cwd() / results)):
@@ -101,7 +120,7 @@ def make_command(configfiles: Iterable[str | Path] = (), goal: str = "") -> str:
 
 def marked_environment(results: str) -> dict[str, str]:
     """Return environment variables that mark all processes of a run, to find them later."""
-    return {**os.environ, OF_STUDY: str(Path(results).resolve())}
+    return {**os.environ, RESULTS_VARIABLE: str(Path(results).resolve())}
 
 
 def snakemakes(folder: Path) -> list[psutil.Process]:
@@ -123,8 +142,8 @@ def end_orphans(results: str) -> int:
 
     Processes that still run after PATIENCE seconds are killed.
     """
-    mark, others = marked_environment(results)[OF_STUDY], psutil.process_iter(["environ"])
-    left = [p for p in others if (p.info["environ"] or {}).get(OF_STUDY) == mark]
+    mark, others = marked_environment(results)[RESULTS_VARIABLE], psutil.process_iter(["environ"])
+    left = [p for p in others if (p.info["environ"] or {}).get(RESULTS_VARIABLE) == mark]
     left = [process for process in left if process.pid != os.getpid()]
     for end in (psutil.Process.terminate, psutil.Process.kill):
         for process in left:

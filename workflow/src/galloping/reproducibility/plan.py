@@ -36,6 +36,7 @@ from galloping.reproducibility.receipts import (
     Receipt,
     as_written,
     consistent,
+    list_first,
     receipt_path,
 )
 from galloping.storage import read_json
@@ -198,11 +199,11 @@ def outlook(plan: Plan, known: Mapping[str, Receipt], cores: int | None) -> Iter
     report = known.get(f"{plan.results}/report.html")  # holds the settings of the last whole run
     before = report.settings.get("study", {}).get("study") if report else None
     if edits := list(_describe_edits(before or plan.settings, plan.settings)):
-        yield f"Edited since they last ran: {_list_first(edits)}."
+        yield f"Edited since they last ran: {list_first(edits, MOST)}."
     made = ((job, known[path]) for job in jobs for path in job.outputs if path in known)
     codes = {job.rule for job, old in made if old.settings.get("code") != job.settings.get("code")}
     if codes:
-        yield f"Code or libraries changed behind: {_list_first(sorted(codes))}."
+        yield f"Code or libraries changed behind: {list_first(sorted(codes), MOST)}."
 
 
 def duration_in_words(seconds: float) -> str:
@@ -240,11 +241,6 @@ def _expected_duration(
         return f"{least}about {duration_in_words(sum(times))} of work"
     share = max(sum(times) / cores, max(times))
     return f"{least}about {duration_in_words(share)} on {cores} core{'s' if cores > 1 else ''}"
-
-
-def _list_first(items: list[str]) -> str:
-    more = f" and {len(items) - MOST} more" if len(items) > MOST else ""
-    return ", ".join(items[:MOST]) + more
 
 
 def _describe_edits(before: object, now: object, key: str = "") -> Iterator[str]:

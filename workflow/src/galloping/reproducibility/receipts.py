@@ -8,7 +8,7 @@ results are moved; receipts move with the results and show an edited, damaged or
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -45,6 +45,12 @@ class Receipt:
     seconds: float
     finished: str = ""
     kept: bool = True
+
+
+def list_first(items: Sequence[str], most: int = 1) -> str:
+    """List the first items as text, such as the files of a message, and count the others."""
+    more = f" and {len(items) - most} more" if len(items) > most else ""
+    return ", ".join(items[:most]) + more
 
 
 def digest(path: str | Path) -> str:
@@ -123,28 +129,32 @@ def differs_only_in(path: str | Path, settings: Mapping, key: str) -> bool:
 def receipts(results: str | Path) -> dict[str, Receipt]:
     """Read the records (receipts) of how all files in a results folder were made, by path.
 
-    Receipts of other results inside the folder are left out.
+    Receipts of other results inside the folder, and of copies of results, are left out.
     """
-    found = (
-        read_receipt(path.with_name(path.name[1 : -len(SUFFIX)]))
-        for path in sorted(Path(results).rglob(f".*{SUFFIX}"))
-    )
-    return {r.path: r for r in found if r and r.log.startswith(f"{results}/logs/")}
+    written = sorted(Path(results).rglob(f".*{SUFFIX}"))
+    paths = (str(path.with_name(path.name[1 : -len(SUFFIX)])) for path in written)
+    return {
+        path: receipt
+        for path in paths
+        if (receipt := read_receipt(path))
+        and receipt.path == path
+        and receipt.log.startswith(f"{results}/logs/")
+    }
 
 
 @dataclass(frozen=True)
 class Deviations:
     """Result files that are missing, damaged or without a record of how they were made.
 
-    The files are given by path. missing: absent. damaged: with other content. unknown: known
-    before, now without a receipt. new: unknown when the study was last remembered. present: size,
+    The files are given by path. missing: absent, with a receipt or remembered. damaged: with other
+    content. unrecorded: remembered, now without a receipt. unseen: not remembered. present: size,
     times, number and digest of present files.
     """
 
     missing: tuple[str, ...]
     damaged: tuple[str, ...]
-    unknown: tuple[str, ...]
-    new: tuple[str, ...]
+    unrecorded: tuple[str, ...]
+    unseen: tuple[str, ...]
     present: dict[str, list]
 
 
@@ -160,19 +170,24 @@ def inspect(results: str, known: Mapping[str, Receipt], *, thorough: bool = Fals
     with ThreadPoolExecutor() as pool:
         digests = dict(zip(read, pool.map(digest, read), strict=True))
     present = {p: [*state, digests.get(p) or seen[p][-1]] for p, state in states.items()}
+    lost = [path for path in seen if path not in known and not Path(path).exists()]
     return Deviations(
-        missing=tuple(p for p, receipt in known.items() if receipt.kept and p not in present),
+        missing=(*(p for p, of in known.items() if of.kept and p not in present), *lost),
         damaged=tuple(p for p in present if present[p][-1] != known[p].sha256),
-        unknown=tuple(path for path in seen if path not in known and Path(path).exists()),
-        new=tuple(p for p in present if p not in seen),
+        unrecorded=tuple(path for path in seen if path not in known and Path(path).exists()),
+        unseen=tuple(p for p in present if p not in seen),
         present=present,
     )
 
 
 def remember(results: str, findings: Deviations) -> None:
-    """Store the state of all present files, so that only changed files are read next time."""
+    """Store the state of all present files, so that only changed files are read next time.
+
+    Missing files stay remembered: those without a receipt would not be missed otherwise.
+    """
     seen = _read_seen()
-    if (now := seen | {results: findings.present}) != seen:
+    lost = {p: of for p, of in seen.get(results, {}).items() if p in findings.missing}
+    if (now := seen | {results: lost | findings.present}) != seen:
         with suppress(OSError):  # only costs time: a full disk is told by what must write to it
             write_json(SEEN, now)
 
