@@ -24,7 +24,7 @@
 # make lock       pin both environments again, and check that other systems can install them
 #
 # STRATUM=names   of the exam, only these strata; BEFORE=file: an answers.csv to compare with
-# CONFIG=file     settings merged over config/config.yaml, for all that works on a study
+# CONFIG=file     settings merged over config/config.yaml, or over those of smoke, trust and so on
 # ALLOW=list      publish although dirty, incomplete, outdated
 # SHA256=digest   of an archive, as it was published: for verify and restore
 # REPLACE=yes     restore over other results, which are set aside
@@ -51,14 +51,11 @@ all: study
 study: $(if $(PROFILE),$(TOOLS),$(MADE))
 	@$(SCRIPT)/run_study.py $(WHERE) $(OPTIONS)
 
-smoke:
-	@$(MAKE) --no-print-directory study CONFIG=config/smoke.yaml
-
-trust reality published paper:
-	@$(MAKE) --no-print-directory study CONFIG=config/$@.yaml
+smoke trust reality published paper:
+	@$(MAKE) --no-print-directory study CONFIG='config/$@.yaml $(CONFIG)'
 
 exam: $(if $(PROFILE),$(TOOLS),$(MADE))
-	@$(SCRIPT)/take_exam.py $(WHERE) $(if $(STRATUM),--stratum $(STRATUM)) $(if $(BEFORE),--before '$(BEFORE)')
+	@$(SCRIPT)/take_exam.py $(WHERE) --configfile config/exam.yaml $(CONFIG) $(if $(STRATUM),--stratum $(STRATUM)) $(if $(BEFORE),--before '$(BEFORE)')
 
 repair: $(if $(PROFILE),$(TOOLS),$(MADE))
 	@$(SCRIPT)/run_study.py --repair $(WHERE) $(OPTIONS)
@@ -135,8 +132,7 @@ $(MADE): requirements.lock
 	  { echo "Python 3.11 or newer is needed: make PYTHON=python3.12"; exit 1; }
 	$(PYTHON) -m venv --clear $(VENV)
 	$(PIP) -r requirements.lock
-	@printf '#!/bin/sh\nPYTHONPATH="%s" exec "%s" -m galloping "$$@"\n' \
-	  '$(CURDIR)/workflow/src' '$(CURDIR)/$(BIN)/python' > $(BIN)/galloping
+	@cp workflow/scripts/galloping.sh $(BIN)/galloping
 	@chmod +x $(BIN)/galloping
 	@$(SCRIPT)/compile_library.py
 	@touch $@

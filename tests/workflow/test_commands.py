@@ -2,6 +2,7 @@
 
 import argparse
 import shutil
+import subprocess
 import sys
 from dataclasses import asdict
 from importlib import import_module
@@ -91,6 +92,31 @@ def test_errors_and_interrupts_are_one_line(error, line):
 def test_an_archive_that_is_not_there_is_not_called_forged(root):
     status, said = script(root, "keep_results", "verify_archive", "none.zip")
     assert (status, said) == (1, ["none.zip: No such file or directory"])
+
+
+@pytest.mark.parametrize("goal", ["smoke", "trust", "reality", "published", "paper", "exam"])
+def test_settings_of_a_command_are_merged_over_its_own(root, goal):
+    done = subprocess.run(
+        ["make", "-n", goal, "CONFIG=mine.yaml"], cwd=root, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert f"--configfile config/{goal}.yaml mine.yaml" in done.stdout
+
+
+def test_the_command_of_a_copied_clone_runs_its_own_library(root, tmp_path):
+    place = tmp_path / "a clone" / ".venv" / "bin"
+    place.mkdir(parents=True)
+    write_text(place / "python", '#!/bin/sh\necho "$0" "$PYTHONPATH" "$@"\n')
+    shutil.copy(root / "workflow/scripts/galloping.sh", place / "galloping")
+    for command in place.iterdir():
+        command.chmod(0o755)
+    (tmp_path / "link").symlink_to("a clone/.venv/bin/galloping")
+    clone = place.parents[1]
+    for command in (place / "galloping", tmp_path / "link"):
+        said = subprocess.check_output([command, "identify", "b c"], cwd=tmp_path, text=True)
+        assert said == f"{place}/python {clone}/workflow/src -m galloping identify b c\n"
+    said = subprocess.check_output([".venv/bin/galloping"], cwd=clone, text=True)
+    assert said == f"{place}/python {clone}/workflow/src -m galloping\n"
 
 
 @pytest.mark.parametrize("cores", ["0", "1.5"])

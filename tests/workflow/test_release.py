@@ -60,6 +60,13 @@ def test_a_version_that_differs_speaks_against_a_release(tmp_path):
     assert edited(tmp_path, edits) == ["galloping.__version__: 0.2.0; pyproject.toml has 0.1.0"]
 
 
+def test_a_release_without_git_is_one_line(tmp_path):
+    edited(tmp_path, {})
+    with pytest.raises(SystemExit) as end:
+        release.build(tmp_path, tmp_path / "dist")
+    assert end.value.code == f"{tmp_path}: git tracks no files here; a release needs a git clone"
+
+
 def test_links_and_pictures_of_the_readme_show_on_an_index():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     full = release.with_full_links(text, "https://host.net/me/galloping", "0.1.0")

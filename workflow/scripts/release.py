@@ -63,9 +63,12 @@ def with_full_links(readme: str, source: str, version: str) -> str:
 def build(root: Path, folder: Path) -> subprocess.CompletedProcess:
     """Build the wheel and source distribution of a project from the files that git tracks."""
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    tracked = subprocess.run(
-        ["git", "ls-files", "-z"], cwd=root, check=True, capture_output=True, text=True
-    ).stdout.split("\0")
+    try:
+        tracked = subprocess.run(
+            ["git", "ls-files", "-z"], cwd=root, check=True, capture_output=True, text=True
+        ).stdout.split("\0")
+    except (OSError, subprocess.CalledProcessError):
+        sys.exit(f"{root}: git tracks no files here; a release needs a git clone")
     with tempfile.TemporaryDirectory() as copy:
         for name in filter(None, tracked):
             if (root / name).is_file():
