@@ -142,10 +142,12 @@ def test_it_can_be_read_from_a_host_beside_the_installed_library(user, host, roo
     host = host | {
         "snakefile": 'github("someone/galloping", path="workflow/Snakefile", branch="main")'
     }
+    seen = user.folder / ".snakemake" / "library"  # by jobs in conda environments, and no more
+    seen.mkdir()
+    (seen / "galloping").symlink_to(user.folder)  # as of an earlier installation
     profile, library = root / "workflow" / "profiles" / "default", root / "workflow" / "src"
     run = user.snakemake("--profile", str(profile), libraries=[library], **host)
     assert has_nothing_to_do(run), run.stdout
-    seen = user.folder / ".snakemake" / "library"  # by jobs in conda environments, and no more
     assert [path.resolve() for path in seen.iterdir()] == [library.resolve() / "galloping"]
     run = user.snakemake(**host)
     assert run.returncode != 0
