@@ -13,10 +13,12 @@ from pathlib import Path
 import pytest
 import yaml
 
+from galloping import deferred
 from galloping.configuration.load import load, plain
 from galloping.publication import archive
 from galloping.publication.archive import MANIFEST, NotRestorable, faults, pack, restore, unpack
 from galloping.publication.publishing import files, obstacles
+from galloping.report.page import made_by
 from galloping.reproducibility import repair
 from galloping.reproducibility.digest import Commit, commit
 from galloping.reproducibility.plan import Plan, PlannedJob
@@ -228,6 +230,7 @@ def test_what_speaks_against_publishing():
     write(Path(), CONTENT)
 
     def said(present=CLEAN, **states):
+        Path(REPORT).write_text(f"Made by {made_by(present)}. More.")
         return list(obstacles(present, Audit(**states), Path(RESULTS)))
 
     assert said() == said(elsewhere=(RECORDING,)) == []
@@ -238,37 +241,107 @@ def test_what_speaks_against_publishing():
         ((found, text),) = said(**{state: (TABLE,)})
         assert found == {"missing": "incomplete", "unknown": "incomplete"}.get(state, state)
         assert text.startswith(f"{TABLE}: ")
+    ((kind, text),) = obstacles(replace(CLEAN, digest="1" * 40), Audit(), Path(RESULTS))
+    assert (kind, text) == (
+        "outdated",
+        f"{REPORT}: names another state of the code than commit {'1' * 12} of 2026-11-21; "
+        "remove it, and `make` writes it again",
+    )
     Path(TABLE).unlink()
     assert ("empty", f"{RESULTS}: no table or figure is made yet") in said()
+
+
+def test_a_file_that_is_only_an_input_needs_no_receipt(published):
+    given = f"{RESULTS}/given.csv"  # a reference among the results, and the settings name another
+    made = json.loads((published / "receipts.json").read_text())
+    forged(published, 0, inputs=made[0]["inputs"] | {given: "0" * 64})
+    archived(published, **{given: "case\n"})
+    assert list(faults(published)) == []
 
 
 @pytest.mark.parametrize("publish", [False, True])
 def test_tables_are_published_with_what_they_are_directly_made_from(publish):
     """Files of the field only where they may be."""
-    source = ("workflow/a.py", "workflow/__pycache__/a.pyc", "workflow/.hidden")
+    source = ("profiles/a.yaml", "workflow/a.py", "workflow/__pycache__/a.pyc", "workflow/.hidden")
     told, field = f"{RESULTS}/recordings/span/summary.md", ("config/span.csv", "span.yaml")
     made = (*CONTENT, *source, RECORDING, f"{RESULTS}/notes.txt", told, *field)
     write(Path(), dict.fromkeys(made, ""))
     recordings = {"files": ["config/span.csv"], "mapping": "span.yaml", "publish": publish}
     settings = plain(load({"results": RESULTS, "recordings": {"span": recordings}}))
     study = Plan(settings, (*plan().jobs, PlannedJob("b", {}, field, (told,))))
-    wanted = {MODEL, RECORDING, REPORT, TABLE, "workflow/a.py", told, "span.yaml"}
+    wanted = {MODEL, RECORDING, REPORT, TABLE, *source[:2], told, "span.yaml"}
     wanted |= {"config/span.csv"} if publish else set()
     assert [path.as_posix() for path in files(study)] == sorted(wanted)
 
 
-def test_an_installation_leaves_the_commit_clean(here, root):
-    assert commit() is None
-    shutil.copy(root / ".gitignore", here)
+LIBRARY = "workflow/src/galloping/__init__.py"
+
+
+def commit_all(folder):
+    """Make a folder a repository, with all its files in one commit."""
     git = ["git", "-c", "user.name=Nobody", "-c", "user.email=nobody@example.org"]
     for command in (["init", "-q"], ["add", "."], ["commit", "-qm", "a"], ["tag", "v1"]):
-        subprocess.run([*git, *command], check=True)
+        subprocess.run([*git, *command], cwd=folder, check=True)
+
+
+@pytest.fixture
+def clone(here, root, monkeypatch):
+    """The working folder as a clone of the project."""
+    monkeypatch.setattr(deferred, "SOURCE", (here / LIBRARY).parents[1])
+    write(here, {LIBRARY: ""})
+    shutil.copy(root / ".gitignore", here)
+    return here
+
+
+def present_commit(results="results", reference="results/reference"):
+    return commit({"results": results, "reference": reference})
+
+
+def test_an_installation_and_results_leave_the_commit_clean(clone):
+    assert present_commit() is None
+    commit_all(clone)
     # what `pip install` of a clone leaves in it
-    write(here, {"build/lib/a.py": "", "workflow/src/galloping.egg-info/PKG-INFO": ""})
-    assert (commit().described, commit().changes) == ("v1", ())
-    (here / ".gitignore").write_text("build\n*.egg-info\n")
-    (here / "b").touch()
-    assert (commit().described, commit().changes) == ("v1-dirty", (".gitignore", "b"))
+    write(clone, {"build/lib/a.py": "", "workflow/src/galloping.egg-info/PKG-INFO": ""})
+    assert (present_commit().described, present_commit().changes) == ("v1", ())
+    write(clone, {".gitignore": "build\n*.egg-info\n", "b": "", "out/t.csv": "", "out/ref/t": ""})
+    assert present_commit().changes == (".gitignore", "b", "out/ref/t", "out/t.csv")
+    now = present_commit("out", "out/ref")
+    assert (now.described, now.changes) == ("v1-dirty", (".gitignore", "b", "out/ref/t"))
+    assert made_by(now).endswith(" and 3 changed files")
+    assert made_by(replace(now, changes=("b",))).endswith(" and 1 changed file")
+
+
+def test_no_commit_is_that_of_another_repository_or_of_a_user(clone, tmp_path, monkeypatch):
+    write(tmp_path, {".gitignore": "here\n"})
+    commit_all(tmp_path)
+    assert present_commit() is None
+    commit_all(clone)
+    assert present_commit().described == "v1"
+    monkeypatch.chdir(tmp_path)
+    own = subprocess.check_output(["git", "rev-parse", "HEAD"], text=True).strip()
+    assert present_commit().digest != own
+
+
+def test_a_signed_commit_is_known_where_git_shows_signatures(clone, monkeypatch):
+    write(clone, {"gpg": """#!/bin/sh
+cat > /dev/null
+case "$*" in
+*--verify*) echo "gpg: good" >&2; echo "[GNUPG:] GOODSIG 0 Nobody" ;;
+*) echo "[GNUPG:] SIG_CREATED D" >&2; echo "-----BEGIN PGP SIGNATURE-----" ;;
+esac
+"""})  # fmt: skip
+    (clone / "gpg").chmod(0o755)
+    options = {
+        "gpg.program": str(clone / "gpg"), "commit.gpgSign": "true", "user.signingKey": "0",
+        "log.showSignature": "true",
+    }  # fmt: skip
+    monkeypatch.setenv("GIT_CONFIG_COUNT", str(len(options)))
+    for number, (key, value) in enumerate(options.items()):
+        monkeypatch.setenv(f"GIT_CONFIG_KEY_{number}", key)
+        monkeypatch.setenv(f"GIT_CONFIG_VALUE_{number}", value)
+    commit_all(clone)
+    shown = subprocess.check_output(["git", "show", "--no-patch", "--format=%H"], text=True)
+    assert "gpg: good" in shown and present_commit().described == "v1"
 
 
 def test_files_are_put_in_place_and_adopted(published, told):

@@ -8,6 +8,7 @@ from galloping.report.equations import side_by_side
 from galloping.report.page import PARTS, Item, made_by, render, versions
 from galloping.report.printed_numbers import section
 from galloping.report.results_in_words import inferred, on_engineering, on_methods
+from galloping.reproducibility.digest import commit
 from galloping.reproducibility.job import run
 from galloping.storage import write_text
 from galloping.study.files import read_table
@@ -67,7 +68,7 @@ def write_report(
         "title": "Galloping of iced overhead lines",
         "paper": None if paper is None else section(paper, read.get("reproduction"), known, study),
         "equations": None if equations is None else side_by_side(equations, names),
-        "made": made_by(),
+        "made": made_by(commit(study)),
         "parts": {
             name: part if any(part.values()) or (name == "methods" and introduction) else None
             for name, part in by_part.items()

@@ -26,6 +26,7 @@ from galloping.reproducibility.plan import Plan
 from galloping.reproducibility.receipts import (
     Receipt,
     digest,
+    list_first,
     read_receipt,
     receipt_path,
     receipts,
@@ -205,7 +206,10 @@ def faults(folder: Path) -> Iterator[str]:
         yield str(error)
         return
     apart = f"{study['reference']}/"
+    given = set().union(*(receipt.inputs for receipt in made.values())) - made.keys()
     for name in files_of(folder):
+        if name in given:  # no job made it: only the manifest tells of it
+            continue
         if name.startswith(f"{study['results']}/") and not name.startswith(apart):
             if name not in made:
                 yield f"{name}: without a receipt of how it was made"
@@ -252,9 +256,8 @@ def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[s
         digests = {path: receipt.sha256 for path, receipt in made.items()}
         others = [path for path in _present_files(plan) if digests.get(path) != digest(path)]
         if others and not replacing:
-            more = f" and {len(others) - 1} more" if others[1:] else ""
             told = "not as in the archive; REPLACE=yes sets what differs aside"
-            raise NotRestorable(f"{others[0]}{more}: {told}")
+            raise NotRestorable(f"{list_first(others)}: {told}")
         for path in others:
             set_aside(results, path)
             receipt_path(path).unlink(missing_ok=True)

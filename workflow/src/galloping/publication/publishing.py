@@ -21,9 +21,10 @@ from galloping.publication.archive import (
     write_manifest,
 )
 from galloping.report.data_dictionary import captions
+from galloping.report.page import made_by
 from galloping.reproducibility.digest import Commit, commit, environment
 from galloping.reproducibility.plan import Plan
-from galloping.reproducibility.receipts import digest, receipts
+from galloping.reproducibility.receipts import digest, list_first, receipts
 from galloping.reproducibility.repair import Audit, audit
 from galloping.storage import partial_prefix, write_json, write_text
 
@@ -146,7 +147,7 @@ def _add_entity(crate: ROCrate, identifier: str, kind: str, **properties: object
 PUBLICATION = "publication"
 SOURCES = (
     "CITATION.cff", "LICENSE", "Makefile", "README.md", "Snakefile", "pyproject.toml",
-    "requirements.lock", "config", "workflow",
+    "requirements.lock", "config", "profiles", "workflow",
 )  # fmt: skip
 ALLOWABLE = ("dirty", "incomplete", "outdated")
 
@@ -163,7 +164,7 @@ def publish(plan: Plan, allowed: Collection[str] = ()) -> Path:
     Raises NotPublishable.
     """
     results = Path(plan.results)
-    present = commit()
+    present = commit(plan.settings)
     found = list(obstacles(present, audit(plan), results))
     if refused := [f"{kind}: {text}" for kind, text in found if kind not in allowed]:
         raise NotPublishable("\n".join(refused))
@@ -199,8 +200,12 @@ def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator
     `ALLOWABLE` has the kinds that can be allowed.
     """
     shown = [*results.glob("tables/*"), *results.glob("figures/*")]
+    report, now = results / "report.html", made_by(present)
     if present is None:
         yield "dirty", "git knows no commit of this folder"
+    if report.exists() and f"Made by {now}." not in report.read_text(encoding="utf-8"):
+        told = f"names another state of the code than {now}; remove it, and `make` writes it again"
+        yield "outdated", f"{report}: {told}"
     for kind, paths, fault in (
         ("dirty", present.changes if present else (), "not as in the commit"),
         ("incomplete", checked.missing, "not here"),
@@ -210,8 +215,7 @@ def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator
         ("empty", () if shown else (str(results),), "no table or figure is made yet"),
     ):
         if paths:
-            more = f" and {len(paths) - 1} more" if paths[1:] else ""
-            yield kind, f"{paths[0]}{more}: {fault}"
+            yield kind, f"{list_first(paths)}: {fault}"
 
 
 def files(plan: Plan) -> list[Path]:

@@ -18,7 +18,7 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from galloping.report.data_dictionary import meaning
-from galloping.reproducibility.digest import commit, environment
+from galloping.reproducibility.digest import Commit, environment
 
 LIBRARIES = ("numpy", "scipy", "pandas", "numba", "pysindy", "matplotlib", "snakemake")
 PLAIN = " !'()*,/:;=@[]{}|^+"  # may stand in a data URI between double quotes
@@ -136,13 +136,13 @@ def render(page: Mapping) -> str:
     )
 
 
-def made_by() -> str:
+def made_by(present: Commit | None) -> str:
     """Describe the git commit of the code that makes the report, as text."""
-    known = commit()
-    if known is None:
+    if present is None:
         return "code that is in no git repository"
-    changed = f", with {len(known.changes)} files changed since" if known.changes else ""
-    return f"commit {known.digest[:12]} of {known.date[:10]}{changed}"
+    count = len(present.changes)
+    changed = f" and {count} changed file{'s' * (count > 1)}" if count else ""
+    return f"commit {present.digest[:12]} of {present.date[:10]}{changed}"
 
 
 def versions() -> dict[str, str]:

@@ -13,7 +13,7 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
@@ -173,15 +173,27 @@ class Commit:
     changes: tuple[str, ...]
 
 
-def commit() -> Commit | None:
-    """Return the git commit checked out in the working folder, or None outside a repository."""
+def commit(study: Mapping[str, str]) -> Commit | None:
+    """Return the git commit of this library, or None if no repository tracks it.
+
+    study: settings `results` and `reference`. A file in the former is no change if git does not
+    track it, unless it is in the latter.
+    """
     try:
+        _run_git("ls-files", "--error-unmatch", f"{PACKAGE}/__init__.py")
+        root = Path(_run_git("rev-parse", "--show-toplevel").rstrip("\n"))
         digest, date = _run_git("show", "--no-patch", "--format=%H %cI", "HEAD").split()
         described = _run_git("describe", "--tags", "--always", "--dirty").strip()
         status = _run_git("status", "--porcelain", "--untracked-files=all").splitlines()
     except (OSError, subprocess.CalledProcessError):
         return None
-    return Commit(digest, date, described, tuple(line[3:] for line in status))
+    results, reference = (Path(study[name]).resolve() for name in ("results", "reference"))
+
+    def is_result(path: Path) -> bool:
+        return path.is_relative_to(results) and not path.is_relative_to(reference)
+
+    changes = (line[3:] for line in status if line[:2] != "??" or not is_result(root / line[3:]))
+    return Commit(digest, date, described, tuple(changes))
 
 
 def environment() -> dict:
@@ -200,4 +212,5 @@ def environment() -> dict:
 
 
 def _run_git(*arguments: str) -> str:
-    return subprocess.check_output(["git", *arguments], stderr=subprocess.DEVNULL, text=True)
+    command = ["git", "-C", str(deferred.SOURCE), "-c", "log.showSignature=false", *arguments]
+    return subprocess.check_output(command, stderr=subprocess.DEVNULL, text=True)
