@@ -178,7 +178,9 @@ def test_published_settings_stand_beside_their_numbers():
         again["min_coefficient_over_bound"][0] == fits["min_coefficient_over_bound"][1]
         and len(again) == 1
     )
-    assert draw_published_terms(published_terms({"lorenz": fits})).axes
+    table = published_terms({"lorenz": fits})
+    assert draw_published_terms(table).axes
+    assert draw_published_terms(table.assign(method="weak_gls")).axes  # says that there is none
 
 
 def test_intervals_after_selection_stand_beside_their_numbers():
@@ -196,6 +198,8 @@ def test_intervals_after_selection_stand_beside_their_numbers():
     )
     assert table.loc["gamma 0.16", "share_with_term"] == 1.0
     assert draw_published_intervals(table.reset_index()).axes
+    without = draw_published_intervals(table.reset_index().assign(method="weak_gls"))
+    assert without.axes and "nan" not in without.get_label()
 
 
 def test_recordings_are_drawn_by_number_within_the_ranges():

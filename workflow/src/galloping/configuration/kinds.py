@@ -18,6 +18,8 @@ with Path(__file__).with_name("systems.csv").open(encoding="utf-8", newline="") 
 TRUST, SYSTEMS, MODEL_ERROR, PAPER = "trust", "systems", "model_error", "paper"
 EXACT_TERMS, INTERVALS = "published_terms", "published_intervals"
 EXAM = "exam"  # of an exam, whose trials are summed up by their names
+EQUAL_EFFORT = "readings"  # begins the name of the paper's trial that gives each reading one run
+OURS_ALONE = ("maximum_likelihood",)  # where a table sums up all fits as those of one method
 # s, of the longest recordings that were published of each system
 LONGEST = {"lorenz": 10.0, "van_der_pol": 12.0, "rossler": 30.0}
 # quadratic coefficients of a relaxation
@@ -47,11 +49,13 @@ KINDS = {
         TRUST,
         cases=("internal_resonance",),
         options={"protocols": ("state", "displacement"), "levels": (0.05, 0.1, 0.15)},
+        usable=OURS_ALONE,
     ),
     "random_lines": Kind(
         TRUST,
         cases=("all",),
         options={"protocols": ("state",), "levels": (0.05,), "durations": (300.0,)},
+        usable=OURS_ALONE,
     ),
     "sensor_faults": Kind(
         TRUST,
@@ -60,6 +64,7 @@ KINDS = {
             "multiplicative noise",
         ),
         options={"levels": (0.05,)},
+        usable=OURS_ALONE,
     ),
     "long_and_steady": Kind(
         TRUST,
@@ -68,6 +73,7 @@ KINDS = {
             "sensitive lines",
         ),
         options={"levels": (0.05,)},
+        usable=OURS_ALONE,
     ),
     "systems": Kind(
         SYSTEMS,

@@ -9,12 +9,13 @@ from typing import Annotated, Any, Self
 from pydantic import Field, ValidationInfo, create_model, field_validator, model_validator
 
 from galloping.configuration.keys import keys
-from galloping.configuration.kinds import KINDS, LONGEST
+from galloping.configuration.kinds import EQUAL_EFFORT, KINDS, LONGEST, PAPER
 from galloping.cycles.family import PARAMETERS
 from galloping.fields import Name, make_error, one_of, selection, setting, show
 from galloping.identification.registry import METHODS
 from galloping.line import measures
 from galloping.line.gusts import SPECTRA
+from galloping.paper.unknowns import FIRST_READING
 from galloping.recording.measurement import PROTOCOLS
 
 LineSection = keys("line", "The span and how it hangs.")
@@ -432,6 +433,16 @@ class Settings(SETTINGS_KEYS):
             if recordings.case is not None and recordings.case not in self.cases:
                 told = f"{show(recordings.case)} is no case; must be one of {', '.join(self.cases)}"
                 raise make_error(told, "recordings", name, "case")
+        of_paper = {n: each for n, each in self.trials.items() if KINDS[each.kind].table == PAPER}
+        first = FIRST_READING.name
+        compared = any(
+            name.startswith(EQUAL_EFFORT) and first in (each.cases or KINDS[each.kind].cases)
+            for name, each in of_paper.items()
+        )
+        if of_paper and not compared and not self.exam:
+            told = f"{', '.join(of_paper)} of kind {PAPER}; the name of one must begin with "
+            told += f"{EQUAL_EFFORT!r}, and it must have the case {first!r}"
+            raise make_error(told, "trials")
         for name, case in self.cases.items():
             for label, measure in self.assessment.measures.items():
                 for place in measure.places:

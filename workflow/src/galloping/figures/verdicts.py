@@ -38,6 +38,7 @@ ERRORS = {
 }
 LIMITS = (3e-3, 300.0)  # percent
 DOUBTFUL = 30.0  # percent: beyond, a value is hardly known
+WITHOUT_OURS = f"these trials are without {method_style(OURS).label}"
 HEIGHT = 0.62  # of a row, shared by the methods
 
 
@@ -91,6 +92,8 @@ def draw_published_terms(table: pd.DataFrame) -> Figure:
     our method are drawn.
     """
     table, style = table[table["method"] == OURS], method_style(OURS)
+    if table.empty:
+        return parts.make_empty_figure(WITHOUT_OURS)
     exact = "share_exact_support"
     shares = ["level", exact, f"{exact}_low", f"{exact}_high", *OTHERS]
     table = table.assign(**100.0 * table[shares])
@@ -124,6 +127,8 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
     table: published_intervals.csv, of which the rows of our method are drawn.
     """
     table = table[table["method"] == OURS]
+    if table.empty:
+        return parts.make_empty_figure(WITHOUT_OURS)
     found = "share_with_term"
     shares = [found, f"{found}_low", f"{found}_high", f"{found}_published", "coverage"]
     table = table.assign(gamma=table["case"].map(GAMMAS), **100.0 * table[shares])
@@ -193,10 +198,12 @@ def draw_model_error(table: pd.DataFrame) -> Figure:
     for axes in (*panels, answers):
         parts.rows(axes, names)
     parts.legend(figure, *parts.method_keys(methods), columns=len(methods) + 1)
-    errors = table.loc[table["method"] == OURS, [f"{name}_error_percent" for name in ERRORS]]
+    errors = table.loc[table["method"] == methods[0], [f"{name}_error_percent" for name in ERRORS]]
     frequency, *_, damping, _ = errors.median()
-    figure.set_label(
-        f"Maximum likelihood errs by {frequency:.1g} % in the vertical frequency and {damping:.1g} "
-        "% in the vertical net damping, in the median over the lines"
-    )
+    told = "gives no vertical frequency and net damping of most lines"
+    if np.isfinite([frequency, damping]).all():
+        told = f"errs by {frequency:.1g} % in the vertical frequency and {damping:.1g} % in the "
+        told += "vertical net damping, in the median over the lines"
+    name = method_style(methods[0]).label
+    figure.set_label(f"{name[:1].upper()}{name[1:]} {told}")
     return figure

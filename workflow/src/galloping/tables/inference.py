@@ -6,6 +6,7 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
+from galloping.configuration.kinds import EQUAL_EFFORT
 from galloping.model.intervals import QUANTILES_90
 from galloping.paper.agreement import GROUPS, NUMBERS, PRINTED, group_of
 from galloping.paper.unknowns import BY_NAME, FIRST_READING, NAMES, UNKNOWNS
@@ -19,7 +20,7 @@ NEAR = 1.5
 EXCLUDING = 1 / 4  # of the draws that chance would give: fewer exclude each other
 EXPECTED = 10.0  # draws by chance from which the share of those seen says anything
 STEADY, SLOW = 0.02, 0.2  # change of the amplitude and attack angle that count as conditions kept
-ALL, EQUAL_EFFORT = "all", "readings"  # printed numbers; the trial that gives each reading one run
+ALL = "all"  # printed numbers
 
 
 def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -51,7 +52,7 @@ def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
         table.append({
             "reading": name, "changes": BY_NAME[name].kind, "settings_tried": len(of),
             "settings_proposed": int(of["proposed"].sum()),
-            "effective_settings": _effective_number(of["log_weight"]),
+            "effective_settings": _effective_number(_normalise_weights(of["log_weight"])),
             "log10_bayes_factor": power, "standard_error": error,
             "verdict": "first" if name == FIRST_READING.name else _judge_reading(power, error),
             "worst_claims": losses.idxmin() if losses.min() < 0 else "",
@@ -87,8 +88,8 @@ def _log_evidence(tried: pd.DataFrame) -> tuple[float, float]:
     return float(top + np.log(weights.sum() / len(runs))), float(error)
 
 
-def _effective_number(log_weights: pd.Series) -> float:
-    weights = _normalise_weights(log_weights)
+def _effective_number(weights: np.ndarray | pd.Series) -> float:
+    """Compute the effective sample size of weights whose sum is 1 (L. Kish 1965)."""
     return float(1 / np.sum(weights**2))
 
 
@@ -136,7 +137,7 @@ def region_table(samples: pd.DataFrame, readings: pd.DataFrame) -> pd.DataFrame:
     of `region_samples`; readings: of `paper_readings`.
     """
     tried = samples[samples["stage"] == "tried"]
-    effective = 1 / np.sum(tried[f"weight_{ALL}"] ** 2)
+    effective = _effective_number(tried[f"weight_{ALL}"])
     best = tried.loc[tried[f"weight_{ALL}"].idxmax()]
     table = []
     for unknown in UNKNOWNS:
@@ -192,7 +193,7 @@ def predictions(samples: pd.DataFrame) -> pd.DataFrame:
         values = drawn[claim.name].to_numpy(float)
         for name, column in (("fitted", f"weight_{ALL}"), ("predicted", f"weight_{group}")):
             weights = drawn[column].to_numpy(float)
-            effective = 1 / np.sum(settings[column] ** 2)
+            effective = _effective_number(settings[column])
             share = min(float(np.sum(weights * claim.is_met(values))), 1.0)  # but for rounding
             row |= {
                 f"{name}_share": share,
