@@ -34,6 +34,7 @@ def test_a_table_agrees_with_itself_in_any_order_and_form():
         (table(), table(dtype=str, keep_default_na=False)),
         (twice, twice),
         (table(TABLE.replace("level,r2", "reference,found")),) * 2,
+        (table("claim,other,ratio\na,b,1\na,c,2\n"), table("claim,other,ratio\na,c,2\na,b,1\n")),
     ):
         found = comparison.compare_tables(one, other)
         assert len(found) == 0 and tuple(found.columns) == comparison.COLUMNS

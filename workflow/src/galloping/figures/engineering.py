@@ -113,7 +113,7 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
     """
     most = table[table["case"].isin(settings["cases"])]["case"].value_counts().max()
     figure, grids = parts.case_grids(
-        settings["cases"], 1, len(MEASURED), 0.4, 0.7 + 0.2 * most, sharex=False
+        settings["cases"], len(MEASURED), 0.4, 0.7 + 0.2 * most, sharex=False
     )
     for row, (case, grid) in enumerate(grids.items()):
         of_case = table[table["case"] == case].sort_values("rank")

@@ -163,7 +163,7 @@ def draw_limit_cycles(
     if cycles.empty:
         varied = settings["label"].partition(",")[0]
         return parts.make_empty_figure(f"this study does not vary the {varied} alone")
-    figure, grids = parts.case_grids(list(settings["cases"]), 1, len(STATES), 0.9, 1.9)
+    figure, grids = parts.case_grids(list(settings["cases"]), len(STATES), 0.9, 1.9)
     for row, (case, grid) in enumerate(grids.items()):
         of_case = parts.where(cycles, case=case)
         its_bifurcations = parts.where(bifurcations, case=case, parameter=settings["parameter"])

@@ -84,9 +84,9 @@ def height(head: float, each: float, count: int) -> float:
 
 
 def case_grids(
-    cases: Sequence[str], rows: int, columns: int, head: float, each: float, sharex: bool = True
+    cases: Sequence[str], columns: int, head: float, each: float, sharex: bool = True
 ) -> tuple[Figure, dict[str, np.ndarray]]:  # fmt: skip
-    """Create a figure with a titled block of panels, rows x columns, for each simulated line.
+    """Create a figure with a titled row of panels for each simulated line.
 
     A case is a line in a wind. head, each: inches, besides the rows and of a row, as in `height`.
     """
@@ -94,7 +94,7 @@ def case_grids(
     blocks, grids = figure.subfigures(len(cases), 1, squeeze=False)[:, 0], {}
     for case, block in zip(cases, blocks, strict=True):
         block.suptitle(spoken(case), x=0.01, ha="left", weight="bold", size=rcParams["font.size"])
-        grids[case] = block.subplots(rows, columns, squeeze=False, sharex=sharex, sharey="row")
+        grids[case] = block.subplots(1, columns, squeeze=False, sharex=sharex, sharey="row")
     return figure, grids
 
 

@@ -27,7 +27,7 @@ KEYS = frozenset((
     "line", "truth", "sensors", "path", "table", "column", "reading", "recordings", "protocol",
     "cell", "level", "points", "method", "setting", "group", "system", "samples", "replicate",
     "order", "state", "x", "y", "wind_m_s", "direction", "orbit", "place", "measure", "stratum",
-    "recording",
+    "recording", "other",
 ))  # fmt: skip
 MEASURED = ("seconds", "seconds_median")  # of the processor, which no two runs share
 COLUMNS = ("row", "column", "reference", "this_run", "difference", "tolerance")

@@ -74,10 +74,9 @@ def claims_table(
             for pair in map(tuple, settings["pairs"]):
                 if pair == PAPER and draws and case in draws:
                     rows.append(_claim_row(claim, case, pair, draws[case]))
-                elif claim.cell_kind in set(
-                    _scores_of_pair(scores, pair)["kind"]
-                ):  # else it cannot use them
-                    own = _scores_of_pair(scores, pair)
+                    continue
+                own = _scores_of_pair(scores, pair)
+                if claim.cell_kind in set(own["kind"]):  # else it cannot use them
                     rows.append(_claim_row(claim, case, pair, own[own["case"] == case]))
     return pd.DataFrame(rows, columns=COLUMNS)
 

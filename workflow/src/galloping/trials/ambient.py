@@ -17,7 +17,7 @@ from galloping.model.polynomial import polynomial_library
 from galloping.recording.samples import Recording
 from galloping.streams import make_generator
 from galloping.trials.attempts import identified_by
-from galloping.trials.real_lines import DEGREE, JUDGEMENTS, NOISE
+from galloping.trials.real_lines import DEGREE, NOISE, start_row
 
 FREQUENCIES, DAMPING = (0.4, 1.0), (0.003, 0.02)  # Hz; ratio to critical
 DURATIONS, RATES = (300.0, 1200.0), (5.0, 25.0)  # s, Hz
@@ -123,10 +123,7 @@ def trial(
         for method, settings in methods.items():
             terms, name = polynomial_library(len(STATES), DEGREE), ("ambient", case, str(replicate))
             found, answer = identified_by({method: settings}, [motion.recording], terms, name)
-            row = {
-                "truth": case, "sensors": "displacements", "replicate": replicate, "seed": seed,
-                **answer, **dict.fromkeys(JUDGEMENTS, np.nan),
-            }  # fmt: skip
+            row = start_row(case, "displacements", replicate, seed, answer)
             if found.is_forced:
                 places = np.argwhere(found.support)
                 exponents: np.ndarray = np.array(found.model.terms)[places[:, 1]]

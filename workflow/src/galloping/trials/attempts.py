@@ -186,6 +186,14 @@ def trial_of(attempts: Callable[..., Iterator[Attempt]]) -> Callable[..., Iterat
     return trial
 
 
+def draw_log_uniform(
+    rng: np.random.Generator, ends: tuple[float, float], size: int | None = None
+) -> Any:  # an array, or a number without a size
+    """Draw numbers whose logarithms are uniformly distributed between those of two ends."""
+    low, high = np.log(ends)
+    return np.exp(rng.uniform(low, high, size))
+
+
 def against_truth(true: PolynomialModel, result: IdentifiedModel) -> dict[str, object]:
     """Compare an identified model with the true one: counts of wrong terms and coefficients.
 

@@ -14,8 +14,8 @@ from galloping.model.intervals import NORMAL_95
 from galloping.model.polynomial import polynomial_library
 from galloping.recording.samples import Recording
 from galloping.streams import make_generator
-from galloping.trials.attempts import identified_by
-from galloping.trials.real_lines import DEGREE, JUDGEMENTS
+from galloping.trials.attempts import draw_log_uniform, identified_by
+from galloping.trials.real_lines import DEGREE, start_row
 
 STATES = ("q", "dq")
 SENSORS = ("displacement", "acceleration")
@@ -48,16 +48,16 @@ class FreeDecay:
 
         They are drawn within the ranges above.
         """
-        count = round(_log_uniform(rng, SAMPLES))
-        per_period = min(_log_uniform(rng, PER_PERIOD), count / PERIODS)
-        frequency, damping = _log_uniform(rng, FREQUENCIES), _log_uniform(rng, DAMPING, 2)
+        count = round(draw_log_uniform(rng, SAMPLES))
+        per_period = min(draw_log_uniform(rng, PER_PERIOD), count / PERIODS)
+        frequency, damping = draw_log_uniform(rng, FREQUENCIES), draw_log_uniform(rng, DAMPING, 2)
         ratio = rng.uniform(APART[0], min(APART[1], per_period / RESOLVED))
         ratio = ratio if rng.random() < 0.5 else 1.0 / ratio
         omega = 2.0 * np.pi * frequency * np.array([1.0, ratio])
         poles = -damping * omega + 1j * omega * np.sqrt(1.0 - damping**2)
         phases = np.exp(2j * np.pi * rng.random(2))
-        amplitudes = phases * np.array([1.0, _log_uniform(rng, SECOND)])
-        noise, sensor = _log_uniform(rng, NOISE), SENSORS[rng.integers(2)]
+        amplitudes = phases * np.array([1.0, draw_log_uniform(rng, SECOND)])
+        noise, sensor = draw_log_uniform(rng, NOISE), SENSORS[rng.integers(2)]
         time = np.arange(count) / (per_period * frequency)
         rested = round(rng.uniform(*REST) * count) if rng.random() < 0.5 else 0
         elapsed = time[rested:] - time[rested]
@@ -75,11 +75,6 @@ class FreeDecay:
             offsets = np.array([False, True])
             recording = Recording(time, STATES, values, rates=rates, unknown_offsets=offsets)
         return cls(poles, sensor, _decay_bound(elapsed, poles, amplitudes, noise), recording)
-
-
-def _log_uniform(rng: np.random.Generator, ends: tuple[float, float], size: int | None = None):
-    low, high = np.log(ends)
-    return np.exp(rng.uniform(low, high, size))
 
 
 def _decay_bound(
@@ -111,10 +106,7 @@ def trial(
                 ("free_decays", case, str(replicate)),
             )
             found, answer = identified_by({method: settings}, [decay.recording], terms, name)
-            row = {
-                "truth": case, "sensors": decay.sensor, "replicate": replicate, "seed": seed,
-                **answer, **dict.fromkeys(JUDGEMENTS, np.nan),
-            }  # fmt: skip
+            row = start_row(case, decay.sensor, replicate, seed, answer)
             yield row | (_judge_decay(decay, found) if found.status != "refused" else {})
 
 

@@ -230,10 +230,7 @@ def trial(
                 continue
             name = ("model_error", case, str(replicate))
             identified, said = identified_by({method: settings}, recordings, terms, name)
-            row = {
-                "truth": case, "sensors": truth.sensors, "replicate": replicate, "seed": seed,
-                **said, **dict.fromkeys(JUDGEMENTS, np.nan),
-            }  # fmt: skip
+            row = start_row(case, truth.sensors, replicate, seed, said)
             if identified.status != "refused":
                 draws = make_generator(seed, "model_error", case, replicate, method)
                 held = identified.at(dict.fromkeys(inputs, line.speed))
@@ -251,6 +248,14 @@ def trial(
                         for speed, amplitude in others.items()
                     )
             yield row
+
+
+def start_row(
+    case: str, sensors: str, replicate: int, seed: int, answer: Mapping[str, object]
+) -> dict[str, object]:
+    """Return the row of a fit before its model is judged. answer: of `attempts.identified_by`."""
+    own = {"truth": case, "sensors": sensors, "replicate": replicate, "seed": seed}
+    return {**own, **answer, **dict.fromkeys(JUDGEMENTS, np.nan)}
 
 
 def _other_winds(

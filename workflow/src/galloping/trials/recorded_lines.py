@@ -32,7 +32,13 @@ from galloping.model.polynomial import PolynomialModel, design_matrix, polynomia
 from galloping.recording.samples import Recording
 from galloping.streams import make_generator
 from galloping.trajectory.simulation import Simulator, time_grid
-from galloping.trials.attempts import Attempt, deviations_at_the_bound, simulate_recording, trial_of
+from galloping.trials.attempts import (
+    Attempt,
+    deviations_at_the_bound,
+    draw_log_uniform,
+    simulate_recording,
+    trial_of,
+)
 
 DEFAULT, RANDOM, LONG_AND_STEADY = "default line", "random lines", "long and steady"  # groups
 TERMS = polynomial_library(len(STATES), 3)
@@ -102,7 +108,7 @@ def draw(rng: np.random.Generator) -> tuple[dict, np.ndarray]:
     The configuration is a section of `cases`; the initial states are (2, n_states).
     """
     while True:
-        span = _log_uniform(rng, 150.0, 500.0)
+        span = float(draw_log_uniform(rng, (150.0, 500.0)))
         vertical = [rng.uniform(0.2, 1.2), rng.uniform(-3.0, 3.0), rng.uniform(-8.0, -2.0)]
         horizontal = [rng.uniform(-4.0, 4.0), *_or_absent(rng, 3.0), *_or_absent(rng, 6.0)]
         case = {
@@ -111,8 +117,8 @@ def draw(rng: np.random.Generator) -> tuple[dict, np.ndarray]:
             "ice": {"reading": "custom", "vertical": vertical, "horizontal": horizontal},
             "wind": {"speed": rng.uniform(6.0, 20.0)},
             "damping": {
-                "vertical": _log_uniform(rng, 0.002, 0.02),
-                "horizontal": _log_uniform(rng, 0.002, 0.02),
+                "vertical": float(draw_log_uniform(rng, (0.002, 0.02))),
+                "horizontal": float(draw_log_uniform(rng, (0.002, 0.02))),
             },
         }
         case = plain(load({"cases": {"drawn": case}}))["cases"]["drawn"]
@@ -135,10 +141,6 @@ def lines(
         motions = [simulator(true, start, time) for start in starts]
         if all(motion.status == "ok" for motion in motions):
             yield true, [motion.states for motion in motions]
-
-
-def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def _or_absent(rng: np.random.Generator, size: float) -> list[float]:
