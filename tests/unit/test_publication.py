@@ -244,7 +244,7 @@ def test_what_speaks_against_publishing():
     ((kind, text),) = obstacles(replace(CLEAN, digest="1" * 40), Audit(), Path(RESULTS))
     assert (kind, text) == (
         "outdated",
-        f"{REPORT}: names another state of the code than commit {'1' * 12} of 2026-11-21; "
+        f"{REPORT}: not made by commit {'1' * 12} of 2026-11-21; "
         "remove it, and `make` writes it again",
     )
     Path(TABLE).unlink()

@@ -201,16 +201,16 @@ def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator
     """
     shown = [*results.glob("tables/*"), *results.glob("figures/*")]
     report, now = results / "report.html", made_by(present)
+    is_stale = report.exists() and f"Made by {now}." not in report.read_text(encoding="utf-8")
+    cure = "remove it, and `make` writes it again"
     if present is None:
         yield "dirty", "git knows no commit of this folder"
-    if report.exists() and f"Made by {now}." not in report.read_text(encoding="utf-8"):
-        told = f"names another state of the code than {now}; remove it, and `make` writes it again"
-        yield "outdated", f"{report}: {told}"
     for kind, paths, fault in (
         ("dirty", present.changes if present else (), "not as in the commit"),
         ("incomplete", checked.missing, "not here"),
         ("incomplete", checked.unknown, "without a receipt of how it was made"),
         ("outdated", checked.outdated, "made with other settings, code or inputs"),
+        ("outdated", (str(report),) * is_stale, f"not made by {now}; {cure}"),
         ("damaged", checked.damaged, "not what its job wrote"),
         ("empty", () if shown else (str(results),), "no table or figure is made yet"),
     ):
