@@ -23,7 +23,7 @@ from galloping.publication.archive import (
     unpack,
 )
 from galloping.publication.archive import restore as restored
-from galloping.publication.publishing import ALLOWABLE, NotPublishable
+from galloping.publication.publishing import ALLOWABLE, NotPublishable, note_on_report
 from galloping.publication.publishing import publish as published
 from galloping.reproducibility.lock import check_places, end_in_one_line, locked, make_command
 from galloping.reproducibility.plan import planning
@@ -132,13 +132,15 @@ def publish(allow, configfile):
         sys.exit(f"ALLOW: {unknown[0]!r} is not allowed; must be of {', '.join(ALLOWABLE)}")
     try:
         with planned(configfile) as plan:
-            archive = published(plan, allowed)
+            archive, note = published(plan, allowed), note_on_report(plan)
     except NotPublishable as error:
         sys.exit(
             f"{error}\nNot published. `make` completes a study, `make repair` mends it; "
             f"ALLOW={','.join(ALLOWABLE)} publishes all the same and records it."
         )
     print(f"{archive}: {archive.stat().st_size / 1e6:.1f} MB, SHA-256 {digest(archive)}")
+    if note:
+        print(note)
     print("Publish this SHA-256 elsewhere than the archive: by it alone others know its numbers.")
 
 

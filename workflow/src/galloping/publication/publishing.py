@@ -200,9 +200,6 @@ def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator
     `ALLOWABLE` has the kinds that can be allowed.
     """
     shown = [*results.glob("tables/*"), *results.glob("figures/*")]
-    report, now = results / "report.html", made_by(present)
-    is_stale = report.exists() and f"Made by {now}." not in report.read_text(encoding="utf-8")
-    cure = "remove it, and `make` writes it again"
     if present is None:
         yield "dirty", "git knows no commit of this folder"
     for kind, paths, fault in (
@@ -210,12 +207,22 @@ def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator
         ("incomplete", checked.missing, "not here"),
         ("incomplete", checked.unknown, "without a receipt of how it was made"),
         ("outdated", checked.outdated, "made with other settings, code or inputs"),
-        ("outdated", (str(report),) * is_stale, f"not made by {now}; {cure}"),
         ("damaged", checked.damaged, "not what its job wrote"),
         ("empty", () if shown else (str(results),), "no table or figure is made yet"),
     ):
         if paths:
             yield kind, f"{list_first(paths)}: {fault}"
+
+
+def note_on_report(plan: Plan) -> str:
+    """Return a note that the report names another commit than the present one, '' if it does not.
+
+    A commit changes no result, so that the report is not written again.
+    """
+    report, now = Path(plan.results, "report.html"), made_by(commit(plan.settings))
+    if not report.exists() or f"Made by {now}." in report.read_text(encoding="utf-8"):
+        return ""
+    return f"{report}: not made by {now}; if it is removed, `make` writes it again with that name"
 
 
 def files(plan: Plan) -> list[Path]:
