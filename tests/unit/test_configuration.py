@@ -214,8 +214,6 @@ REFUSED = [
      "'weak' is no method of files; allowed: maximum_likelihood, weak_gls"),
     ("trials.a.methods", nested("trials.a", {"kind": "long_and_steady", "methods": ["weak_gls"]}),
      "'weak_gls' is no method of long_and_steady; allowed: maximum_likelihood"),
-    ("trials", nested("trials.mine", {"kind": "paper"}), "mine of kind paper",
-     "must begin with 'readings', and it must have the case 'first reading'"),
     ("trials", nested("trials.readings", {"kind": "paper", "cases": ["any motion"]}),
      "must have the case 'first reading'"),
     ("trials.a.durations", nested("trials.a", LONG), "12 is not allowed; of lorenz at most 10"),

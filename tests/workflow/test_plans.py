@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 sys.path.append(str(ROOT / "workflow" / "scripts"))
 draw_rules = import_module("draw_rules")
 
-TRIALS = ", ".join(f"readings_{kind}: {{kind: {kind}}}" for kind in KINDS)
+TRIALS = ", ".join(f"{kind}: {{kind: {kind}}}" for kind in KINDS)
 LINES = "internal_resonance: null, non_resonant: null"
 TRIALS_ALONE = f"{{cases: {{{LINES}}}, trials: {{{TRIALS}}}}}"
 OTHERS = [

@@ -15,7 +15,7 @@ from galloping.storage import write_text
 EVERYTHING = f"""
 cases: {{gusty: {{truth: {{model: continuous}}}}}}
 recordings: {{field: {{files: [examples/span.csv], mapping: examples/span.yaml}}}}
-trials: {{{", ".join(f"readings_{kind}: {{kind: {kind}}}" for kind in KINDS)}}}
+trials: {{{", ".join(f"{kind}: {{kind: {kind}}}" for kind in KINDS)}}}
 """
 WIDTH, HEIGHT, ACROSS, DOWN = 140, 24, 176, 38  # px: of a box, and from box to box
 STYLE = (

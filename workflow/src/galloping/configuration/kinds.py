@@ -5,7 +5,7 @@
 """
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,7 +18,6 @@ with Path(__file__).with_name("systems.csv").open(encoding="utf-8", newline="") 
 TRUST, SYSTEMS, MODEL_ERROR, PAPER = "trust", "systems", "model_error", "paper"
 EXACT_TERMS, INTERVALS = "published_terms", "published_intervals"
 EXAM = "exam"  # of an exam, whose trials are summed up by their names
-EQUAL_EFFORT = "readings"  # begins the name of the paper's trial that gives each reading one run
 OURS_ALONE = ("maximum_likelihood",)  # where a table sums up all fits as those of one method
 # s, of the longest recordings that were published of each system
 LONGEST = {"lorenz": 10.0, "van_der_pol": 12.0, "rossler": 30.0}
@@ -112,3 +111,12 @@ KINDS = {
     ),
     "paper": Kind(PAPER, cases=tuple(BY_NAME), methods=("paper",)),
 }  # fmt: skip
+
+
+def equal_effort(names: Iterable[str]) -> list[str]:
+    """Select the trials of the paper that give each reading one run, by their names.
+
+    Their names begin with `readings`; without such a name all trials count.
+    """
+    every = list(names)
+    return [name for name in every if name.startswith("readings")] or every

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, ValidationInfo, create_model, field_validator, model_validator
 
 from galloping.configuration.keys import keys
-from galloping.configuration.kinds import EQUAL_EFFORT, KINDS, LONGEST, PAPER
+from galloping.configuration.kinds import KINDS, LONGEST, PAPER, equal_effort
 from galloping.cycles.family import PARAMETERS
 from galloping.fields import Name, make_error, one_of, selection, setting, show
 from galloping.identification.registry import METHODS
@@ -434,14 +434,12 @@ class Settings(SETTINGS_KEYS):
                 told = f"{show(recordings.case)} is no case; must be one of {', '.join(self.cases)}"
                 raise make_error(told, "recordings", name, "case")
         of_paper = {n: each for n, each in self.trials.items() if KINDS[each.kind].table == PAPER}
-        first = FIRST_READING.name
-        compared = any(
-            name.startswith(EQUAL_EFFORT) and first in (each.cases or KINDS[each.kind].cases)
-            for name, each in of_paper.items()
-        )
-        if of_paper and not compared and not self.exam:
-            told = f"{', '.join(of_paper)} of kind {PAPER}; the name of one must begin with "
-            told += f"{EQUAL_EFFORT!r}, and it must have the case {first!r}"
+        first = FIRST_READING.name  # with which all others are compared
+        compared = equal_effort(list(of_paper))
+        if of_paper and not any(
+            first in (of_paper[name].cases or KINDS[PAPER].cases) for name in compared
+        ):
+            told = f"{', '.join(compared)} of kind {PAPER}; one must have the case {first!r}"
             raise make_error(told, "trials")
         for name, case in self.cases.items():
             for label, measure in self.assessment.measures.items():

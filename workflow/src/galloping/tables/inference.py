@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
-from galloping.configuration.kinds import EQUAL_EFFORT
+from galloping.configuration.kinds import equal_effort
 from galloping.model.intervals import QUANTILES_90
 from galloping.paper.agreement import GROUPS, NUMBERS, PRINTED, group_of
 from galloping.paper.unknowns import BY_NAME, FIRST_READING, NAMES, UNKNOWNS
@@ -32,7 +32,7 @@ def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     standard_error; effective_settings; the factor by which it loses most against the first reading;
     its most probable setting.
     """
-    rows = pd.concat([part for name, part in parts.items() if name.startswith(EQUAL_EFFORT)])
+    rows = pd.concat([parts[name] for name in equal_effort(parts)])
     tried, judged = (rows[rows["stage"] == stage] for stage in ("tried", "judged"))
     found = dict(list(tried.groupby("reading", sort=False)))
     evidence = {name: _log_evidence(of) for name, of in found.items()}
