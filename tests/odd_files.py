@@ -202,6 +202,8 @@ READ: dict[str, tuple[Content, tuple[str, ...]]] = {
     "minus_999_25.csv": (lines(v=coded(-999.25)), PLAIN),
     "sixteen_bits.csv": (lines(v=coded(32767)), PLAIN),
     "two_codes.csv": (lines(v=np.where(TIME == 4.0, 9999, coded(-9999))), PLAIN),
+    "campbell_nan.csv": (lines(v=["NAN" if k == 57 else f"{v:.6f}" for k, v in enumerate(V)]),
+        PLAIN),
     "decimal_commas.csv": (lines("t;v;w", ";", ","), (*PLAIN, "--decimal", ",")),
     "decimal_commas_and_blanks.txt": (lines("t v w", "  ", ","), (*PLAIN, "--decimal", ",")),
     "tabs.tsv": (lines("t\tv\tw", "\t"), PLAIN),
@@ -384,6 +386,8 @@ REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "capitals.csv": (lines("TIME [S],VERTICAL [M],HORIZONTAL [M]"), (),
         ("column 'VERTICAL'", "'M' is no unit",)),
     "more_cells.csv": (edited("2.2,1,2,3,4"), PLAIN, ("row 57 has 5 cells, the header 3",)),
+    "blank_cell.txt": (lines("t v w", "  ", v=["" if k == 55 else f"{v:.6f}" for k, v in
+        enumerate(V)]), PLAIN, ("row 57 has 2 cells, the header 3; write missing samples as NaN",)),
     "unclosed.csv": (edited('2.2,"1,2'), PLAIN, ("row 57: a quotation mark is not closed",)),
     "footer.csv": (lines() + "END OF FILE\n", PLAIN, ("row 1002, column 't': 'END OF FILE'",)),
     "thousands.csv": (edited('2.2,"1,234.5",2'), PLAIN, ("row 57", "'1,234.5' is not")),

@@ -1,6 +1,7 @@
 """Reader of text tables, as loggers and spreadsheets write them."""
 
 import codecs
+import io
 import re
 import warnings
 from collections.abc import Callable
@@ -10,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from galloping.readers import FileError
-from galloping.readers.layout import DECIMAL_COMMA, DECIMAL_POINT, Layout, find_layout
+from galloping.readers.layout import DECIMAL_COMMA, DECIMAL_POINT, Layout, find_layout, split_cells
 from galloping.readers.units import split_header
 
 HEAD = 65536  # bytes that the layout of a text table is told from
@@ -24,9 +25,9 @@ BINARY = {  # first bytes of what is no text table, whatever its name
 CHINESE = re.compile(rb"[\x81-\xfe]{4}")  # two characters of GB 18030; no Western words are such
 ENCODINGS = {"cp1252": "Windows-1252", "gb18030": "GB 18030"}  # besides those of Unicode
 MISSING = {  # words for a missing sample, besides those that pandas knows
-    "-", "--", "---", "?", "*", "#nv", "#wert!", "#value!", "#ref!", "#div/0!", "overflow", "over",
-    "ovl", "ovfl", "ofl", "ol", "underflow", "err", "error", "bad", "invalid", "missing", "no data",
-    "nodata", "none", "fault", "fehler", "inf", "-inf", "+inf",
+    "-", "--", "---", "?", "*", "***", "#nv", "#wert!", "#value!", "#ref!", "#div/0!", "overflow",
+    "over", "ovl", "ovfl", "ofl", "ol", "underflow", "err", "error", "bad", "invalid", "missing",
+    "no data", "nodata", "none", "fault", "fehler", "nan", "nan(ind)", "-nan(ind)", "n.a.",
 }  # fmt: skip
 
 
@@ -52,6 +53,8 @@ def read_text(
             lines = codecs.getincrementaldecoder(encoding)().decode(head, whole).splitlines()
             layout = find_layout(lines if whole else lines[:-1] or lines, decimal, time)
             frame = _read_frame(opened, layout, encoding, rows)
+            if layout.separator is None and frame.iloc[:, -1].isna().any():
+                _check_even(opened, layout, encoding)
             break
         except UnicodeDecodeError as error:
             byte = error.object[error.start]
@@ -91,6 +94,18 @@ def _read_frame(
         raise FileError(_describe_uneven(error, layout)) from error
     except pd.errors.EmptyDataError as error:
         raise FileError("no rows of data") from error
+
+
+def _check_even(opened: Callable[[], BinaryIO], layout: Layout, encoding: str) -> None:
+    """Refuse a row with fewer cells than others: a blank cell between blanks cannot be told."""
+    with io.TextIOWrapper(opened(), encoding) as lines:
+        for row, line in enumerate(lines, 1):
+            count = len(split_cells(line, None))
+            if row >= layout.line and 0 < count < len(layout.header):
+                raise FileError(
+                    f"row {row} has {count} cells, the header {len(layout.header)}; write missing "
+                    "samples as NaN"
+                )
 
 
 def _with_points(cells: pd.Series, header: str, layout: Layout) -> pd.Series:
