@@ -266,3 +266,16 @@ def test_one_bad_cell_among_decimal_commas_is_named(tmp_path, cell: str, said: s
     path.write_text("\n".join(["t;v;w", *rows]))
     with pytest.raises(FileError, match=said):
         read_series(path, validate_mapping({**MAPPING, "decimal": ","}))
+
+
+@pytest.mark.parametrize("shift", [0, 3])
+def test_repetitions_of_a_slower_camera_are_no_samples(tmp_path, shift) -> None:
+    held, coarse = np.roll(np.repeat(W[::5], 5), shift), np.round(0.5 * W, 1)
+    for values, kept in ((held, 100), (coarse, 500)):
+        path = write(tmp_path / "a.csv", FRAME.assign(w=values))
+        series = read_series(path, validate_mapping(MAPPING))
+        known = np.isfinite(series.values)
+        assert known[:, 0].all() and known[:, 1].sum() == pytest.approx(kept, abs=1)
+        assert ("repeats each sample" in str(series.notes)) == (kept < 500)
+        if kept < 500 and not shift:
+            np.testing.assert_allclose(series.values[known[:, 1], 1], W[::5], atol=1e-12)

@@ -40,7 +40,8 @@ def _input_of(column: InputColumn, time: np.ndarray, values: np.ndarray, between
     """Make an input with one kind of interpolation. values: (n,), NaN if missing."""
     known = np.flatnonzero(np.isfinite(values))
     if between != "zero":
-        known = known[_new_samples(values[known])]
+        changes = np.append(True, np.diff(values[known]) != 0)
+        known = known[changes | (held_rows(values[known]) == 1)]
     steps = np.diff(time[known])
     kept = np.zeros(len(values), bool)
     kept[known] = True
@@ -60,14 +61,13 @@ def _is_staircase(values: np.ndarray) -> bool:
     return stays and len(jumps) > 0 and np.mean(jumps**2) > np.var(changes)
 
 
-def _new_samples(values: np.ndarray) -> np.ndarray:
-    """Find the samples of a slower instrument that a logger did not merely repeat, (n,) boolean.
+def held_rows(values: np.ndarray) -> int:
+    """Determine in how many rows a logger repeats each sample of a slower instrument.
 
-    These are all samples if values are not constant for a fixed number of rows.
+    It is 1 if values (n,) are not constant for a fixed number of rows.
     """
-    fresh = np.append(True, np.diff(values) != 0)
-    runs = np.diff(np.flatnonzero(fresh))
+    runs = np.diff(np.flatnonzero(np.append(True, np.diff(values) != 0)))
     if len(runs) < HELD or np.median(runs) < HELD:
-        return np.ones(len(values), bool)
+        return 1
     regular = runs % np.median(runs) == 0
-    return fresh if regular.mean() > 0.9 else np.ones(len(values), bool)
+    return int(np.median(runs)) if regular.mean() > 0.9 else 1

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from galloping.arrays import finest_step
 from galloping.identification.inputs import FEWEST
 from galloping.passes import passing
 from galloping.readers import FileError
@@ -21,7 +22,7 @@ from galloping.readers.hints import (
     likely_unit,
     unit_options,
 )
-from galloping.readers.input_columns import read_inputs
+from galloping.readers.input_columns import held_rows, read_inputs
 from galloping.readers.mapping import Channel, ColumnMapping, InputColumn, TimeColumn
 from galloping.readers.times import find_instants, put_in_order, seconds_of
 from galloping.readers.units import (
@@ -82,7 +83,7 @@ class Series:
     def unused_note(self) -> str:
         """Note that lists the ignored columns of the file, '' if there are none."""
         left = enumerated([f"{name:.{LONGEST}}" for name in self.unused])
-        more = "a wind among them is named by --input U=COLUMN"
+        more = "to use a wind among them, add --input U=COLUMN"
         return f"columns that are not used: {left}; {more}" if left else ""
 
 
@@ -149,6 +150,13 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     n_channels = len(mapping.channels)
     inputs = read_inputs(table, mapping.inputs, time, values[:, n_channels:])
     values = values[:, :n_channels]
+    for channel, column in zip(mapping.channels, values.T, strict=True):
+        if (repeats := _find_repeats(column)).any():
+            column[repeats] = np.nan
+            more.append(
+                f"column {channel.column!r} repeats each sample of a slower sensor: "
+                f"{repeats.sum()} repetitions were left out"
+            )
     if len(time) < FEWEST and n_channels:
         raise FileError(f"{table.path}: {len(time)} rows are fewer than the {FEWEST} needed")
     for channel, column in zip(mapping.channels, values.T, strict=True):
@@ -241,6 +249,23 @@ def _find_held(values: np.ndarray) -> np.ndarray:
     least = STUCK * np.quantile(runs, 0.99, method="lower")
     length = np.repeat(runs, runs)
     return ~changes & (length >= max(least, STUCK)) & (len(runs) > 1)
+
+
+def _find_repeats(values: np.ndarray) -> np.ndarray:
+    """Find samples, (n,) boolean, that only repeat those of a slower sensor.
+
+    A motion that is merely resolved coarsely changes by the finest step.
+    """
+    known = np.flatnonzero(np.isfinite(values))
+    steps, repeats = np.diff(values[known]), np.zeros(len(values), bool)
+    rows = held_rows(values[known])
+    if rows > 1 and np.median(np.abs(steps[steps != 0.0])) > 1.5 * finest_step(values):
+        edges = np.flatnonzero(np.append(True, steps != 0.0))
+        runs = np.diff(edges, append=len(known))
+        place = np.arange(len(known)) - np.repeat(edges, runs)
+        counted = np.repeat(np.maximum(np.round(runs / rows), 1), runs)  # samples of a run
+        repeats[known] = (place % rows > 0) | (place >= rows * counted)
+    return repeats
 
 
 def _is_slow(values: np.ndarray, first: int, end: int) -> bool:
