@@ -46,6 +46,8 @@ def test_units_of_inputs_keep_their_names_without_prefixes():
     assert input_si("kN") == (1000.0, "N") and input_si("mV") == (pytest.approx(1e-3), "V")
     assert input_si("degC") == (1.0, "degC") and input_si("%") == (0.01, "1")
     assert input_si("0.5 V") == (0.5, "V")
+    assert input_si("µm/m") == (pytest.approx(1e-6), "1")
+    assert input_si("mV/V") == (pytest.approx(1e-3), "1")
     with pytest.raises(UnitError):
         input_si("counts")
 
@@ -64,7 +66,7 @@ def test_units_stand_anywhere_in_a_name(header, expected):
 
 def test_a_channel_is_no_unit():
     assert not any(map(is_unit, ("CH1", "TIME", "Max", "X", "1", "Marker", "")))
-    assert all(map(is_unit, ("mm", "Volt", "°", "deg", "%", "m/s²")))
+    assert all(map(is_unit, ("mm", "Volt", "G", "°", "deg", "%", "m/s²")))
 
 
 @pytest.mark.parametrize(

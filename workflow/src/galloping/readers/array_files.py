@@ -122,6 +122,8 @@ def _unpacked(values: Any, about: Callable[[str, Any], Any]) -> np.ndarray:
     values = np.asarray(values)
     if values.dtype.kind not in "iuf":
         return values
+    if values.dtype.kind == "f" and gone.dtype.kind in "iuf":
+        gone = gone.astype(values.dtype)  # rounded as they are
     missing = np.isin(values, gone)
     if not missing.any() and (scale, offset) == (1.0, 0.0):
         return values

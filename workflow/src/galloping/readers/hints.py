@@ -1,11 +1,13 @@
 """Plausible units and options for the names and values of columns, for messages to copy."""
 
+import re
 from collections.abc import Iterable, Sequence
 from shlex import quote
 
 import numpy as np
 
 from galloping.readers.columns import words_of
+from galloping.readers.units import is_same_quantity
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 GRAVITIES = {"m/s^2": 1.0, "mm/s^2": 1e-3, "cm/s^2": 1e-2, "g": STANDARD_GRAVITY,
@@ -18,6 +20,16 @@ IN_DAYS = ((29_221, 73_051), (723_181, 767_011))
 STEPS = 1e-5, 10.0  # s, between samples
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86_400.0}
 WINDS = {"wind", "gust", "u", "speed"}
+
+
+def unit_in_name(name: str, wanted: str) -> str:
+    """Return the last word of a name, in any case, if it is a unit of a quantity, else ''.
+
+    wanted: the SI unit of the quantity.
+    """
+    last = re.findall(r"[^\s_()（）]+", name)[1:][-1:]
+    spelt = (each for word in last for each in (word, word.casefold()))
+    return next((each for each in spelt if is_same_quantity(each, wanted)), "")
 
 
 def likely_time_unit(times: np.ndarray) -> str:
@@ -58,8 +70,8 @@ def likely_unit(order: int, values: np.ndarray, alike: Iterable[np.ndarray] = ()
 
 
 def likely_input_unit(name: str) -> str:
-    """Guess the unit of an input from its name: m/s for a wind, else `1` (no conversion)."""
-    return "m/s" if words_of(name) & WINDS else "1"
+    """Guess the unit of an input from its name: of a wind m/s, else `1` (no conversion)."""
+    return (unit_in_name(name, "m/s") or "m/s") if words_of(name) & WINDS else "1"
 
 
 def _measure_spread(values: np.ndarray) -> float:

@@ -12,21 +12,24 @@ from numpy.lib.stride_tricks import sliding_window_view
 from galloping.arrays import finest_step
 from galloping.identification.inputs import FEWEST
 from galloping.passes import passing
-from galloping.readers import FileError
+from galloping.readers import FileError, enumerated
 from galloping.readers.angles import unwrap_angle
 from galloping.readers.columns import measured_quantity, quantity_by_name_alone
-from galloping.readers.file_table import LONGEST, FileTable, enumerated, read_table
+from galloping.readers.file_table import LONGEST, FileTable, read_table
 from galloping.readers.hints import (
     likely_input_unit,
     likely_time_unit,
     likely_unit,
+    unit_in_name,
     unit_options,
 )
 from galloping.readers.input_columns import held_rows, read_inputs
 from galloping.readers.mapping import Channel, ColumnMapping, InputColumn, TimeColumn
 from galloping.readers.times import find_instants, put_in_order, seconds_of
 from galloping.readers.units import (
+    OF_TIME,
     ORDERS,
+    WITH_UNIT,
     UnitError,
     input_si,
     parse_quantity,
@@ -98,6 +101,8 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
         try:
             table.column(each.column)
         except FileError as error:
+            if split_header(each.column)[0] in table.columns:
+                raise
             raise FileError(f"{error}; {HINTS[type(each)]}") from None
     instants = None
     if mapping.time and mapping.rate is None:
@@ -107,7 +112,8 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     notes, columns, units = list(table.notes), [], {}
     measured: tuple[Channel | InputColumn, ...] = (*mapping.channels, *mapping.inputs)
     for one in measured:
-        column, codes = _without_codes(table.numbers(one.column))
+        of_file = table.column(one.column).dtype
+        column, codes = _without_codes(table.numbers(one.column), of_file)
         notes += [
             f"column {one.column!r}: {count} samples of {code:g}, a code for missing ones, were "
             "left out"
@@ -145,6 +151,11 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
                 f"column {name!r}: {stuck.sum()} samples of a sensor that was stuck, from row "
                 f"{row} on, were left out"
             )
+    for measures in dict.fromkeys(channel.measures for channel in mapping.channels):
+        group = [channel for channel in mapping.channels if channel.measures == measures]
+        if len(group) > 1 and all(channel.position is None for channel in group):
+            names = enumerated([repr(channel.column) for channel in group])
+            notes.append(f"columns {names} are averaged as {measures}: they have no position")
     rows = np.arange(len(time)) + table.first_row
     time, values, rows, more = put_in_order(table, time, np.column_stack(columns), rows)
     n_channels = len(mapping.channels)
@@ -278,21 +289,22 @@ def _is_slow(values: np.ndarray, first: int, end: int) -> bool:
     return all(np.nanmean(side) <= most for side in sides if np.isfinite(side).any())
 
 
-def _without_codes(values: np.ndarray) -> tuple[np.ndarray, dict[float, int]]:
+def _without_codes(values: np.ndarray, of_file: np.dtype) -> tuple[np.ndarray, dict[float, int]]:
     """Replace codes for missing samples, such as -9999, by NaN, and count them.
 
     A code is a value that loggers use for this purpose, and farther from all others than these are
-    from each other.
+    from each other. of_file: type of the numbers in the file, which may have rounded the codes.
     """
+    codes = np.asarray(CODES, of_file if of_file.kind == "f" else float)
     known, counts = np.unique(values[np.isfinite(values)], return_counts=True)
     fill = np.abs(known) >= LEAST_FILL
-    used = np.isin(np.abs(known), CODES) | (fill & (fill.sum() == 1))
+    used = np.isin(np.abs(known), codes) | (fill & (fill.sum() == 1))
     others = known[~used]
     if not used.any() or not len(others):
         return values, {}
     used &= np.abs(known - (others[0] + others[-1]) / 2) > 1.5 * np.ptp(others)
-    codes = dict(zip(known[used].tolist(), counts[used].tolist(), strict=True))
-    return np.where(np.isin(values, known[used]), np.nan, values), codes
+    found = dict(zip(known[used].tolist(), counts[used].tolist(), strict=True))
+    return np.where(np.isin(values, known[used]), np.nan, values), found
 
 
 def _check_units(table: FileTable, mapping: ColumnMapping, of_time: bool) -> None:
@@ -304,11 +316,12 @@ def _check_units(table: FileTable, mapping: ColumnMapping, of_time: bool) -> Non
     bare: list[tuple[str, str]] = []
     if of_time and mapping.time and lacks(mapping.time):
         name = mapping.time.column
-        bare.append((name, likely_time_unit(table.numbers(name))))
+        likely = unit_in_name(name, "s") or likely_time_unit(table.numbers(name))
+        bare.append((name, likely))
     for one in filter(lacks, mapping.channels):
-        values, si = table.numbers(one.column), state_unit(one.measures)
-        is_known = si in ORDERS
-        bare.append((one.column, likely_unit(ORDERS.index(si), values) if is_known else "1"))
+        si = state_unit(one.measures)
+        alike = [each.column for each in mapping.channels if state_unit(each.measures) == si]
+        bare.append((one.column, _likely_unit(table, one.column, si, alike)))
     bare += [(one.column, likely_input_unit(one.column)) for one in filter(lacks, mapping.inputs)]
     if bare:
         names, several = ", ".join(repr(name) for name, _ in bare), len(bare) > 1
@@ -317,6 +330,23 @@ def _check_units(table: FileTable, mapping: ColumnMapping, of_time: bool) -> Non
             f"add {unit_options(bare)} if that is right (unit: in a mapping), or write the unit "
             "behind the column's name, in []"
         )
+
+
+def _likely_unit(table: FileTable, name: str, si: str, alike: Sequence[str]) -> str:
+    """Guess the unit of a channel from its name, else from its samples and those of columns alike.
+
+    Raises FileError if the name ends in brackets that hold no unit.
+    """
+    if si not in ORDERS:
+        return "1"
+    if unit := unit_in_name(name, si):
+        return unit
+    if (match := WITH_UNIT.fullmatch(name)) and match["round"] not in (None, OF_TIME):
+        raise FileError(
+            f"{table.at(name)}: {match['round']!r} is no unit; say what one of its numbers is, "
+            f"such as {unit_options([(name, f'2.5 m{si}')])}"
+        )
+    return likely_unit(ORDERS.index(si), table.numbers(name), map(table.numbers, alike))
 
 
 def _known_noise(table: FileTable, channel: Channel) -> float:

@@ -162,7 +162,7 @@ def is_same_quantity(unit: str, wanted: str) -> bool:
 
 def is_unit(text: str) -> bool:
     """Decide whether a text is a known physical unit, such as `mm`; a number alone is none."""
-    if text in USUAL:
+    if text in (*USUAL, "G"):  # of gravity
         return text != "1"
     if text[:1].isdigit():
         return False
@@ -270,8 +270,11 @@ def input_si(unit: str) -> tuple[float, str]:
 
 def _without_prefixes(units):
     """Return the coherent unit of the same kind: of mV it is V, of km/h m/s."""
-    names = {_split_prefix(name)[1]: power for name, power in units._units.items()}
-    plain = _make_registry().Unit(units._units.__class__(names))
+    names = Counter()
+    for name, power in units._units.items():
+        names[_split_prefix(name)[1]] += power
+    powers = {name: power for name, power in names.items() if power}
+    plain = _make_registry().Unit(units._units.__class__(powers))
     one = _make_registry().Quantity(1.0, plain).to_base_units()
     return plain if one.magnitude == 1.0 else one.units
 
