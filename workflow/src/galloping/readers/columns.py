@@ -1,19 +1,19 @@
 """Interpretation of column names: a time, a motion in a direction, or another quantity."""
 
 import re
-from collections.abc import Set
+from collections.abc import Collection, Iterable, Set
 
 from galloping.readers.units import ORDERS, is_same_quantity, split_header
 
 # Stems of words, and whole words where short; English, German, and some Romance and Chinese ones.
-TIMES = {"time", "zeit", "timestamp", "uhr", "elapsed", "temps", "tiempo", "时间"}
-TEMPERATURE_LIKE = {"temps", "tempo"}  # times in French and Italian
-TIME_WORDS = TEMPERATURE_LIKE | {"t", "ts", "date", "datetime", "datum", "sec", "seconds"}
+TIMES = {"time", "zeit", "uhr", "elapsed", "temps", "tiempo", "时间"}  # at an end of a word
+TIMES_LIKE_TEMPERATURE = {"temps", "tempo"}  # times in French and Italian
+TIME_WORDS = TIMES_LIKE_TEMPERATURE | {"t", "ts", "date", "datum", "sec", "seconds"}
 DIRECTIONS = {
     "v": ({"vertic", "vertik", "senkrecht", "heave", "垂直", "竖向"}, {"vert", "v", "qv", "av"}),
     "w": (
-        {"horizont", "lateral", "transvers", "waagrecht", "waagerecht", "quer", "sway", "水平",
-         "横向"},
+        {"horizont", "horisont", "orizzont", "lateral", "transvers", "waagrecht", "waagerecht",
+         "quer", "sway", "水平", "横向"},
         {"horiz", "hor", "horz", "lat", "trans", "w", "h", "qw", "aw", "ah"},
     ),
 }  # fmt: skip
@@ -31,7 +31,7 @@ OTHERS = (  # what is recorded beside the motion in the two directions
      "strain", "dehn", "stress", "spannung", "moment", "torque", "tilt", "neig", "rotat", "inclin",
      "longitud", "längs", "axial", "current", "strom"},
     {"ice", "eis", "load", "rain", "zug", "rn", "no", "nr", "id", "flag", "long", "lon", "pitch",
-     "roll", "yaw"},
+     "roll", "yaw", "msl"},
 )  # fmt: skip
 COUNTS = {"frame", "frames", "bild", "sample", "samples", "index", "count", "counter", "scan",
           "sequence", "point", "record", "nr", "no", "n", "rn"}  # fmt: skip
@@ -40,8 +40,11 @@ DATED = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d\d")
 
 
 def words_of(header: str) -> set[str]:
-    """Split the name of a column into its words in lower case, without numbers and unit."""
-    parted = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", split_header(header)[0])
+    """Split the name of a column into its words in lower case, without numbers and unit.
+
+    Chinese 加速度, an acceleration, becomes 加速: 速度 alone is a velocity.
+    """
+    parted = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", split_header(header)[0]).replace("加速度", "加速")
     return {word.casefold() for word in re.findall(r"[^\W\d_]+", parted)}
 
 
@@ -53,8 +56,9 @@ def is_time(header: str) -> bool:
     """Decide from its name whether a column contains times."""
     words = words_of(header)
     is_labview = split_header(header)[0] == "X_Value"
-    is_other = _has_word(words - TEMPERATURE_LIKE, *OTHERS)
-    return is_labview or (_has_word(words, TIMES, TIME_WORDS) and not is_other)
+    is_other = _has_word(words - TIMES_LIKE_TEMPERATURE, *OTHERS)
+    is_named = any(word.startswith(stem) or word.endswith(stem) for word in words for stem in TIMES)
+    return is_labview or ((is_named or bool(words & TIME_WORDS)) and not is_other)
 
 
 def is_count(header: str) -> bool:
@@ -64,7 +68,7 @@ def is_count(header: str) -> bool:
 
 def is_beside_motion(header: str) -> bool:
     """Decide from its name whether a column measures another quantity than the motion."""
-    return _has_word(words_of(header) - TEMPERATURE_LIKE, *OTHERS)
+    return _has_word(words_of(header) - TIMES_LIKE_TEMPERATURE, *OTHERS)
 
 
 def derivative_order(header: str, unit: str) -> int | None:
@@ -112,6 +116,22 @@ def quantity_by_name_alone(header: str, unit: str = "") -> str:
     ):
         return ""
     return measured_quantity(name)
+
+
+def is_no_direction(header: str, alike: Collection[str], names: Iterable[str]) -> bool:
+    """Decide whether the letter of a name is no direction, by the names of other columns.
+
+    v and w beside u are axes; h without a vertical motion is a height; beside the height hMSL of a
+    satellite receiver, h and v belong to its accuracy. alike: names of columns of the same kind.
+    names: of all columns.
+    """
+    letter = _direction_and_kinds(header, "")[2]
+    if letter not in LETTERS:
+        return False
+    axis_u = re.sub(r"(?i)(?<![^\W\d_])[vw](?![^\W\d_])", lambda v: "uU"[v[0].isupper()], header)
+    is_height = letter == "h" and all(_direction_and_kinds(n, "")[0] != "v" for n in alike)
+    is_axis = letter != "h" and axis_u != header and axis_u in alike
+    return is_height or is_axis or any("msl" in words_of(name) for name in names)
 
 
 def _direction_and_kinds(header: str, unit: str) -> tuple[str, list[int], str]:

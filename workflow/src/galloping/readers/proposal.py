@@ -11,15 +11,17 @@ from galloping.readers.columns import (
     derivative_order,
     is_beside_motion,
     is_count,
+    is_no_direction,
     is_time,
     measured_quantity,
     quantity_by_name_alone,
     words_of,
 )
 from galloping.readers.file_table import FileTable
-from galloping.readers.hints import likely_unit, measure_option, unit_options
+from galloping.readers.hints import likely_unit, measure_option, unit_in_name, unit_options
 from galloping.readers.units import (
     DIRECTION,
+    ORDERS,
     is_pixel,
     is_same_quantity,
     is_unit,
@@ -81,9 +83,13 @@ class Proposal:
 
     def check_time(self, file: str) -> None:
         """Raise ValueError if the column of times is only guessed."""
-        doubt = self.doubts.get(self.clock or "", Doubt())
-        if doubt.cause:
-            raise ValueError(f"{file}: {doubt.cause}; {doubt.remedy}")
+        self._check(file, [self.clock] if self.clock else [])
+
+    def _check(self, file: str, columns: Iterable[str]) -> None:
+        for column in columns:
+            doubt = self.doubts.get(column, Doubt())
+            if doubt.cause:
+                raise ValueError(f"{file}: {doubt.cause}; {doubt.remedy}")
 
     def sure_channels(self, file: str) -> list[dict]:
         """Return the channels; raise ValueError if the column names do not determine them."""
@@ -93,9 +99,7 @@ class Proposal:
                 f"acceleration; it has {self.content}; say what is measured, such as "
                 "--measure 'q_v=COLUMN [mm]'"
             )
-        for column, doubt in self.doubts.items():
-            if doubt.cause and column != self.clock:
-                raise ValueError(f"{file}: {doubt.cause}; {doubt.remedy}")
+        self._check(file, [each["column"] for each in self.channels])
         return self.channels
 
     def __str__(self) -> str:
@@ -177,7 +181,7 @@ def propose(
         return units.get(name) or (for_all if name != clock else "") or unit_suffix(name)
 
     def unit_of(name: str) -> str:
-        return units.get(name) or table.unit(name) or said(name) or ""
+        return units.get(name) or table.unit(name) or said(name)
 
     def written(name: str, **measured: str) -> dict:
         unit = {"unit": said(name)} if said(name) and not table.unit(name) else {}
@@ -188,12 +192,14 @@ def propose(
         name
         for name, values in table.columns.items()
         if name != clock and name not in taken and len(values) == length
-        if table.kind(name) != "date" and not is_time(name)
+        if not is_time(name) and (name in table.unclear or table.kind(name) != "date")
     ]
+    order = {name: derivative_order(name, unit_of(name)) for name in others}
     channels = [
         written(name, measures=measured)
         for name in others
         if (measured := measured_quantity(name, unit_of(name)))
+        if not is_no_direction(name, [n for n in others if order[n] == order[name]], table.columns)
     ]
     for each in channels:
         same = [c["column"] for c in channels if c["measures"] == each["measures"]]
@@ -207,9 +213,10 @@ def propose(
             channels.append({"column": name, "measures": measured})
             doubts[name] = _contradiction(name, measured, unit_of(name))
     if not channels:
-        for measured, name in _guess(table, others, unit_of).items():
+        sure = [name for name in others if name not in table.unclear]
+        for measured, name in _guess(table, sure, unit_of).items():
             channels.append(written(name, measures=measured))
-            unit = "" if table.unit(name) else unit_of(name) or _likely(table, name, others)
+            unit = "" if table.unit(name) else unit_of(name) or _likely(table, name, sure)
             doubts[name] = Doubt(
                 f"the name of column {name!r} does not say what it measures, which could only be "
                 "guessed from its place among the columns",
@@ -263,7 +270,7 @@ def _likely(table: FileTable, name: str, others: Iterable[str]) -> str:
     order = derivative_order(name, "") or 0
     alike = [each for each in others if derivative_order(each, "") == order and each != name]
     numbers = [table.numbers(each) for each in (name, *alike) if table.kind(each) == "number"]
-    return likely_unit(order, numbers[0], numbers[1:])
+    return unit_in_name(name, ORDERS[order]) or likely_unit(order, numbers[0], numbers[1:])
 
 
 def _by_axis(name: str) -> tuple[bool, bool]:
@@ -292,7 +299,9 @@ def find_clock(
     found = [
         name
         for name in table.columns
-        if is_time(name) or table.kind(name) == "date" or is_same_quantity(table.unit(name), "s")
+        if is_time(name)
+        or is_same_quantity(table.unit(name), "s")
+        or (name not in table.unclear and table.kind(name) == "date")
     ]
     if not found:
         found = [name for name in table.columns if _increases(table, name)][:1]
@@ -301,15 +310,32 @@ def find_clock(
     if not found:
         raise ValueError(f"{table.path}: no column of times; it has {table.content}; {remedy}")
     clock = max(found, key=lambda name: len(pd.unique(table.columns[name])))
-    alike = (name for name in found if table.unit(name) == table.unit(clock) != "")
-    spans = {name: float(np.ptp(table.columns[name])) for name in alike if _increases(table, name)}
-    for name, span in spans.items():
-        if abs(span - spans.get(clock, span)) > APART * span:
-            raise ValueError(
-                f"{table.path}: the times {clock!r} and {name!r} run apart, over "
-                f"{spans[clock]:.6g} and {span:.6g}: bring all samples to one clock, or say --time"
-            )
+    _check_clocks(table, clock, found)
     return clock
+
+
+def _check_clocks(table: FileTable, clock: str, names: Iterable[str]) -> None:
+    """Raise ValueError if other times run apart from a clock, or begin at another time of it.
+
+    Times without a unit may be in another one, and only begin elsewhere if they last as long.
+    """
+    if not _increases(table, clock):
+        return
+    own, unit = table.columns[clock].astype(float), table.unit(clock)
+    for name in names:
+        if table.unit(name) != unit or not _increases(table, name):
+            continue
+        times, how = table.columns[name].astype(float), ""
+        span, late = np.ptp(times), abs(times[0] - own[0])
+        if abs(span - np.ptp(own)) > APART * span:
+            how = f"run apart, over {np.ptp(own):.6g} and {span:.6g}" if unit else ""
+        elif np.median(np.diff(own)) < late < span:
+            how = f"begin {late:.6g} apart"
+        if how:
+            raise ValueError(
+                f"{table.path}: the times {clock!r} and {name!r} {how}: bring all samples to one "
+                "clock, or say --time"
+            )
 
 
 def _guessed_clock(table: FileTable, name: str) -> Doubt:
@@ -349,7 +375,8 @@ def _increases(table: FileTable, name: str) -> bool:
 def _counts(table: FileTable, name: str) -> bool:
     """Decide whether a column has whole numbers that mostly rise by one."""
     values = table.columns[name]
-    if values.dtype.kind not in "fiu" or len(values) < 2:
+    if values.dtype.kind not in "fiu":
         return False
-    steps = np.diff(values)
-    return bool(np.all(values == np.round(values)) and np.median(steps) == 1 and np.all(steps > 0))
+    known = values[np.isfinite(values)]
+    whole = len(known) > 1 and np.all(known == np.round(known))
+    return bool(whole and np.median(np.diff(known)) == 1)
