@@ -279,3 +279,12 @@ def test_repetitions_of_a_slower_camera_are_no_samples(tmp_path, shift) -> None:
         assert ("repeats each sample" in str(series.notes)) == (kept < 500)
         if kept < 500 and not shift:
             np.testing.assert_allclose(series.values[known[:, 1], 1], W[::5], atol=1e-12)
+
+
+@pytest.mark.parametrize(("day", "start"), [("05/06/2026", ""), ("05/16/2026", "2026-05-16T12")])
+def test_a_day_that_may_be_a_month_is_not_told(tmp_path, day, start) -> None:
+    times = pd.Timestamp("2026-05-06T12:00:00") + pd.to_timedelta(TIME, "s")
+    path = write(tmp_path / "a.csv", FRAME.assign(t=times.strftime(f"{day} %H:%M:%S.%f")))
+    series = read_series(path, validate_mapping({**MAPPING, "time": {"column": "t"}}))
+    assert series.start[:13] == start
+    np.testing.assert_allclose(series.time, TIME, atol=1e-6)
