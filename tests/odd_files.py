@@ -110,6 +110,12 @@ def packed_hdf5(path: Path) -> None:
         file["v"].attrs.update({"scale_factor": 1e-6, "add_offset": 2.5e-4, "_FillValue": -99999})
 
 
+def filled_hdf5(path: Path) -> None:
+    hdf5(path, t=TIME, v=coded(-99.9).astype("f4"), w=W)
+    with h5py.File(path, "a") as file:
+        file["v"].attrs["missing_value"] = -99.9
+
+
 def packed_netcdf(path: Path) -> None:
     netcdf(path, t=TIME, w=W)
     with netcdf_file(path, "a") as file:
@@ -192,6 +198,29 @@ READ: dict[str, tuple[Content, tuple[str, ...]]] = {
         table('"TOA5","CR1000","1","2"\n"TIMESTAMP","RECORD","v","w"\n"TS","RN","m","m"\n'
               '"","","Avg","Avg"', [f'"{stamp}"' for stamp in STAMPS], ROWS, V, W),
         (*BY_NAME, "--time", "TIMESTAMP")),
+    "unused_names_twice.csv": (table("t [s],v [m],w [m],status,status", TIME, V, W, V, W), ()),
+    "unused_texts_twice.csv": (table("t [s],v [m],w [m],state,state", TIME, V, W, ["on"] * 1000,
+        [str(k % 2) for k in range(1000)]), BY_NAME),
+    "beside_a_wind.csv": (table("t [s],v [m],h [m],u [m/s],U [m]", TIME, V, W, W, W), ()),
+    "chinese_accelerations.csv": (lines("时间[s],垂直加速度[m/s2],水平加速度[m/s2]"), ()),
+    "altimeter.csv": (lines("time [s],laser altimeter vertical [m],orizzontale [m]"), ()),
+    "frames_twice.csv": (table("frame,v [m],w [m]", ROWS[:700] + ROWS[699:], *(
+        np.insert(each, 700, each[699]) for each in (V, W))), ("--rate", "25")),
+    "filled.h5": (filled_hdf5, PLAIN),
+    "single_precision.h5": (of(hdf5, v=coded(-999.9).astype("f4")), PLAIN),
+    "named_months.csv": (lines(NAMED, t=dated("%d %b %Y %H:%M:%S.%f")), ()),
+    "named_months_and_commas.csv": (lines(NAMED.replace(",", ";"), ";", ",",
+        t=dated("%d-%b-%y %H:%M:%S.%f")), ()),
+    "names_of_words.txt": (lines("  Time [s]   Vertical [m]   Horizontal [m]", "   "), ()),
+    "receiver.txt": ("% program: A\n" + table("%  GPST  v(m)  w(m)", STAMPS.astype(str), V, W,
+        mark="  "), ("--time", "GPST", *measures("v", "w"))),
+    "below_a_percent_sign.txt": ("% of MATLAB\n" + lines("% t v w", " "), PLAIN),
+    "two_rows_of_names.csv": (lines("Time [s],Displacement [m],\n,Vertical,Horizontal"),
+        ("--unit", "m")),
+    "units_beside_names.csv": (lines("Time,Displacement,\ns,Vertical [m],Horizontal [m]"), ()),
+    "texts_first.csv": (table("sensor,time,vertical,horizontal\n,s,mm,m", ["A17"] * 1000, TIME,
+        1e3 * V, W), ()),
+    "row_of_gravities.csv": (lines("t,acc_v,acc_w\nSecond,G,G", v=V / 9.80665, w=W / 9.80665), ()),
     "row_of_units.csv": (lines("t,v,w\ns,m,m"), BY_NAME),
     "row_of_units_in_brackets.csv": (lines("t;v;w\n[s];[m];[m]", ";"), BY_NAME),
     "pasted_header.csv": (lines("t [s],v [m],w [m]"),
@@ -293,6 +322,8 @@ READ: dict[str, tuple[Content, tuple[str, ...]]] = {
         t=[f"{46053.5 + t / 86400:.12f}" for t in TIME]), ("--unit", "time=d")),
     "labview.txt": (LABVIEW + lines("X_Value\tv\tw\tComment", "\t", w=1e3 * W),
         (*measures("v", "w"), "--unit", "X_Value=s")),
+    "labview.lvm": (LABVIEW + lines("X_Value\tv\tw\tComment", "\t", w=1e3 * W),
+        (*measures("v", "w"), "--unit", "X_Value=s")),
     "motion_capture.csv": (
         table("Format Version,1.23,Take Name,Take 1\n,,Marker,Marker,Marker\n,,a,a,a\n,,1,1,1\n"
               ",,Position,Position,Position\nFrame,Time (Seconds),X,Y,Z", ROWS, TIME, W, V, TIME),
@@ -325,18 +356,38 @@ READ: dict[str, tuple[Content, tuple[str, ...]]] = {
 # name of the file: content, options, what the refusal says
 REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "commas_of_thousands.csv": (lines("t [s];v [m];w [m]", ";", v=commas(1.5 + V, 3)), BY_NAME,
-        ("row 2, column 'v': '1,500'", "say --decimal ,")),
+        ("row 2, column 'v': '1,500'", "say --decimal ,", "and leave out a comma of thousands")),
     "switch.csv": (lines(v=[str(v > 0.0) for v in V]), PLAIN,
         ("column 'v'", "true and false, which are no motion")),
     "day_or_month.csv": (lines("time,v,w",
         t=[f"0{1 + k // 500}/05/2026 12:00:{k / 100 % 10:09.6f}" for k in range(1000)]), METRES,
         ("row 2, column 'time'", "day or month")),
+    "two_digits_of_a_year.csv": (lines("time,v,w", t=dated("%d-%m-%y %H:%M:%S.%f",
+        STAMPS + pd.Timedelta("11:59:50"))), METRES, ("row 2, column 'time'", "day or month")),
+    "milliseconds_without_zeros.csv": (lines("time,v,w", t=[f"{stamp:%H:%M:%S}."
+        f"{stamp.microsecond // 1000}" for stamp in STAMPS]), METRES,
+        ("row 3, column 'time': '12:00:00.40' is among", "write milliseconds as three digits")),
+    "texts.mat": (of(mat, v=np.array(["0,5"] * 1000)), PLAIN, ("column 'v': '0,5' is not",)),
+    "names_again.csv": (lines() + lines(), PLAIN,
+        ("row 1002, column 't': 't' is not a number; where names", "cut the file into two")),
     "dates_in_words.csv": (lines(t=["noon"] * 1000), METRES,
         ("row 2, column 't': 'noon'",)),
     "states_only.csv": (lines("t,q_v,q_w"), ("--states", "q_v,q_w,x", *UNITS),
         ("no column 'x'", "--measure STATE=COLUMN")),
     "two_clocks.csv": (table("cam time [s],v [m],acc time [s],a_w [m/s^2]", TIME, V, 1.25 * TIME,
         W), (), ("'cam time' and 'acc time'", "39.96 and 49.95",)),
+    "late_clock.csv": (table("cam time [s],v [m],acc time [s],a_w [m/s^2]", TIME, V, TIME + 3.0, W),
+        (), ("'cam time' and 'acc time' begin 3 apart: bring",)),
+    "clocks_without_units.csv": (table("Time,Vertical (m),Time.1,Horizontal (m)", TIME, V,
+        TIME + 0.7, W), ("--unit", "Time=s"), ("'Time' and 'Time.1' begin 0.7 apart",)),
+    "two_verticals.csv": (table("t [s],v [m],v [m]", TIME, V, W), (),
+        ("two columns are named 'v'",)),
+    "axes.csv": (table("t [s],u [m],v [m],w [m]", TIME, TIME, V, W), (),
+        ("column 'u' does not say what it measures", "--measure")),
+    "height.csv": (table("t [s],E [m],N [m],h [m]", TIME, W, V, V), (),
+        ("column 'E' does not say what it measures",)),
+    "receiver.csv": (table("time,lon,lat,height,hMSL,hAcc,vAcc", TIME, W, V, V, V, W, V), (),
+        ("does not say what it measures",)),
     "no_dates.parquet": (only(parquet, {"time": pd.to_datetime([None] * 1000), "q_v [m]": V}), (),
         ("column 'time' is empty",)),
     "other_time.csv": (lines("when,v,w"), METRES, ("say --time 'when'",)),
@@ -380,6 +431,16 @@ REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
         ("'t' is in s by the file and in ms by the mapping",)),
     "unit_unknown.csv": (lines("t [s],v [furlong/],w [m]"), BY_NAME, ("column 'v': unit",)),
     "no_unit.csv": (lines("t [s],v,w [m]"), BY_NAME, ("column 'v' has no unit", "--unit v=m")),
+    "units_in_capitals.csv": (lines("time (S),Vertical (MM),acc_horizontal_g"), (),
+        ("--unit 'time (S)=s' --unit 'Vertical (MM)=mm' --unit acc_horizontal_g=g if",)),
+    "units_behind_names.csv": (lines("t [s],disp_v_in,Lateral_Pos_M"), (),
+        ("--unit disp_v_in=in --unit Lateral_Pos_M=m if",)),
+    "unit_behind_a_name.csv": (lines("t [s],vertical_mm,w [m]"), ("--measure", "q_v=vertical_mm"),
+        ("--unit vertical_mm=mm if",)),
+    "volts_in_brackets.csv": (lines("t [s],101 <Vertical> (VDC),w [m]"), (),
+        ("'VDC' is no unit", "--unit '101 <Vertical> (VDC)=2.5 mm'")),
+    "gravity.csv": (lines("t [s],acc vertical,acc horizontal", v=1.0 + 0.1 * V), (),
+        ("--unit 'acc vertical=g' --unit 'acc horizontal=g' if",)),
     "no_units.csv": (table("time,vertical,horizontal,wind speed", TIME, V, W, W),
         ("--input", "U=wind speed"),
         ("add --unit time=s --unit vertical=m --unit horizontal=m --unit 'wind speed=m/s', or")),
@@ -401,7 +462,7 @@ REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "matrix.mat": (only(mat, {"data": np.column_stack([TIME, V, W])}), PLAIN,
         ("vector", "data (1000 x 3)")),
     "structure.mat": (only(mat, {"data": {"t": TIME, "v": V}}), PLAIN,
-        ("vector",)),
+        ("vector", "save -struct")),
     "two_names.csv": (lines("t,v,v"), PLAIN, ("two columns are named 'v'",)),
     "infinite.csv": (edited("2.2,inf,2"), PLAIN, ("row 57, column 'v': inf is no measure",)),
     "matrix.h5": (only(hdf5, {"data": np.column_stack([TIME, V, W])}), PLAIN,
@@ -452,7 +513,7 @@ REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
         ("10001 columns are more than 10000",)),
     "rows_of_names.csv": (table("Marker,Marker,Marker\nPosition,Position,Position\nX,X,X", TIME, V,
         W), (), ("rows 1, 2, 3", "keep one")),
-    "coarse_clock.csv": (lines(t=np.floor(TIME)), PLAIN, ("coarse",)),
+    "coarse_clock.csv": (lines(t=np.floor(TIME)), PLAIN, ("coarse", "or --rate")),
 }  # fmt: skip
 
 # name of the file: content, options, column, row and code of the doubt
@@ -478,6 +539,8 @@ NOTED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "word.csv": (edited("2.2,OVERFLOW,0"), PLAIN, ("column 'v': 1 cells of 'OVERFLOW'",)),
     "twice.csv": (table("t [s],v [m],v [m],w [m]", TIME, V, V, W), (), ("column 'v'", "twice")),
     "gravity.csv": (lines("t [s],acc_v [g],w [m]"), (), ("ddq_v", "-9.81 m/s^2 to 9.81 m/s^2")),
+    "averaged.csv": (lines("t [s],mid [m],left [m]", w=0.7 * V), ("--measure", "q_v=mid",
+        "--measure", "q_v=left"), ("columns 'mid', 'left' are averaged as q_v: they have no",)),
     "not_used.csv": (table("t [s],vertical [m],w [m],Temp [°C]", TIME, V, W, W), (),
         ("not used: Temp",)),
     "encoder.csv": (lines("t [s],v [deg],w [m]", v=ENCODER),
@@ -485,7 +548,7 @@ NOTED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
         ("column 'v'", "after 360, 33 times")),
     "line_break.h5": (only(hdf5, {"t [s]": TIME, "vertical [m]": V, "a\n**ok**: \x1b[31m": W}), (),
         ("not used: a **ok**: [31m;",)),
-    "complex.mat": (of(mat, z=1j * V), PLAIN, ("z (1 x 1000)",)),
+    "complex.mat": (of(mat, z=1j * V), PLAIN, ("z (1 x 1000, complex)",)),
     "stuck.csv": (lines(v=np.where(TIME > 20.0, V[500], V)), PLAIN,
         ("column 'v': 499 samples", "from row 503 on")),
 }  # fmt: skip

@@ -4,7 +4,7 @@ import csv
 import io
 import json
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from decimal import Decimal
@@ -16,18 +16,18 @@ from zipfile import ZipFile
 import numpy as np
 import pandas as pd
 
-from galloping.readers import FileError
+from galloping.readers import FileError, enumerated
 from galloping.readers.array_files import LARGEST, READERS, arrays_in, check_size
 from galloping.readers.columns import DATED
-from galloping.readers.layout import DECIMAL_COMMA, SAY_DECIMAL
+from galloping.readers.layout import DECIMAL_COMMA, SAY_DECIMAL, THOUSANDS
 from galloping.readers.text_table import read_text
 from galloping.readers.units import NONE, UnitError, is_scaled, split_header
 
 Converted = TypeVar("Converted")
-TEXT, SHEET = (".csv", ".txt", ".tsv", ".dat", ".asc"), ".xlsx"  # of files that are read
+TEXT, SHEET = (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm"), ".xlsx"  # of files that are read
 MOST_CELLS = 50_000_000  # of a sheet of Excel
 MOST_TEXT = 100_000_000  # characters of a column
-SHOWN, LONGEST = 12, 60  # columns that a message names, and characters of a name
+LONGEST = 60  # characters of a name in a message
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class FileTable:
             f"{name!r:.{LONGEST}}" + (f" [{unit:.{LONGEST}}]" if (unit := self.unit(name)) else "")
             for name in self.columns
         ]
-        others = [f"{name:.{LONGEST}} ({shape})" for name, shape in self.others.items()]
+        others = _shapes(self.others)
         others += [f"{name:.{LONGEST}} = {value:g}" for name, value in self.scalars.items()]
         more = f"; each must be a vector of its own, unlike {enumerated(others)}" if others else ""
         return enumerated(columns) + more
@@ -80,7 +80,10 @@ class FileTable:
         if bare not in self.columns:
             raise FileError(f"{self.path}: no column {bare!r:.{LONGEST}}; it has {self.content}")
         if bare in self.unclear:
-            raise FileError(f"{self.path}: two columns are named {bare!r}, with other samples")
+            raise FileError(
+                f"{self.path}: two columns are named {bare!r}, with other samples; give each a "
+                "name of its own"
+            )
         return self.columns[bare]
 
     def unit(self, name: str) -> str:
@@ -140,8 +143,11 @@ class FileTable:
         row: index of the cell. what: the fault.
         """
         cell = self.column(name)[row]
-        value = repr(cell if isinstance(cell, str) else float(cell))[:60]
+        value = repr(str(cell) if isinstance(cell, str) else float(cell))[:60]
         hint = f"; {SAY_DECIMAL}" if DECIMAL_COMMA.fullmatch(str(cell)) else ""
+        hint += ", and leave out a comma of thousands" if THOUSANDS.fullmatch(str(cell)) else ""
+        if split_header(str(cell))[0] == name:
+            hint = "; where names are repeated, cut the file into two"
         return FileError(
             f"{self.path}: row {row + self.first_row}, column {name!r}: {value} {what}{hint}"
         )
@@ -152,8 +158,8 @@ def read_table(
 ) -> FileTable:
     """Read the columns of a text, Excel, Parquet, HDF5, NetCDF or MATLAB file.
 
-    The suffix of the file gives its format: .csv .txt .tsv .dat .asc .xlsx .parquet .h5 .hdf5 .nc
-    .mat. decimal: the decimal mark of text tables. time: the column of times, by which
+    The suffix of the file gives its format: .csv .txt .tsv .dat .asc .lvm .xlsx .parquet .h5 .hdf5
+    .nc .mat. decimal: the decimal mark of text tables. time: the column of times, by which
     their header differs from lines above it. If these are None, the rows determine them. rows: of
     text, at most. The `unit` of fields in a `datapackage.json` beside a file (Frictionless Data)
     counts as the file's own. Raises FileError.
@@ -227,12 +233,6 @@ def _make_table(
     return FileTable(path, columns, units, first_row, notes, frozenset(unclear), scalars, others)
 
 
-def enumerated(parts: Sequence[str]) -> str:
-    """Join the first twelve texts by commas, and state how many more there are."""
-    more = f" and {len(parts) - SHOWN} more" if len(parts) > SHOWN else ""
-    return ", ".join(parts[:SHOWN]) + more
-
-
 def printable(text: str) -> str:
     """Replace unprintable characters and runs of white space in a text by single blanks.
 
@@ -301,7 +301,8 @@ def _read_arrays(path: Path, suffix: str) -> FileTable:
             if not _is_plain(values):
                 values = None
         if values is None:
-            others[printable(one.name)] = " x ".join(map(str, one.shape))
+            is_complex = one.kind == "c"
+            others[printable(one.name)] = " x ".join(map(str, one.shape)) + ", complex" * is_complex
         else:
             vectors.append((one.name, values, one.unit))
     if max((len(values) for _, values, _ in vectors), default=0) > 1:
@@ -310,14 +311,20 @@ def _read_arrays(path: Path, suffix: str) -> FileTable:
         scalars = {
             printable(n): float(x) for n, x in single.items() if isinstance(x, Real | Decimal)
         }
+    held = enumerated(_shapes(others))
     if not vectors:
-        held = enumerated([f"{name:.{LONGEST}} ({shape})" for name, shape in others.items()])
+        more = "; save the fields of a structure by save -struct" if suffix == ".mat" else ""
         raise FileError(
-            f"no column; each must be a vector of its own, and the file holds {held or 'nothing'}"
+            "no column; each must be a vector of its own, and the file holds "
+            f"{held or 'nothing'}{more}"
         )
-    left = [f"{name:.{LONGEST}} ({shape})" for name, shape in others.items()]
-    notes = (f"no columns of numbers or text, left out: {enumerated(left)}",) if left else ()
+    notes = (f"no columns of numbers or text, left out: {held}",) if held else ()
     return _make_table(path, vectors, 1, notes, scalars, others)
+
+
+def _shapes(arrays: Mapping[str, str]) -> list[str]:
+    """List arrays with their shapes."""
+    return [f"{name:.{LONGEST}} ({shape})" for name, shape in arrays.items()]
 
 
 def _is_plain(values: np.ndarray) -> bool:

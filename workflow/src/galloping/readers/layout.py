@@ -6,15 +6,18 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from galloping.readers import FileError
+from galloping.readers import FileError, enumerated
 from galloping.readers.columns import is_time, measured_quantity
 from galloping.readers.units import is_unit, split_header
 
 MARKS = (";", "\t", ",", None)  # between columns, None white space; a comma may be a decimal one
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 DECIMAL_POINT = re.compile(DECIMAL_COMMA.pattern.replace(",", r"\."))
+COMMENTS = ("#", "%")
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")  # or a decimal comma: nothing tells
-INSTANT = re.compile(r"\d+[-/.:]\d+[-/.:]\d")  # how a date or a time of a day begins
+INSTANT = re.compile(  # a date or a time of a day, whose end is free but for marks
+    r"(\d+[-/.:]\d+[-/.:]|\d\d?[- ][A-Za-z]{3}[- ]\d)\d[^,;\t]*(,\d+)?"
+)
 SAY_DECIMAL = "with a decimal comma say --decimal , (decimal: ',' in a mapping)"
 MOST_COLUMNS = 10_000
 MOST_JOINED = 8  # lines of one quoted cell
@@ -57,13 +60,13 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
     """
     rows, starts = _join_quoted(lines)
     written = [k for k, row in enumerate(rows) if row.strip(" ,;\t\r")]
-    plain = [k for k in written if not rows[k].startswith("#")]
+    plain = [k for k in written if not rows[k].startswith(COMMENTS)]
     if not plain:
         raise FileError("no header")
     separator, columns = _find_separator(rows, plain, decimal)
     if columns > MOST_COLUMNS:
         raise FileError(f"{columns} columns are more than {MOST_COLUMNS}")
-    cells = {k: split_cells(rows[k].lstrip("#"), separator) for k in written}
+    cells = {k: _split_row(rows[k], separator, columns) for k in written}
     whole = [k for k in plain if len(cells[k]) == columns]
     notes = []
     if decimal is None:
@@ -79,7 +82,9 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
         k: row for k in above if (row := _fit(cells[k], columns, empty, is_numbered)) is not None
     }
     units_row = _find_units(fitted, cells)
-    candidates = {k: row for k, row in fitted.items() if k != units_row} or fitted
+    candidates = {
+        k: _fill_names(row, fitted.get(k - 1, [])) for k, row in fitted.items() if k != units_row
+    } or fitted
     header = _find_header(candidates, time, decimal, starts)
     if header is None:
         if first is None:
@@ -88,7 +93,7 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
         names = [str(j + 1) for j in range(columns)]
         notes.append(f"no row names the columns: they are named by their place, 1 to {columns}")
     else:
-        names = fitted[header]
+        names = candidates[header]
         first = header + 1 if first is None else first
     used = {header, units_row}
     passed = [starts[k] + 1 for k in plain if k < first and k not in used]
@@ -107,6 +112,15 @@ def split_cells(row: str, separator: str | None) -> list[str]:
         row, separator = " ".join(row.split()), " "
     cells = csv.reader([row], delimiter=separator, skipinitialspace=True)
     return [" ".join(cell.split()) for cell in next(cells, [])]
+
+
+def _split_row(row: str, separator: str | None, columns: int) -> list[str]:
+    """Split a row, if possible to one cell per column: behind a comment sign, or at wide blanks."""
+    bare = row.lstrip("".join(COMMENTS))
+    ways = [split_cells(bare, separator), split_cells(row.lstrip("#"), separator)]
+    if separator is None:
+        ways.append(re.split(r"\s{2,}", bare.strip()))
+    return next((cells for cells in ways if len(cells) == columns), ways[0])
 
 
 def _join_quoted(lines: list[str]) -> tuple[list[str], list[int]]:
@@ -170,7 +184,7 @@ def _find_decimal(cells: Iterable[str]) -> str:
 
 def _is_number(cell: str, decimal: str | None) -> bool:
     """Decide whether a cell is a number, with either decimal mark if None is given."""
-    if INSTANT.match(cell) or (decimal in (None, ",") and DECIMAL_COMMA.fullmatch(cell)):
+    if INSTANT.fullmatch(cell) or (decimal in (None, ",") and DECIMAL_COMMA.fullmatch(cell)):
         return True
     try:
         float(cell.replace(",", ".") if decimal == "," else cell)
@@ -185,22 +199,32 @@ def _is_data(row: Sequence[str], decimal: str | None) -> bool:
     return _is_number(first, decimal) or DECIMAL_COMMA.fullmatch(first) is not None
 
 
+def _is_mostly_numbers(row: Sequence[str], decimal: str | None) -> bool:
+    filled = list(filter(None, row))
+    return 2 * sum(_is_data([cell], decimal) for cell in filled) > len(filled)
+
+
 def _find_first_row(
     cells: Mapping[int, list[str]], plain: Sequence[int], columns: int, decimal: str
 ) -> int | None:
     """Find the index of the first row of data, None if there is none.
 
-    It begins the first run of ENOUGH_ROWS rows, else the longest run.
+    It begins the first run of ENOUGH_ROWS rows that begin with a number or, if there is none, that
+    hold mostly numbers; else the longest run.
     """
-    runs: list[list[int]] = [[]]
-    for k in plain:
-        if len(cells[k]) == columns and _is_data(cells[k], decimal):
-            runs[-1].append(k)
-        elif runs[-1]:
-            runs.append([])
-    longest = max(runs, key=len)
-    found = next((run for run in runs if len(run) >= ENOUGH_ROWS), longest)
-    return found[0] if found else None
+    longest = []
+    for is_data in (_is_data, _is_mostly_numbers):
+        runs: list[list[int]] = [[]]
+        for k in plain:
+            if len(cells[k]) == columns and is_data(cells[k], decimal):
+                runs[-1].append(k)
+            elif runs[-1]:
+                runs.append([])
+        found = next((run for run in runs if len(run) >= ENOUGH_ROWS), None)
+        if found:
+            return found[0]
+        longest.append(max(runs, key=len))
+    return longest[0][0] if longest[0] else None
 
 
 def _fit(
@@ -248,6 +272,8 @@ def _find_units(fitted: Mapping[int, list[str]], cells: Mapping[int, list[str]])
         if UNITS_LABEL.fullmatch(cells[k][0]):
             return True
         said = [bare for cell in fitted[k] if (bare := cell.strip("[]()"))]
+        if any(split_header(cell)[1] and not is_unit(cell) for cell in fitted[k]):
+            return False
         if said and said[0] in OF_TIMES:
             return True
         units = sum(is_unit(cell) or cell.casefold() in OF_LOGGER for cell in said)
@@ -259,6 +285,15 @@ def _find_units(fitted: Mapping[int, list[str]], cells: Mapping[int, list[str]])
 def _read_units(row: Sequence[str]) -> list[str | None]:
     """Extract the units from a row of them, without brackets, None for a cell without one."""
     return [None if UNITS_LABEL.fullmatch(cell) else cell.strip("[]()") or None for cell in row]
+
+
+def _fill_names(names: Sequence[str], above: Sequence[str]) -> list[str]:
+    """Fill cells without a name, or with a unit of times, from known names in the row above."""
+    filled = list(names)
+    for j, (own, upper) in enumerate(zip(names, above, strict=False)):
+        if own in OF_TIMES | {""} and _count_known([upper]):
+            filled[j] = f"{upper} [{own}]" if own else upper
+    return filled
 
 
 def _count_known(row: Sequence[str]) -> int:
@@ -279,9 +314,9 @@ def _find_header(
     """
     if time is not None:
         name = split_header(time)[0]
-        for k, row in candidates.items():
-            if name in (split_header(cell)[0] for cell in row):
-                return k
+        named = [k for k, row in candidates.items() if name in (split_header(c)[0] for c in row)]
+        if named:
+            return max(named, key=lambda k: _count_known(candidates[k]))
     text = {
         k: row for k, row in candidates.items() if not any(_is_number(c, decimal) for c in row if c)
     } or {k: row for k, row in candidates.items() if not _is_data(row, decimal)}
@@ -295,7 +330,7 @@ def _find_header(
     known = {k: _count_known(row) for k, row in text.items()}
     best = max(text, key=lambda k: (known[k] > 1, differs(text[k]), known[k], k))
     if len(text) > 1 and not differs(text[best]) and known[best] < 2:
-        rows = ", ".join(str(starts[k] + 1) for k in text)
+        rows = enumerated([str(starts[k] + 1) for k in text])
         raise FileError(
             f"rows {rows} look like names of columns, and each has cells that are alike; keep one "
             "of them, with a name of its own for each column"
@@ -312,7 +347,7 @@ def _check_headless(
 ) -> None:
     """Raise FileError if the row next to the numbers looks like names, with another count."""
     above, columns = cells.get(first - 1, []), len(cells[first])
-    if len(above) < 2 or rows[first - 1].startswith("#"):
+    if len(above) < 2 or rows[first - 1].startswith(COMMENTS):
         return
     halved = separator == "," and columns == 2 * len(above)
     hint = f"; {SAY_DECIMAL}, and another separator between columns" if halved else ""
