@@ -356,7 +356,7 @@ READ: dict[str, tuple[Content, tuple[str, ...]]] = {
 # name of the file: content, options, what the refusal says
 REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "commas_of_thousands.csv": (lines("t [s];v [m];w [m]", ";", v=commas(1.5 + V, 3)), BY_NAME,
-        ("row 2, column 'v': '1,500'", "say --decimal ,", "and leave out a comma of thousands")),
+        ("row 2, column 'v': '1,500'", "say --decimal ,", "; leave out a comma of thousands")),
     "switch.csv": (lines(v=[str(v > 0.0) for v in V]), PLAIN,
         ("column 'v'", "true and false, which are no motion")),
     "day_or_month.csv": (lines("time,v,w",
