@@ -264,6 +264,15 @@ READ: dict[str, tuple[Content, tuple[str, ...]]] = {
     "decimal_commas_and_blanks_told.txt": (lines("t v w", " ", ","), PLAIN),
     "decimal_commas_in_quotes.csv": (table("t,v,w", *(
         [f'"{cell}"' for cell in commas(each)] for each in (TIME, V, W))), PLAIN),
+    "named_in_one_word.csv": (lines("unixtimestamp,vertical [m],horizontal [m]",
+        t=STAMPS.astype(str)), ()),
+    "two_clocks.csv": (table("time [s],uptime [s],vertical [m],horizontal [m]", TIME, TIME + 7.0, V,
+        W), ()),
+    "pressure_at_sea.csv": (table("time [s],v [m],w [m],pressure_msl [hPa]", TIME, V, W,
+        [1013.25] * 1000), ()),
+    "cut_off.txt": (lines("t v w", "  ")[:-10], PLAIN),
+    "java_times.csv": (lines(NAMED, t=[s.time().isoformat()
+        for s in STAMPS + pd.Timedelta("11:59:50")]), ()),
     "sixteen.csv": (lines().encode("utf-16"), PLAIN),
     "windows_1252.csv": (lines("Zeit [s];Vertikalweg [µm];Querweg w [m]", ";", ",",
         v=1e6 * V).encode("cp1252"), ()),
@@ -356,9 +365,9 @@ READ: dict[str, tuple[Content, tuple[str, ...]]] = {
 # name of the file: content, options, what the refusal says
 REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "commas_of_thousands.csv": (lines("t [s];v [m];w [m]", ";", v=commas(1.5 + V, 3)), BY_NAME,
-        ("row 2, column 'v': '1,500'", "say --decimal ,", "; leave out a comma of thousands")),
+        ("row 2, column 'v': '1,500'", "say --decimal ,", "without the comma if it separates")),
     "switch.csv": (lines(v=[str(v > 0.0) for v in V]), PLAIN,
-        ("column 'v'", "true and false, which are no motion")),
+        ("column 'v'", "true and false, and no measured motion")),
     "day_or_month.csv": (lines("time,v,w",
         t=[f"0{1 + k // 500}/05/2026 12:00:{k / 100 % 10:09.6f}" for k in range(1000)]), METRES,
         ("row 2, column 'time'", "day or month")),
@@ -419,7 +428,7 @@ REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "blank.csv": ("\n\n", PLAIN, ("no header",)),
     "no_rows.csv": ("t,v,w\n", PLAIN, ("no rows",)),
     "huge.csv": (edited("2.2,1e308,2"), PLAIN, ("1e+308",)),
-    "clock.csv": (lines() + "0.0,77,1\n", PLAIN, ("a time that was there before",)),
+    "clock.csv": (lines() + "0.0,77,1\n", PLAIN, ("has a time that was there before",)),
     "deep.csv": (table("t,v,w,note", TIME, V, W, ["fine" * 20] * 1000).encode()
                  + b"0,1,2,\x8d\x81\n", PLAIN, ("byte 0x8d is no text in UTF-8",)),
     "short.mat": (of(mat, v=V[:9]), PLAIN, ("column 'v' has 9 rows, the times 't' have 1000",)),
@@ -513,7 +522,7 @@ REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
         ("10001 columns are more than 10000",)),
     "rows_of_names.csv": (table("Marker,Marker,Marker\nPosition,Position,Position\nX,X,X", TIME, V,
         W), (), ("rows 1, 2, 3", "keep one")),
-    "coarse_clock.csv": (lines(t=np.floor(TIME)), PLAIN, ("coarse", "or --rate")),
+    "coarse_clock.csv": (lines(t=np.floor(TIME)), PLAIN, ("coarse", "say --rate")),
 }  # fmt: skip
 
 # name of the file: content, options, column, row and code of the doubt

@@ -13,6 +13,7 @@ from galloping import (
     polynomial_library,
     simulate,
 )
+from galloping.identification.free_motion.rest import moving_recordings
 from galloping.identification.observations import Code
 from galloping.identification.preparation.screening import smooth_without_outliers
 from galloping.identification.prior_knowledge import Coefficient
@@ -100,6 +101,14 @@ def test_a_coefficient_that_only_the_prior_tells_has_the_error_of_the_prior() ->
     found = maximum_likelihood(recording, ((0,), (1,), (3,)), coefficients=prior)
     assert found.model.coefficients[0, 2] == pytest.approx(2.0, rel=1e-3)
     assert found.standard_errors[0, 2] == pytest.approx(0.5, rel=1e-3)
+
+
+def test_a_recording_of_few_samples_moves() -> None:
+    time = np.arange(400) * 0.05
+    few = np.full(400, np.nan)
+    few[[10, 90, 170, 250, 330, 399]] = decay(time, 1.0)[[10, 90, 170, 250, 330, 399]]
+    own = [of_displacements(time, decay(time, 1.0)), of_displacements(time, few)]
+    assert len(moving_recordings(own).recordings) == 2
 
 
 @pytest.mark.parametrize("resolution", [0.0, 0.01])

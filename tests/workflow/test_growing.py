@@ -8,7 +8,7 @@ import pytest
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("copies")]
 
-BEYOND_RECORDED = """
+GROWN_SETTINGS = """
 measurement: {levels: [0, 0.03, 0.05]}
 sweeps: {resonance: {values: [8, 16, 4]}}
 """
@@ -60,7 +60,7 @@ def before(small):
 @pytest.fixture(scope="module")
 def grown(small, before, tmp_path_factory):
     """The same, run with one more noise level and one more tension, as far as some tables."""
-    return ran(small, SHOWN, written(tmp_path_factory.mktemp("settings"), BEYOND_RECORDED))
+    return ran(small, SHOWN, written(tmp_path_factory.mktemp("settings"), GROWN_SETTINGS))
 
 
 def test_cells_and_values_that_were_there_are_not_computed_again(grown, before):

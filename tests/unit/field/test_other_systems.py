@@ -79,6 +79,16 @@ def test_an_overdamped_coordinate_has_no_mode_of_another() -> None:
     assert found.frequencies["q_w"].value == pytest.approx(1.0, rel=1e-3)
 
 
+def test_modes_of_other_states_are_those_of_no_coordinate() -> None:
+    text = "x = dx; y = dy; a = 20 b - 0.02 a; b = -20 a; dx = -39.5 x - 0.1 dx + 5 a"
+    around = Surroundings(np.zeros(6), -np.ones(6), np.ones(6))
+    model = parse_model(f"{text}; dy = -90 y - 0.1 dy + 4 a")
+    found = IdentifiedModel(model, "ok", initial_states=np.full((1, 6), 0.1))
+    known = dynamics(found, around, np.random.default_rng(0))
+    assert known.frequencies["x"].value == pytest.approx(1.0, rel=0.01)
+    assert known.frequencies["y"].value == pytest.approx(1.51, rel=0.01)
+
+
 def test_states_of_other_units_are_told_beside_a_pair() -> None:
     text = "x = dx; dx = 1e6 x - 1e18 x^3 - 100 dx; V = -50 V"
     found = replace(exact(text, [9e-7, 0.0, 5.0]), diagnostics={"x_low": -1e-6, "x_high": 1e-6})
@@ -93,7 +103,7 @@ def test_growth_without_oscillation_is_no_missing_onset() -> None:
     text = assessment_text(assess(found, {"U": np.linspace(-1.0, 1.0, 4)}), {})
     first, second, *_ = text.splitlines()
     assert first == "No onset of oscillations between U = -1 and 1"
-    assert second.endswith("small motions that do not oscillate begin to grow")
+    assert second.endswith("the equilibrium becomes unstable without oscillation")
 
 
 def test_an_equilibrium_is_followed_from_the_first_value_that_has_one() -> None:

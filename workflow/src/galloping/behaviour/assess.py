@@ -24,9 +24,9 @@ from galloping.behaviour.dynamics import (
     BEYOND_RECORDED,
     ROUNDING,
     Value,
-    assign_states,
     farthest_start,
     find_equilibrium,
+    match_modes,
     undetected_damping,
 )
 from galloping.behaviour.following import simulator_of
@@ -252,7 +252,7 @@ def _assess_range(
     The equilibrium is followed from the first value that has one.
     """
     of = of.at(at)
-    found, notes = None, []
+    found, notes, missing = None, [], []
     onsets: tuple[Onset, ...] = ()
     for low in values[:-1].tolist():
         best, span = of.model.at({along: low}), Range(low, values[-1])
@@ -264,8 +264,11 @@ def _assess_range(
             onsets = tuple(_find_onsets(found, of, family, span, rest)) if found else ()
             notes += more
             break
-        notes.append(f"no equilibrium was found at {along} = {low:g}")
-    is_complete = found is not None and found.equilibria.complete and span.low == values[0]
+        missing.append(low)
+    if missing:
+        until = f" to {missing[-1]:g}" if missing[1:] else ""
+        notes.insert(0, f"no equilibrium was found at {along} = {missing[0]:g}{until}")
+    is_complete = found is not None and found.equilibria.complete and not missing
     conditions = []
     for value in values.tolist():
         passing(f"{along} = {value:g}")
@@ -297,8 +300,8 @@ def _follow_branches(
     branches = (found.equilibria, *found.cycles.values())
     incomplete = [branch.reason for branch in branches if not branch.complete]
     steady = [
-        f"between {along} = {one.solution.value:.4g} and {other.solution.value:.4g} small motions "
-        f"that do not oscillate {'begin' if more > 0 else 'cease'} to grow"
+        f"between {along} = {one.solution.value:.4g} and {other.solution.value:.4g} the "
+        f"equilibrium becomes {'unstable' if more > 0 else 'stable'} without oscillation"
         for one, other in pairwise(found.equilibria.points)
         if (more := _count_growing(other) - _count_growing(one)) % 2
     ]
@@ -418,7 +421,10 @@ def _describe_equilibrium(of: _Drawn, rest: np.ndarray, size: np.ndarray) -> Res
     order = [k for k in np.argsort(np.abs(values)) if values[k].imag >= 0]
     shares = np.abs(vectors[np.ix_(shown, order)]) / size[shown, np.newaxis]
     modes = []
-    for k, place in zip(order, assign_states(shares), strict=True):
+    named = np.argmax(shares, axis=0)  # modes beyond the states are of the state that moves most
+    at, of_mode = match_modes(shares)
+    named[of_mode] = at
+    for k, place in zip(order, named.tolist(), strict=True):
         state = best.states[shown[place]]
         rate, own = values[k], np.array([each[k] for each in matched])
         if rate.imag > 0:

@@ -47,7 +47,7 @@ class Value(Immutable):
 
     @classmethod
     def about(cls, value: float, half: float) -> "Value":
-        """Make a value in the middle of an interval, from half the length of that."""
+        """Make a value with the interval from `value - half` to `value + half`."""
         return cls(float(value), float(value - half), float(value + half))
 
     @classmethod
@@ -252,10 +252,11 @@ def _free_and_linear(
         }
         for k in range(3)
     )
-    if np.nanmin(best[2]) < -ROUNDING:
+    known = best[2][np.isfinite(best[2])]
+    if np.any(known < -ROUNDING):
         kind = "diverged"
     else:
-        kind = "rest" if np.nanmax(best[2]) > ROUNDING else "cycle"
+        kind = "cycle" if len(known) and np.all(known <= ROUNDING) else "rest"
     rest = {} if np.isnan(best[0]).any() else rest
     further = _of_further_modes(identified)
     return Dynamics(rest, frequencies | further[0], damping | further[1], kind, None, {})
@@ -368,17 +369,16 @@ def _linear_properties(
         return result
     result[0] = rest[list(pairs)]
     modes, sizes = model.small_motions(rest).oscillations(), around.sizes(model)[:, np.newaxis]
-    states = assign_states(np.abs(modes.shapes / sizes)[list(pairs)])
-    result[1:, states] = modes.omega / (2 * np.pi), modes.damping
+    places, own = match_modes(np.abs(modes.shapes / sizes)[list(pairs)])
+    result[1:, places] = modes.omega[own] / (2 * np.pi), modes.damping[own]
     return result
 
 
-def assign_states(shares: np.ndarray) -> np.ndarray:
-    """Choose the state that names each mode: each another one, unless there are more modes.
+def match_modes(shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Match states with the modes that they name: as many pairs of both as there can be.
 
     shares: (n_states, n_modes), how much each state moves in a mode, relative to the motion.
+    Returns the indices of the states, and those of their modes.
     """
-    if shares.shape[0] < shares.shape[1]:
-        return np.argmax(shares, axis=0)
     shares = shares / np.maximum(np.linalg.norm(shares, axis=0), np.finfo(float).tiny)
-    return linear_sum_assignment(shares.T, maximize=True)[1]
+    return linear_sum_assignment(shares, maximize=True)

@@ -20,9 +20,8 @@ from galloping.recording.samples import INTERPOLATED, Input, Recording
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-FORECAST_DRAWS = (
-    100  # of models and starts: the ends of a 90 % band then scatter by a tenth of its width
-)
+# Draws of models and starts: the ends of a 90 % band then scatter by a tenth of its width.
+FORECAST_DRAWS = 100
 FOLLOWS = 1.3  # chi^2 per sample of a start that is right
 SHARES = (1.0, 0.5, 0.25)  # of the window, where motions soon part
 ENOUGH = 0.9  # of the draws, that follow the samples

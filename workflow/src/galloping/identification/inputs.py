@@ -84,7 +84,7 @@ def validated_problem(
         if not sound or not all(e >= 0 for e in exponents[:n]):
             raise ValueError(f"terms: {term!r:.60}; {hint}")
         for name, exponent in zip(inputs, exponents[n:], strict=False):
-            if exponent < 0 and any(_has_zero(one, name) for one in recordings):
+            if exponent < 0 and any(one.inputs[name].has_zero(one.time) for one in recordings):
                 raise ValueError(f"terms: {term!r:.60}; {name} is 0 in a recording")
     for name, value, kind in (("known", known, PolynomialModel), ("prior", prior, Prior)):
         if value is not None and not isinstance(value, kind):
@@ -110,14 +110,6 @@ def validated_problem(
             f"candidates; at most {MOST_CANDIDATES} can be told apart"
         )
     return remove_aliases(problem, recordings)
-
-
-def _has_zero(recording: Recording, name: str) -> bool:
-    """Decide whether an input is zero during a recording, at a sample of it or between two."""
-    own, time = recording.inputs[name], recording.time
-    during = (own.time >= time[0]) & (own.time <= time[-1]) & np.isfinite(own.values)
-    signs = np.sign(own.values[during])
-    return bool(np.any(signs == 0.0) or (own.between != "zero" and np.any(np.diff(signs))))
 
 
 def segments_with_inputs(recordings: list[Recording], inputs: tuple[str, ...]) -> list[Recording]:

@@ -440,7 +440,7 @@ def _check_terms(
         exponents = term[: n_exponents(term)]
         if len(exponents) != len(names):
             raise ValueError(f"terms: must have {len(names)} exponents, of states and inputs")
-        whole = all(isinstance(exponent, Integral) for exponent in exponents)
+        whole = all(isinstance(e, Real) and float(e).is_integer() for e in exponents)
         if not whole or min(exponents[: len(states)], default=0) < 0:
             wanted = "exponents must be whole numbers, those of states >= 0"
             raise ValueError(f"terms: {exponents!r:.60}; {wanted}")

@@ -6,7 +6,8 @@ from collections.abc import Collection, Iterable, Set
 from galloping.readers.units import ORDERS, is_same_quantity, split_header
 
 # Stems of words, and whole words where short; English, German, and some Romance and Chinese ones.
-TIMES = {"time", "zeit", "uhr", "elapsed", "temps", "tiempo", "时间"}  # at an end of a word
+TIMES = {"time", "zeit", "uhr", "elapsed", "temps", "tiempo", "时间"}
+NO_TIME = re.compile("altimet|[cd]entimet|[cd]ecimet|sentimet|centime")  # that contain the stem
 TIMES_LIKE_TEMPERATURE = {"temps", "tempo"}  # times in French and Italian
 TIME_WORDS = TIMES_LIKE_TEMPERATURE | {"t", "ts", "date", "datum", "sec", "seconds"}
 DIRECTIONS = {
@@ -57,8 +58,8 @@ def is_time(header: str) -> bool:
     words = words_of(header)
     is_labview = split_header(header)[0] == "X_Value"
     is_other = _has_word(words - TIMES_LIKE_TEMPERATURE, *OTHERS)
-    is_named = any(word.startswith(stem) or word.endswith(stem) for word in words for stem in TIMES)
-    return is_labview or ((is_named or bool(words & TIME_WORDS)) and not is_other)
+    is_named = _has_word({word for word in words if not NO_TIME.search(word)}, TIMES, TIME_WORDS)
+    return is_labview or (is_named and not is_other)
 
 
 def is_count(header: str) -> bool:
@@ -121,17 +122,23 @@ def quantity_by_name_alone(header: str, unit: str = "") -> str:
 def is_no_direction(header: str, alike: Collection[str], names: Iterable[str]) -> bool:
     """Decide whether the letter of a name is no direction, by the names of other columns.
 
-    v and w beside u are axes; h without a vertical motion is a height; beside the height hMSL of a
-    satellite receiver, h and v belong to its accuracy. alike: names of columns of the same kind.
-    names: of all columns.
+    v and w beside u are axes; h without a vertical motion is a height, if its name says no velocity
+    or acceleration; beside the height hMSL of a satellite receiver, hAcc and vAcc are accuracies.
+    alike: names of columns of the same kind. names: of all columns.
     """
-    letter = _direction_and_kinds(header, "")[2]
+    _, kinds, letter = _direction_and_kinds(header, "")
     if letter not in LETTERS:
         return False
+    if re.fullmatch("[hv]Acc", split_header(header)[0]):
+        return any(split_header(name)[0] == "hMSL" for name in names)
     axis_u = re.sub(r"(?i)(?<![^\W\d_])[vw](?![^\W\d_])", lambda v: "uU"[v[0].isupper()], header)
-    is_height = letter == "h" and all(_direction_and_kinds(n, "")[0] != "v" for n in alike)
+    is_height = (
+        letter == "h"
+        and kinds in ([], [0])
+        and not any(_direction_and_kinds(name, "")[0] == "v" for name in names)
+    )
     is_axis = letter != "h" and axis_u != header and axis_u in alike
-    return is_height or is_axis or any("msl" in words_of(name) for name in names)
+    return is_height or is_axis
 
 
 def _direction_and_kinds(header: str, unit: str) -> tuple[str, list[int], str]:

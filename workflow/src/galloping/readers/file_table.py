@@ -145,7 +145,8 @@ class FileTable:
         cell = self.column(name)[row]
         value = repr(str(cell) if isinstance(cell, str) else float(cell))[:60]
         hint = f"; {SAY_DECIMAL}" if DECIMAL_COMMA.fullmatch(str(cell)) else ""
-        hint += "; leave out a comma of thousands" if THOUSANDS.fullmatch(str(cell)) else ""
+        if THOUSANDS.fullmatch(str(cell)):
+            hint += ", without the comma if it separates thousands"
         if split_header(str(cell))[0] == name:
             hint = "; where names are repeated, cut the file into two"
         return FileError(

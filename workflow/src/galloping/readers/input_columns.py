@@ -39,9 +39,8 @@ def read_inputs(
 def _input_of(column: InputColumn, time: np.ndarray, values: np.ndarray, between: str) -> Input:
     """Make an input with one kind of interpolation. values: (n,), NaN if missing."""
     known = np.flatnonzero(np.isfinite(values))
-    if between != "zero":
-        changes = np.append(True, np.diff(values[known]) != 0)
-        known = known[changes | (held_rows(values[known]) == 1)]
+    if between != "zero" and held_rows(values[known]) > 1:
+        known = known[np.append(True, np.diff(values[known]) != 0)]
     steps = np.diff(time[known])
     kept = np.zeros(len(values), bool)
     kept[known] = True

@@ -124,7 +124,9 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
             raise FileError(f"{table.at(one.column)} has {len(column)} rows, {of} {len(time)}")
         if isinstance(one, Channel):
             if table.column(one.column).dtype.kind == "b":
-                raise FileError(f"{table.at(one.column)} has true and false, which are no motion")
+                raise FileError(
+                    f"{table.at(one.column)} contains true and false, and no measured motion"
+                )
             to_state = partial(state_si, target=one.measures)
             scale, unit = table.convert(one.column, one.unit, to_state)
             if unit != state_unit(one.measures):

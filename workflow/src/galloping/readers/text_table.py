@@ -97,15 +97,21 @@ def _read_frame(
 
 
 def _check_even(opened: Callable[[], BinaryIO], layout: Layout, encoding: str) -> None:
-    """Refuse a row with fewer cells than others: a blank cell between blanks cannot be told."""
+    """Refuse a row with fewer cells than others: a blank cell between blanks cannot be told.
+
+    The last row may be cut off.
+    """
+    short = None
     with io.TextIOWrapper(opened(), encoding) as lines:
         for row, line in enumerate(lines, 1):
+            if short and line.strip():
+                raise FileError(
+                    f"row {short[0]} has {short[1]} cells, the header {len(layout.header)}; write "
+                    "missing samples as NaN"
+                )
             count = len(split_cells(line, None))
             if row >= layout.line and 0 < count < len(layout.header):
-                raise FileError(
-                    f"row {row} has {count} cells, the header {len(layout.header)}; write missing "
-                    "samples as NaN"
-                )
+                short = row, count
 
 
 def _with_points(cells: pd.Series, header: str, layout: Layout) -> pd.Series:

@@ -57,21 +57,23 @@ def find_instants(
     if any(not (stamps - stamps.min()).equals(found[0] - found[0].min()) for stamps in found):
         raise table.fault(0, name, "may be day or month first; write dates as 2026-01-31")
     stamps = pd.DatetimeIndex(found[0])
-    _check_fractions(table, name, stamps)
     if any(not stamps.equals(pd.DatetimeIndex(other)) for other in found):  # the day is unknown
         stamps -= pd.Timestamp(UNDATED + 200, 1, 1) - pd.Timestamp(UNDATED, 1, 1)
     if ":" in first.iloc[0][:3]:  # without a date: they go on after midnight
         days = np.cumsum(np.diff(stamps, prepend=stamps[:1]) < -pd.Timedelta(hours=12))
         stamps += pd.to_timedelta(days, "D")
+    _check_fractions(table, name, stamps)
     return stamps
 
 
 def _check_fractions(table: FileTable, name: str, stamps: pd.DatetimeIndex) -> None:
     """Refuse times whose milliseconds lack leading zeros: `12:00:00.40` comes before `.120`."""
+    steps = np.diff(stamps.dropna().asi8)
+    if not steps.min(initial=0) < 0 < steps.max(initial=0):
+        return
     text = pd.Series(table.column(name)).astype("string")
     fractions = text.str.extract(r":\d\d:\d\d[.:,](\d+)", expand=False)
-    steps = np.diff(stamps.dropna().asi8)
-    if steps.min(initial=0) < 0 < steps.max(initial=0) and fractions.str.len().nunique() > 1:
+    if fractions.str.len().nunique() > 1:
         for row in np.flatnonzero(fractions.str.fullmatch(r"\d+0").fillna(False)):
             what = "is among times that go back, with fractions of a second of other lengths"
             raise table.fault(int(row), name, f"{what}; write milliseconds as three digits")
@@ -148,12 +150,12 @@ def put_in_order(
         strange = again[differ[time[again]]]
         if len(strange):
             raise FileError(
-                f"{table.path}: row {rows[strange[0]]}: a time that was there before, with other "
-                "values: a clock with a coarse step, where each row needs a time of its own or "
-                "--rate, or two recordings, where each needs a file of its own"
+                f"{table.path}: row {rows[strange[0]]} has a time that was there before, and other "
+                "values; if the clock is coarse, say --rate; if these are two recordings, put each "
+                "in a file of its own"
             )
         notes.append(f"{len(again)} repeated rows were dropped, first row {rows[again[0]]}")
-        values = of_time.first().to_numpy()
+        values = of_time.first().to_numpy(copy=True)
         time, rows = (np.delete(each, again) for each in (time, rows))
     return time, values, rows, notes
 

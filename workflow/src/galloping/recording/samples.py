@@ -129,7 +129,7 @@ class Input(Immutable):
         time, values = self.time[there], self.values[there]
         if self.between == "zero":
             rows = np.diff(np.flatnonzero(there))
-            apart = rows > np.median(rows)
+            apart = rows > 1.5 * np.median(rows)
         else:
             steps = np.diff(time)
             apart = steps > INTERPOLATED * np.median(steps)
@@ -147,6 +147,12 @@ class Input(Immutable):
         for piece, _ in self._pieces:
             inside |= self._is_within(piece, time)
         return inside
+
+    def has_zero(self, time: NDArray[np.float64]) -> bool:
+        """Decide whether the input is zero during given times, at a sample or between two."""
+        during = (self.time >= time[0]) & (self.time <= time[-1]) & np.isfinite(self.values)
+        signs = np.sign(self.values[during])
+        return bool(np.any(signs == 0.0) or (self.between != "zero" and np.any(np.diff(signs))))
 
     def _is_within(
         self, piece: NDArray[np.float64], time: NDArray[np.float64]

@@ -46,8 +46,8 @@ def departures(settings: Settings) -> dict[str, str]:
     The reason is "" if they can: everything that the paper prints of the line, the record and the
     library is unchanged, whatever the rest is.
     """
-    cases, study = settings.cases, plain(settings)
-    changed = (_describe_change(key, study, plain(load({}))) for key in PRINTED_OF_STUDY)
+    cases, study, papers = settings.cases, plain(settings), plain(load({}))
+    changed = (_describe_change(key, study, papers) for key in PRINTED_OF_STUDY)
     of_study = next(filter(None, changed), "")
     return {
         name: _describe_departure(cases.get(name), case) or of_study

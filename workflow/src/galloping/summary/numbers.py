@@ -221,7 +221,7 @@ def compute_numbers(
 
 
 def is_undamped(known: Dynamics) -> bool:
-    """Decide whether no motion grows or decays: each repeats, with any amplitude."""
+    """Decide whether every motion repeats with a constant amplitude."""
     repeats = known.kind == "cycle" and known.period is None
     return repeats and is_linearly_undamped(known)
 

@@ -104,7 +104,9 @@ def render_summary(of: "Summary", told: SummaryNumbers, reports: Sequence[dict] 
         "repeats": found.has_finding(Code.MOTION_REPEATS),
         "rested": found.has_finding(Code.RELEASED, Code.CAME_TO_REST),
         "keeps": known is not None and is_undamped(known),
-        "rubs": known is not None and known.kind == "rest" and is_linearly_undamped(known),
+        "dies_out_undamped": known is not None
+        and known.kind == "rest"
+        and is_linearly_undamped(known),
         "blind": known is not None and is_damping_undetermined(found, known),
         "mixed": found.has_finding(*PARTS_DIFFER),
         "margins": _margins(known, of.recordings, found) if found.is_forced and known else [],

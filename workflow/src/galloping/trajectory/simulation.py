@@ -214,12 +214,10 @@ def check_inputs(
         if isinstance(one, Input):
             if not (covered := one.covered(time)).all():
                 raise ValueError(f"inputs: {name}: not there at {time[~covered][0]:.6g} s")
-            during = one.values[(one.time >= time[0]) & (one.time <= time[-1])]
-            if 0.0 in during or 0.0 in one(time):
-                for term in compress(model.terms, model.has_term):
-                    if term[model.names.index(name)] < 0:
-                        said = f"{term_name(term, model.names)} is not finite there"
-                        raise ValueError(f"inputs: {name}: 0; {said}")
+            for term in compress(model.terms, model.has_term):
+                if term[model.names.index(name)] < 0 and one.has_zero(time):
+                    said = f"{term_name(term, model.names)} is not finite there"
+                    raise ValueError(f"inputs: {name}: 0; {said}")
         elif not isinstance(one, Real):
             raise ValueError(f"inputs: {name}: a {type(one).__name__}; must be Input or number")
     return {name: inputs[name] for name in model.inputs}
