@@ -439,7 +439,9 @@ class Settings(SETTINGS_KEYS):
         if of_paper and not any(
             first in (of_paper[name].cases or KINDS[PAPER].cases) for name in compared
         ):
-            told = f"{', '.join(compared)} of kind {PAPER}; one must have the case {first!r}"
+            told = (
+                f"{', '.join(compared)} of kind {PAPER}; at least one must have the case {first!r}"
+            )
             raise make_error(told, "trials")
         for name, case in self.cases.items():
             for label, measure in self.assessment.measures.items():

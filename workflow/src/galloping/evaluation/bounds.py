@@ -262,7 +262,9 @@ def check_noise(states: Sequence[str], noise: Noise) -> None:
     names = (*states, *(f"the rate of {state}" for state in states))
     still = [n for n, sigma in zip(names, (*noise.states, *noise.rates), strict=True) if sigma == 0]
     if still:
-        raise ValueError(f"noise of {', '.join(still)}: 0; must be > 0, of a state that moves")
+        raise ValueError(
+            f"noise of {', '.join(still)}: 0, as relative noise is of a state at rest; must be > 0"
+        )
 
 
 def on_library(model: PolynomialModel, found: Bound) -> np.ndarray:

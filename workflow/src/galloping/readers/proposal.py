@@ -335,7 +335,7 @@ def _check_clocks(table: FileTable, clock: str, names: Iterable[str]) -> None:
         if how:
             raise ValueError(
                 f"{table.path}: the times {clock!r} and {name!r} {how}: bring all samples to one "
-                "clock, or say --time"
+                f"clock, or say which counts, --time {clock!r}"
             )
 
 

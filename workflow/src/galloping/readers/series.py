@@ -345,7 +345,7 @@ def _likely_unit(table: FileTable, name: str, si: str, alike: Sequence[str]) -> 
         return unit
     if (match := WITH_UNIT.fullmatch(name)) and match["round"] not in (None, OF_TIME):
         raise FileError(
-            f"{table.at(name)}: {match['round']!r} is no unit; say what one of its numbers is, "
+            f"{table.at(name)} has no unit: {match['round']!r} is no unit; say what one number is, "
             f"such as {unit_options([(name, f'2.5 m{si}')])}"
         )
     return likely_unit(ORDERS.index(si), table.numbers(name), map(table.numbers, alike))
