@@ -1,26 +1,26 @@
 # make            the environment, the whole study and its report
 # make smoke      the same in a few minutes, in results/smoke
 # make trust      how often is each status right? trials on thousands of recordings, in results/trust
-# make reality    what a recording gives of a line that is not its own model, in results/reality
-# make published  the settings of published methods, beside their numbers, in results/published
+# make reality    how accurate are models of lines that no library contains? in results/reality
+# make published  published comparisons of methods, repeated, in results/published
 # make exam       has an edit changed what is identified? some 300 recordings beside the reference
 # make paper      what the paper leaves out, inferred from its numbers, in results/paper
 # make test       the study, then its checks; SLOW=yes: all checks, as in CI
-# make repair     after a kill, a crash or an edit by hand: mend what is there, then the study
+# make repair     after a killed run, a crash or an edited result: repair, then run the study
 # make verify     compare every result with its receipt, and every receipt with the settings
 # make publish    the finished study as a folder and an archive, in results/publication
 # make verify ARCHIVE=file    check such an archive, and compare its numbers with this study's
 # make restore ARCHIVE=file   put the results of such an archive in place
 # make prune      list results that the settings no longer ask for; DELETE=yes removes them
-# make test-faults  the small version killed, interrupted, out of disk: is it whole again?
+# make test-faults  small studies killed, interrupted, out of disk space: are they repaired?
 # make test-slurm the small version on a SLURM cluster of this machine, a job cancelled; Debian, root
 # make lint       style checks alone
 # make bench      measured speed, in results/benchmarks.csv; OLDER=folder of results to compare with
 # make reference  take the numbers of the study and of its small version as results/reference
-# make release    a wheel and a source distribution in dist, if nothing speaks against; DRAFT=yes: all the same
+# make release    a wheel and a source distribution in dist, if no check objects; DRAFT=yes: in any case
 # make pages      the pages of docs/ as a site to read, in results/pages; its examples are run
 # make docs       write again what pages and editors show: settings, their schema, rules, results, example pictures
-# make tools      what development needs beside the study: style, types, pages, clusters, a browser's driver
+# make tools      packages that only development needs: style, types, pages, clusters, selenium
 # make lock       pin both environments again, and check that other systems can install them
 #
 # STRATUM=names   of the exam, only these strata; BEFORE=file: an answers.csv to compare with

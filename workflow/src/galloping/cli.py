@@ -73,14 +73,14 @@ def _mapping_options(command):
             ),
             click.option(
                 "--between", type=click.Choice(["zero", "linear", "cubic"]),
-                help="Inputs between their samples: held, linear, or smooth. By default the "
+                help="Inputs between their samples: zero (held), linear, or cubic. By default the "
                 "recording determines this.",
             ),
             click.option("--span", type=float, help="Length of the span, m, for positions."),
             click.option("--decimal", help="Decimal mark of text files; by default recognised."),
             click.option(
                 "--map", "map_file", type=click.Path(dir_okay=False),
-                help="A YAML file with all of these options.",
+                help="A YAML file that replaces all of these options.",
             ),
         )
     ):  # fmt: skip
@@ -339,7 +339,7 @@ def show(model, latex, as_json):
 @click.option(
     "--duration",
     type=click.FloatRange(0, min_open=True),
-    help="Duration, s; by default 60 periods of the slowest small motion, or that of the inputs.",
+    help="Duration, s; by default 60 periods of the slowest mode, at most that of the inputs.",
 )
 @click.option("--rate", type=click.FloatRange(0, min_open=True),
               help="Samples per second, Hz; by default 60 in a period of the fastest small "

@@ -112,7 +112,7 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None, unfitted:
             count = int(re.findall(r"\d+", row["claim"])[0])
             text += f" {format_percent(row['share_met'])} of the noise realisations satisfy "
             text += (
-                f"all {count} claims that are not printed errors."
+                f"all {count} claims about noisy recordings that are not printed errors."
                 if "except" in row["claim"]
                 else f"all {count} bounds of R2."
             )
