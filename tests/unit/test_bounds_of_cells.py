@@ -202,10 +202,10 @@ def test_efficiency_table_counts_everything():
     base = cell | {
         "method": "m", "missing": 0, "spurious": 0, "r2_q_v": 0.9, "r2_q_w": 0.8, "motion": "ok",
         "amplitude_error_q_v_percent": 1.0, "amplitude_error_q_w_percent": 2.0,
-        "intervals": 4.0, "intervals_covering": 4.0,
+        "status": "ok", "intervals": 4.0, "intervals_covering": 4.0,
     }  # fmt: skip
     failed = {
-        "missing": 4, "motion": "m: no luck",
+        "missing": 4, "motion": "m: no luck", "status": "refused",
         "r2_q_v": -np.inf, "r2_q_w": -np.inf, "intervals": np.nan, "intervals_covering": np.nan,
     }  # fmt: skip
     scores = pd.DataFrame(

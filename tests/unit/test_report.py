@@ -88,6 +88,9 @@ def test_equations_stand_side_by_side_with_their_errors_and_false_terms():
         ["−2", "−1.9", "−2.00 ± 0.01"], ["0.5", "not found", "0.5 ± 0.1"]
     ]  # fmt: skip
     assert of["false_terms"] == [1, 0]
+    alike = EQUATIONS.assign(protocol=EQUATIONS["method"], method="ours")
+    heads = side_by_side(alike, {})["vertical"]["heads"]
+    assert heads == ["ours, noise 0.05, paper", "ours, noise 0.05, ours"]
     assert as_symbols("dq_v^2 q_w").count("<sup>2</sup>") == 1
     assert side_by_side(EQUATIONS.assign(true=np.nan), {}) is None  # a continuous line
 
@@ -106,9 +109,11 @@ def test_the_headline_is_read_from_the_tables():
          ((1, 0.05, 30001, 20.0), (1, 0.05, 5000, 19), (1, 0.05, 2000, 12), (1, 0.05, 1000, 20),
           (1, 0.1, 30001, 12), (1, 0.15, 30001, 20), (2, 0.3, 30001, 20))]
     )  # fmt: skip
-    errors = pd.DataFrame(
-        [{**cell, "method": method, "mean_error_percent": error}
-         for method, error in (("maximum_likelihood", 0.5), ("stlsq", 17.0), ("weak", 30.0))]
+    peers = pd.DataFrame(
+        [{**cell, "setting": setting, "method": method, "mean_error_percent": error}
+         for setting, method, error in
+         (("as chosen", "maximum_likelihood", 0.5), ("as chosen", "stlsq", 17.0),
+          ("as chosen", "weak", 30.0), ("oracle", "weak", 1.0))]
     )  # fmt: skip
     about = {"case": "line", "protocol": "state", "noise_unit": IN_DEVIATIONS}
     place = {"case": "line", "parameter": "wind_speed"}
@@ -118,11 +123,15 @@ def test_the_headline_is_read_from_the_tables():
          for value, stable in ((6.0, True), (16.0, True), (18.0, False))]
     )  # fmt: skip
     changes = pd.DataFrame([{**place, "name": "Hopf", "value": 5.253}])
-    tables = {"efficiency": efficiency, "noise_coefficients": errors, "limit_cycles": cycles,
+    tables = {"efficiency": efficiency, "peers": peers, "limit_cycles": cycles,
               "bifurcations": changes}  # fmt: skip
     said = on_methods(tables, **about)
     assert "20 of 20" in said[0] and "0.5 %, against 17 % by stlsq" in said[0]
     assert "up to 5 % noise and down to 5,000 samples" in said[1]
+    named = on_methods(tables, **about, labels={"stlsq": "STLSQ"})
+    assert "by STLSQ; its error is 0.98 times" in named[0]
+    unbounded = tables | {"efficiency": efficiency.assign(efficiency=np.nan)}
+    assert on_methods(unbounded, **about)[0].endswith("against 17 % by stlsq.")
     in_metres = on_methods(tables, **about | {"noise_unit": "m"})
     assert "with noise of 0.05 m, maximum" in in_metres[0]
     assert "up to noise of 0.05 m and" in in_metres[1]
@@ -150,7 +159,15 @@ def test_what_needs_no_figure_is_said():
          "verdict": "identifiable" if t > 7 else "not identifiable"}
         for number, level, t in ((1, 0.05, 9), (1, 0.05, 2), (1, 0.1, 1), (2, 0.05, 9))
     )  # fmt: skip
+    useless = r2.assign(level=0.3, r2_median=np.nan)  # most fits there are refused
+    r2 = pd.concat([r2, useless])
+    lost = {**cell, "recordings": 1, "level": 0.05, "points": 9, "verdict": "undetermined"}
+    undefined = pd.DataFrame([{**lost, "coefficient_over_bound": np.nan}])
+    wider = pd.concat([bounds, undefined])
+    _, more = on_methods({"noise_r2": r2, "identifiability": wider}, **about)
+    assert "1 of 3 terms of the line line" in more
     first, second = on_methods({"noise_r2": r2, "identifiability": bounds}, **about)
+    assert "up to 15 % noise" in first
     assert "0.9999 in both" in first and "−0.2000 by the paper's method" in first
     assert "1 of 2 terms of the line line, 1 of 1" in second and "2 recordings" in second
     ahead = pd.DataFrame(

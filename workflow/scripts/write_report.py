@@ -14,7 +14,7 @@ from galloping.storage import write_text
 from galloping.study.files import read_table
 
 SPOKEN_OF = (
-    "efficiency", "noise_coefficients", "noise_r2", "identifiability", "trust", "limit_cycles",
+    "efficiency", "peers", "noise_r2", "identifiability", "trust", "limit_cycles",
     "bifurcations", "limit_cycle_ahead", "reduction", "paper", "reproduction", "equations",
     "paper_region",
 )  # fmt: skip
@@ -50,9 +50,10 @@ def write_report(
     shown = _items(tables, {name: said_of[name] for name in (Path(t).stem for t in tables)}, {})
     read = {name: read_table(shown[name].path) for name in SPOKEN_OF if name in shown}
     paper, known = read.get("paper"), read_table(region) if region else None
+    names = {name: method_style(name).label for name in METHODS}
     sentences = {
         "paper": inferred(read["paper_region"]) if "paper_region" in read else [],
-        "methods": on_methods(read, **headline),
+        "methods": on_methods(read, **headline, labels=names),
         "engineering": on_engineering(read, **headline),
     }
     by_part = {
@@ -63,7 +64,6 @@ def write_report(
         for part in PARTS
     }
     equations = read.get("equations")
-    names = {name: method_style(name).label for name in METHODS}
     page = {
         "title": "Galloping of iced overhead lines",
         "paper": None if paper is None else section(paper, read.get("reproduction"), known, study),

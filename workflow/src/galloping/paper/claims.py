@@ -148,6 +148,7 @@ CLAIMS = tuple(claim for claim in _ROWS if claim.kind != BEYOND)
 BEYOND_JUDGEMENT = tuple(claim for claim in _ROWS if claim.kind == BEYOND)
 
 
+UNDECIDED = "undecided"
 HELD = ("reproduced", "better", "met")  # verdicts of claims that hold
 HALF = 1 / 2  # of the draws
 WIDE = 10.0  # an interval whose ends differ by this factor contains nearly any printed error
@@ -184,7 +185,7 @@ def judge(claim: Claim, scores: pd.DataFrame) -> dict:
             **share_with_interval(claim.is_met(values), claim.is_exact),
         }
     if found["replicates"] == 1 and not claim.is_exact:
-        return {**found, "verdict": "undecided", "reason": "the study has one realisation"}
+        return {**found, "verdict": UNDECIDED, "reason": "the study has one realisation"}
     verdict, reason = (_judge_number if number else _judge_bound)(claim, scores, values, found)
     return {**found, "verdict": verdict, "reason": reason}
 
@@ -211,7 +212,7 @@ def verdict_of_share(share: Mapping[str, float]) -> str:
         return "met"
     if share["share_met_high"] < HALF:
         return "seldom met" if share["share_met"] else "not met"
-    return "undecided"
+    return UNDECIDED
 
 
 def _judge_number(
@@ -219,7 +220,7 @@ def _judge_number(
 ) -> tuple[str, str]:
     finite, printed = np.mean(np.isfinite(values)), claim.printed
     if finite < HALF:
-        return "undecided", f"only {format_percent(finite)} of the realisations give a number"
+        return UNDECIDED, f"only {format_percent(finite)} of the realisations give a number"
     paper = f"where the paper errs by {printed:g} %"
     if printed > found["high"]:
         return "better", f"95 % of the realisations err by less than {found['high']:.3g} %, {paper}"
@@ -237,7 +238,7 @@ def _judge_number(
 def _judge_bound(
     claim: Claim, scores: pd.DataFrame, values: np.ndarray, found: dict
 ) -> tuple[str, str]:
-    verdict = "undecided" if np.mean(np.isnan(values)) > HALF else verdict_of_share(found)
+    verdict = UNDECIDED if np.mean(np.isnan(values)) > HALF else verdict_of_share(found)
     if claim.is_exact:
         return verdict, "without noise there is a single value"
     shares = [found[name] for name in ("share_met", "share_met_low", "share_met_high")]

@@ -22,13 +22,15 @@ def side_by_side(table: pd.DataFrame, labels: Mapping[str, str]) -> dict[str, di
         return None
     found = {}
     for equation, of_equation in table.groupby("equation", sort=False):
-        fits = {
-            _format_head(method, level, labels): rows
-            for (_, method, level), rows in of_equation.groupby(FIT, sort=False)
-        }
+        fits = dict(list(of_equation.groupby(FIT, sort=False)))
+        heads = [_format_head(method, level, labels) for _, method, level in fits]
+        if len(set(heads)) < len(heads):
+            heads = [
+                f"{head}, {protocol}" for head, (protocol, *_) in zip(heads, fits, strict=True)
+            ]
         own = true[true["equation"] == equation].drop_duplicates("term")
         found[equation] = {
-            "heads": list(fits),
+            "heads": heads,
             "rows": [
                 [as_symbols(row["term"]), f"{row['true']:.4g}".replace("-", "\N{MINUS SIGN}")]
                 + [_format_coefficient(rows[rows["term"] == row["term"]]) for rows in fits.values()]

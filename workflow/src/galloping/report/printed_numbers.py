@@ -9,7 +9,16 @@ from operator import getitem
 import numpy as np
 import pandas as pd
 
-from galloping.paper.claims import AT_LEAST, AT_MOST, CLAIMS, HELD, WIDE, Claim, format_percent
+from galloping.paper.claims import (
+    AT_LEAST,
+    AT_MOST,
+    CLAIMS,
+    HELD,
+    UNDECIDED,
+    WIDE,
+    Claim,
+    format_percent,
+)
 from galloping.paper.unknowns import UNKNOWNS
 from galloping.tables.inference import NEAR
 
@@ -84,8 +93,12 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None, unfitted:
     """Describe in sentences how the settings that the paper does not state were chosen.
 
     paper: paper.csv. region: paper_region.csv. unfitted: number of these settings outside the range
-    of the fit.
+    of the fit. The text is "" if no claim about the line is judged.
     """
+    first = next(iter(paper["case"]), "")
+    own = paper[(paper["case"] == first) & (paper["role"] == "counted")]
+    if own["verdict"].isin(("not judged", "not run")).all():
+        return ""
     text = (
         f"The paper does not state {len(UNKNOWNS)} numbers that the study needs for the line with "
         "internal resonance, such as the wind speed. "
@@ -132,25 +145,30 @@ def describe_counts(paper: pd.DataFrame) -> str:
     single = paper[paper["role"] == "counted"]
     judged = single[single["verdict"] != "not judged"]
     lacks = judged["verdict"].eq("not run").groupby([judged["case"], judged["statement"]]).any()
-    held = judged["verdict"].isin(HELD).groupby([judged["case"], judged["statement"]]).all()
-    statements = held[~lacks]
+    held, may_hold = (
+        judged["verdict"].isin(verdicts).groupby([judged["case"], judged["statement"]]).all()
+        for verdicts in (HELD, (*HELD, UNDECIDED))
+    )
+    statements, may_hold = held[~lacks], may_hold[~lacks]
     text = f"{statements.sum()} of {len(statements)} statements of the paper are reproduced."
     if lacks.any():
         text += f" {lacks.sum()} further statements need recordings that this study does not have."
     first = next(iter(paper["case"]), "")
-    missed = [
-        statement if case == first else f"{statement} ({case.replace('_', '-')} line)"
-        for case, statement in statements.index[~statements]
-    ]
-    if missed:
-        text += f" Not reproduced: {', '.join(missed)}."
+    for what, which in (("Not reproduced", ~may_hold), ("Undecided", may_hold & ~statements)):
+        named = [
+            statement if case == first else f"{statement} ({case.replace('_', '-')} line)"
+            for case, statement in statements.index[which]
+        ]
+        if named:
+            text += f" {what}: {', '.join(named)}."
     beyond = int((paper["role"] == "beyond").sum())
     if beyond:
         text += f" {beyond} further sentences cannot be checked."
     for (case, reason), rows in single[single["verdict"] == "not judged"].groupby(
         ["case", "reason"], sort=False
     ):
-        text += f" {len(rows)} about {case} are not judged: {reason}."
+        count = rows["statement"].nunique()
+        text += f" {count} about {case} are not judged: {reason}."
     return text
 
 
@@ -181,8 +199,9 @@ def merge_directions(cells: list[PaperCell]) -> PaperCell:
 
 
 def describe_failures(paper: pd.DataFrame) -> list[str]:
-    """Write a sentence for each claim of the reproduced paper that was tested and not confirmed."""
-    failed = paper[~paper["verdict"].isin([*HELD, "not run", "not judged", "beyond judgement"])]
+    """Write a sentence for each claim of the reproduced paper that was tested and does not hold."""
+    others = (*HELD, UNDECIDED, "not run", "not judged", "beyond judgement")
+    failed = paper[~paper["verdict"].isin(others)]
     return [f"{row['claim']}: {row['verdict']}; {row['reason']}." for _, row in failed.iterrows()]
 
 

@@ -2,31 +2,38 @@
 
 from collections.abc import Mapping
 from math import floor, isfinite
+from types import MappingProxyType
 
+import numpy as np
 import pandas as pd
 
 from galloping.paper.unknowns import UNKNOWNS
 from galloping.recording.measurement import IN_DEVIATIONS
-from galloping.results import OURS, PAPER_METHOD
+from galloping.results import BOUND, OURS, PAPER_METHOD
+from galloping.tables.scores import CHOSEN
 
+NONE: Mapping[str, str] = MappingProxyType({})
 LEVEL = 0.05  # of the noise that sentences are about, or the nearest of the study
 
 
 def on_methods(
-    tables: Mapping[str, pd.DataFrame], case: str, protocol: str, noise_unit: str
+    tables: Mapping[str, pd.DataFrame],
+    case: str,
+    protocol: str,
+    noise_unit: str,
+    labels: Mapping[str, str] = NONE,
 ) -> list[str]:
     """Write the report's sentences on how well the methods identify models, from result tables.
 
     tables: those of the study by name, of which it may lack any. case: the line of the sentences.
-    protocol: that of its sensors. noise_unit: of the noise levels of these. A sentence whose rows
-    are missing is left out.
+    protocol: that of its sensors. noise_unit: of the noise levels of these. labels: of methods. A
+    sentence whose rows are missing is left out.
     """
     about = {"case": case, "protocol": protocol}
     sentences: list[str] = []
-    if {"efficiency", "noise_coefficients"} <= set(tables):
-        efficiency = tables["efficiency"]
-        errors = tables["noise_coefficients"]
-        sentences.append(_from_sensors(efficiency, errors, **about, noise_unit=noise_unit))
+    if {"efficiency", "peers"} <= set(tables):
+        efficiency, peers = tables["efficiency"], tables["peers"]
+        sentences.append(_from_sensors(efficiency, peers, labels, **about, noise_unit=noise_unit))
         sentences.append(_least_data(efficiency, **about, noise_unit=noise_unit))
     if "noise_r2" in tables:
         sentences.append(
@@ -104,27 +111,40 @@ def _of_single_recordings(efficiency: pd.DataFrame, case: str, protocol: str) ->
 
 
 def _from_sensors(
-    efficiency: pd.DataFrame, errors: pd.DataFrame, case: str, protocol: str, noise_unit: str
+    efficiency: pd.DataFrame,
+    peers: pd.DataFrame,
+    labels: Mapping[str, str],
+    case: str,
+    protocol: str,
+    noise_unit: str,
 ) -> str:
     rows = _of_single_recordings(efficiency, case, protocol)
     rows = _rows_at_level(rows[rows["points"] == rows["points"].max()])
     if rows.empty:
         return ""
     row = rows.iloc[0]
-    at = (errors["case"] == case) & (errors["protocol"] == protocol)
-    at &= errors["level"] == row["level"]
-    medians = errors[at].groupby("method")["mean_error_percent"].mean().dropna()
+    at = (peers["case"] == case) & (peers["protocol"] == protocol)
+    at &= (peers["level"] == row["level"]) & (peers["setting"] == CHOSEN)
+    medians = peers[at].set_index("method")["mean_error_percent"].dropna()
     if OURS not in medians:  # a continuous line has no true coefficients
         return ""
-    peers = medians.drop([OURS, "bound", "weak_gls"], errors="ignore")
-    beside = f", against {peers.min():.2g} % by {peers.idxmin()}" if len(peers) else ""
+    others = medians.drop([OURS, BOUND, "weak_gls"], errors="ignore")
+    beside = (
+        f", against {others.min():.2g} % by {labels.get(others.idxmin(), others.idxmin())}"
+        if len(others)
+        else ""
+    )
+    bound = (
+        f"; its error is {row['efficiency']:.2f} times the Cramér-Rao bound"
+        if isfinite(row["efficiency"])
+        else ""
+    )
     return (
         f"From {protocol} measurements of {_case_in_words(case)} with "
         f"{_describe_noise(row['level'], noise_unit)}, maximum likelihood finds exactly the true "
         f"terms in {row['exact_support']:g} of "
         f"{row['replicates']:g} recordings, with a mean coefficient error of "
-        f"{medians[OURS]:.2g} %{beside}; its error is {row['efficiency']:.2f} times the "
-        f"Cramér-Rao bound."
+        f"{medians[OURS]:.2g} %{beside}{bound}."
     )
 
 
@@ -178,15 +198,16 @@ def _rows_at_level(table: pd.DataFrame) -> pd.DataFrame:
 def _describe_reconstruction(r2: pd.DataFrame, case: str, protocol: str, noise_unit: str) -> str:
     rows = r2[(r2["case"] == case) & (r2["protocol"] == protocol) & (r2["level"] > 0)]
     worst = rows.groupby(["method", "level"])["r2_median"].min().unstack("level")
-    if OURS not in worst.index:
+    if OURS not in worst.index or not np.isfinite(own := worst.loc[OURS]).any():
         return ""
+    own = own[np.isfinite(own)]  # of most recordings there is a model
     text = (
         f"Reconstructions by maximum likelihood have a median R² of at least "
-        f"{_rounded_down(worst.loc[OURS].min())} in both directions up to "
-        f"{_describe_noise(worst.columns.max(), noise_unit)}"
+        f"{_rounded_down(own.min())} in both directions up to "
+        f"{_describe_noise(own.index.max(), noise_unit)}"
     )
     if PAPER_METHOD in worst.index:
-        papers = _rounded_down(worst.loc[PAPER_METHOD].min())
+        papers = _rounded_down(worst.loc[PAPER_METHOD, own.index].min())
         text += f", against {papers} by the paper's method from the same sensors"
     return f"{text}."
 
@@ -197,9 +218,9 @@ def _rounded_down(r2: float) -> str:
 
 
 def _describe_identifiability(table: pd.DataFrame, protocol: str, noise_unit: str) -> str:
-    is_bounded = table["coefficient_over_bound"].notna()
-    rows = _rows_at_level(table[(table["protocol"] == protocol) & is_bounded])
-    rows = rows[rows["points"] == rows["points"].max()] if len(rows) else rows
+    rows = table[table["protocol"] == protocol]
+    bounded = _rows_at_level(rows[rows["coefficient_over_bound"].notna()])
+    rows = rows[rows["level"].isin(bounded["level"]) & (rows["points"] == bounded["points"].max())]
     said = []
     for (case, recordings), of in rows.groupby(["case", "recordings"], sort=False):
         known = (of["verdict"] == "identifiable").sum()

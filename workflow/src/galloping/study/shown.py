@@ -113,11 +113,12 @@ def equations_beside(study: Study) -> list[tuple[Cell, Method]]:
     """
     first, level = study.cases[0], study.settings.measurement.subsets.level
     papers = paper_pair(study)
-    found = {least_noise(study, first).id: (least_noise(study, first), papers[1])}
+    least = least_noise(study, first)
+    found = {(least.id, papers[1].name): (least, papers[1])}
     ours = [(sensor_protocol(study), m) for m in study.methods if m.name == OURS]
     for pair in (papers, *ours):
         cells = _cells_of_pair(study, first, pair, NOISE)
-        found |= {cell.id: (cell, pair[1]) for cell in cells if cell.level == level}
+        found |= {(c.id, pair[1].name): (c, pair[1]) for c in cells if c.level == level}
     return list(found.values())
 
 

@@ -225,7 +225,7 @@ def efficiency(scores: pd.DataFrame, identifiability: pd.DataFrame) -> pd.DataFr
         replicates=("motion", "size"),
         exact_support=("exact", lambda found: found.sum(min_count=1)),
         efficiency=("efficiency", _rms_of_finite),
-        n_without_model=("efficiency", lambda ratio: int(np.isposinf(ratio).sum())),
+        n_without_model=("status", lambda status: int((status == "refused").sum())),
         r2_q_v=("r2_q_v", "median"),
         r2_q_w=("r2_q_w", "median"),
         amplitude_error_percent=("amplitude", "median"),
