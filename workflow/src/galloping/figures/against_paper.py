@@ -8,11 +8,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from galloping.figures import parts, style
-from galloping.paper.claims import CLAIMS
-from galloping.paper.unknowns import UNKNOWNS
+from galloping.paper.claims import BY_NAME
+from galloping.paper.unknowns import LABELS
 from galloping.results import PAPER_METHOD
 
-BY_NAME = {claim.name: claim for claim in CLAIMS}
 OURS = style.method_style(PAPER_METHOD).color  # of realisations of the paper's method
 LEAST, LEAST_SHOWN = -12.0, -6.0  # powers of ten: where less probable readings are, the axis
 RANGE = {"color": style.FAINT, "height": 0.55}
@@ -88,8 +87,7 @@ def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:
     A second panel shows the relative evidence of each interpretation of the paper's damaged text.
     region: paper_region.csv. readings: of `tables.inference.paper_readings`.
     """
-    labels = {unknown.name: unknown.label for unknown in UNKNOWNS}
-    numbers = region[region["unknown"].isin(labels) & region["low"].notna()]
+    numbers = region[region["unknown"].isin(list(LABELS)) & region["low"].notna()]
     figure, ((left, right),) = parts.panels(0.9 + 0.2 * len(readings), 1, 2, width_ratios=(1, 1.3))
     parts.letter(left, 0, "unknown numbers, 5 to 95 %")
     ends = np.log(numbers[["prior_low", "low", "high", "prior_high"]].to_numpy(float)).T
@@ -103,7 +101,7 @@ def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:
         unit = "" if row.unit == "1" else f" {row.unit}"
         text = f"{row.low:.2g} to {row.high:.2g}{unit}"
         left.text(103, place, text, va="center", size="small")
-    parts.rows(left, [labels[name] for name in numbers["unknown"]], lines=False)
+    parts.rows(left, [LABELS[name] for name in numbers["unknown"]], lines=False)
     left.set(xlim=(0, 165), xticks=[0, 50, 100], xlabel="% of the range, in equal ratios")
     parts.letter(right, 1, "readings of the paper")
     powers = np.maximum(readings["log10_bayes_factor"].to_numpy(float), LEAST)

@@ -145,8 +145,8 @@ def _read_claims() -> tuple[Claim, ...]:
 
 _ROWS = _read_claims()
 CLAIMS = tuple(claim for claim in _ROWS if claim.kind != BEYOND)
+BY_NAME = {claim.name: claim for claim in CLAIMS}
 BEYOND_JUDGEMENT = tuple(claim for claim in _ROWS if claim.kind == BEYOND)
-
 
 UNDECIDED = "undecided"
 HELD = ("reproduced", "better", "met")  # verdicts of claims that hold

@@ -55,6 +55,7 @@ UNKNOWNS = (
     Unknown("threshold", 1e-4, 0.1, "1", "threshold", ()),
 )
 NAMES = tuple(unknown.name for unknown in UNKNOWNS)
+LABELS = {unknown.name: unknown.label for unknown in UNKNOWNS}
 LOW, HIGH = (np.log([getattr(u, end) for u in UNKNOWNS]) for end in ("low", "high"))
 
 

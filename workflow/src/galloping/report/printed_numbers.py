@@ -12,20 +12,18 @@ import pandas as pd
 from galloping.paper.claims import (
     AT_LEAST,
     AT_MOST,
-    CLAIMS,
+    BY_NAME,
     HELD,
     UNDECIDED,
     WIDE,
     Claim,
     format_percent,
 )
-from galloping.paper.unknowns import UNKNOWNS
+from galloping.paper.unknowns import LABELS, UNKNOWNS
 from galloping.tables.inference import NEAR
 
 STATES = {"vertical": "q_v", "horizontal": "q_w"}
 SIGNS = {AT_LEAST: "≥ ", AT_MOST: "≤ "}
-BY_NAME = {claim.name: claim for claim in CLAIMS}
-LABELS = {unknown.name: unknown.label for unknown in UNKNOWNS}
 
 
 @dataclass(frozen=True)

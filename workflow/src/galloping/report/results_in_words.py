@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 import pandas as pd
 
-from galloping.paper.unknowns import UNKNOWNS
+from galloping.paper.unknowns import LABELS
 from galloping.recording.measurement import IN_DEVIATIONS
 from galloping.results import BOUND, OURS, PAPER_METHOD
 from galloping.tables.scores import CHOSEN
@@ -86,9 +86,8 @@ def inferred(region: pd.DataFrame) -> list[str]:
 
     region: paper_region.csv.
     """
-    labels = {unknown.name: unknown.label for unknown in UNKNOWNS}
     named = {
-        verdict: ", ".join(labels.get(name, name) for name in of["unknown"])
+        verdict: ", ".join(LABELS.get(name, name) for name in of["unknown"])
         for verdict, of in region.groupby("verdict")
     }
     told, unsure, left = (
