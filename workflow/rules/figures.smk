@@ -238,6 +238,7 @@ if has_trials(MODEL_ERROR):
         METHODS_PART,
         "what a recording of a real line gives",
         figures.verdicts.draw_model_error,
+        {"truths": [each for t in STUDY.trials if t.table == MODEL_ERROR for each in t.cases]},
         table=table_of(MODEL_ERROR),
     )
 if has_trials(EXACT_TERMS):

@@ -110,13 +110,15 @@ def test_trial_has_a_row_for_each_replicate_and_method():
     assert ours["amplitude_v_worst_percent"] == ours["amplitude_v_error_percent"] < 5.0
     assert 0.0 <= ours["coverage_95_percent"] <= 100.0
     assert np.isnan(table.loc["weak", "coverage_95_percent"])  # it states no intervals
-    figure = draw_model_error(table.reset_index())
+    settings = {"truths": ["two modes, gusts 2 %"]}
+    figure = draw_model_error(table.reset_index(), settings)
     assert len(figure.axes) == 6 and figure.get_label().startswith("Maximum likelihood errs by")
     others = table.drop(index="maximum_likelihood")
-    title = draw_model_error(others.reset_index()).get_label()
+    title = draw_model_error(others.reset_index(), settings).get_label()
     assert "aximum" not in title and "% in the vertical frequency" in title
     refused = others.assign(frequency_v_error_percent=np.nan)
-    assert "gives no vertical frequency" in draw_model_error(refused.reset_index()).get_label()
+    title = draw_model_error(refused.reset_index(), settings).get_label()
+    assert "gives no vertical frequency" in title
 
 
 @pytest.mark.slow

@@ -3,6 +3,8 @@
 Compared are published methods, and lines that differ from their model.
 """
 
+from collections import Counter
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -159,20 +161,25 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
     return figure
 
 
-def draw_model_error(table: pd.DataFrame) -> Figure:
+def draw_model_error(table: pd.DataFrame, settings: Mapping) -> Figure:
     """Plot errors of identified frequencies, damping and amplitudes, by overhead line and sensors.
 
     There is a panel for each quantity, and a marker per method. Errors in percent are medians over
     the identified noise realisations, with a line to the worst; the last panel shows how many were
-    identified, with how many terms. table: model_error.csv.
+    identified, with how many terms. table: model_error.csv. settings: truths, in order.
     """
-    truths = sorted(table["truth"].unique(), key=lambda truth: (truth.startswith("two"), truth))
+    order = settings["truths"].index
+    lines = sorted(
+        set(zip(table["truth"], table["sensors"], strict=True)),
+        key=lambda line: (order(line[0]), line[1]),
+    )
+    count = Counter(truth for truth, _ in lines)
     methods = sorted(table["method"].unique(), key=lambda method: method != OURS)
-    figure, grid = parts.panels(1.3 + 0.8 * len(truths), 2, 3, sharey=True)
+    figure, grid = parts.panels(1.3 + 0.8 * len(lines), 2, 3, sharey=True)
     *panels, answers = grid.ravel()
     step = HEIGHT / max(len(methods) - 1, 1)
     rows = table.assign(place=[
-        truths.index(row.truth) - HEIGHT / 2 + step * methods.index(row.method)
+        lines.index((row.truth, row.sensors)) - HEIGHT / 2 + step * methods.index(row.method)
         for row in table.itertuples()
     ]).to_dict("records")  # fmt: skip
     for k, (axes, (quantity, label)) in enumerate(zip(panels, ERRORS.items(), strict=True)):
@@ -194,9 +201,9 @@ def draw_model_error(table: pd.DataFrame) -> Figure:
         text = f"{row['n_models']} of {row['replicates']}{terms}"
         color = method_style(row["method"]).color
         answers.text(0.1, row["place"], text, va="center", size="x-small", color=color)
-    names = [truth.replace(", ", ",\n") for truth in truths]
+    names = [", ".join(line if count[line[0]] > 1 else line[:1]) for line in lines]
     for axes in (*panels, answers):
-        parts.rows(axes, names)
+        parts.rows(axes, [name.replace(", ", ",\n") for name in names])
     parts.legend(figure, *parts.method_keys(methods), columns=len(methods) + 1)
     errors = table.loc[table["method"] == methods[0], [f"{name}_error_percent" for name in ERRORS]]
     frequency, *_, damping, _ = errors.median()
