@@ -78,7 +78,7 @@ if LINES:
         noisy_cells = {each.name: each.level for each in chosen}
     coefficients_at = f"<results>/identified/{FIRST}/{by_paper[0].name}"
     levels, points = STUDY.settings.measurement.levels, STUDY.settings.measurement.subsets.points
-    sensors = shown.sensor_protocol(STUDY)
+    assessed, sensors = STUDY.settings.assessment, shown.sensor_protocol(STUDY)
     predicted = shown.predicted_cells(STUDY, FIRST)
     from_sensors = sensors.name if sensors.name in predicted else next(iter(predicted), "")
     predicting = shown.predicting_methods(predicted[from_sensors]) if predicted else [""]
@@ -203,7 +203,10 @@ if LINES:
             ENGINEERING_PART,
             "orbits at mid-span",
             figures.engineering.draw_orbits,
-            {"cases": {case.name: case.released for case in STUDY.cases}},
+            {
+                "cases": {case.name: case.released for case in STUDY.cases},
+                "winds": sorted({*assessed.winds, assessed.design_wind}),
+            },
             orbits=every("<results>/assessment/{case}/orbits.npz", case=LINES),
         ),
         "measures": figure(

@@ -99,9 +99,16 @@ def test_orbits_that_leave_all_design_ellipses_are_named():
     angle = np.linspace(0, 6.28, 50)
     near = 0.3 * np.column_stack([np.cos(angle), np.sin(2 * angle)])
     far = near * [20, 1]
-    for orbits, said in (({8.0: near}, "stays within"), ({8.0: near, 12.0: far}, "12 m/s (line)")):
-        figure = draw_orbits({"line": orbits}, {"cases": {"line": RESONANT}})
-        assert said in figure.get_label()
+    for orbits, winds, said in (
+        ({8.0: near}, [8.0], "Every orbit stays within a design ellipse"),
+        ({8.0: near, 12.0: far}, [8.0], "The orbit leaves all design ellipses at 12 m/s (line)"),
+        ({8.0: near}, [8.0, 12.0], ""),
+        ({}, [8.0], ""),
+    ):
+        figure = draw_orbits({"line": orbits}, {"cases": {"line": RESONANT}, "winds": winds})
+        assert figure.get_label() == said
+        without = figure.axes[0].get_title(loc="left").endswith("no limit cycle at these winds")
+        assert without == (not orbits)
 
 
 def test_clearance_and_measures():
@@ -132,6 +139,10 @@ def test_clearance_and_measures():
     calm = table[:1].assign(measure="a long damper", vertical_amplitude_m=0.0)
     said = draw_measures(pd.concat([table, better, calm]), {"cases": ["line"]}).get_label()
     assert f"a long damper, reduces the vertical amplitude from {as_it_is:.2g} to 0 m" in said
+    unsure = table.assign(critical_wind_m_s_high=np.inf, required_clearance_m=50.0)
+    figure = draw_measures(unsure, {"cases": ["line"]})
+    assert "or never" in figure.axes[1].texts[-1].get_text() and drawn(lambda: figure)
+    assert figure.axes[2].get_xlim()[1] > 50.0  # the clearance to keep is on the axis
     many = [f"line {k}" for k in range(20)]
     tall = draw_measures(pd.concat([table.assign(case=name) for name in many]), {"cases": many})
     assert len(tall.axes) == 3 * len(many) and tall.get_figheight() <= TALLEST
@@ -183,6 +194,20 @@ def test_the_animation_moves_as_far_as_the_span_and_is_the_same_twice(tmp_path):
     assert np.ptp(rows) > 0.4 * frames[0].shape[0]
     assert files[0].stat().st_size < 1_000_000
     assert sorted(tmp_path.iterdir()) == files
+
+
+@pytest.mark.parametrize("rate", [25, 15, 4])
+def test_an_animation_lasts_as_long_as_the_motion(tmp_path, rate):
+    time = np.arange(0, 4.0, 1.0 / rate)
+    states = np.column_stack([np.sin(time), np.cos(time), *np.zeros((2, len(time)))])
+    write_animation(tmp_path / "one.gif", RESONANT, time, states, "line")
+    with Image.open(tmp_path / "one.gif") as image:
+        lasted = 0
+        for frame in range(image.n_frames):
+            image.seek(frame)
+            lasted += image.info["duration"]
+    step = max(1, round(rate / 10))
+    assert lasted == pytest.approx(1000 * step * len(range(0, len(time), step)) / rate, abs=5)
 
 
 def test_a_study_without_sweeps_or_models_says_so():

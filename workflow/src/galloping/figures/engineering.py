@@ -1,7 +1,7 @@
 """Figures for the line engineer: galloping span, orbits beside design ellipses, measures."""
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -41,7 +41,8 @@ def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapp
     """Plot the orbits of galloping lines at mid-span beside design ellipses, a panel per line.
 
     The scales are equal in both directions. orbits: of each case, by wind speed in m/s, (n, 2)
-    places (w, v) in m about rest. settings: cases, sections of the configuration by name.
+    places (w, v) in m about rest. settings: cases, sections of the configuration by name; winds,
+    m/s, of the simulations.
     """
     names = list(settings["cases"])
     columns = min(len(names), COLUMNS)
@@ -52,7 +53,8 @@ def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapp
         drawn += [each.outline() for each in design_ellipses(case).values()]
     reach = 1.35 * max(np.max(np.abs(each[:, 0])) for each in drawn)
     for k, (axes, name) in enumerate(zip(grid, names, strict=True)):
-        parts.letter(axes, k, spoken(name))
+        without = "" if orbits[name] else ": no limit cycle at these winds"
+        parts.letter(axes, k, f"{spoken(name)}{without}")
         _draw_orbits_of_case(axes, settings["cases"][name], orbits[name], reach)
         axes.set_ylabel("" if k % columns else "vertical, m from rest")
     parts.legend(figure, columns=6, loc="outside lower center")
@@ -62,8 +64,10 @@ def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapp
         if (wind := _first_outside(settings["cases"][name], orbits[name])) is not None
     }
     said = " and ".join(f"{wind:g} m/s ({spoken(name)})" for name, wind in outside.items())
-    inside = "Every orbit stays within a design ellipse"
-    figure.set_label(f"The orbit leaves all design ellipses at {said}" if outside else inside)
+    if outside:
+        figure.set_label(f"The orbit leaves all design ellipses at {said}")
+    elif all(set(orbits[name]) >= set(settings["winds"]) for name in names):
+        figure.set_label("Every orbit stays within a design ellipse")
     return figure
 
 
@@ -117,24 +121,27 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
     )
     for row, (case, grid) in enumerate(grids.items()):
         of_case = table[table["case"] == case].sort_values("rank")
+        limit = float(of_case["required_clearance_m"].iloc[0])
         labels = of_case["measure"] + np.where(of_case["note"].fillna("") != "", " *", "")
         for column, (axes, name) in enumerate(zip(grid[0], MEASURED, strict=True)):
             parts.letter(axes, row * len(MEASURED) + column, MEASURED[name])
             values = of_case[[name, f"{name}_low", f"{name}_high"]].to_numpy(float)
-            reach = np.nanmax([*values[np.isfinite(values[:, 0])].ravel(), 0.0])
+            known = values[np.isfinite(values[:, 0])]
+            least = limit if name == "clearance_m" else 0.0
+            reach = np.max(known, initial=least, where=np.isfinite(known))
             parts.rows(axes, labels)
             for place, value in enumerate(values):
-                is_known = np.isfinite(value[0])
+                is_known, text = np.isfinite(value[0]), _format_value(value[0])
                 if is_known:
-                    limits = (-np.inf, np.inf)
+                    text += " or never" if np.isposinf(value[2]) else ""
+                    limits = (-np.inf, reach)
                     parts.dot(axes, place, value, limits, MODEL, "o", 3.5, bar={"lw": 1.6})
                 axes.annotate(
-                    _format_value(value[0]), (np.nanmax(value) if is_known else 0.0, place), (5, 0),
-                    textcoords="offset points", va="center", size="small",
+                    text, (np.nanmax(np.minimum(value, reach)) if is_known else 0.0, place),
+                    (5, 0), textcoords="offset points", va="center", size="small",
                     color=MODEL if is_known else PAPER,
                 )  # fmt: skip
             axes.set(xlim=(-0.04 * reach, 1.4 * max(reach, 1e-3)))
-        limit = float(of_case["required_clearance_m"].iloc[0])
         axes.axvline(limit, color=PAPER, lw=0.9, ls=(0, (4, 2)), label="clearance to keep")
     parts.legend(figure)
     figure.set_label(_most_useful(table[table["case"] == next(iter(settings["cases"]))]))
@@ -174,19 +181,25 @@ def write_animation(
     step = max(1, round(1 / (RATE * (time[1] - time[0]))))
     with styled(8):
         figure, update = _prepare_scene(case, states, title)
-        _write_gif(path, figure, update, range(0, len(time), step))
+        frames = range(0, len(time), step)
+        ends = step * (time[1] - time[0]) * np.arange(len(frames) + 1)
+        _write_gif(path, figure, update, frames, np.diff(np.round(100 * ends)))
 
 
 def write_still(path: str | os.PathLike, reason: str) -> None:
     """Write a GIF with a single frame that states why there is no motion to animate."""
     with styled(8):
-        _write_gif(path, parts.make_empty_figure(reason), lambda frame: (), range(1))
+        _write_gif(path, parts.make_empty_figure(reason), lambda frame: (), range(1), [1])
 
 
 def _write_gif(
-    path: str | os.PathLike, figure: Figure, update: Callable[[int], tuple], frames: range
-) -> None:
-    """Write `frames` of a figure that `update` changes, with one common palette of few colours."""
+    path: str | os.PathLike, figure: Figure, update: Callable[[int], tuple], frames: range,
+    durations: Sequence[float] | np.ndarray,
+) -> None:  # fmt: skip
+    """Write `frames` of a figure that `update` changes, with one common palette of few colours.
+
+    durations: of each frame, in the file's unit, 10 ms.
+    """
     figure.set_dpi(DPI)
     canvas = FigureCanvasAgg(figure)
     figure.draw_without_rendering()
@@ -200,7 +213,12 @@ def _write_gif(
         images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
     with replacing(path) as partial:
         images[0].save(
-            partial, "GIF", save_all=True, append_images=images[1:], loop=0, duration=1000 // RATE
+            partial,
+            "GIF",
+            save_all=True,
+            append_images=images[1:],
+            loop=0,
+            duration=[10 * int(each) for each in durations],
         )
 
 
