@@ -111,7 +111,8 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
     There is a panel for each quantity, with a line for each of its columns. table: scores.csv.
     settings: case, protocol and method; kind of cells; x, `level` or `points`, and its labels by
     protocol; quantities, names of QUANTITIES. draws: more realisations, of
-    `paper.draws.paper_draws`, instead of those of the same cells in `table`.
+    `paper.draws.paper_draws`, instead of those of the same cells in `table`; without them, the
+    study is not the paper's, and what the paper prints is not drawn.
     """
     x, case = settings["x"], settings["case"]
     chosen = replace_cells(table, draws, settings)
@@ -129,7 +130,8 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
             parts.write_reason(axes, "this line has no such values")
             continue
         by_place = {name: _tabulate_interval(chosen, x, name) for name in columns}
-        stars = [claim.printed for name in columns for claim in printed(name, case)]
+        claims = [] if draws is None else [c for name in columns for c in printed(name, case)]
+        stars = [claim.printed for claim in claims]
         limits = quantity.limits(np.concatenate([stars, *map(np.ravel, by_place.values())]))
         quantity.prepare(axes, limits)
         for k, (name, values) in enumerate(by_place.items()):
@@ -138,8 +140,9 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
             _draw_series(axes, list(at.values()), quantity.place(values.T), limits, k)
             label = quantity.columns[name]
             axes.plot([], [], color=SERIES[k][0], marker=SERIES[k][1], ls=DASHES[k], label=label)
-            for claim in printed(name, case):
+            for claim in claims:
                 is_drawn = claim.cell_kind == settings["kind"] and getattr(claim, x) in at
+                is_drawn &= claim.column == name
                 if claim.is_counted and is_drawn and claim.level in set(chosen["level"]):
                     place = at[getattr(claim, x)], quantity.place(claim.printed)
                     look = STAR if claim.is_number else BAR
@@ -206,7 +209,7 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
     figure, ((axes,),) = parts.panels(3.7, width=SINGLE)
     errors = _tabulate_errors(table, peers, case, protocol)
     if errors.empty:
-        parts.write_reason(axes, "this study has no noisy recordings to show")
+        parts.write_reason(axes, "no noisy recordings of this line have coefficient errors")
         return figure
     places = parts.LogAxis.of(errors["level"])
     places.prepare(axes, settings["label"])
@@ -288,20 +291,21 @@ def _tabulate_errors(
 ) -> pd.DataFrame:
     """Tabulate method, level, median, low, high, count and failures at the levels above zero.
 
-    Errors are of the fits with a model; those of the best possible tuning are the lowest of STLSQ,
-    FROLS and the weak form.
+    Errors are of the fits with a model, to a line with true coefficients; those of the best
+    possible tuning are the lowest of STLSQ, FROLS and the weak form.
     """
     cells, others = (
         parts.where(rows[rows["level"] > 0], case=case, protocol=protocol)
         for rows in (of_kind(scores, NOISE), peers)
     )
-    cells = cells.assign(error=mean_error(cells))
+    cells = cells.assign(error=mean_error(cells)).dropna(subset="error")
     has_model = np.isfinite(cells["error"])
     keys = ["method", "level"]
     errors = cells[has_model].groupby(keys).agg(**spread("error"))
     counts = cells.assign(failed=~has_model).groupby(keys)["failed"].agg(["size", "sum"])
     errors = errors.join(counts.set_axis(["count", "failures"], axis=1), how="right").reset_index()
     others = others[(others["setting"] == ORACLE) & others["method"].isin(PYSINDY)]
+    others = others.dropna(subset="mean_error_percent")
     if others.empty:  # its columns have no numbers
         return errors
     least = others.groupby("level")["mean_error_percent"].min()
