@@ -18,7 +18,7 @@ from galloping.figures.verdicts import ERRORS, draw_model_error, draw_trust
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import derive
 from galloping.model.intervals import median_and_interval
-from galloping.model.polynomial import polynomial_library
+from galloping.model.polynomial import PolynomialModel, polynomial_library
 from galloping.recording.measurement import BY_NAME as PROTOCOLS
 from galloping.recording.measurement import Motion
 from galloping.results import Reconstruction
@@ -133,6 +133,25 @@ def test_false_terms_are_counted_and_coefficients_are_over_the_true_ones():
     assert figure.get_label().endswith("6 at noise 0.05")
 
 
+@pytest.mark.parametrize(
+    ("settings", "known", "possible"),
+    [
+        ({}, (), 4 * 35 - 16), ({"kinematics": "known"}, (), 2 * 35 - 14),
+        ({}, (0, 1), 2 * 35 - 14), ({"kinematics": "known", "degree": 2}, (), 2 * 15 - 9),
+    ],
+)  # fmt: skip
+def test_possible_terms_are_those_of_the_identified_equations_and_the_library(
+    settings, known, possible
+):
+    settings = COEFFICIENTS | {"levels": {"a": 0.05}} | settings
+    line = LINE.model.on_polynomials(settings["degree"])
+    count = len(polynomial_library(4, settings["degree"]))
+    library = PolynomialModel(line.states, line.terms[:count], line.coefficients[:, :count])
+    models = {"a": {"weak": [IdentifiedModel(library, "unjudged", known=known)]}}
+    figure = draw_coefficients(LINE, models, settings, scores((0, 0.05)).assign(spurious=0))
+    assert f"of {possible} possible" in figure.axes[0].get_title(loc="left")
+
+
 def test_the_distance_of_a_reconstruction_is_drawn_and_said():
     off = Reconstruction(T, STATES + 2e-7 * T[:, np.newaxis] / 100, STATES, STATES)
     recovered = {"line": {"weak": off}}
@@ -181,7 +200,8 @@ NO_PEERS = pd.DataFrame(
     columns=["case", "protocol", "level", "method", "setting", "mean_error_percent"]
 )
 HISTORIES = CELL
-COEFFICIENTS = {**CELL, "kind": "noise", "label": "noise", "degree": 3}
+COEFFICIENTS = {**CELL, "kind": "noise", "label": "noise", "degree": 3,
+                "kinematics": None}  # fmt: skip
 FLOW = {"degree": 3, "methods": ["weak"], "levels": [0], "points": [1000]}
 FOUR = ["paper", "weak", "maximum_likelihood", "bound"]
 DRAWN = [  # of any number, size and kind, with what each is drawn of

@@ -130,6 +130,7 @@ if LINES:
                 "levels": noisy_cells,
                 "label": noise_label(by_paper[0]),
                 "degree": DEGREE,
+                "kinematics": STUDY.options(by_paper[1])["options"].get("kinematics"),
             },
             **draws,
             model=MODEL,

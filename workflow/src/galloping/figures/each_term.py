@@ -12,7 +12,8 @@ from galloping.figures.errors import replace_cells
 from galloping.figures.style import MODEL, QUIET, SERIES, SINGLE, TRUE
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import EQUATIONS, STATES, Derived
-from galloping.model.polynomial import polynomial_library
+from galloping.model.polynomial import polynomial_library, velocity_pairs
+from galloping.results import KNOWN
 from galloping.tables.scores import spread
 from galloping.tables.table3 import identified_terms
 
@@ -37,8 +38,8 @@ def draw_coefficients(
 
     model: of the line. identified: models of all noise realisations by study cell and method.
     settings: case, protocol, method and kind; levels by cell, and the label of the noise; degree of
-    the library. table: scores.csv. draws: more realisations of the same cells, as of
-    `errors.draw_draws`.
+    the library; kinematics, as of the method, or None. table: scores.csv. draws: more realisations
+    of the same cells, as of `errors.draw_draws`.
     """
     levels = list(settings["levels"].values())
     if not levels:
@@ -50,7 +51,11 @@ def draw_coefficients(
     ]
     true = found[0][found[0]["true"] != 0]
     figure, ((above,), (below,)) = parts.panels(3.0, 2, width=SINGLE, height_ratios=(1, 1.2))
-    possible = len(EQUATIONS) * len(terms) - len(true)
+    known = identified[next(iter(settings["levels"]))][settings["method"]][0].known
+    if settings["kinematics"] == KNOWN:
+        known = tuple(velocity_pairs(STATES))
+    present = model.model.on_polynomials(settings["degree"]).support[:, : len(terms)]
+    possible = int(np.sum(~np.delete(present, known, axis=0)))
     realisations = replace_cells(table, draws, settings)
     _draw_false_terms(above, realisations, possible, settings["label"])
     reach = 1.1 * max(0.02, *(np.nanmax(np.abs(_divide_by_truth(each) - 1)) for each in found))
