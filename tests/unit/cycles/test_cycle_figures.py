@@ -172,6 +172,13 @@ def test_prediction():
     (lost_at,) = (line for label, line in lines.items() if label.startswith("no stable limit"))
     assert list(lost_at.get_xdata()) == [8.0, 12.0]
     assert not any(text.get_text() for axes in figure.axes for text in axes.texts)
+    table = pd.DataFrame(told)
+    table.loc[table["method"] == "stlsq", "status"] = "refused"
+    table.loc[0, "predicted_m"] = np.nan
+    figure = draw_prediction(table, settings)
+    assert "the largest error of 3 of 4 predictions of all recordings is" in figure.get_label()
+    labels = [line.get_label() for line in figure.axes[1].lines]
+    assert "no model" in labels and "no stable limit cycle" not in labels
 
 
 def test_the_animation_moves_as_far_as_the_span_and_is_the_same_twice(tmp_path):

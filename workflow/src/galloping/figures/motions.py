@@ -301,13 +301,16 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
     axes.set_xlabel("wind speed, m/s")
     parts.legend(figure, columns=2)
     every = {name: settings[name] for name in ("case", "protocol", "method")}
-    ours = parts.where(table, **every).dropna(subset=["predicted_m", "true_m"])
+    asked = parts.where(table, **every).dropna(subset="true_m")
+    ours = asked.dropna(subset="predicted_m")
     if len(ours):
+        some = f"{len(ours)} of {len(asked)} predictions of " if len(ours) < len(asked) else ""
         error = 100 * (ours["predicted_m"] / ours["true_m"] - 1).abs().max()
         least, most = ours["wind_m_s"].min(), ours["wind_m_s"].max()
         figure.set_label(
             f"From one recording at {settings['recorded']:g} m/s, amplitudes at {least:g} to "
-            f"{most:g} m/s are predicted; the largest error of all recordings is {error:.2g} %"
+            f"{most:g} m/s are predicted; the largest error of {some}all recordings is "
+            f"{error:.2g} %"
         )
     return figure
 
@@ -324,9 +327,9 @@ def _draw_predictions(axes: Axes, lines: Mapping[str, pd.DataFrame]) -> None:
         axes.plot(line["wind_m_s"], line["predicted_m"], marker=own.marker,
                   label=own.label + doubt, **look)  # fmt: skip
         rest = line[line["predicted_m"].isna()]
-        label = "no stable limit cycle" if len(rest) else None
+        label = "no model" if "refused" in set(rest["status"]) else "no stable limit cycle"
         axes.plot(rest["wind_m_s"], np.zeros(len(rest)), ls="", marker="x", color=own.color,
-                  ms=6, label=label)  # fmt: skip
+                  ms=6, label=label if len(rest) else None)  # fmt: skip
 
 
 def _describe_doubt(line: pd.DataFrame) -> str:
