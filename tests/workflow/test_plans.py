@@ -38,6 +38,8 @@ def test_a_study_of_any_kind_has_jobs_for_all_that_it_shows(jobs_of, settings):
     assert "results/report.html" in jobs
     shown = [job["settings"] for job in jobs.values() if "function" in job["settings"]]
     assert shown and all(callable(resolve_name(s["function"]["function"])) for s in shown)
+    least = "0.3" in settings  # its lowest noise level
+    assert ("4 motion at the lowest noise" in str(jobs["results/report.html"])) == least
 
 
 @pytest.fixture

@@ -112,7 +112,7 @@ if LINES:
         ),
         "figure04": figure(
             PAPER_PART,
-            "4 motion without noise",
+            "4 motion at the lowest noise" if min(levels) else "4 motion without noise",
             figures.motions.draw_recovery,
             {"cases": LINES, **names(by_paper), "level": min(levels)},
             trajectories=every("<results>/trajectories/{case}.npz", case=LINES),
