@@ -12,10 +12,10 @@ COLUMNS = (
 HEIGHTS = (1.0, 2.0, 3.0)  # m, of the further releases that are compared
 
 
-def rank_releases(case, model, trajectory, ranking, level):
+def rank_releases(case, model, trajectory, ranking, level, heights=HEIGHTS):
     """Rank initial displacements of a line for a second recording, and write the table."""
     ranked = ranked_releases(
-        read_model(model).model, read_trajectories(trajectory)[0], level, HEIGHTS
+        read_model(model).model, read_trajectories(trajectory)[0], level, heights
     )
     write_rows(ranking, [{"case": case, **row} for row in ranked], COLUMNS)  # there may be none
 
