@@ -299,13 +299,13 @@ def _follow_branches(
         return None, [f"along {along}: {failure}"]
     branches = (found.equilibria, *found.cycles.values())
     incomplete = [branch.reason for branch in branches if not branch.complete]
-    steady = [
+    without_oscillation = [
         f"between {along} = {one.solution.value:.4g} and {other.solution.value:.4g} the "
         f"equilibrium becomes {'unstable' if more > 0 else 'stable'} without oscillation"
         for one, other in pairwise(found.equilibria.points)
         if (more := _count_growing(other) - _count_growing(one)) % 2
     ]
-    return found, [*steady, *found.failures, *incomplete]
+    return found, [*without_oscillation, *found.failures, *incomplete]
 
 
 def _find_onsets(
