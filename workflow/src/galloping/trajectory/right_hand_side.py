@@ -294,12 +294,14 @@ def without_idle_monomials(compiled: System, sensitive: bool) -> System:
 class Workspace(NamedTuple):
     """Arrays of Taylor coefficients that the compiled integrators fill at each step.
 
-    x: (order + 1, n_states + n_functions) of the states and of functions of them, theta: (order +
-    1, n_monomials), jac: (order + 1, n_states, n_states) of the Jacobian, s: (order + 1, n_states,
-    n_columns or more) of the sensitivities. kind: (n_states, n_states) 0 where the Jacobian is
-    zero, 1 where it is constant, else 2. u: (order + 1, n_arguments) of the arguments of functions.
-    modes: (n_kinks,) the sign of each argument with a kink, 0 for one that sticks at zero. fresh:
-    (n_kinks,) number of its derivatives, from itself on, that are zero where the step begins.
+    x: (order + 1, n_states + n_functions) of the states and of functions of them. theta:
+    (n_monomials + n_states + n_functions, order + 1) of the monomials, then of the same signals
+    from the highest order down, so that products read both factors in the order of memory. jac:
+    (order + 1, n_states, n_states) of the Jacobian. s: (order + 1, n_states, n_columns or more) of
+    the sensitivities. kind: (n_states, n_states) 0 where the Jacobian is zero, 1 where it is
+    constant, else 2. u: (order + 1, n_arguments) of the arguments of functions. modes: (n_kinks,)
+    the sign of each argument with a kink, 0 for one that sticks at zero. fresh: (n_kinks,) number
+    of its derivatives, from itself on, that are zero where the step begins.
     """
 
     x: np.ndarray
@@ -327,7 +329,7 @@ def make_workspace(compiled: System, order: int, n_states: int, sensitive: bool)
     )
     return Workspace(
         np.zeros((order + 1, n_states + functions)),
-        np.zeros((order + 1, len(compiled.parent))),
+        np.zeros((len(compiled.parent) + n_states + functions, order + 1)),
         np.zeros((order + 1, n_states, n_states)),
         np.zeros((order + 1, n_states, -(-columns // 16) * 16)),  # in whole vectors
         kind,

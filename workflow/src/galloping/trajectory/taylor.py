@@ -55,19 +55,21 @@ BINOMIALS = np.array(
 @njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
 def _fill_monomials(k, x, inputs, theta, parent, factor):
     """Fill Taylor coefficients of order k of monomials, from those of signals, into `theta`."""
-    n_signals = x.shape[1]
-    theta[k, 0] = 1.0 if k == 0 else 0.0
-    for m in range(1, len(parent)):
+    n_signals, n_monomials, order = x.shape[1], len(parent), theta.shape[1] - 1
+    for i in range(n_signals):
+        theta[n_monomials + i, order - k] = x[k, i]
+    theta[0, k] = 1.0 if k == 0 else 0.0
+    for m in range(1, n_monomials):
         if factor[m] >= n_signals:
-            theta[k, m] = inputs[k, factor[m] - n_signals] if k < len(inputs) else 0.0
-            continue
-        if parent[m] == 0:
-            theta[k, m] = x[k, factor[m]]
-            continue
-        total = 0.0
-        for j in range(k + 1):
-            total += theta[j, parent[m]] * x[k - j, factor[m]]
-        theta[k, m] = total
+            theta[m, k] = inputs[k, factor[m] - n_signals] if k < len(inputs) else 0.0
+        elif parent[m] == 0:
+            theta[m, k] = x[k, factor[m]]
+        else:
+            ascending, descending = theta[parent[m]], theta[n_monomials + factor[m], order - k :]
+            total = 0.0
+            for j in range(k + 1):
+                total += ascending[j] * descending[j]
+            theta[m, k] = total
 
 
 @njit(cache=True, error_model="numpy")
@@ -137,10 +139,14 @@ def _solve_linear(matrix, right):
 
 @njit(cache=True, error_model="numpy")
 def _fill_rates(k, theta, rates, rate_values, out):
-    """Fill the Taylor coefficient of order k of each equation's right-hand side into `out`."""
-    out[:] = 0.0
-    for r in range(len(rate_values)):
-        out[rates[r, 0]] += rate_values[r] * theta[k, rates[r, 1]]
+    """Fill Taylor coefficients of order k of the rates of the states, from those of monomials."""
+    r = 0
+    for i in range(len(out)):
+        total = 0.0
+        while r < len(rate_values) and rates[r, 0] == i:  # sorted by equation
+            total += rate_values[r] * theta[rates[r, 1], k]
+            r += 1
+        out[i] = total
 
 
 @njit(cache=True, error_model="numpy")
@@ -149,7 +155,7 @@ def _fill_slides(k, theta, signals, out):
     out[:] = 0.0
     for r in range(len(signals.slide_values)):
         i, kink, m = signals.slides[r]
-        out[i, kink] += signals.slide_values[r] * theta[k, m]
+        out[i, kink] += signals.slide_values[r] * theta[m, k]
 
 
 @njit(cache=True, error_model="numpy")
@@ -176,8 +182,8 @@ def _fill_jets(
 ):
     """Fill Taylor coefficients (scaled by h^k) of the signals `x` and the monomials `theta`.
 
-    x: (order+1, n_states + n_functions), the states of row 0 given; theta: (order+1, n_monomials);
-    both filled in place, as is u: (order+1, n_arguments). inputs: (n_powers, n_factors) those of
+    x: (order+1, n_states + n_functions), the states of row 0 given. x, theta and u: (order+1,
+    n_arguments) are filled in place. inputs: (n_powers, n_factors) those of
     the factors of the inputs. modes: (n_kinks,) the sign of each argument with a kink, 0 if it
     sticks.
     """
@@ -198,11 +204,9 @@ def _fill_jets(
                 x[k, n_states + signals.sign[stuck[a]]] = right[a, 0]
             _fill_monomials(k, x, inputs, theta, parent, factor)
         if k < order:
-            scale = h / (k + 1)
+            _fill_rates(k, theta, rates, rate_values, x[k + 1, :n_states])
             for i in range(n_states):
-                x[k + 1, i] = 0.0
-            for r in range(len(rate_values)):
-                x[k + 1, rates[r, 0]] += scale * rate_values[r] * theta[k, rates[r, 1]]
+                x[k + 1, i] *= h / (k + 1)
 
 
 @njit(cache=True, fastmath={"contract", "nsz", "arcp"}, error_model="numpy")
@@ -218,7 +222,7 @@ def _sensitivity_jets(
     for e in range(len(jacobian_values)):
         i, state, m = jacobian[e, 0], jacobian[e, 1], jacobian[e, 2]
         for k in range(order):
-            jac[k, i, state] += jacobian_values[e] * theta[k, m]
+            jac[k, i, state] += jacobian_values[e] * theta[m, k]
     if signals is not None:
         stuck = np.flatnonzero(modes == 0.0)
         if len(stuck):
@@ -250,7 +254,7 @@ def _sensitivity_jets(
                         row[c] += weight * other[c]
         for c in range(len(columns)):
             weight = scale * weights[c]
-            s[k + 1, columns[c, 0], columns[c, 2]] += weight * theta[k, columns[c, 1]]
+            s[k + 1, columns[c, 0], columns[c, 2]] += weight * theta[columns[c, 1], k]
         if signals is not None and len(stuck):
             _hold_sensitivities(k, s, slides, signs, stuck, scale, signals)
 
