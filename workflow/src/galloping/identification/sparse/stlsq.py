@@ -135,7 +135,8 @@ def fit(
     Returns (m, p). Targets in units of their threshold allow a common threshold of 1. Without a
     ridge STLSQ's last step is least squares already, there is no bias to remove.
     """
-    optimizer = ps.STLSQ(threshold=1, alpha=ridge, unbias=ridge > 0)
+    unchecked = {"check_input": False}  # the checks take longer than the solution
+    optimizer = ps.STLSQ(threshold=1, alpha=ridge, unbias=ridge > 0, ridge_kw=unchecked)
     with config_context(assume_finite=True, skip_parameter_validation=True):
         scaled = optimizer.fit(library, targets / thresholds).coef_
     return scaled * thresholds[:, np.newaxis]

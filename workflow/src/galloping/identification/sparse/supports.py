@@ -7,8 +7,11 @@ COLLINEAR = 1e-12  # share of a unit column's square that rounding leaves if oth
 
 
 def threshold_path(length: int) -> np.ndarray:
-    """Return `length` thresholds in geometric sequence, relative to the largest coefficient."""
-    return np.geomspace(NEGLIGIBLE, 1, length)
+    """Return `length` thresholds in geometric sequence, relative to the largest coefficient.
+
+    They are below 1, at which rounding would decide whether the only term of an equation stays.
+    """
+    return np.geomspace(NEGLIGIBLE, 1 - NEGLIGIBLE, length)
 
 
 def ebic(
