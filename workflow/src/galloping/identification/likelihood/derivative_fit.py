@@ -10,7 +10,6 @@ from galloping.identification.likelihood.free_run import sandwich_covariance
 from galloping.identification.likelihood.model_error import prior_covariance
 from galloping.identification.likelihood.residual_tests import RESIDUAL_RATE
 from galloping.identification.likelihood.verdict import (
-    ApproximateFit,
     Fitted,
     Regression,
     assess_approximation,
@@ -94,6 +93,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         pulls.append(pull[:, support])
     of_prior = prior_covariance(problem, covariance, support)
     covariance = sandwich_covariance(pulls, covariance) + of_prior
-    correlated = [Finding.of(Code.DERIVATIVES_CORRELATED)]
-    near = ApproximateFit(free, support, information, covariance, penalty)
-    return assess_approximation(problem, near, correlated, **fitted)
+    findings = [Finding.of(Code.DERIVATIVES_CORRELATED)]
+    return assess_approximation(
+        problem, free, support, information, covariance, penalty, findings, **fitted
+    )

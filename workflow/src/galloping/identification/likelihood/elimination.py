@@ -13,6 +13,7 @@ from galloping.identification.likelihood.shooting import (
     Linearised,
     Segments,
     ShootingData,
+    ShootingFit,
 )
 from galloping.identification.likelihood.square_root import (
     EQUAL,
@@ -22,13 +23,15 @@ from galloping.identification.likelihood.square_root import (
     follow_states,
     link_segments,
 )
-from galloping.identification.problem import Problem
+from galloping.identification.likelihood.weak_constraint import StretchFit
 from galloping.identification.selection import Price
 from galloping.identification.work import count_work
 
 # A chain ends before the derivatives of its end by its first state and by the coefficients, in
-# standard errors of one segment, exceed this limit. Integration errors grow as much. Of 48
-# recordings of Lorenz's system, 39 have exact models with 1e6, 37 with 1e8, and 39 with 1e10.
+# standard errors of one segment, exceed this limit, as in a chaotic or very long recording.
+# Integration errors grow as much. The last stretch of a chaotic recording has most information: of
+# 288 recordings of Lorenz's system with 20 to 40 % of noise, 213 have exact models with a limit of
+# 2,000, 246 with 1e6; of 48 others, 39 with 1e6, 37 with 1e8, and 39 with 1e10.
 MAX_SEGMENT_GROWTH = 1e6
 # A direction of a chain's first state is not solved for if its relative singular value is below
 # UNDETERMINED: three times TRUNCATION, since integration errors cause singular values of this size.
@@ -48,28 +51,24 @@ class NormalEquations:
     information: np.ndarray
     right: np.ndarray
 
-    def choose_terms(
-        self, problem: Problem, free: np.ndarray, support: np.ndarray, price: Price | float
-    ) -> np.ndarray:
-        """Choose the best terms, (n,), searched from all candidates and from a support.
-
-        free: (n,) coefficients of the fit.
-        """
-        tried = [np.ones(len(support), bool), support]
-        return problem.select_terms(self.information, self.right, tried, price, free)
+    def choose_terms(self, fit: ShootingFit | StretchFit, price: Price | float) -> np.ndarray:
+        """Choose the best terms, (n,), searched from all candidates and from those of the fit."""
+        tried, problem = [np.ones(len(fit.support), bool), fit.support], fit.record.problem
+        return problem.select_terms(self.information, self.right, tried, price, fit.free)
 
     def best_coefficients(
-        self, problem: Problem, free: np.ndarray, support: np.ndarray
+        self, fit: ShootingFit | StretchFit, support: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Compute the best coefficients (n,) of a support within their bounds.
 
-        Returns their covariance (n_support, n_support) without bounds as well. free: (n,)
-        coefficients of the fit.
+        Returns their covariance (n_support, n_support) without bounds as well.
         """
         # solved for the change: on a long chain, rounding of the coefficients outweighs their noise
-        kept = np.where(support, free, 0.0)
-        right = self.right + self.information @ (free - kept)
-        change, covariance = problem.solve_within_bounds(self.information, right, support, kept)
+        kept = np.where(support, fit.free, 0.0)
+        right = self.right + self.information @ (fit.free - kept)
+        change, covariance = fit.record.problem.solve_within_bounds(
+            self.information, right, support, kept
+        )
         return kept + change, covariance
 
 
@@ -99,20 +98,15 @@ class Eliminated(NormalEquations):
 
 
 def chain_segments(linear: Linearised, segments: Segments, longest: float = np.inf) -> Segments:
-    """Join consecutive segments into chains whose ends are not too sensitive to their starts.
+    """Join consecutive segments into chains, as long as MAX_SEGMENT_GROWTH permits.
 
-    The chains are as long as possible. longest: how many segments a chain may have; with one, every
-    segment is free. A new chain begins where the derivatives of the end by the first state of the
-    chain and the coefficients, in standard errors of one segment, exceed MAX_SEGMENT_GROWTH, as in
-    a chaotic or very long recording. The last stretch of a chaotic recording has most information:
-    of 288 recordings of Lorenz's system with 20 to 40 % of noise, chains that grow by 2,000 lead to
-    213 exact models, by 1e6 to 246.
+    longest: how many segments a chain may have; with one, every segment is free.
     """
     n = linear.right.shape[1]
     of_states = np.sum(linear.rows[:, :, n:-1] ** 2, axis=1).mean(axis=0)
     of_coefficients = np.einsum("kii->i", linear.information)
-    told = np.sqrt(np.append(of_coefficients, of_states))
-    errors = np.divide(1.0, told, out=np.zeros(len(told)), where=told > 0.0)
+    root = np.sqrt(np.append(of_coefficients, of_states))
+    errors = np.divide(1.0, root, out=np.zeros(len(root)), where=root > 0.0)
     count_work(SEGMENT_WORK * len(linear.ends))
     begins = np.diff(segments.recording, prepend=0) != 0
     chains = link_segments(linear.end_derivatives, begins, errors, longest, MAX_SEGMENT_GROWTH)

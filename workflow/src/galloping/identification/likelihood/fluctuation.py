@@ -35,14 +35,12 @@ MEMORY = np.exp(-STRETCH_PERIODS / (PARTS * 4.0))
 def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray] | None:
     """Fit a model whose coefficients fluctuate randomly in time: select terms, estimate means.
 
-    Returns the fit, and the covariance of the means (n_support, n_support).
-
-    fit: of the whole library. None unless fluctuations explain most of its residual beyond the
-    noise: if the library lacks something else, such as further modes that a sensor measures,
-    fluctuations would explain part of that. None, too, if segments are too short or too many to be
-    divided, no term remains or the work is exhausted. Raises FloatingPointError, or numpy's
-    LinAlgError, if the iteration diverges. penalty: of a term in units of chi^2, if the model were
-    exact.
+    fit: of the whole library. penalty: of a term in units of chi^2, if the model were exact.
+    Returns the fit, and the covariance of the means (n_support, n_support). None unless
+    fluctuations explain most of the residual beyond the noise: they would also explain part of
+    something else that the library lacks, such as further modes. None, too, if segments are too
+    short or too many to be divided, no term remains or the work is exhausted. Raises
+    FloatingPointError, or numpy's LinAlgError, if the iteration diverges.
     """
     record, problem = fit.record, fit.record.problem
     equation, term = problem.candidates.T
@@ -64,9 +62,9 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
     unit = 2.0 * np.pi / period * size[equation[rates]] / size[exponents[rates].argmax(axis=1)]
     # first and least variance of expectation maximisation: from zero it would never rise
     variance, least = (2e-3 * unit) ** 2, (1e-6 * unit) ** 2
-    # Number of fits, each after five passes that update the slowly changing variances. The first
-    # and the last fit choose no terms. With three or six fits, or with three passes, one of ten
-    # answers of `make exam` changes, by less than 0.2 standard errors.
+    # The first and the last fit choose no terms. Each takes five passes for the slowly changing
+    # variances. With three or six fits, or with three passes, one of ten answers of `make exam`
+    # changes, by less than 0.2 standard errors.
     passes = 4
     fine = replace(fit, record=parts, starts=parts.starts, misfit=misfit, repeated=rates)
     for passed in range(passes):
@@ -85,9 +83,9 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
             roots = _change_roots(parts, jumping, jump, size, variance)
             solved = eliminate_with_jumps(wider, parts.segments, roots)
             if not settling and 0 < passed < passes - 1:
-                support = solved.choose_terms(problem, fine.free, support, penalty)
+                support = solved.choose_terms(fine, penalty)
                 support = problem.same_state_monomial(support)
-            free, covariance = solved.best_coefficients(problem, fine.free, support)
+            free, covariance = solved.best_coefficients(fine, support)
             change = free - fine.free
             jump = jump_covariance(parts, wider, solved, change, jumping)
             step = solved.move_states(change)
@@ -109,11 +107,7 @@ def _log_excess(record: ShootingData, misfit: np.ndarray) -> float:
 
 
 def _divide_segments(record: ShootingData) -> tuple[ShootingData, np.ndarray]:
-    """Divide the segments of a record into PARTS.
-
-    Returns the record, and the parts after which the state may jump: the last part of each segment
-    that another one follows.
-    """
+    """Divide segments into PARTS; return the record, and the parts that end a followed segment."""
     segments = record.segments
     first = np.linspace(segments.first[:-1], segments.first[1:], PARTS, endpoint=False, axis=1)
     first = np.append(first.round().astype(np.int64), segments.first[-1])
@@ -127,8 +121,7 @@ def _add_fluctuations(
 ) -> Linearised:
     """Add fluctuations of the coefficients `rates` (n_rates,) to each segment's state.
 
-    Fluctuations act as their coefficients do, whose columns `linear` repeats, and have their
-    `variance` (n_rates,) where a recording begins.
+    `linear` repeats the columns of these coefficients. variance: (n_rates,) of the fluctuations.
     """
     (count, n_states), n, extra = linear.starts.shape, linear.right.shape[1], len(variance)
     begin = np.zeros((count, extra, linear.rows.shape[2]))
@@ -152,8 +145,7 @@ def _change_roots(
 ) -> np.ndarray:
     """Compute roots of the inverse covariance of the change of state and fluctuations.
 
-    Returns (n_segments, n_states + n_rates, n_states + n_rates), from each segment to the next.
-    States jump after `jumping` alone.
+    Returns (n_segments, n_states + n_rates, n_states + n_rates). States jump after `jumping` alone.
     """
     states = record.jump_roots(np.diag((1e-4 * size) ** 2))  # practically continuous
     states[jumping] = record.jump_roots(jump)[jumping]

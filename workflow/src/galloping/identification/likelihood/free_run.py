@@ -23,11 +23,7 @@ from galloping.identification.likelihood.shooting import (
     ShootingFit,
     segment_residuals,
 )
-from galloping.identification.likelihood.trajectory_fit import (
-    CONVERGED,
-    MOST_PASSES,
-    take_step,
-)
+from galloping.identification.likelihood.trajectory_fit import CONVERGED, MOST_PASSES, take_step
 from galloping.identification.no_model import NoModel
 from galloping.identification.observations import Code, Finding
 from galloping.identification.selection import solve_support

@@ -17,8 +17,8 @@ from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.oscillations import FurtherMode
 from galloping.model.polynomial import velocity_pairs
 
-MOST = 4  # most modes of a channel
-WORTH = 0.1  # least share of the residual's power that a reported mode explains
+MOST_MODES = 4  # most modes of a channel
+LEAST_POWER = 0.1  # least share of the residual's power that a reported mode explains
 FASTEST = 0.4  # most periods of a mode in a window: means over windows show little of faster ones
 
 
@@ -30,9 +30,9 @@ def find_further_modes(
     residual: (n_windows, n_observed, n_rows) projections of the samples less those of the model,
     not finite if the model diverges. Channels that measure the rate of another are left out.
     """
-    found: list[FurtherMode] = []
-    own = condensed.observed[~condensed.is_rate]
-    rates = {v for i, v in velocity_pairs(states).items() if i in own}
+    modes: list[FurtherMode] = []
+    values = condensed.observed[~condensed.is_rate]
+    rates = {v for i, v in velocity_pairs(states).items() if i in values}
     weights = condensed.samplings[:, :, 0, 0]
     for r, (a, b) in enumerate(pairwise(condensed.first)):
         for o, i in enumerate(condensed.observed):
@@ -46,9 +46,9 @@ def find_further_modes(
             main = 1 + np.argmax(np.abs(np.fft.rfft(data)[1:]))
             lowest = 1.5 * main / (b - a) / condensed.step  # Hz; below are the model's errors
             time = condensed.step * (sampled + 0.5)
-            modes = _find_oscillations(time, means, condensed.step, lowest)
-            found += [FurtherMode(r, states[i], *mode) for mode in modes]
-    return tuple(found)
+            oscillations = _find_oscillations(time, means, condensed.step, lowest)
+            modes += [FurtherMode(r, states[i], *each) for each in oscillations]
+    return tuple(modes)
 
 
 def _find_oscillations(
@@ -56,13 +56,13 @@ def _find_oscillations(
 ) -> list[tuple[float, float, float, float]]:
     """Find frequency, growth, cosine and sine of the strongest oscillations, as in `FurtherMode`.
 
-    There are at most MOST, the strongest first. values: (n,) means over windows, s, about the times
-    (n,), of which some may be missing. lowest: frequency, Hz.
+    There are at most MOST_MODES, the strongest first. values: (n,) means over windows, s, about the
+    times (n,), of which some may be missing. lowest: frequency, Hz.
     """
     stretch = Stretch(time - time[0], values[:, np.newaxis], (0,))
     band = 2.0 * np.pi * lowest, 2.0 * np.pi * FASTEST / window
-    found, poles, left = [], np.empty(0, complex), values - values.mean()
-    for _ in range(MOST):
+    poles, amplitudes, left = np.empty(0, complex), np.empty(0, complex), values - values.mean()
+    for _ in range(MOST_MODES):
         best = strongest_mode([stretch], [left[:, np.newaxis]], poles, band=band)
         if best is None:
             break
@@ -70,12 +70,11 @@ def _find_oscillations(
         if isinstance(fit, NoModel):
             break
         remainder = fit.residuals[0][:, 0]
-        if remainder @ remainder > (1.0 - WORTH) * (left @ left):
+        if remainder @ remainder > (1.0 - LEAST_POWER) * (left @ left):
             break
-        poles, left = fit.poles, remainder
-        found = list(zip(poles, fit.amplitudes[0][:, 0], strict=True))
+        poles, amplitudes, left = fit.poles, fit.amplitudes[0][:, 0], remainder
     modes = []
-    for pole, amplitude in found:
+    for pole, amplitude in zip(poles, amplitudes, strict=True):
         begin = amplitude * np.exp(-pole * time[0])  # at the first sample
         inside = np.sinc(pole.imag * window / (2.0 * np.pi))  # share left in a mean over a window
         cosine, sine = begin.real / inside, -begin.imag / inside

@@ -5,6 +5,7 @@ much the data contradict this, without another fit (C. R. Rao, 1948; T. S. Breus
 1979). Noise shows in the variance of the residuals, forces in the mismatch of the segments.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -28,7 +29,7 @@ from galloping.identification.selection import (
     solve_support,
     whiten,
 )
-from galloping.model.polynomial import exponent_matrix, velocity_pairs
+from galloping.model.polynomial import Exponents, exponent_matrix, velocity_pairs
 
 FORCES = (Code.FORCES, Code.FORCES_BESIDE_INPUTS)  # unknown forces without inputs, and with inputs
 
@@ -37,12 +38,11 @@ FORCES = (Code.FORCES, Code.FORCES_BESIDE_INPUTS)  # unknown forces without inpu
 class Fault:
     """A possible sensor fault or unknown force, and the result of the statistical test for it.
 
-    cause: finding that names the fault. z: evidence for the fault, in standard deviations.
-    or_model: whether a wrong model would show as this fault does. Residuals of a wrong model are
-    larger if the motion is larger, like noise that grows with the motion, and a missing term may be
-    slow, like a drift. mixture: (n_parameters,) weights of the parameters of faults, tested as one
-    parameter; none for a fault that is no parameter. is_noise: whether the fault only adds white
-    noise, which explains no coloured misfit.
+    cause: finding that names the fault. or_model: whether a wrong model may look like this fault,
+    as a missing slow term like a drift. z: evidence for the fault, in standard deviations. mixture:
+    (n_parameters,) weights of the parameters of faults, tested as one parameter; none for a fault
+    that is no parameter. is_noise: whether the fault only adds white noise, which explains no
+    coloured misfit.
     """
 
     cause: Finding
@@ -52,10 +52,8 @@ class Fault:
     is_noise: bool = False
 
     def can_explain(self, excess: float) -> bool:
-        """Decide whether the fault can explain a given excess of chi^2 over that of the noise.
-
-        Either the fault explains most of the misfit, or any misfit of a model shows as this fault.
-        """
+        """Decide whether the fault explains most of an excess of chi^2 over that of the noise."""
+        # any misfit of a model shows as unknown forces
         explained = 0.0 if self.is_noise else self.z**2
         return self.cause.code in FORCES or explained >= excess / 2.0
 
@@ -63,9 +61,8 @@ class Fault:
 def find_faults(fit: ShootingFit, penalty: float) -> list[Fault]:
     """Test a fit for sensor faults and unknown forces; return those found, the clearest first.
 
-    The list is empty if the recording is sound. fit: converged, in its chains. penalty: 2 ln N of N
-    samples. The false-alarm rate is one sound recording in two hundred. Raises FloatingPointError
-    if the model diverges.
+    The false-alarm rate is one sound recording in two hundred. fit: converged, in its chains.
+    penalty: 2 ln N of N samples. Raises FloatingPointError if the model diverges.
     """
     problem, condensed, segments = fit.record.problem, fit.record.condensed, fit.record.segments
     residual, _ = segment_residuals(fit.record, fit.free, fit.starts)
@@ -104,10 +101,6 @@ DelayedInput = tuple[str, list[tuple[int, int]], list[float]]
 def _add_input_rates(fit: ShootingFit) -> tuple[ShootingFit, list[DelayedInput]]:
     """Add terms with the rates of inputs to the problem of a fit, to test for delays.
 
-    Returns the fit, with the rates as inputs of its problem, and for each input that may be delayed
-    its name, the coefficients (equation, term) that then are not zero, and their values for a delay
-    of 1 s.
-
     A delay of an input u subtracts c b u^(b - 1) du/dt from each term c u^b. Tested are inputs that
     share no term with another.
     """
@@ -140,13 +133,24 @@ def _add_input_rates(fit: ShootingFit) -> tuple[ShootingFit, list[DelayedInput]]
             late.append((name, pairs, weights))
     if not late:
         return fit, []
+    rates = [f"d({name})/dt" for name in problem.inputs]
+    return add_inputs(fit, rates, terms, np.concatenate(columns, axis=2)), late
+
+
+def add_inputs(
+    fit: ShootingFit, names: Sequence[str], terms: Sequence[Exponents], factors: np.ndarray
+) -> ShootingFit:
+    """Add inputs, and terms in them, to the problem of a fit.
+
+    names: of the inputs. terms: those of the problem, in these inputs too, then the added ones.
+    factors: as `Condensed.inputs`.
+    """
+    record, problem = fit.record, fit.record.problem
     added = ((0, 0), (0, len(terms) - len(problem.terms)))
-    inputs = (*problem.inputs, *(f"d({name})/dt" for name in problem.inputs))
-    wider = replace(
-        problem.change_terms(lambda values: np.pad(values, added), terms), inputs=inputs
-    )
-    with_slopes = replace(condensed, inputs=np.concatenate(columns, axis=2))
-    return replace(fit, record=replace(fit.record, problem=wider, condensed=with_slopes)), late
+    wider = problem.change_terms(lambda values: np.pad(values, added), terms)
+    wider = replace(wider, inputs=(*problem.inputs, *names))
+    condensed = replace(record.condensed, inputs=factors)
+    return replace(fit, record=replace(record, problem=wider, condensed=condensed))
 
 
 def _fault_parameters(
@@ -154,13 +158,11 @@ def _fault_parameters(
 ) -> tuple[np.ndarray, np.ndarray, list[Fault]]:
     """Make the parameters of faults, and the faults as mixtures of them.
 
-    Returns coefficients that are zero or known, (n_entries, 2), columns as in `linearise`, and the
-    faults.
-
-    rates: (n_windows, n_observed, n_rows) projections of the solution's time derivatives.
+    rates: (n_windows, n_observed, n_rows) projections of the solution's time derivatives. Returns
+    coefficients that are zero or known, (n_entries, 2), columns as in `linearise`, and the faults.
     """
     problem, condensed = record.problem, record.condensed
-    states, names = problem.states, condensed.channel_names(problem.states)
+    states, names = problem.states, record.channel_names
     channel = {int(condensed.observed[o]): int(o) for o in np.flatnonzero(~condensed.is_rate)}
     velocities = velocity_pairs(states).items()
     kinematic = [(i, v) for i, v in velocities if i in channel and v in channel]
@@ -203,9 +205,8 @@ def _fault_parameters(
 def score_test(information: np.ndarray, right: np.ndarray, mixture: np.ndarray) -> float:
     """Compute z, in standard deviations, of the score test for a combination of parameters.
 
-    information, right: normal equations. mixture: weights of the last parameters in the
-    combination. The other parameters are at their best; 0 if they are collinear with the
-    combination.
+    mixture: weights of the last parameters in the combination. The other parameters are at their
+    best; 0 if they are collinear with the combination.
     """
     information, right = _combine_parameters(information, right, mixture)
     change, covariance = solve_support(information, right, np.arange(len(right)) < len(right) - 1)
@@ -226,10 +227,7 @@ def _combine_parameters(
 
 
 def _score_beside_term(quadratic: Eliminated, fit: ShootingFit, test: Fault) -> float:
-    """Compute z of a fault together with the one term, if any, that the model lacks most.
-
-    The residual of a weak term that was not selected may look like a fault.
-    """
+    """Compute z of a fault beside the term that the model lacks most, which may look like it."""
     n, more = len(fit.support), fit.support.copy()
     whitened = whiten(quadratic.information[:n, :n], quadratic.right[:n], fit.free)
     here = make_tableau(whitened, fit.support & whitened.is_usable)
@@ -245,11 +243,7 @@ def _score_beside_term(quadratic: Eliminated, fit: ShootingFit, test: Fault) -> 
 def _score_instead_of_terms(
     quadratic: Eliminated, fit: ShootingFit, test: Fault, penalty: float
 ) -> float:
-    """Compute z of a fault that may replace terms which only imitate it.
-
-    It measures how much the data prefer the fault with newly selected terms to the terms without
-    it; 0 if they do not.
-    """
+    """Compute z by which the data prefer a fault with newly selected terms to the present terms."""
     information, right = _combine_parameters(quadratic.information, quadratic.right, test.mixture)
     problem, about = fit.record.problem, np.append(fit.free, 0.0)
     prices = np.append(problem.least_prices(penalty), penalty)
@@ -262,7 +256,6 @@ def _score_instead_of_terms(
         return 0.0
 
     def penalised_misfit(present: np.ndarray) -> float:
-        """Compute chi^2, relative to the fit, and the penalty of the terms and of the fault."""
         gone = np.where(present, 0.0, -about)
         rest = right - information @ gone
         change, _ = solve_support(information, rest, present)
@@ -273,10 +266,7 @@ def _score_instead_of_terms(
 
 
 def _test_gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
-    """Test whether stretches are followed better than the recording as a whole.
-
-    linear: by the terms of the fit, and then by parameters of faults.
-    """
+    """Test whether stretches are followed better than the whole recording by a fit's terms."""
     segments, starts = fit.record.segments, fit.starts
     among = np.arange(linear.right.shape[1]) < fit.support.sum()
 
@@ -330,10 +320,9 @@ def _test_variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -
 
 
 def _as_gaussian(z: float, skew: float) -> float:
-    """Transform a skew variable to the Gaussian one that is exceeded as often.
+    """Transform z, of variance one and skew like a chi^2 variable, to a Gaussian variable.
 
-    z: of variance one, with a skewness, approximated by a chi^2 variable as skew (E. B. Wilson and
-    M. M. Hilferty, 1931).
+    It is exceeded as often (E. B. Wilson and M. M. Hilferty, 1931).
     """
     if skew <= 0.0:
         return z

@@ -1,8 +1,6 @@
 """Maximum likelihood estimation of coefficients, initial states and terms.
 
-docs/identification.md describes the method in the order of this module: the initial guesses, each
-of which is fitted in free segments and joined over the recording; the residuals; the assessment;
-and the searches if no model of the library is right.
+docs/identification.md describes the method in the order of the code, which begins here.
 """
 
 from collections.abc import Callable, Sequence
@@ -42,14 +40,18 @@ from galloping.identification.inputs import (
     segments_with_inputs,
     validated_problem,
 )
-from galloping.identification.likelihood import free_run, starts, trajectory_fit
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.exact_fit import fit_exact
+from galloping.identification.likelihood.free_run import fit_free_runs
 from galloping.identification.likelihood.model_error import fit_approximation
-from galloping.identification.likelihood.verdict import (
-    best_of,
-    have_same_terms,
+from galloping.identification.likelihood.starts import (
+    TIME_SCALES,
+    has_free_equilibrium,
+    positions_of_rest,
+    rescale_start,
 )
+from galloping.identification.likelihood.trajectory_fit import follows_in_segments, prepare_fit
+from galloping.identification.likelihood.verdict import best_of, have_same_terms
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
@@ -63,8 +65,6 @@ from galloping.identification.random_forces.unmodelled import find_unmodelled_mo
 from galloping.identification.work import MOST, is_exhausted, limit_work, sub_budget
 from galloping.model.polynomial import Exponents, PolynomialModel
 from galloping.recording.samples import Recording
-
-FREE = 0.2  # share of a search's work in which a nonlinear model of free motion is sought
 
 Outcome = IdentifiedModel | NoModel
 Findings = tuple[Finding, ...]
@@ -139,15 +139,15 @@ def maximum_likelihood(
     if isinstance(used, NoModel):
         return prepend_path(["no model"], refused_model(problem, used.findings))
     if all(recording.exact for recording in used):
-        found = prepend_path(["derivatives"], derivative_fit(problem, used))
+        identified = prepend_path(["derivatives"], derivative_fit(problem, used))
     else:
         moving = moving_recordings(used, problem.terms)
+        start = None if moving.findings else start
         with limit_work(used) as work:
-            begun = None if moving.findings else start
-            found = work.downgrade_if_ended(_search_model(problem, moving, begun))
-        found = explain_single_state(with_findings(found, moving), used)
-    found = add_input_errors(check_prior_conflict(problem, found), recordings, used)
-    return add_alias_rivals(problem, found)
+            identified = work.downgrade_if_ended(_search_model(problem, moving, start))
+        identified = explain_single_state(with_findings(identified, moving), used)
+    identified = add_input_errors(check_prior_conflict(problem, identified), recordings, used)
+    return add_alias_rivals(problem, identified)
 
 
 def _search_model(problem: Problem, moving: Moving, start: Start | None) -> IdentifiedModel:
@@ -158,18 +158,18 @@ def _search_model(problem: Problem, moving: Moving, start: Start | None) -> Iden
     """
     recordings = moving.recordings
     if (motion := find_free_motion(moving.until_rest)) is not None:
-        with limit_work(recordings, FREE * MOST):
+        with limit_work(recordings, 0.2 * MOST):
             search = partial(_fit_free_motion, problem)
-            found = identify_free_motion(problem, motion, recordings, search)
-        if isinstance(found, IdentifiedModel):
-            return found
+            outcome = identify_free_motion(problem, motion, recordings, search)
+        if isinstance(outcome, IdentifiedModel):
+            return outcome
     return _search_time_scales(problem, recordings, start)
 
 
 def _fit_free_motion(problem: Problem, recordings: list[Recording]) -> Outcome:
     """Fit the model that follows free motion to the noise."""
-    begun = attempt(partial(make_start, problem, recordings))
-    return begun if isinstance(begun, NoModel) else _search_rest_positions(begun, fit_exact)
+    start = attempt(partial(make_start, problem, recordings))
+    return start if isinstance(start, NoModel) else _search_rest_positions(start, fit_exact)
 
 
 def _search_time_scales(
@@ -181,22 +181,20 @@ def _search_time_scales(
     faster.
     """
     objections = []
-    for share in starts.TIME_SCALES:
+    for share in TIME_SCALES:
         if is_exhausted():
             break
-        begun = start if share == 1.0 else None
-        found = attempt(partial(_search_time_scale, problem, recordings, share, begun))
-        if isinstance(found, IdentifiedModel):
-            return found if share == 1.0 else prepend_path([f"time scale {share:g}"], found)
-        objections.append(found.findings)
-    first = objections[0] if objections else ()
-    return prepend_path(
-        ["no model"], refused_model(problem, (*find_unmodelled_modes(recordings), *first))
-    )
+        given = start if share == 1.0 else None
+        outcome = attempt(partial(_search_time_scale, problem, recordings, share, given))
+        if isinstance(outcome, IdentifiedModel):
+            return outcome if share == 1.0 else prepend_path([f"time scale {share:g}"], outcome)
+        objections.append(outcome.findings)
+    findings = *find_unmodelled_modes(recordings), *(objections[0] if objections else ())
+    return prepend_path(["no model"], refused_model(problem, findings))
 
 
 def _search_time_scale(
-    problem: Problem, recordings: list[Recording], share: float, begun: Start | None
+    problem: Problem, recordings: list[Recording], share: float, given: Start | None
 ) -> Outcome:
     """Run the searches of a time scale in their order.
 
@@ -204,28 +202,23 @@ def _search_time_scale(
     Random forces are tried if the motion may be due to them, and first if no model follows the data
     in segments, or if displacements are not measured.
     """
-    first = replace(begun, problem=problem) if begun else make_start(problem, recordings, share)
-    begun, told = starts.rescale_start(first, recordings, share)
-    searches = [partial(_search_exact, begun), partial(_search_approximate, begun)]
+    first = replace(given, problem=problem) if given else make_start(problem, recordings, share)
+    start, scales = rescale_start(first, recordings, share)
+    searches = [partial(_search_exact, start), partial(_search_approximate, start)]
     if share == 1.0:
         may_be_random = is_ambient_candidate(first)
-        follows = (
+        exact_first = (
             not may_be_random
             or problem.tables.n_kinks  # near kinks a start may miss the model
-            or (
-                not starts.has_free_equilibrium(first) and trajectory_fit.follows_in_segments(first)
-            )
+            or (not has_free_equilibrium(first) and follows_in_segments(first))
         )
-        tried = [
-            partial(_search_free_motion, first),
-            *([partial(_search_stochastic, first)] if may_be_random else []),
-        ]
-        place = 1 if follows else 0
-        searches[place:place] = tried
-    found = _run_searches(searches, recordings)
-    if isinstance(found, NoModel):
-        return found
-    return replace(found, diagnostics={**told, **found.diagnostics})
+        others = [_search_free_motion, *([_search_stochastic] if may_be_random else [])]
+        place = 1 if exact_first else 0
+        searches[place:place] = [partial(search, first) for search in others]
+    outcome = _run_searches(searches, recordings)
+    if isinstance(outcome, NoModel):
+        return outcome
+    return replace(outcome, diagnostics={**scales, **outcome.diagnostics})
 
 
 def _run_searches(searches: Sequence[Search], recordings: list[Recording]) -> Outcome:
@@ -238,82 +231,81 @@ def _run_searches(searches: Sequence[Search], recordings: list[Recording]) -> Ou
     objections: Findings = ()
     with ExitStack() as limits:
         for search in searches:
-            found, is_sure = search(objections)
-            if isinstance(found, NoModel):
-                objections = found.findings or objections
+            outcome, is_sure = search(objections)
+            if isinstance(outcome, NoModel):
+                objections = outcome.findings or objections
             elif is_sure:
                 break
             else:
-                unsure = found
+                unsure = outcome
                 limits.enter_context(limit_work(recordings, 0.25 * MOST))
-    return unsure if unsure and found.tells_little else found
+    return unsure if unsure and outcome.tells_little else outcome
 
 
-def _search_exact(begun: Start, _: Findings) -> tuple[Outcome, bool]:
+def _search_exact(start: Start, _: Findings) -> tuple[Outcome, bool]:
     """Search for the model that follows the data to the noise."""
     with sub_budget(0.6):  # the rest of the work is for an approximate model
-        return _search_rest_positions(begun, fit_exact), True
+        return _search_rest_positions(start, fit_exact), True
 
 
-def _search_rest_positions(begun: Start, search: Callable[[Start], Outcome]) -> Outcome:
+def _search_rest_positions(start: Start, search: Callable[[Start], Outcome]) -> Outcome:
     """Run a search, from several equilibria if displacements are not measured.
 
     Equilibria are tried until two models have the same terms. The outcome is the best.
     """
-    if not starts.has_free_equilibrium(begun):
-        return attempt(partial(search, begun))
-    found, objections = [], []
-    for name, position in starts.positions_of_rest(begun):
+    if not has_free_equilibrium(start):
+        return attempt(partial(search, start))
+    models, failures = [], []
+    for name, position in positions_of_rest(start):
         outcome = attempt(partial(search, position))
         if isinstance(outcome, NoModel):
-            objections.append(outcome)
+            failures.append(outcome)
         else:
-            found.append(prepend_path([name], outcome))
-        if have_same_terms(found) or is_exhausted():
+            models.append(prepend_path([name], outcome))
+        if have_same_terms(models) or is_exhausted():
             break
-    return expand_terms(begun.problem, best_of(found)) if found else objections[0]
+    return expand_terms(start.problem, best_of(models)) if models else failures[0]
 
 
-def _search_free_motion(begun: Start, objections: Findings) -> tuple[Outcome, bool]:
+def _search_free_motion(start: Start, objections: Findings) -> tuple[Outcome, bool]:
     """Search for the model of free motion of several coordinates.
 
     The motion is used without its further modes and between events. If no model follows it to the
     noise, the model is the linear one of its modes. In free motion without further modes and
     events, random forces are not tried.
     """
-    if is_of_one_coordinate(begun.recordings):  # already tried before all other searches
+    if is_of_one_coordinate(start.recordings):  # already tried before all other searches
         return NoModel(objections), False
-    motion = classify_motion(begun.recordings)
+    motion = classify_motion(start.recordings)
     if motion is None or not (motion.is_linear or motion.decays):
         return NoModel(objections), False
-    found: Outcome = NoModel(objections)
     if motion.further or motion.findings:
-        alone = attempt(partial(make_start, begun.problem, without_further_modes(motion)))
-        found = alone if isinstance(alone, NoModel) else _search_exact(alone, objections)[0]
-    if isinstance(found, IdentifiedModel):
-        return prepend_path([PATH], with_further_modes(found, motion)), True
+        alone = attempt(partial(make_start, start.problem, without_further_modes(motion)))
+        outcome = alone if isinstance(alone, NoModel) else _search_exact(alone, objections)[0]
+        if isinstance(outcome, IdentifiedModel):
+            return prepend_path([PATH], with_further_modes(outcome, motion)), True
     if motion.is_linear:
-        found = identify_linear_motion(begun.problem, motion)
-        if isinstance(found, IdentifiedModel):
-            return found, True
-    return _search_approximate(begun, objections)
+        outcome = identify_linear_motion(start.problem, motion)
+        if isinstance(outcome, IdentifiedModel):
+            return outcome, True
+    return _search_approximate(start, objections)
 
 
-def _search_stochastic(begun: Start, _: Findings) -> tuple[Outcome, bool]:
+def _search_stochastic(start: Start, _: Findings) -> tuple[Outcome, bool]:
     """Search for the model in random forces, and decide whether these certainly moved the system.
 
     An input with a wrong delay looks like random forces, and is named.
     """
-    found, is_sure = try_random_forces(begun.problem, begun.recordings, begun.period)
-    if found is None:
+    identified, is_sure = try_random_forces(start.problem, start.recordings, start.period)
+    if identified is None:
         return NoModel(), False
-    return found.with_findings(*_find_late_inputs(begun)), is_sure
+    return identified.with_findings(*_find_late_inputs(start)), is_sure
 
 
-def _search_approximate(begun: Start, objections: Findings) -> tuple[Outcome, bool]:
+def _search_approximate(start: Start, objections: Findings) -> tuple[Outcome, bool]:
     """Search for the model nearest to the data if none follows them. objections: the reasons."""
     # a score test names a late input, but not by how much it is late
-    late = _find_late_inputs(begun)
+    late = _find_late_inputs(start)
     named = {each.subject for each in late}
     other = (
         each
@@ -321,33 +313,32 @@ def _search_approximate(begun: Start, objections: Findings) -> tuple[Outcome, bo
         if not (each.code == Code.INPUT_DELAYED and each.subject in named)
     )
     search = partial(_fit_approximate, objections=(*late, *other))
-    return _search_rest_positions(begun, search), True
+    return _search_rest_positions(start, search), True
 
 
-def _fit_approximate(begun: Start, objections: Findings) -> Outcome:
+def _fit_approximate(start: Start, objections: Findings) -> Outcome:
     """Fit the approximate model, by the error of free runs if inputs drive the motion."""
-    start = attempt(partial(trajectory_fit.prepare_fit, begun, begun.fit, STRETCH_PERIODS))
-    if isinstance(start, NoModel):
-        return NoModel((*objections, *(one for one in start.findings if one not in objections)))
-    near = fit_approximation(start, begun.penalty, objections)
+    fit = attempt(partial(prepare_fit, start, start.fit, STRETCH_PERIODS))
+    if isinstance(fit, NoModel):
+        return NoModel((*objections, *(one for one in fit.findings if one not in objections)))
+    near = fit_approximation(fit, start.penalty, objections)
     if isinstance(near, NoModel):
         return near
-    if begun.problem.inputs and near.status == "approximate":
-        runs = partial(free_run.fit_free_runs, start.record, near, begun.penalty, objections)
-        run = attempt(runs)
+    if start.problem.inputs and near.status == "approximate":
+        run = attempt(partial(fit_free_runs, fit.record, near, start.penalty, objections))
         if isinstance(run, IdentifiedModel):
             return prepend_path(["approximation", str(near.diagnostics["path"])], run)
     return prepend_path(["approximation"], near)
 
 
-def _find_late_inputs(begun: Start) -> list[Finding]:
+def _find_late_inputs(start: Start) -> list[Finding]:
     """Find inputs with a delay or advance, and its size.
 
     An input that is held between its samples seems late by half of its step if it is interpolated.
     """
-    held = held_inputs(begun.problem, begun.recordings)
-    late = {} if held else attempt(partial(delayed_inputs, begun))
-    found = [Finding.of(Code.INPUT_HELD, name) for name in held]
-    if not isinstance(late, NoModel):
-        found += [Finding.of(Code.INPUT_DELAYED_BY, name, delay_s=s) for name, s in late.items()]
-    return found
+    if held := held_inputs(start.problem, start.recordings):
+        return [Finding.of(Code.INPUT_HELD, name) for name in held]
+    late = attempt(partial(delayed_inputs, start))
+    if isinstance(late, NoModel):
+        return []
+    return [Finding.of(Code.INPUT_DELAYED_BY, name, delay_s=s) for name, s in late.items()]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
 from galloping.identification.likelihood.elimination import eliminate_chains
-from galloping.identification.likelihood.instrument import score_test
+from galloping.identification.likelihood.instrument import add_inputs, score_test
 from galloping.identification.likelihood.shooting import ShootingFit
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
@@ -48,31 +48,25 @@ def find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
     forces = _forces_along_motion(fit, tuple(term for *_, term in kinds))
     given = record.condensed.inputs
     given = np.pad(given, ((0, 0), (0, DEGREE + 1 - given.shape[1]), (0, 0)))
-    signals = np.concatenate([given, forces], axis=2)
-    force_names = tuple(f"force {k}" for k in range(extra))
     places = len(problem.names)
     terms = [(*term[:places], *[0] * extra, *term[places:]) for term in problem.terms]
     terms += [linear_term(places + k, places + extra) for k in range(extra)]
-    padding = ((0, 0), (0, extra))
-    wider = replace(
-        problem.change_terms(lambda values: np.pad(values, padding), terms),
-        inputs=(*problem.inputs, *force_names),
-    )
-    condensed = replace(record.condensed, inputs=signals)
-    wide = replace(
-        fit, sigma=fit.reference, record=replace(record, problem=wider, condensed=condensed)
-    )
+    wider = add_inputs(
+        replace(fit, sigma=fit.reference), [f"force {k}" for k in range(extra)], terms,
+        np.concatenate([given, forces], axis=2),
+    )  # fmt: skip
     entries = [(i, len(problem.terms) + k) for k, (i, *_) in enumerate(kinds)]
-    linear = wide.linearise(np.vstack([problem.candidates, entries]))
-    left = eliminate_chains(linear, record.segments)
+    linear = wider.linearise(np.vstack([problem.candidates, entries]))
+    quadratic = eliminate_chains(linear, record.segments)
+    information, right = quadratic.information, quadratic.right
     among = np.arange(n + extra) < n
-    change, _ = solve_support(left.information, left.right, among)
+    change, _ = solve_support(information, right, among)
     squares = record.condensed.sum_squares(linear.residual) / fit.reference**2
-    chi2 = float(squares.sum()) - left.fall - float(change @ left.right)
-    falls = [
-        score_test(left.information[np.ix_(own, own)], left.right[own], np.ones(1)) ** 2
-        for own in (np.append(among[:n], np.arange(extra) == k) for k in range(extra))
-    ]
+    chi2 = float(squares.sum()) - quadratic.fall - float(change @ right)
+    falls = []
+    for k in range(extra):
+        kept = np.append(among[:n], np.arange(extra) == k)
+        falls.append(score_test(information[np.ix_(kept, kept)], right[kept], np.ones(1)) ** 2)
     best = int(np.argmax(falls))
     excess = chi2 - float(np.sum(record.condensed.rows))
     if falls[best] < max(2.0 * penalty, EXPLAINED * excess):
@@ -93,8 +87,8 @@ def _candidate_kinds(problem: Problem) -> Iterator[tuple[int, int, Exponents]]:
     for equation in problem.unknown:
         for state in range(n):
             unit = tuple(float(k == state) for k in range(n))
-            own = linear_term(state, len(problem.names))
-            yield equation, state, (*own, Function("abs", unit))
+            linear = linear_term(state, len(problem.names))
+            yield equation, state, (*linear, Function("abs", unit))
             yield equation, state, (*none, Function("sin" if state in pairs else "sign", unit))
 
 

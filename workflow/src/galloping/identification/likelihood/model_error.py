@@ -23,11 +23,9 @@ from galloping.identification.likelihood.elimination import (
     jump_covariance,
 )
 from galloping.identification.likelihood.fluctuation import fit_fluctuations
-from galloping.identification.likelihood.further_modes import (
-    find_further_modes,
-)
+from galloping.identification.likelihood.further_modes import find_further_modes
 from galloping.identification.likelihood.shooting import ShootingData, ShootingFit
-from galloping.identification.likelihood.verdict import ApproximateFit, assess_approximation
+from galloping.identification.likelihood.verdict import assess_approximation
 from galloping.identification.likelihood.weak_constraint import (
     StretchFit,
     coloured_misfit,
@@ -35,7 +33,7 @@ from galloping.identification.likelihood.weak_constraint import (
     white_autocovariance,
     white_misfit,
 )
-from galloping.identification.no_model import NoModel, attempt
+from galloping.identification.no_model import NO_MODEL, NoModel, NotConvergedError, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
 from galloping.identification.selection import solve_support
@@ -147,8 +145,8 @@ def as_identified(
     model misses. The diagnostics are the R2 of the forecasts and these shares.
     """
     fit, record, condensed = made.fit, made.fit.record, made.fit.record.condensed
-    problem, support = record.problem, fit.support
-    shares = dict(zip(condensed.channel_names(problem.states), made.error_shares, strict=True))
+    problem = record.problem
+    shares = dict(zip(record.channel_names, made.error_shares, strict=True))
     misses = [
         replace(missed, subject=name, data={**missed.data, "share": share})
         for name, share in shares.items()
@@ -165,8 +163,7 @@ def as_identified(
     )
     noise_power = np.sum(power[record.segments.recording])
     found = assess_approximation(
-        problem,
-        ApproximateFit(fit.free, support, made.information, made.covariance, made.price),
+        problem, fit.free, fit.support, made.information, made.covariance, made.price,
         (*objections, *misses, *lacking),
         initial_states=fit.starts[record.first_segments],
         sigma=sigma,
@@ -177,16 +174,15 @@ def as_identified(
             **of_rates,
             **{f"error_share_all_{name}": float(share) for name, share in shares.items()},
         },
-    )
+    )  # fmt: skip
     return prepend_path(made.path, found)
 
 
 def _search_approximation(start: ShootingFit, penalty: float) -> Approximation | NoModel:
     """Search the smallest of several models that forecast, or means of fluctuating coefficients.
 
-    The misfit is modelled as noise with its own spectrum and, if no such model predicts stretches
-    that were left out, as white noise: for a growing motion, and with few stretches, the spectrum
-    is poorly known.
+    The misfit is modelled as coloured noise and, if no such model predicts stretches that were left
+    out, as white noise: the spectrum of a growing motion, or of few stretches, is poorly known.
     """
     record, every = start.record, np.ones(len(start.free), bool)
     scale = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
@@ -206,47 +202,36 @@ def _search_approximation(start: ShootingFit, penalty: float) -> Approximation |
     if isinstance(fitted, NoModel):
         return fitted
     whole, made = fitted
-    best = _fit_varying(whole, penalty) or _choose_smallest(made)
+    best = _fit_fluctuating(whole, penalty) or _choose_smallest(made)
     return replace(best, path=(f"{colour} misfit", *best.path))
 
 
 def _fit_with_misfit(
     first: StretchFit, misfit_of: MisfitOf, penalty: float
-) -> tuple[StretchFit, list[Approximation]] | NoModel:
-    """Fit the whole library, and the models of two penalties.
-
-    The penalties are many times that of exact models. `NoModel` if the first leads to none; the
-    second may be absent.
+) -> tuple[StretchFit, list[Approximation]]:
+    """Fit the whole library, and the models of two penalties, many times that of exact models.
 
     A wrong model needs stronger evidence: with 7 times the penalty, nearly the same terms are
     chosen from all recordings of one system; with 3 to 5 times, up to five more. No model may jump
-    more than the whole library: the effect of an omitted term is no disturbance.
+    more than the whole library: the effect of an omitted term is no disturbance. Raises an error of
+    NO_MODEL if the first penalty leads to no model; the second may be absent.
     """
     fit = whole = _iterate_fit(first, misfit_of)
     made: list[Approximation] = []
     for times in (7.0, 25.0):
         if made and is_exhausted():
             break
-        tried = attempt(partial(_fit_with_price, fit, misfit_of, times * penalty, whole.jump))
-        if isinstance(tried, NoModel):
+        try:
+            fit = _iterate_fit(fit, misfit_of, times * penalty, whole.jump)
+            if not fit.support.any():
+                raise NotConvergedError(Code.NO_TERM)
+            validated = _cross_validate(fit, times * penalty)
+        except NO_MODEL:
             if not made:
-                return tried
+                raise
             break
-        fit, own = tried
-        made.append(replace(own, path=(f"penalty {times:g}",)))
+        made.append(replace(validated, path=(f"penalty {times:g}",)))
     return whole, made
-
-
-def _fit_with_price(
-    fit: StretchFit, misfit_of: MisfitOf, price: float, most_jump: np.ndarray
-) -> tuple[StretchFit, Approximation] | NoModel:
-    """Fit the model with a penalty per term, from a fit. most_jump: as of `_iterate_fit`."""
-    fit = _iterate_fit(fit, misfit_of, price, most_jump)
-    return (
-        (fit, _cross_validate(fit, price))
-        if fit.support.any()
-        else NoModel((Finding.of(Code.NO_TERM),))
-    )
 
 
 def _choose_smallest(made: list[Approximation]) -> Approximation:
@@ -270,16 +255,16 @@ def _choose_smallest(made: list[Approximation]) -> Approximation:
     return made[smallest]
 
 
-def _fit_varying(fit: StretchFit, penalty: float) -> Approximation | None:
+def _fit_fluctuating(fit: StretchFit, penalty: float) -> Approximation | None:
     """Fit means of coefficients that fluctuate, and assess them; None if they predict nothing."""
-    varying = attempt(partial(fit_fluctuations, fit, penalty))
-    if varying is None or isinstance(varying, NoModel):
+    fitted = attempt(partial(fit_fluctuations, fit, penalty))
+    if fitted is None or isinstance(fitted, NoModel):
         return None
-    means, covariance = varying
-    found = attempt(partial(_cross_validate, means, penalty))
-    if isinstance(found, NoModel) or not found.forecast_r2 > 0.0:
+    means, covariance = fitted
+    made = attempt(partial(_cross_validate, means, penalty))
+    if isinstance(made, NoModel) or not made.forecast_r2 > 0.0:
         return None
-    return replace(found, covariance=covariance, path=("fluctuating",), fluctuates=True)
+    return replace(made, covariance=covariance, path=("fluctuating",), fluctuates=True)
 
 
 def _iterate_fit(
@@ -292,37 +277,35 @@ def _iterate_fit(
 
     Unless `price` is None, terms are chosen in the first passes. most_jump: (n_states, n_states)
     upper limit of the covariance of jumps.
-
-    Passes end after a step with a squared length below 0.05, in standard deviations: it increases
-    errors by 2.5 %. The number of passes is limited, since an iteration may alternate. With half or
-    twice as many, 3 of 22 approximate models of `make exam` have other terms; the coefficients of
-    the others change by less than 0.6 standard errors.
     """
+    # The number of passes is limited, since an iteration may alternate. With half or twice as many,
+    # 3 of 22 approximate models of `make exam` have other terms; the coefficients of the others
+    # change by less than 0.6 standard errors.
     record, passes, choosing = fit.record, 5 if price is None else 20, 6
     for passed in range(passes):
         if passed and is_exhausted():
             break
         passing("approximate in stretches")
-        linear, problem, support = fit.linearised, record.problem, fit.support
+        linear, support = fit.linearised, fit.support
         solved = eliminate_with_jumps(linear, record.segments, record.jump_roots(fit.jump))
         if price is not None and passed < choosing:
-            support = solved.choose_terms(problem, fit.free, support, price)
-            support = problem.same_state_monomial(support)
-        free, _ = solved.best_coefficients(problem, fit.free, support)
+            support = solved.choose_terms(fit, price)
+            support = record.problem.same_state_monomial(support)
+        free, _ = solved.best_coefficients(fit, support)
         change = free - fit.free
         starts = solved.move_states(change, fit.starts)
         jump = jump_covariance(record, linear, solved, 0.0 * change, record.followed_segments)
         if most_jump is not None:
             share = np.minimum(1.0, np.sqrt(np.diag(most_jump) / np.diag(jump)))
             jump = jump * np.outer(share, share)
-        same, misfit = np.array_equal(support, fit.support), misfit_of(record, linear.residual)
+        unchanged, misfit = np.array_equal(support, fit.support), misfit_of(record, linear.residual)
         if price is not None:
             # averaged: otherwise the fit and the covariance of its residuals may alternate
             misfit = (misfit + fit.misfit) / 2.0
         moved = replace(fit, free=free, support=support, starts=starts, misfit=misfit, jump=jump)
         fit = shorten_until_integrable(fit, moved)
         length = change @ solved.information @ change  # squared, in standard deviations
-        if same and passed and length < 0.05:
+        if unchanged and passed and length < 0.05:  # such a step increases errors by 2.5 %
             break
     return fit
 
@@ -330,21 +313,21 @@ def _iterate_fit(
 def _cross_validate(fit: StretchFit, price: float) -> Approximation:
     """Estimate covariance and forecasts of a fit by leaving folds of segments out.
 
-    Directions that a single fold determines, such as the fold before a motion comes to rest, have
-    the covariance of the whole fit.
+    Directions that a single fold determines, such as one before a rest, have the covariance of the
+    whole fit.
     """
     record, roots = fit.record, fit.record.jump_roots(fit.jump)
     condensed, segments, linear = record.condensed, record.segments, fit.linearised
     whole = eliminate_with_jumps(linear, segments, roots)
     n_folds = len(linear.right) - 1
     changes = np.zeros((n_folds, int(fit.support.sum())))
-    told_once = np.zeros((changes.shape[1], changes.shape[1]))
+    of_single_folds = np.zeros((changes.shape[1], changes.shape[1]))
     residual = np.full(condensed.targets.shape, np.inf)
     for k in range(n_folds):
         passing("forecast stretches that are left out")
         solved = eliminate_with_jumps(linear, segments, roots, k)
         changes[k], untold = _change_without(solved, whole.information, fit.support)
-        told_once += untold @ untold.T
+        of_single_folds += untold @ untold.T
         change = np.zeros(len(fit.support))
         change[fit.support] = changes[k]
         at = slice(*np.searchsorted(linear.fold, [k, k + 1]))
@@ -354,7 +337,7 @@ def _cross_validate(fit: StretchFit, price: float) -> Approximation:
     spread = changes - changes.mean(axis=0)
     freedom = max(n_folds - 1, 1)
     covariance = SYSTEMATIC * small_sample_factor(n_folds) * freedom / n_folds * spread.T @ spread
-    covariance += SYSTEMATIC * told_once
+    covariance += SYSTEMATIC * of_single_folds
     # A few folds may agree by chance: no variance is below that of the whole fit. Of the exam's 27
     # approximate models, three have an error that this raises, by a tenth to two fifths.
     _, least = solve_support(whole.information, np.zeros(len(fit.support)), fit.support)
@@ -368,9 +351,8 @@ def _change_without(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute by how much coefficients change if they are fitted to a part of the segments.
 
-    Returns the changes (n_support,), zero in directions that the part does not determine, and these
-    directions, (n_support, k), with unit information of the whole. whole: its information. Raises
-    LinAlgError if rounding has left no information on a coefficient.
+    whole: information of all. Returns the changes (n_support,), zero in directions that the part
+    does not determine, and these directions, (n_support, k), with unit information of the whole.
     """
     kept, own = np.ix_(support, support), np.diag(whole)[support]
     if not (np.all(own > 0.0) and np.isfinite(part.information[kept]).all()):

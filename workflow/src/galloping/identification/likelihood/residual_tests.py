@@ -68,12 +68,9 @@ class ResidualDiagnostics:
         """
         misfit: Any = {"band": self.band, "chi2": self.chi2}
         channel = channels[self.channel]
+        if self.line > self.line_allowed and self.cycles > 2:
+            return [Finding.of(Code.RESIDUAL_LINE, channel, frequency_hz=self.frequency, **misfit)]
         if self.line > self.line_allowed:
-            if self.cycles > 2:
-                finding = Finding.of(
-                    Code.RESIDUAL_LINE, channel, frequency_hz=self.frequency, **misfit
-                )
-                return [finding]
             return [Finding.of(Code.RESIDUAL_DRIFTS, channel, **misfit)]
         if self.band > (MOST_COLOUR if self.is_coloured else self.band_allowed):
             code = Code.NOISE_CORRELATED if self.is_coloured else Code.RESIDUAL_POWER
@@ -145,11 +142,7 @@ def _chi2_inside(
 
 
 def _max_mean_square(spread: float) -> float:
-    """Compute the largest allowed mean square of a variable of mean square one.
-
-    It is one plus a number of standard deviations, `spread`, which a sum exceeds at RESIDUAL_RATE.
-    The number is rounded up.
-    """
+    """Compute the mean square, of mean one and deviation `spread`, exceeded at RESIDUAL_RATE."""
     return float(1.0 + np.ceil(-ndtri(RESIDUAL_RATE)) * spread)
 
 

@@ -17,12 +17,9 @@ from galloping.identification.likelihood.elimination import (
     chain_segments,
     eliminate_chains,
 )
-from galloping.identification.likelihood.shooting import (
-    ShootingFit,
-    segment_residuals,
-)
+from galloping.identification.likelihood.shooting import ShootingFit, segment_residuals
 from galloping.identification.likelihood.trajectory_fit import (
-    CLOSE,
+    CLOSE_MISFIT,
     CONVERGED,
     JoinedFit,
     Step,
@@ -37,9 +34,7 @@ from galloping.model.intervals import draw_normal
 MOST_STEPS, MOST_HALVINGS = 12, 7  # most steps of a descent, and most halvings of a step
 MOST_CHOICES = 5  # most choices of terms, each by the quadratic model at the last minimum
 DRAWS = 40  # number of drawn models from which other minima are sought
-STILL = 1e-9  # a motion sticks while a kink's argument is below this share of its largest
 TURNS = 2  # turns of the motion in the last swing before it sticks
-LOWER = 1.0  # least difference in chi^2 by which another minimum must be lower
 
 
 def refine_fit(joined: JoinedFit, price: Price) -> JoinedFit:
@@ -49,11 +44,10 @@ def refine_fit(joined: JoinedFit, price: Price) -> JoinedFit:
     the free segments. joined: returned unchanged if neither does.
     """
     for step in (joined.step, joined.free):
-        found = attempt(partial(_settle_terms, step, price))
-        if not isinstance(found, NoModel) and found.fit.misfit < CLOSE:
-            return JoinedFit(
-                joined.free, found, (*joined.path, "least of several minima"), True, None
-            )
+        least = attempt(partial(_settle_terms, step, price))
+        if not isinstance(least, NoModel) and least.fit.misfit < CLOSE_MISFIT:
+            path = (*joined.path, "least of several minima")
+            return JoinedFit(joined.free, least, path, True, None)
     return joined
 
 
@@ -64,13 +58,13 @@ def _settle_terms(step: Step, price: Price) -> Step:
     """
     record = step.fit.record
     record = replace(record, segments=chain_segments(step.fit.linearise(), record.segments))
-    support = step.best_terms(price)
+    support = step.choose_terms(step.fit, price)
     for _ in range(MOST_CHOICES):
         if not support.any() or is_exhausted():
             break
         free = np.where(support, step.fit.free, 0.0)
         step = _find_least(replace(step.fit, record=record, support=support, free=free))
-        support = step.best_terms(price)
+        support = step.choose_terms(step.fit, price)
         if np.array_equal(support, step.fit.support):
             return step
     raise NotConvergedError(Code.NO_TERM)
@@ -80,15 +74,15 @@ def _find_least(fit: ShootingFit) -> Step:
     """Step to the least minimum that is found with the terms of a fit."""
     best = _descend_chi2(fit)
     for _ in range(3):
-        found = best
-        for start in _draw_starts(best.fit):
+        lower = best
+        for drawn in _draw_fits(best.fit):
             if is_exhausted():
                 break
-            tried = _descend_chi2(start)
-            found = tried if tried.fit.chi2 < found.fit.chi2 - LOWER else found
-        if found is best:
+            tried = _descend_chi2(drawn)
+            lower = tried if tried.fit.chi2 < lower.fit.chi2 - 1.0 else lower
+        if lower is best:
             break
-        best = found
+        best = lower
     return best
 
 
@@ -124,15 +118,14 @@ def _descend_chi2(fit: ShootingFit) -> Step:
 def _quadratic_model(fit: ShootingFit) -> tuple[Eliminated, np.ndarray]:
     """Compute the normal equations of a fit, and its Gauss-Newton step of the coefficients (n,)."""
     quadratic = eliminate_chains(fit.linearise(), fit.record.segments)
-    free, _ = quadratic.best_coefficients(fit.record.problem, fit.free, fit.support)
+    free, _ = quadratic.best_coefficients(fit, fit.support)
     return quadratic, free - fit.free
 
 
 def _match_segments(fit: ShootingFit) -> ShootingFit:
-    """Move all segments of a chain to the motion from its first state.
+    """Move all segments of a chain to the motion from its first state, and update the noise.
 
-    Returns the fit with its noise and chi^2 of that motion. Raises FloatingPointError if it
-    diverges.
+    Raises FloatingPointError if this motion diverges.
     """
     whole = fit.whole_chains
     left, _ = segment_residuals(whole.record, fit.free, whole.starts)
@@ -140,7 +133,7 @@ def _match_segments(fit: ShootingFit) -> ShootingFit:
     return update_noise(replace(fit, starts=starts), fit.record.condensed.sum_squares(left))
 
 
-def _draw_starts(fit: ShootingFit) -> list[ShootingFit]:
+def _draw_fits(fit: ShootingFit) -> list[ShootingFit]:
     """Draw fits from which other minima may be reached, the best first; none if nothing sticks.
 
     The recording before the last swing has one minimum, and determines a range that contains the
@@ -156,14 +149,14 @@ def _draw_starts(fit: ShootingFit) -> list[ShootingFit]:
     changes[1:, fit.support] = draw_normal(
         np.zeros(len(covariance)), covariance, DRAWS, np.random.default_rng(0)
     )
-    found = []
+    fits = []
     for change in changes:
         starts = quadratic.move_states(change, step.fit.starts)
-        moved = replace(fit, free=free + change, starts=starts)
-        tried = attempt(partial(_match_segments, moved))
+        drawn = replace(fit, free=free + change, starts=starts)
+        tried = attempt(partial(_match_segments, drawn))
         if not isinstance(tried, NoModel):
-            found.append(tried)
-    return sorted(found, key=lambda own: own.chi2)[:3]
+            fits.append(tried)
+    return sorted(fits, key=lambda each: each.chi2)[:3]
 
 
 def _fit_while_moving(fit: ShootingFit) -> ShootingFit | None:
@@ -176,26 +169,25 @@ def _fit_while_moving(fit: ShootingFit) -> ShootingFit | None:
     stuck = np.zeros(len(states), bool)
     for weights, offset in record.problem.tables.arguments[: record.problem.tables.n_kinks]:
         argument = states @ weights + offset
-        still = np.abs(argument) < STILL * np.abs(argument).max()
-        still &= np.append(still[1:], True)
+        is_still = np.abs(argument) < 1e-9 * np.abs(argument).max()
+        is_still &= np.append(is_still[1:], True)
         turns = np.flatnonzero(argument[:-1] * argument[1:] < 0.0)
-        for begin in np.flatnonzero(still & ~np.append(False, still[:-1])):
+        for begin in np.flatnonzero(is_still & ~np.append(False, is_still[:-1])):
             before = turns[turns < begin]
             if len(before) >= TURNS:
-                still[before[-TURNS] : begin] = True
-        stuck |= still
+                is_still[before[-TURNS] : begin] = True
+        stuck |= is_still
     shown, samples = condensed.is_present.any(axis=(1, 2)), condensed.samples
     few = np.sum(~stuck & shown) < 0.1 * np.sum(shown)
     if samples is None or few or not np.any(stuck & shown):
         return None
     functionals = np.where(stuck[:, None, None, None], 0.0, condensed.functionals)
     held = np.repeat(stuck, np.diff(samples.offsets))
-    rows = np.add.reduceat(functionals.any(axis=3).sum(axis=2), condensed.first[:-1])
     cut = replace(
         condensed,
         functionals=functionals,
         targets=np.where(stuck[:, None, None], 0.0, condensed.targets),
         samples=samples._replace(basis=np.where(held[:, None, None], 0.0, samples.basis)),
-        rows=rows,
+        rows=np.add.reduceat(functionals.any(axis=3).sum(axis=2), condensed.first[:-1]),
     )
     return replace(fit, record=replace(record, condensed=cut))

@@ -28,39 +28,37 @@ TIME_SCALES = (1.0, 1 / 2, 1 / 4)  # shares of the period that the spectrum show
 
 
 def rescale_start(
-    begun: Start, recordings: list[Recording], share: float
+    start: Start, recordings: list[Recording], share: float
 ) -> tuple[Start, dict[str, float]]:
     """Estimate unknown scales of channels, and rescale the initial guess by them.
 
     The measured rates are added. share: of `TIME_SCALES`, for this start. Returns the start in
     these recordings, and the scales by name.
     """
-    own = with_scales(recordings, begun.period)
-    if any(one is not other for one, other in zip(recordings, own, strict=True)):
-        begun = make_start(begun.problem, own, share)
-    pairs = zip(begun.recordings, own, begun.smoothed, strict=True)
-    with_rates = [without_offsets(*each, begun.period) for each in pairs]
-    return replace(begun, recordings=with_rates), estimate_scales(recordings, own)
+    scaled = with_scales(recordings, start.period)
+    if any(one is not other for one, other in zip(recordings, scaled, strict=True)):
+        start = make_start(start.problem, scaled, share)
+    triples = zip(start.recordings, scaled, start.smoothed, strict=True)
+    with_rates = [without_offsets(*each, start.period) for each in triples]
+    return replace(start, recordings=with_rates), estimate_scales(recordings, scaled)
 
 
-def has_free_equilibrium(begun: Start) -> bool:
+def has_free_equilibrium(start: Start) -> bool:
     """Decide whether the equilibrium can be set to zero because no displacement is measured.
 
     That is, whether each unknown equation is of the velocity of an unmeasured displacement.
     """
-    return set(begun.problem.unknown) <= {
-        velocity for _, velocity in _unmeasured_displacements(begun)
-    }
+    return set(start.problem.unknown) <= {v for _, v in _unmeasured_displacements(start)}
 
 
-def _unmeasured_displacements(begun: Start) -> set[tuple[int, int]]:
+def _unmeasured_displacements(start: Start) -> set[tuple[int, int]]:
     """Find each state X that no recording measures, with its velocity dX, as indices."""
     return set.intersection(
-        *(set(unmeasured_displacements(one).items()) for one in begun.recordings)
+        *(set(unmeasured_displacements(one).items()) for one in start.recordings)
     )
 
 
-def positions_of_rest(begun: Start) -> Iterator[tuple[str, Start]]:
+def positions_of_rest(start: Start) -> Iterator[tuple[str, Start]]:
     """Yield named initial guesses for several positions of the equilibrium.
 
     They have no constant terms. The curves are used as they are, then shifted along each
@@ -70,21 +68,21 @@ def positions_of_rest(begun: Start) -> Iterator[tuple[str, Start]]:
     the line of the study it is 0.15 deviations away, and on its accelerations starts that are 0.0
     to 0.1 deviations off always lead to the model. Raises what `weak_fit` raises.
     """
-    problem = begun.problem.drop_terms(lambda term: not any(term))  # without constants
-    unmeasured = sorted(state for state, _ in _unmeasured_displacements(begun))
+    problem = start.problem.drop_terms(lambda term: not any(term))  # without constants
+    unmeasured = sorted(state for state, _ in _unmeasured_displacements(start))
     units = 0.2 * np.eye(len(problem.states))[unmeasured]
     offsets = (0.0 * units[0], *units, *-units)
     for k, offset in enumerate(offsets, 1):
         curves = [
             replace(one, states=one.states + offset * one.states.std(axis=0))
-            for one in begun.smoothed
+            for one in start.smoothed
         ]
-        fit = weak_fit(problem, curves, begun.penalty)
+        fit = weak_fit(problem, curves, start.penalty)
         name = f"rest {k} of {len(offsets)}"
-        yield name, replace(begun, problem=problem, smoothed=curves, fit=fit)
+        yield name, replace(start, problem=problem, smoothed=curves, fit=fit)
 
 
-def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
+def starts_of_terms(start: Start) -> Iterator[tuple[str, WeakFit, float]]:
     """Yield initial sets of terms in the order of trial, with names and penalty factors.
 
     A factor multiplies the penalties at first. A start with few terms moves no faster than the
@@ -92,18 +90,18 @@ def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
     fourteen had no model from starts of 25 to 70 terms; all had one from starts of 4 to 10 terms. A
     start of the second degree diverges less.
     """
-    rough, problem = rough_fit(begun), begun.problem
+    rough, problem = rough_fit(start), start.problem
 
     def fit_support(support: np.ndarray, prices: np.ndarray) -> WeakFit:
         chosen = problem.select_terms(rough.information, rough.right, [support], prices)
         free, _ = problem.solve_within_bounds(rough.information, rough.right, chosen)
         return replace(rough, free=free, support=chosen)
 
-    yield "weak form" if rough is begun.fit else "weak form of a telling stretch", rough, 1.0
+    yield "weak form" if rough is start.fit else "weak form of a telling stretch", rough, 1.0
     # factor on the penalties: of six clear lines that did not settle from the weak form, four
     # settled with 16, each with the right terms, and two with four
     dear = 16.0
-    yield "few terms", fit_support(rough.support, dear * begun.price.least), dear
+    yield "few terms", fit_support(rough.support, dear * start.price.least), dear
     low = problem.degrees <= 2
     if not low.all():
-        yield "second degree", fit_support(low, np.where(low, begun.price.least, np.inf)), 1.0
+        yield "second degree", fit_support(low, np.where(low, start.price.least, np.inf)), 1.0

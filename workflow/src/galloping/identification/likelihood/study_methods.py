@@ -7,15 +7,13 @@ from galloping.identification.inputs import segments_with_inputs, validated_prob
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.no_model import NoModel, attempt
-from galloping.identification.preparation.weak_form import Start, make_start
+from galloping.identification.preparation.weak_form import make_start
 from galloping.model.polynomial import Exponents
 from galloping.recording.samples import Recording
 
 
 def shared_evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> dict:
-    """Prepare recordings, candidate terms and initial guess, which two methods of a study share.
-
-    The methods are `weak_gls` and `maximum_likelihood`.
+    """Prepare recordings, terms and initial guess for `weak_gls` and `maximum_likelihood`.
 
     Returns
     -------
@@ -24,19 +22,14 @@ def shared_evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...
         found, for a reason that each method finds again, and for exact states with derivatives,
         which need no start.
     """
-
-    def prepare_start() -> Start | None:
-        if all(recording.exact for recording in recordings):
-            return None
-        problem = validated_problem(list(recordings), terms)
-        return make_start(problem, segments_with_inputs(list(recordings), problem.inputs))
-
-    start = attempt(prepare_start)
-    return {
-        "recordings": list(recordings),
-        "terms": terms,
-        "start": None if isinstance(start, NoModel) else start,
-    }
+    recordings, start = list(recordings), None
+    if not all(recording.exact for recording in recordings):
+        problem = validated_problem(recordings, terms)
+        outcome = attempt(
+            lambda: make_start(problem, segments_with_inputs(recordings, problem.inputs))
+        )
+        start = None if isinstance(outcome, NoModel) else outcome
+    return {"recordings": recordings, "terms": terms, "start": start}
 
 
 def run_weak_gls(evidence: dict) -> IdentifiedModel:

@@ -36,12 +36,8 @@ from galloping.model.polynomial import design_matrix, velocity_pairs
 from galloping.passes import passing
 from galloping.recording.samples import Recording
 
-# Windows are halved as long as the deviation of the inputs from their polynomials moves the
-# solution in a window by more than OF_NOISE standard deviations of the noise, and a period has
-# fewer than FINEST_FOR_INPUTS windows.
-OF_NOISE, FINEST_FOR_INPUTS = 0.1, 96
-PERIODS_PER_SEGMENT = 6  # length of the first segments, from which a rough start converges
-CLOSE = 1.5  # chi^2 per projection below which a fit is close enough to choose its terms
+PERIODS_PER_SEGMENT = 6  # length of the first segments, from which a rough guess converges
+CLOSE_MISFIT = 1.5  # chi^2 per projection below which a fit is close enough to choose its terms
 MOST_PASSES = 20  # most passes with joined segments
 CONVERGED = 0.01  # squared length of the last step, in standard deviations: errors grow by 0.5 %
 
@@ -60,32 +56,24 @@ class Step(NormalEquations):
     decrement: float
     gap: float
 
-    def best_terms(self, price: Price) -> np.ndarray:
-        """Choose the best terms, (n,), about the fit after the step."""
-        fit = self.fit
-        return self.choose_terms(fit.record.problem, fit.free, fit.support, price)
-
     def path(self, period: float) -> Iterator[str]:
-        """Yield words on the lengths of windows and segments, such as '6 periods'.
-
-        period: s, the shortest of the motion.
-        """
+        """Yield words on the lengths of windows and segments; period: s, the shortest."""
         record = self.fit.record
         if (finer := round(period / WINDOWS_PER_PERIOD / record.condensed.step)) > 1:
             yield f"windows 1/{finer}"
         halvings = round(np.log2(PERIODS_PER_SEGMENT / (record.stretch / period)))
         yield f"{PERIODS_PER_SEGMENT / 2**halvings:g} periods"
-        if not self.fit.misfit < CLOSE:
+        if not self.fit.misfit < CLOSE_MISFIT:
             yield "not close"
 
 
 @dataclass(frozen=True)
 class JoinedFit:
-    """Result of a multiple-shooting fit with joined segments, and whether it converged.
+    """Result of a multiple-shooting fit with joined segments.
 
-    free: the last step in free segments. step: the last step of all, with a quadratic model of
-    chi^2. path: the stages, in words. settled: whether the iteration converged with the same terms.
-    objection: why the fit does not follow the data, None if it does.
+    free: the last step in free segments. step: the last step of all. path: the stages, in words.
+    settled: whether the iteration converged with the same terms. objection: why the fit does not
+    follow the data, None if it does.
     """
 
     free: Step
@@ -95,14 +83,14 @@ class JoinedFit:
     objection: Finding | None
 
 
-def fit_free_segments(begun: Start, start: WeakFit) -> Step | None:
+def fit_free_segments(start: Start, guess: WeakFit) -> Step | None:
     """Fit a model to segments of the recordings, each with an independent initial state.
 
     Segments are halved up to three times, until the fit is close, or until they are so short that
     their initial states alone explain the samples. If the fit is never close, segments are as short
     as halving them still halved the misfit. None if there is no fit.
 
-    From a rough start, particularly of a sensitive system, long segments diverge from the solution;
+    From a rough guess, particularly of a sensitive system, long segments diverge from the solution;
     segments that are too short hide faults of the recording.
     """
     best, improving, periods = None, True, float(PERIODS_PER_SEGMENT)
@@ -111,36 +99,35 @@ def fit_free_segments(begun: Start, start: WeakFit) -> Step | None:
         if is_exhausted():
             break
         try:
-            fit = prepare_fit(begun, start, periods)
+            fit = prepare_fit(start, guess, periods)
             if fit.record.stretch >= stretch:  # segments of two windows are the shortest
                 break
             stretch = fit.record.stretch
-            periods = stretch / begun.period
-            step = _iterate_free_segments(fit, begun.largest)
+            periods = stretch / start.period
+            step = _iterate_free_segments(fit, start.largest)
         except FloatingPointError:
             continue
         finally:
             periods /= 2.0
         if step is None:
             break
-        if step.fit.misfit < CLOSE:
+        if step.fit.misfit < CLOSE_MISFIT:
             return step
         improving = best is None or (improving and step.fit.chi2 <= best.fit.chi2 / 2.0)
         best = step if improving else best
     return best
 
 
-def follows_in_segments(begun: Start) -> bool:
-    """Decide whether a model fits the data to the noise in separate segments of several periods.
+def follows_in_segments(start: Start) -> bool:
+    """Decide whether a model fits the data to the noise in free segments of three periods or more.
 
-    The segments have three periods or more. Their initial states are free. No model follows the
-    data if random forces move the system.
+    None does if random forces move the system.
     """
     try:
-        fit = prepare_fit(begun, begun.fit, PERIODS_PER_SEGMENT)
-        long = fit.record.stretch / begun.period >= PERIODS_PER_SEGMENT / 2
-        step = _iterate_free_segments(fit, begun.largest) if long else None
-        return step is not None and step.fit.misfit < CLOSE
+        fit = prepare_fit(start, start.fit, PERIODS_PER_SEGMENT)
+        is_long = fit.record.stretch / start.period >= PERIODS_PER_SEGMENT / 2
+        step = _iterate_free_segments(fit, start.largest) if is_long else None
+        return step is not None and step.fit.misfit < CLOSE_MISFIT
     except FloatingPointError:
         return False
 
@@ -159,29 +146,30 @@ def _iterate_free_segments(fit: ShootingFit, largest: np.ndarray) -> Step | None
         if n_unidentifiable_directions(step.information, largest) == len(largest):
             return None
         before, fit = step.before, step.fit
-        if fit.misfit < CLOSE:
+        if fit.misfit < CLOSE_MISFIT:
             break
     return step
 
 
-def prepare_fit(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
+def prepare_fit(start: Start, guess: WeakFit, periods: float) -> ShootingFit:
     """Set up a multiple-shooting fit in segments of `periods` periods, from an initial guess.
 
-    Windows are halved until the Taylor series is accurate over one, segments until the start does
-    not diverge within one. Raises FloatingPointError if neither suffices.
+    Windows are halved until inputs are nearly polynomials within one and the Taylor series is
+    accurate over one, segments until the guess does not diverge within one. Raises
+    FloatingPointError if this does not suffice.
     """
-    recordings, smoothed, period = begun.recordings, begun.smoothed, begun.period
-    problem, n = begun.problem, len(begun.problem.states)
+    recordings, smoothed, period = start.recordings, start.smoothed, start.period
+    problem, n = start.problem, len(start.problem.states)
     sampled = [stack_channels(recording) for recording in recordings]
-    own = np.flatnonzero(np.any([np.isfinite(one).any(axis=0) for one in sampled], axis=0))
-    observed, is_rate = own % n, own >= n
-    told = [channel_noise(*one) for one in zip(recordings, smoothed, strict=True)]
-    noise, known = np.take(np.stack(told, axis=1), own, axis=2)
-    times, sampled = [one.time for one in recordings], [one[:, own] for one in sampled]
+    channels = np.flatnonzero(np.any([np.isfinite(one).any(axis=0) for one in sampled], axis=0))
+    observed, is_rate = channels % n, channels >= n
+    noises = [channel_noise(*one) for one in zip(recordings, smoothed, strict=True)]
+    noise, known = np.take(np.stack(noises, axis=1), channels, axis=2)
+    times, sampled = [one.time for one in recordings], [one[:, channels] for one in sampled]
     curves = [
         np.hstack([one.states, np.gradient(one.states, one.time, axis=0)]) for one in smoothed
     ]
-    size = np.array([np.std(one[:, own], axis=0) for one in curves])
+    size = np.array([np.std(one[:, channels], axis=0) for one in curves])
     floor = np.fmax(ROUNDING * np.where(size > 0.0, size, 1.0), known)
     noise = np.where(np.isfinite(noise), np.maximum(noise, floor), 1.0)
     windows = WINDOWS_PER_PERIOD
@@ -197,44 +185,42 @@ def prepare_fit(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
             inputs = problem.input_factors(recordings, condensed.first, condensed.step)
             condensed = replace(condensed, inputs=inputs)
             left = problem.inputs_left_out(recordings, condensed.first, condensed.step, inputs)
-            error = _error_of_inputs(begun, start, left, observed, is_rate)
-            if windows < FINEST_FOR_INPUTS and np.any(error > OF_NOISE * noise):
+            error = _error_of_inputs(start, guess, left, observed, is_rate)
+            # the inputs' deviation from their polynomials moves the solution too far in a window
+            if windows < 8 * WINDOWS_PER_PERIOD and np.any(error > 0.1 * noise):
                 windows, length = 2 * windows, 2 * length
                 continue
         states, valid = _window_states(condensed, recordings, smoothed)
         segments = cut_segments(condensed, length, valid)
         record = ShootingData(problem, condensed, segments, states, floor)
         try:
-            truncation = segment_residuals(record, start.free, record.starts)[1]
+            truncation = segment_residuals(record, guess.free, record.starts)[1]
         except FloatingPointError:
             if length == 2:
                 break
             length = max(length // 2, 2)
             continue
         if truncation < TRUNCATION:
-            return ShootingFit(record, start.free, start.support, record.starts, noise, noise)
+            return ShootingFit(record, guess.free, guess.support, record.starts, noise, noise)
         windows, length = 2 * windows, 2 * length
     raise FloatingPointError("the start diverges, or its time scale is too short")
 
 
 def _error_of_inputs(
-    begun: Start, start: WeakFit, left: np.ndarray, observed: np.ndarray, is_rate: np.ndarray
+    start: Start, guess: WeakFit, left: np.ndarray, observed: np.ndarray, is_rate: np.ndarray
 ) -> np.ndarray:
     """Estimate the error of the solution from inputs that are no polynomials, (n_observed,).
 
-    It is a root mean square within windows, of the difference between the inputs and their
-    polynomials, such as the steps of a held input.
-
-    This difference affects a rate, its integral the state, and its second integral the state that
-    has this state as rate. No term counts for more than its whole equation. left: as of
+    It is a root mean square within windows. The difference between inputs and polynomials, such as
+    the steps of a held input, affects a rate, its integral the state, and its second integral the
+    state that has this state as rate. No term counts for more than its whole equation. left: as of
     `Problem.inputs_left_out`.
     """
-    problem, n = begun.problem, len(begun.problem.states)
-    values = np.concatenate([one.states[one.valid] for one in begun.smoothed])
-    sizes = np.sqrt(
-        np.mean(design_matrix(values, tuple(map(tuple, problem.state_exponents))) ** 2, axis=0)
-    )
-    coefficients = np.minimum(np.abs(start.free), begun.largest)
+    problem, n = start.problem, len(start.problem.states)
+    values = np.concatenate([one.states[one.valid] for one in start.smoothed])
+    theta = design_matrix(values, tuple(map(tuple, problem.state_exponents)))
+    sizes = np.sqrt(np.mean(theta**2, axis=0))
+    coefficients = np.minimum(np.abs(guess.free), start.largest)
     moved = np.zeros((3, n))
     for (equation, term), coefficient in zip(problem.candidates, coefficients, strict=True):
         factor = problem.terms[term][n:]
@@ -243,8 +229,8 @@ def _error_of_inputs(
             moved[:, equation] += share * left[:, problem.tables.factors.index(factor)]
     error = np.where(is_rate, moved[0, observed], moved[1, observed])
     for displacement, velocity in velocity_pairs(problem.states).items():
-        own = observed == displacement
-        error[own] = np.where(is_rate[own], moved[1, velocity], moved[2, velocity])
+        channels = observed == displacement
+        error[channels] = np.where(is_rate[channels], moved[1, velocity], moved[2, velocity])
     return error
 
 
@@ -256,20 +242,20 @@ def _window_states(
     Returns (n_windows, n_states) and (n_windows,). Without data nearby, as in the gap of a channel,
     states are limited to their range.
     """
-    states, valid = [], []
-    for r, (recording, one) in enumerate(zip(recordings, smoothed, strict=True)):
-        windows = condensed.first[r + 1] - condensed.first[r]
-        time = recording.time[0] + condensed.step * np.arange(windows)
-        own = np.column_stack([np.interp(time, one.time, x) for x in one.states.T])
-        valid.append(np.interp(time, one.time, one.valid) == 1.0)
-        if valid[-1].any():
-            told = own[valid[-1]]
-            own = np.clip(own, told.min(axis=0), told.max(axis=0))
-        states.append(own)
-    return np.concatenate(states), np.concatenate(valid)
+    states, near = [], []
+    windows = np.diff(condensed.first)
+    for recording, one, count in zip(recordings, smoothed, windows, strict=True):
+        time = recording.time[0] + condensed.step * np.arange(count)
+        values = np.column_stack([np.interp(time, one.time, x) for x in one.states.T])
+        valid = np.interp(time, one.time, one.valid) == 1.0
+        if valid.any():
+            values = np.clip(values, values[valid].min(axis=0), values[valid].max(axis=0))
+        states.append(values)
+        near.append(valid)
+    return np.concatenate(states), np.concatenate(near)
 
 
-def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
+def join_segments(free: Step, price: Price, dear: float, has_unseen: bool) -> JoinedFit:
     """Join fitted segments into continuous trajectories by Gauss-Newton, and select the terms.
 
     Terms are selected in all but the last passes. Chains grow fourfold until the terms are
@@ -278,28 +264,28 @@ def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> Joined
     start are the best already, the chains are whole from the first.
 
     free: the last step in free segments. price: of the terms. dear: factor on the prices in the
-    first two passes; half of it, but at least one, in the next two, and so on. unseen: whether
+    first two passes; half of it, but at least one, in the next two, and so on. has_unseen: whether
     mixtures of terms are undetermined: then many models follow the data alike, an iteration that
     does not converge while terms are chosen never will, and the last model represents the others.
     """
     step, count = free, len(free.fit.starts)
-    best = step.best_terms(price.scale_by(dear))
+    best = step.choose_terms(step.fit, price.scale_by(dear))
     # segments in the first chains: with two or eight, three recordings have the same model
     chain = count if np.array_equal(best, step.fit.support) else 4
     choosing = 14  # passes that choose terms; if all do, fewer settle (identification_parts.csv)
     whole, settled = False, False
     try:
-        for passed in range(choosing if unseen else MOST_PASSES):
-            times = max(dear / 2 ** (passed // 2), 1.0)
+        for passed in range(choosing if has_unseen else MOST_PASSES):
+            factor = max(dear / 2 ** (passed // 2), 1.0)
             longest = None if whole else chain  # changing chains would never settle
-            of_pass = price.scale_by(times) if passed < choosing else None
+            of_pass = price.scale_by(factor) if passed < choosing else None
             step = take_step(step.before, step.fit, longest, of_pass)
             unchanged = np.array_equal(step.fit.support, step.before.support)
-            if times == 1.0 and not step.fit.support.any():
+            if factor == 1.0 and not step.fit.support.any():
                 raise NotConvergedError(Code.NO_TERM)
             was_whole = whole or chain >= count
             # the gap is measured before the step, which leaves about its square, 1e-6 of each state
-            converged = step.decrement < CONVERGED and step.gap < 1e-3 and times == 1.0
+            converged = step.decrement < CONVERGED and step.gap < 1e-3 and factor == 1.0
             settled = unchanged and was_whole and converged
             if settled or is_exhausted():
                 break
@@ -309,8 +295,8 @@ def join_segments(free: Step, price: Price, dear: float, unseen: bool) -> Joined
     except FloatingPointError as error:
         return JoinedFit(free, step, ("left",), False, as_finding(error))
     misfit = step.fit.misfit
-    follows = settled or (unseen and was_whole and misfit < CLOSE)
-    code = Code.NOT_FOLLOWED if misfit > CLOSE else Code.NOT_PREFERRED
+    follows = settled or (has_unseen and was_whole and misfit < CLOSE_MISFIT)
+    code = Code.NOT_FOLLOWED if misfit > CLOSE_MISFIT else Code.NOT_PREFERRED
     objection = None if follows else Finding.of(code, chi2=misfit)
     if objection and is_exhausted():
         objection = Finding.of(Code.LIMIT_OF_WORK)
@@ -333,7 +319,7 @@ def take_step(
 
     def step_from(tried: ShootingFit) -> Step:
         step = _gauss_newton(tried, longest, price)
-        if not (step.fit.misfit < CLOSE or step.fit.chi2 < 1.5 * tried.chi2):
+        if not (step.fit.misfit < CLOSE_MISFIT or step.fit.chi2 < 1.5 * tried.chi2):
             raise FloatingPointError("chi^2 rises")
         return step
 
@@ -347,16 +333,13 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
     longest: as in `chain_segments`, None to keep the existing chains.
     """
     record, linear = fit.record, fit.linearise()
-    segments, problem = record.segments, record.problem
     if longest is not None:
-        segments = chain_segments(linear, segments, longest)
-    quadratic, support = eliminate_chains(linear, segments), fit.support
-    if price is not None:
-        support = quadratic.choose_terms(problem, fit.free, support, price)
-    free, _ = quadratic.best_coefficients(problem, fit.free, support)
+        record = replace(record, segments=chain_segments(linear, record.segments, longest))
+    quadratic = eliminate_chains(linear, record.segments)
+    support = fit.support if price is None else quadratic.choose_terms(fit, price)
+    free, _ = quadratic.best_coefficients(fit, support)
     change = free - fit.free
     starts = quadratic.move_states(change, fit.starts)
-    record = replace(record, segments=segments)
     moved = replace(fit, record=record, free=free, support=support, starts=starts)
     moved = update_noise(moved, record.condensed.sum_squares(linear.residual))
     information, right = quadratic.information, quadratic.right
@@ -368,10 +351,7 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
 
 
 def update_noise(fit: ShootingFit, squares: np.ndarray) -> ShootingFit:
-    """Update the noise levels and chi^2 of a fit from its sums of squared residuals.
-
-    squares: (n_recordings, n_observed).
-    """
+    """Update noise and chi^2 of a fit by its squared residuals' sums (n_recordings, n_observed)."""
     rows, floor = fit.record.condensed.rows, fit.record.floor
     share = fit.n_parameters / max(int(np.count_nonzero(squares)), 1)
     # Degrees of freedom are at least a fifth of the rows: data that many parameters follow exactly

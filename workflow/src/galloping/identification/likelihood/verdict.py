@@ -76,22 +76,6 @@ class Fitted(TypedDict, total=False):
     further_modes: tuple[FurtherMode, ...]
 
 
-@dataclass(frozen=True)
-class ApproximateFit:
-    """Coefficients and standard errors of a model that only approximates the data.
-
-    It is used if no model of the library is right. free: (n,), zero outside `support` (n,).
-    information: (n, n) of all coefficients. covariance: (n_support, n_support). price: of a term,
-    in units of chi^2, at which the terms were chosen.
-    """
-
-    free: np.ndarray
-    support: np.ndarray
-    information: np.ndarray
-    covariance: np.ndarray
-    price: float
-
-
 def assess_fit(
     problem: Problem,
     regression: Regression,
@@ -126,15 +110,15 @@ def assess_fit(
         believed = weigh_by_prior(problem, plausible)
         limits = detection_limits(unconditional_errors(believed, errors), support, penalty)
         simple = mark_simple_terms(problem, support)
-        hidden = partial(find_hidden_term, problem, support)
+        hidden = partial(find_hidden_term, problem, support, regression.largest)
         # `find_unseen_mixture` treats terms that are not simple and that others imitate exactly
         asked = np.where(simple | np.isfinite(limits), limits, 0.0)
         most = np.where(simple, MOST_HIDDEN, MOST_BALANCED)
-        missing = hidden(asked, regression.largest, most, Code.TERM_MAY_BE_MISSING)
+        missing = hidden(asked, most, Code.TERM_MAY_BE_MISSING)
         questions = find_open_questions(problem, whitened, believed)
-        mixed = find_unseen_mixture(regression.information, regression.largest)
+        mixed = find_unseen_mixture(information, regression.largest)
         findings = [*contradicted, *doubts, *questions, *missing, *mixed]
-        notes = hidden(limits, regression.largest, MOST_HIDDEN, Code.TERM_MAY_HIDE)
+        notes = hidden(limits, MOST_HIDDEN, Code.TERM_MAY_HIDE)
         share, rival = _heaviest_rival(problem, plausible)
         if problem.prior and share > MOST_RIVAL_WEIGHT:
             notes = [Finding.of(Code.PRIOR_DECIDES, **rival), *notes]
@@ -160,25 +144,35 @@ def assess_fit(
 
 
 def assess_approximation(
-    problem: Problem, near: ApproximateFit, findings: Iterable[Finding], **fitted: Unpack[Fitted]
+    problem: Problem,
+    free: np.ndarray,
+    support: np.ndarray,
+    information: np.ndarray,
+    covariance: np.ndarray,
+    price: float,
+    findings: Iterable[Finding],
+    **fitted: Unpack[Fitted],
 ) -> IdentifiedModel:
     """Turn an approximate fit into an `IdentifiedModel` with the status `approximate`.
 
     It is used if no model of the library is right. The result claims only its distance from the
-    data, which is among the findings. fitted: as of `assess_fit`.
+    data, which is among the findings.
+
+    free: (n,) coefficients, zero outside `support` (n,). information: (n, n) of all coefficients.
+    covariance: (n_support, n_support). price: of a term, in units of chi^2, at which the terms were
+    chosen. fitted: as of `assess_fit`.
     """
     findings = as_warnings(findings)
-    errors = np.full(len(near.support), np.nan)
-    errors[near.support] = np.sqrt(np.diag(near.covariance))
-    absent = added_deviation(near.information, near.support)
-    limits = detection_limits(absent, near.support, near.price)
+    errors = np.full(len(support), np.nan)
+    errors[support] = np.sqrt(np.diag(covariance))
+    limits = detection_limits(added_deviation(information, support), support, price)
     return IdentifiedModel(
-        model=problem.model(near.free),
+        model=problem.model(free),
         status=status_of(findings),
         findings=findings,
         standard_errors=problem.on_library(errors, fixed=0.0),
         detection_limits=problem.on_library(limits),
-        covariance=problem.model_covariance(near.covariance, near.support),
+        covariance=problem.model_covariance(covariance, support),
         known=problem.known_equations,
         **fitted,
     )
@@ -194,12 +188,12 @@ def _draw_rivals(problem: Problem, regression: Regression, believed: Plausible) 
     if share < MISS_RATE:
         return {}
     for k in rng.choice(len(others), RIVALS, p=others / share):
-        own = believed.supports[1 + k]
-        kept = np.where(own, regression.about, 0.0)
-        right = regression.right + regression.information @ (regression.about - kept)
-        change, covariance = solve_support(regression.information, right, own)
-        kept[own] += draw_normal(change[own], covariance, 1, rng)[0]
-        drawn.append(problem.coefficients(kept))
+        support = believed.supports[1 + k]
+        free = np.where(support, regression.about, 0.0)
+        right = regression.right + regression.information @ (regression.about - free)
+        change, covariance = solve_support(regression.information, right, support)
+        free[support] += draw_normal(change[support], covariance, 1, rng)[0]
+        drawn.append(problem.coefficients(free))
     return {"rivals": np.array(drawn), "rival_share": share}
 
 
@@ -231,17 +225,14 @@ def find_beyond_bounds(
     return ruled_out, contradicted
 
 
-def have_same_terms(found: list[IdentifiedModel]) -> bool:
-    """Decide whether the last model of a list has the same terms as an earlier model.
-
-    Both must follow the data.
-    """
-    before = [one for one in found[:-1] if one.status in FOLLOW and found[-1].status in FOLLOW]
-    return any(np.array_equal(one.support, found[-1].support) for one in before)
+def have_same_terms(models: list[IdentifiedModel]) -> bool:
+    """Decide whether the last model, and an earlier one with the same terms, follow the data."""
+    before = [one for one in models[:-1] if one.status in FOLLOW and models[-1].status in FOLLOW]
+    return any(np.array_equal(one.support, models[-1].support) for one in before)
 
 
-def best_of(found: list[IdentifiedModel]) -> IdentifiedModel:
-    """Choose the best of several models that were found from different initial guesses.
+def best_of(models: list[IdentifiedModel]) -> IdentifiedModel:
+    """Choose the best of several models from different initial guesses.
 
     The best is that of the fewest terms that follow the data, or else of the best forecasts; not
     `ok` if no other follows the data, since a better one may then be missed.
@@ -254,8 +245,8 @@ def best_of(found: list[IdentifiedModel]) -> IdentifiedModel:
             return 1, -float(identified.diagnostics["forecast_r2"])
         return 2, 0.0
 
-    best = min(found, key=preference_key)
-    if best.status == "ok" and sum(one.status in FOLLOW for one in found) < 2:
+    best = min(models, key=preference_key)
+    if best.status == "ok" and sum(one.status in FOLLOW for one in models) < 2:
         return best.with_findings(Finding.of(Code.SINGLE_START))
     return best
 
@@ -270,8 +261,9 @@ def find_open_questions(
     yet less than selection requires.
     """
     share, rival = _heaviest_rival(problem, plausible)
-    found = [Finding.of(Code.RIVAL_TERMS, share=share, **rival)]
-    found = found if share > MOST_RIVAL_WEIGHT else []
+    questions = []
+    if share > MOST_RIVAL_WEIGHT:
+        questions.append(Finding.of(Code.RIVAL_TERMS, share=share, **rival))
     here = make_tableau(whitened, plausible.supports[0])
     for count in (1, 2):
         (rises,), _, added = here.rises(0, count)
@@ -280,8 +272,8 @@ def find_open_questions(
         # wrong.
         if len(rises) and -rises.min() > chdtri(count, 0.001 / len(rises)):
             names = problem.candidate_names(added[np.argmin(rises)])
-            found.append(Finding.of(Code.TERM_PLAUSIBLE, terms=names, chi2=rises.min()))
-    return found
+            questions.append(Finding.of(Code.TERM_PLAUSIBLE, terms=names, chi2=rises.min()))
+    return questions
 
 
 def mark_simple_terms(problem: Problem, support: np.ndarray) -> np.ndarray:
@@ -301,8 +293,8 @@ def find_unseen_mixture(information: np.ndarray, largest: np.ndarray) -> list[Fi
     Returns a finding if so. Nothing is found if rounding errors are too large to decide. Arguments
     as of `mixture_information`, of all candidates.
     """
-    told = mixture_information(information, largest)
-    if max(told[0], len(told) * np.finfo(float).eps * told[-1]) * MOST_MIXED**2 > 1.0:
+    known = mixture_information(information, largest)
+    if max(known[0], len(known) * np.finfo(float).eps * known[-1]) * MOST_MIXED**2 > 1.0:
         return []
     return [Finding.of(Code.MIXTURE_MAY_HIDE, times=MOST_MIXED)]
 
@@ -310,16 +302,16 @@ def find_unseen_mixture(information: np.ndarray, largest: np.ndarray) -> list[Fi
 def find_hidden_term(
     problem: Problem,
     support: np.ndarray,
-    limits: np.ndarray,
     largest: np.ndarray,
+    limits: np.ndarray,
     most: np.ndarray | float,
     code: Code,
 ) -> list[Finding]:
     """Check whether an absent term could be large enough to matter but remain undetected.
 
-    Returns a finding on the worst such term, or none. limits: (n,) of `detection_limits`, including
-    the prior. largest: (n,) as in `problem.largest_coefficients`. most: (n,) share of its equation
-    above which each must be detectable. code: of the finding.
+    Returns a finding on the worst such term, or none. largest: (n,) as in
+    `problem.largest_coefficients`. limits: (n,) of `detection_limits`, including the prior. most:
+    (n,) share of its equation above which each must be detectable. code: of the finding.
     """
     share = np.where(support, 0.0, limits / np.maximum(largest, np.finfo(float).tiny))
     k = int(np.argmax(share / most))

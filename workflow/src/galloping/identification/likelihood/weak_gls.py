@@ -1,7 +1,4 @@
-"""Identification by the weak form alone, a fast method.
-
-Other methods use the weak form only as a starting point.
-"""
+"""Identification by the weak form alone, a fast method; to others it is a starting point."""
 
 from collections.abc import Sequence
 
@@ -67,24 +64,24 @@ def weak_gls(
 
     def search_model() -> IdentifiedModel:
         used = segments_with_inputs(recordings, problem.inputs)
-        begun = start or make_start(problem, used)
-        fit, more = begun.fit, max(begun.fit.misfit, 1.0)
+        guess = start or make_start(problem, used)
+        fit, more = guess.fit, max(guess.fit.misfit, 1.0)
         if fit.misfit >= MOST_MISFIT:
             raise IdentificationError(Code.WEAK_MISFIT, misfit=fit.misfit)
         system = fit.information / more, fit.right / more
-        found = assess_fit(
+        identified = assess_fit(
             problem,
-            Regression(*system, fit.support, begun.penalty, begun.largest),
+            Regression(*system, fit.support, guess.penalty, guess.largest),
             followed=[
                 FollowedRecording(np.zeros(1), one.states[:1], np.ptp(recording.time))
-                for one, recording in zip(begun.smoothed, begun.recordings, strict=True)
+                for one, recording in zip(guess.smoothed, guess.recordings, strict=True)
             ],
-            period=begun.period,
-            initial_states=np.array([one.states[0] for one in begun.smoothed]),
-            sigma=np.array([one.noise for one in begun.smoothed]),
+            period=guess.period,
+            initial_states=np.array([one.states[0] for one in guess.smoothed]),
+            sigma=np.array([one.noise for one in guess.smoothed]),
             chi2=fit.misfit,
         )
-        return add_alias_rivals(problem, add_input_errors(found, recordings, used))
+        return add_alias_rivals(problem, add_input_errors(identified, recordings, used))
 
-    found = attempt(search_model)
-    return refused_model(problem, found.findings) if isinstance(found, NoModel) else found
+    outcome = attempt(search_model)
+    return refused_model(problem, outcome.findings) if isinstance(outcome, NoModel) else outcome
