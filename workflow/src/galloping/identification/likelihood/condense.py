@@ -64,18 +64,18 @@ class Condensed:
         As `taylor.integrate`. first: (n_segments + 1,) windows at which the segments begin, and the
         end of the last one.
         """
-        own, samples = slice(first[0], first[-1]), self.samples
+        within, samples = slice(first[0], first[-1]), self.samples
         if samples is not None:
             samples = samples._replace(offsets=samples.offsets[first[0] : first[-1] + 1])
-        found = integrate(
-            compiled, self.step, first - first[0], starts, self.functionals[own], self.observed,
-            self.inputs[own], sensitive, samples,
+        solution = integrate(
+            compiled, self.step, first - first[0], starts, self.functionals[within], self.observed,
+            self.inputs[within], sensitive, samples,
         )  # fmt: skip
-        windows, columns = first[-1] - first[0], found[1].shape[3]
+        windows, columns = first[-1] - first[0], solution[1].shape[3]
         moved = len(set(map(tuple, compiled.jacobian[:, :2].tolist())))
         products = moved * ORDER**2 / 2 + self.functionals[0, ..., 0].size * ORDER
         count_work(2.3e-10 * windows * (columns * products + 3 * ORDER**2 * len(compiled.parent)))
-        return found
+        return solution
 
     def as_rates(self) -> Self:
         """Return a copy that projects time derivatives of the channels instead of values."""
@@ -136,10 +136,8 @@ class Condensed:
         """Whether the noise of each channel is known or can be estimated, for each recording.
 
         Shape (n_recordings, n_observed). It can be estimated if more than three tenths of all
-        samples are spare. Three projections leave two of five samples in a window, which is enough,
-        but one of four is not. With a smaller share a misfit is compared with a rough estimate of
-        the noise, with a larger one more often with none. From 0.15 to 0.5 no answer of `make exam`
-        changes.
+        samples are spare: two of five samples in a window are enough, one of four is not. From 0.15
+        to 0.5 no answer of `make exam` changes.
         """
         spare = self.counts - self.rows
         return self.is_known | (spare > 0.3 * np.maximum(self.counts, 1))
@@ -151,10 +149,10 @@ class Condensed:
         Shape (n_windows, n_observed, n_rows, 2): these are the functionals on a channel and on its
         rate, for the time scaled by the window.
         """
-        own = self.functionals[..., :2].copy()
-        rates = np.flatnonzero(self.is_rate)
-        own[:, rates] = self.functionals[:, rates, :, 1:3] * (self.step / np.array([1, 2]))
-        return own
+        constant_and_ramp = self.functionals[..., :2].copy()
+        rates = self.functionals[:, self.is_rate, :, 1:3] * (self.step / np.array([1, 2]))
+        constant_and_ramp[:, self.is_rate] = rates
+        return constant_and_ramp
 
     @cached_property
     def motion(self) -> np.ndarray:
@@ -165,8 +163,8 @@ class Condensed:
             for each in (self.targets, ones)
         ]
         means = sums[0] / np.maximum(sums[1], np.finfo(float).tiny)
-        own = np.repeat(means, np.diff(self.first), axis=0)
-        return self.targets - own[..., np.newaxis] * ones
+        means = np.repeat(means, np.diff(self.first), axis=0)
+        return self.targets - means[..., np.newaxis] * ones
 
 
 def rate_functionals(functionals: np.ndarray, step: float) -> np.ndarray:
@@ -257,9 +255,8 @@ def condense_recordings(
 ) -> Condensed:
     """Project the samples of recordings onto three polynomials in each of many short windows.
 
-    The recordings measure the same channels. times: per recording (n,), s, increasing. values: per
-    recording (n, n_observed), NaN where a sample is missing. keep_samples: whether terms have
-    kinks. The others as in `Condensed`.
+    times: per recording (n,), s, increasing. values: per recording (n, n_observed), NaN where a
+    sample is missing. keep_samples: whether terms have kinks. The others as in `Condensed`.
     """
     windows = [max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-6))) for time in times]
     first = np.concatenate([[0], np.cumsum(windows)])
@@ -274,11 +271,11 @@ def condense_recordings(
         scaled = (time - time[0]) / step
         window = np.minimum((scaled + 1e-9).astype(np.int64), windows[r] - 1)
         offsets = np.searchsorted(window, np.arange(windows[r] + 1))
-        span = slice(first[r], first[r + 1])
+        within = slice(first[r], first[r + 1])
         basis = np.zeros((*value.shape, PROJECTIONS)) if keep_samples else None
         _project_recording(
             scaled - window, np.ascontiguousarray(value, dtype=float), offsets,
-            int(np.diff(offsets).max()), functionals[span], targets[span], counts[r], rows[r],
+            int(np.diff(offsets).max()), functionals[within], targets[within], counts[r], rows[r],
             remainder[r], basis,
         )  # fmt: skip
         kept.append((scaled - window, basis))

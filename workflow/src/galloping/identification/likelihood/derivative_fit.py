@@ -27,9 +27,8 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     The noise of each recording's derivatives is estimated from the residuals of the whole library.
     Rows with a missing value are left out, and recordings with no more complete rows of an equation
     than the library has terms. The model is `refused` if no row remains, and `approximate` if its
-    residuals are correlated from sample to sample, unlike white noise; intervals are then from the
-    differences between stretches in their gradients of the coefficients, as in
-    `free_run.approximate_free_runs`. The penalty of a term counts the samples of its equation.
+    residuals are correlated from sample to sample; intervals are then those of
+    `sandwich_covariance`. The penalty of a term counts the samples of its equation.
     """
     n = len(problem.candidates)
     information, right = problem.with_prior(np.zeros((n, n)), np.zeros(n))
@@ -64,10 +63,11 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             parts.append((block, rows / sigma[r, i], rate / sigma[r, i], sigma[r, i] > floor))
         if not samples:
             return refused_model(problem, [Finding.of(Code.SAMPLES_INCOMPLETE, problem.states[i])])
-        whole = np.ones(len(block), bool)
-        own = information[np.ix_(block, block)]
         price = problem.term_prices(2.0 * np.log(samples), size).of_terms(block)
-        support[block] = problem.select_terms(own, right[block], [whole], price, among=block)
+        support[block] = problem.select_terms(
+            information[np.ix_(block, block)], right[block], [np.ones(len(block), bool)], price,
+            among=block,
+        )  # fmt: skip
         count += samples
     penalty = 2.0 * np.log(count / len(problem.unknown))  # by the mean sample count of an equation
     free, covariance = problem.solve_within_bounds(information, right, support)
@@ -78,21 +78,21 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         "sigma": sigma,
         "chi2": misfit / max(count - int(support.sum()), 1),
     }
-    left = [rate - rows @ free[block] for block, rows, rate, _ in parts]
-    goes_on = [
+    residuals = [rate - rows @ free[block] for block, rows, rate, _ in parts]
+    correlations = [
         float(one[1:] @ one[:-1] / np.sqrt(one[1:] @ one[1:] * (one[:-1] @ one[:-1]) / len(one)))
-        for one, (*_, is_noisy) in zip(left, parts, strict=True)
+        for one, (*_, is_noisy) in zip(residuals, parts, strict=True)
         if is_noisy
     ]
-    if max(goes_on, default=0.0) < -ndtri(RESIDUAL_RATE / max(len(goes_on), 1)):
+    if max(correlations, default=0.0) < -ndtri(RESIDUAL_RATE / max(len(correlations), 1)):
         return assess_fit(problem, Regression(information, right, support, penalty, size), **fitted)
-    pulls = []
-    for one, (block, rows, *_) in zip(left, parts, strict=True):
-        pull = np.zeros((len(one), n))
-        pull[:, block] = one[:, None] * rows
-        pulls.append(pull[:, support])
+    gradients = []
+    for one, (block, rows, *_) in zip(residuals, parts, strict=True):
+        gradient = np.zeros((len(one), n))
+        gradient[:, block] = one[:, None] * rows
+        gradients.append(gradient[:, support])
     of_prior = prior_covariance(problem, covariance, support)
-    covariance = sandwich_covariance(pulls, covariance) + of_prior
+    covariance = sandwich_covariance(gradients, covariance) + of_prior
     findings = [Finding.of(Code.DERIVATIVES_CORRELATED)]
     return assess_approximation(
         problem, free, support, information, covariance, penalty, findings, **fitted

@@ -89,8 +89,8 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
             change = free - fine.free
             jump = jump_covariance(parts, wider, solved, change, jumping)
             step = solved.move_states(change)
-            own = np.diagonal(solved.variance, axis1=1, axis2=2) + step**2
-            variance = np.maximum(own[:, len(size) :].mean(axis=0), least)
+            squares = np.diagonal(solved.variance, axis1=1, axis2=2) + step**2
+            variance = np.maximum(squares[:, len(size) :].mean(axis=0), least)
         starts = fine.starts + step[:, : len(size)]
         moved = replace(fine, free=free, support=support, starts=starts, misfit=misfit, jump=jump)
         fine = shorten_until_integrable(fine, moved)

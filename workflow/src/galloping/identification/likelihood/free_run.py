@@ -41,9 +41,7 @@ def approximate_free_runs(
     The simulations, or free runs, are the chains of `fit`. information: (n_candidates,
     n_candidates). residual: (n_windows, n_observed, n_rows) of the free runs. The other arguments
     are as in `model_error.fit_approximation`, and so are the diagnostics, of free runs instead of
-    forecasts. Intervals are valid for residuals of any spectrum: their width is from the
-    differences between the gradients of up to 40 stretches (sandwich; P. J. Huber, 1967), with a
-    factor for an error common to all stretches.
+    forecasts. Intervals, of `sandwich_covariance`, are valid for residuals of any spectrum.
     """
     _, inverse = solve_support(information, np.zeros(len(fit.free)), fit.support)
     covariance = sandwich_covariance(_window_gradients(fit, residual), inverse)
@@ -56,12 +54,12 @@ def approximate_free_runs(
     return as_identified(made, residual, left, objections, missed)
 
 
-def sandwich_covariance(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> np.ndarray:
-    """Compute the sandwich covariance of coefficients from gradients in parts of recordings.
+def sandwich_covariance(gradients: Iterable[np.ndarray], covariance: np.ndarray) -> np.ndarray:
+    """Compute the sandwich covariance of coefficients (P. J. Huber, 1967), (n_support, n_support).
 
-    pulls: (n, n_support) gradients of chi^2 / 2 of each recording, in the order of time, which are
-    summed over 40 stretches of it. covariance: that for white residuals. Returns (n_support,
-    n_support), from the differences between the stretches' gradients.
+    gradients: (n, n_support) of chi^2 / 2 of each recording, in the order of time, which are summed
+    over 40 stretches of it. covariance: that for white residuals. A factor allows for an error
+    common to all stretches.
 
     Stretches must be so long that they are independent of each other, and so many that their
     covariance is known: of 40, `small_sample_factor` is 1.07. With 20 or 80 no answer of `make
@@ -69,9 +67,9 @@ def sandwich_covariance(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> 
     """
     stretches = np.concatenate(
         [
-            np.add.reduceat(pull, np.linspace(0, len(pull), count, endpoint=False).astype(int))
-            for pull in pulls
-            if (count := min(len(pull), 40))
+            np.add.reduceat(each, np.linspace(0, len(each), count, endpoint=False).astype(int))
+            for each in gradients
+            if (count := min(len(each), 40))
         ]
     )
     moved = stretches @ covariance
@@ -81,29 +79,28 @@ def sandwich_covariance(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> 
 def fit_free_runs(
     record: ShootingData, near: IdentifiedModel, penalty: float, objections: Sequence[Finding]
 ) -> IdentifiedModel | NoModel:
-    """Refit an approximate model, with its terms, to minimise the error of its simulation.
+    """Refit an approximate model, with its terms, to minimise the error of its free runs.
 
-    The simulation is a free run over each recording. Detection limits remain those of `near`, with
-    which the terms were chosen. `NoModel` if the motion depends on its initial state to the end.
-    Raises FloatingPointError if the iteration diverges.
+    Detection limits remain those of `near`, with which the terms were chosen. `NoModel` if the
+    motion depends on its initial state to the end. Raises FloatingPointError if the iteration
+    diverges.
     """
     condensed, each = record.condensed, np.arange(len(record.condensed.first) - 1)
     record = replace(record, segments=Segments(condensed.first, each, each))
     free, starts = record.problem.candidate_values(near.model.coefficients), near.initial_states
     squares = condensed.sum_squares(segment_residuals(record, free, starts)[0])
     sigma = np.maximum(np.sqrt(squares / np.maximum(condensed.rows, 1)), record.floor)
-    previous = fit = ShootingFit(record, free, free != 0.0, starts, sigma, sigma)
+    before = fit = ShootingFit(record, free, free != 0.0, starts, sigma, sigma)
     if not has_forgotten_start(fit):
         return NoModel()
     for _ in range(MOST_PASSES):
-        step = take_step(previous, fit, None, None)
-        previous, fit = step.before, step.fit
+        step = take_step(before, fit, None, None)
+        before, fit = step.before, step.fit
         if step.decrement < CONVERGED:
             break
-    remaining, _ = segment_residuals(record, fit.free, fit.starts)
-    run = approximate_free_runs(
-        fit, fit.linearise().information.sum(axis=0), remaining, penalty, objections
-    )
+    residual, _ = segment_residuals(record, fit.free, fit.starts)
+    information = fit.linearise().information.sum(axis=0)
+    run = approximate_free_runs(fit, information, residual, penalty, objections)
     return replace(run, detection_limits=near.detection_limits)
 
 
@@ -111,10 +108,9 @@ def has_forgotten_start(fit: ShootingFit) -> bool:
     """Decide whether the end of a fitted motion is independent of its initial state.
 
     The last tenth of each chain must depend at most a tenth as much on the first state as the first
-    tenth does. This applies to a damped system that is driven, not to a limit cycle, whose phase
-    persists. The ratio is near one for a limit cycle, and falls exponentially with the length of
-    the recording for a damped system. With a twentieth or a fifth no answer of `make exam` changes.
-    Raises FloatingPointError if the model diverges over a chain.
+    tenth does: far less for a damped system that is driven, as much for a limit cycle, whose phase
+    persists. With a twentieth or a fifth no answer of `make exam` changes. Raises
+    FloatingPointError if the model diverges over a chain.
     """
     for _, rows, _ in _chain_slopes(fit, fit.record.problem.candidates[:0]):
         tenth = max(len(rows) // 10, 1)
@@ -124,26 +120,25 @@ def has_forgotten_start(fit: ShootingFit) -> bool:
 
 
 def _window_gradients(fit: ShootingFit, residual: np.ndarray) -> Iterator[np.ndarray]:
-    """Compute the gradient of chi^2 / 2 of each window by the coefficients of a fit.
+    """Yield gradients of chi^2 / 2 by coefficients, (n_windows, n_support), of each chain.
 
-    Yields (n_windows, n_support) of each chain, of a run from the chain's optimal first state.
+    They are those of a run from the chain's optimal first state.
     """
     pairs = fit.record.problem.candidates[fit.support]
     n = len(pairs)
-    for own, rows, weight in _chain_slopes(fit, pairs):
+    for windows, rows, weight in _chain_slopes(fit, pairs):
         flat = rows.reshape(-1, rows.shape[3])
         by_start = np.linalg.lstsq(flat[:, n:], flat[:, :n], rcond=UNDETERMINED)[0]
         design = rows[..., :n] - rows[..., n:] @ by_start
-        yield np.einsum("worp,wor->wp", design, residual[own] * weight)
+        yield np.einsum("worp,wor->wp", design, residual[windows] * weight)
 
 
 def _chain_slopes(
     fit: ShootingFit, pairs: np.ndarray
 ) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
-    """Compute the slopes of each chain's solution by coefficients and its first state.
+    """Yield each chain's windows, slopes by coefficients and first state, and one over the noise.
 
-    Yields the chain's windows, the slopes (n_windows, n_observed, n_rows, n_pairs + n_states) over
-    the noise, and one over the noise (n_observed, 1).
+    The slopes, (n_windows, n_observed, n_rows, n_pairs + n_states), are in units of the noise.
     """
     whole, at_once = fit.whole_chains, 1
     for chain, windows, _, rows, *_ in whole.record.iterate_linearised(

@@ -75,11 +75,11 @@ def find_faults(fit: ShootingFit, penalty: float) -> list[Fault]:
     def linearise_terms(terms: np.ndarray) -> Linearised:
         return wider.linearise(np.vstack([problem.candidates[terms], entries]), columns)
 
-    own = linearise_terms(fit.support)
-    quadratic = eliminate_chains(own, segments)
+    linear = linearise_terms(fit.support)
+    quadratic = eliminate_chains(linear, segments)
     scores = [score_test(quadratic.information, quadratic.right, test.mixture) for test in tests]
     tested = [replace(test, z=z) for test, z in zip(tests, scores, strict=True)]
-    tested += _test_gaps(own, fit) + _test_variances(fit, residual, rates)
+    tested += _test_gaps(linear, fit) + _test_variances(fit, residual, rates)
     limit = -ndtri(5e-3 / 2.0 / len(tested))
     # A fault with such a score is also tested against terms that may only imitate it. A few of a
     # hundred sound recordings have such a score, which costs no more than a pass of the fit.
@@ -114,8 +114,8 @@ def _add_input_rates(fit: ShootingFit) -> tuple[ShootingFit, list[DelayedInput]]
     slopes[:, :-1] = powers[:, 1:] * np.arange(1, powers.shape[1])[:, None] / condensed.step
     columns = [powers]
     for k, name in enumerate(problem.inputs):
-        own = powers_of_inputs[powers_of_inputs[:, k] != 0]
-        if not len(own) or np.any(np.count_nonzero(own, axis=1) > 1):
+        powers_of_terms = powers_of_inputs[powers_of_inputs[:, k] != 0]
+        if not len(powers_of_terms) or np.any(np.count_nonzero(powers_of_terms, axis=1) > 1):
             continue
         pairs, weights = [], []
         for i, j in np.argwhere(coefficients).tolist():
@@ -302,15 +302,15 @@ def _test_variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -
         signal, scores, skews = signals[:, :, 0], [], []
         for r, o in np.ndindex(sigma.shape):
             inside = there[:, o] & (owner == r)[:, None]
-            own = square[:, o][inside]
+            squares = square[:, o][inside]
             # residuals are so far below sigma only if sigma is at its floor: they are rounding
-            if len(own) < 2 or own.mean() < 0.25:
+            if len(squares) < 2 or squares.mean() < 0.25:
                 continue
             level = signal[:, o] / weight[:, o]
             size = np.repeat(level[:, None] ** 2, PROJECTIONS, axis=1)[inside]
             size = size - size.mean()
             if (spread := np.sqrt(2.0 * np.sum(size**2))) > 0.0:
-                scores.append(float(size @ (own / own.mean())) / spread)
+                scores.append(float(size @ (squares / squares.mean())) / spread)
                 skews.append(float(8.0 * np.sum(size**3)) / spread**3)
         if scores:
             n = len(scores)

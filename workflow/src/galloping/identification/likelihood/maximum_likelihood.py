@@ -154,7 +154,7 @@ def _search_model(problem: Problem, moving: Moving, start: Start | None) -> Iden
     """Search for the model of recordings without rests.
 
     Free motion is tried first for a single coordinate, and if displacements are not measured: this
-    takes a tenth of a second, and often replaces longer searches.
+    takes a tenth of a second.
     """
     recordings = moving.recordings
     if (motion := find_free_motion(moving.until_rest)) is not None:
@@ -177,8 +177,7 @@ def _search_time_scales(
 ) -> IdentifiedModel:
     """Search from each time scale until a start leads to a model.
 
-    The spectrum shows the shortest period of most of the power; a transient or a relaxation is
-    faster.
+    A transient or a relaxation is faster than the shortest period of most of the power.
     """
     objections = []
     for share in TIME_SCALES:
@@ -198,7 +197,6 @@ def _search_time_scale(
 ) -> Outcome:
     """Run the searches of a time scale in their order.
 
-    They are for a model that follows the data, for random forces, and for an approximate model.
     Random forces are tried if the motion may be due to them, and first if no model follows the data
     in segments, or if displacements are not measured.
     """
@@ -224,8 +222,7 @@ def _search_time_scale(
 def _run_searches(searches: Sequence[Search], recordings: list[Recording]) -> Outcome:
     """Run searches until one leads to a certain model.
 
-    If a model is uncertain, later searches have a quarter of the work to find one that forecasts
-    better. Each search receives the objections of earlier ones to a model.
+    After an uncertain model, later searches have a quarter of the work to find a better one.
     """
     unsure: IdentifiedModel | None = None
     objections: Findings = ()
@@ -271,8 +268,7 @@ def _search_free_motion(start: Start, objections: Findings) -> tuple[Outcome, bo
     """Search for the model of free motion of several coordinates.
 
     The motion is used without its further modes and between events. If no model follows it to the
-    noise, the model is the linear one of its modes. In free motion without further modes and
-    events, random forces are not tried.
+    noise, the model is the linear one of its modes, or else the approximate one.
     """
     if is_of_one_coordinate(start.recordings):  # already tried before all other searches
         return NoModel(objections), False

@@ -43,7 +43,7 @@ from galloping.passes import passing
 
 # Ratio of total variance to variance between stretches: an error of all may be as large.
 SYSTEMATIC = 2.0
-UNTOLD = 1e-9  # share of the information on a direction below which that of a part is rounding
+LEAST_SHARE = 1e-9  # share of the information on a direction below which that of a part is rounding
 
 MisfitOf = Callable[[ShootingData, np.ndarray], np.ndarray]
 
@@ -326,14 +326,14 @@ def _cross_validate(fit: StretchFit, price: float) -> Approximation:
     for k in range(n_folds):
         passing("forecast stretches that are left out")
         solved = eliminate_with_jumps(linear, segments, roots, k)
-        changes[k], untold = _change_without(solved, whole.information, fit.support)
-        of_single_folds += untold @ untold.T
+        changes[k], unknown = _change_without(solved, whole.information, fit.support)
+        of_single_folds += unknown @ unknown.T
         change = np.zeros(len(fit.support))
         change[fit.support] = changes[k]
         at = slice(*np.searchsorted(linear.fold, [k, k + 1]))
-        own = slice(segments.first[at.start], segments.first[at.stop])
+        windows = slice(segments.first[at.start], segments.first[at.stop])
         predicted = record.predict_projections(fit.free + change, record.starts[at], at)
-        residual[own] = condensed.targets[own] - predicted
+        residual[windows] = condensed.targets[windows] - predicted
     spread = changes - changes.mean(axis=0)
     freedom = max(n_folds - 1, 1)
     covariance = SYSTEMATIC * small_sample_factor(n_folds) * freedom / n_folds * spread.T @ spread
@@ -354,16 +354,16 @@ def _change_without(
     whole: information of all. Returns the changes (n_support,), zero in directions that the part
     does not determine, and these directions, (n_support, k), with unit information of the whole.
     """
-    kept, own = np.ix_(support, support), np.diag(whole)[support]
-    if not (np.all(own > 0.0) and np.isfinite(part.information[kept]).all()):
+    kept, diagonal = np.ix_(support, support), np.diag(whole)[support]
+    if not (np.all(diagonal > 0.0) and np.isfinite(part.information[kept]).all()):
         raise np.linalg.LinAlgError("the stretches do not determine a coefficient")
-    unit = 1.0 / np.sqrt(own)
+    unit = 1.0 / np.sqrt(diagonal)
     scale = np.outer(unit, unit)
     shares, directions = eigh(part.information[kept] * scale, whole[kept] * scale)
     directions *= unit[:, None]
-    told = shares > UNTOLD
-    along = directions[:, told] / np.sqrt(shares[told])
-    return along @ (along.T @ part.right[support]), directions[:, ~told]
+    known = shares > LEAST_SHARE
+    along = directions[:, known] / np.sqrt(shares[known])
+    return along @ (along.T @ part.right[support]), directions[:, ~known]
 
 
 def prior_covariance(problem: Problem, covariance: np.ndarray, support: np.ndarray) -> np.ndarray:

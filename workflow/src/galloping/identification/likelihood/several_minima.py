@@ -34,6 +34,7 @@ from galloping.model.intervals import draw_normal
 MOST_STEPS, MOST_HALVINGS = 12, 7  # most steps of a descent, and most halvings of a step
 MOST_CHOICES = 5  # most choices of terms, each by the quadratic model at the last minimum
 DRAWS = 40  # number of drawn models from which other minima are sought
+STILL = 1e-9  # a motion sticks while a kink's argument is below this share of its largest
 TURNS = 2  # turns of the motion in the last swing before it sticks
 
 
@@ -169,7 +170,7 @@ def _fit_while_moving(fit: ShootingFit) -> ShootingFit | None:
     stuck = np.zeros(len(states), bool)
     for weights, offset in record.problem.tables.arguments[: record.problem.tables.n_kinks]:
         argument = states @ weights + offset
-        is_still = np.abs(argument) < 1e-9 * np.abs(argument).max()
+        is_still = np.abs(argument) < STILL * np.abs(argument).max()
         is_still &= np.append(is_still[1:], True)
         turns = np.flatnonzero(argument[:-1] * argument[1:] < 0.0)
         for begin in np.flatnonzero(is_still & ~np.append(False, is_still[:-1])):

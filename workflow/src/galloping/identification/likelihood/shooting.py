@@ -1,13 +1,13 @@
 """Multiple shooting over condensed recordings (H. G. Bock, 1983).
 
-The misfit of segments, each with a first state of its own, is linearised in these and in the
-coefficients. Chains of one segment leave all first states free; one chain per recording is, at
-convergence, single shooting.
+The misfit of segments is linearised in their first states and in the coefficients. Chains of one
+segment leave all first states free; one chain per recording is, at convergence, single shooting.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -23,14 +23,13 @@ from galloping.recording.samples import Recording
 from galloping.trajectory.taylor import at_points, integrate
 
 # A solution counts as diverged if it is this many times as large as the recorded motion, or if its
-# derivatives are this many times their expected size. No motion comes near this, and products of
-# such numbers are finite.
+# derivatives are this many times their expected size. Products of such numbers are finite.
 HUGE = 1e30
 # Most trials of windows and segments, and of a Gauss-Newton step, each half as long as the one
 # before (docs/identification_parts.csv).
 MOST_TRIALS = 6
 Fit = TypeVar("Fit", bound=Any)  # with `record`, `free`, `support` and `starts`
-Found = TypeVar("Found")
+Result = TypeVar("Result")
 SEGMENT_WORK = 5e-5  # s of work to linearise a segment, or to put it in a chain
 
 
@@ -105,8 +104,7 @@ class ShootingData:
         """Root mean square of the motion in each segment, relative to that of all recordings.
 
         Shape (n_segments,). 3 % is added in squares: jumps are no smaller if the motion rests. With
-        half or twice as much, 1 of 10 approximate models of `make exam` changes, by 0.02 standard
-        errors.
+        half or twice as much, 1 of 10 models of `make exam` changes, by 0.02 standard errors.
         """
         mean = np.mean(self.states**2, axis=0) + np.finfo(float).tiny
         squares = np.mean(self.states**2 / mean, axis=1)
@@ -118,8 +116,8 @@ class ShootingData:
     ) -> np.ndarray:
         """Simulate consecutive segments, and project the solution like the samples.
 
-        Returns (n_windows, n_observed, n_rows). The projections are not finite where the solution
-        diverges. starts: (n, n_states) first states of the segments.
+        starts: (n, n_states) first states of the segments. Returns (n_windows, n_observed, n_rows),
+        not finite where the solution diverges.
         """
         first = self.segments.first
         begin, end, _ = segments.indices(len(first) - 1)
@@ -152,7 +150,7 @@ class ShootingData:
         """Compute a root of the inverse covariance of the state's jump after each segment.
 
         jump: (n_states, n_states) covariance at full motion. Returns (n_segments, n_states,
-        n_states); a root times the jump has unit covariance.
+        n_states).
         """
         return np.linalg.inv(np.linalg.cholesky(jump)) / self.segment_sizes[:, None, None]
 
@@ -176,7 +174,7 @@ class ShootingData:
             predicted, slopes, *ends, _ = self.condensed.integrate_segments(
                 compiled, edges, starts[group], sensitive=True
             )
-            if not all(np.all(np.abs(each) < own) for each, own in zip(ends, most, strict=True)):
+            if not all(np.all(np.abs(each) < m) for each, m in zip(ends, most, strict=True)):
                 raise FloatingPointError("the model diverges within a segment")
             yield group, windows, self.condensed.targets[windows] - predicted, slopes, *ends
 
@@ -251,9 +249,9 @@ def linearise_segments(
         rows = np.ascontiguousarray(whiten(rows, windows)).reshape(-1, n + m + 1)
         first = record.segments.first[group.start : group.stop + 1] - windows.start
         kept[group], others = separate_states(rows, first * left[0].size, n)
-        own = fold[group.start]
-        information[own] += others[:, :n].T @ others[:, :n]
-        right[own] += others[:, -1] @ others[:, :n]
+        k = fold[group.start]
+        information[k] += others[:, :n].T @ others[:, :n]
+        right[k] += others[:, -1] @ others[:, :n]
     count_work((1.1e-8 + 3e-11 * n) * (n + m) * targets.size + SEGMENT_WORK * count)
     precision, expected, values = (
         problem.candidate_values(each, pairs)
@@ -321,10 +319,10 @@ class ShootingFit:
         )
 
     def states_at(self, places: np.ndarray) -> np.ndarray:
-        """Compute the states of the segments' motion at some times of every window.
+        """Compute the states, (n_windows, n_places, n_states), at some times of every window.
 
-        places: (n_places,) times from the window's beginning, in windows. Returns (n_windows,
-        n_places, n_states). Raises FloatingPointError if the motion diverges.
+        places: (n_places,) times from the window's beginning, in windows. Raises FloatingPointError
+        if the motion diverges.
         """
         record, windows, n = self.record, len(self.record.states), self.starts.shape[1]
         compiled = record.problem.compile_system(self.free, record.problem.candidates[:0])
@@ -339,10 +337,7 @@ class ShootingFit:
         return states.transpose(0, 2, 1)
 
     def follow_recordings(self, recordings: Sequence[Recording]) -> list[FollowedRecording]:
-        """Return the fitted states at the beginnings of the segments, for each recording.
-
-        recordings: those whose samples were condensed.
-        """
+        """Return the fitted states at the beginnings of the segments, for each recording."""
         segments, condensed = self.record.segments, self.record.condensed
         owner = segments.recording
         times = condensed.step * (segments.first[:-1] - condensed.first[owner])
@@ -353,14 +348,13 @@ class ShootingFit:
 
 
 def cut_segments(condensed: Condensed, windows: int, allowed: np.ndarray) -> Segments:
-    """Divide recordings, in short windows of samples, into shooting segments of a given length.
+    """Divide recordings into shooting segments of some windows, each a chain of its own.
 
-    Each segment is a chain of its own. allowed: (n_windows,) whether a segment may start at a
-    window; otherwise it starts at the nearest window that is allowed. One may start at the first
-    window of every recording.
+    allowed: (n_windows,) whether a segment may start at a window, besides the first of a recording;
+    otherwise it starts at the nearest window that is allowed.
     """
     first, recording = [], []
-    for r, (a, b) in enumerate(zip(condensed.first[:-1], condensed.first[1:], strict=True)):
+    for r, (a, b) in enumerate(pairwise(condensed.first)):
         pieces = max(1, round((b - a) / windows))
         starts = np.linspace(a, b, pieces + 1).round().astype(np.int64)[:-1]
         may = np.append(a, a + 1 + np.flatnonzero(allowed[a + 1 : b]))
@@ -392,7 +386,7 @@ def segment_residuals(
     return record.condensed.targets - predicted, truncation
 
 
-def shorten_step(use: Callable[[Fit], Found], before: Fit, fit: Fit) -> Found:
+def shorten_step(use: Callable[[Fit], Result], before: Fit, fit: Fit) -> Result:
     """Call a function of a fit, and halve the step to the fit as long as this fails.
 
     before: the fit from which the step leads to `fit`; fits between have its noise. Raises

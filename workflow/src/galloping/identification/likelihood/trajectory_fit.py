@@ -354,8 +354,7 @@ def update_noise(fit: ShootingFit, squares: np.ndarray) -> ShootingFit:
     """Update noise and chi^2 of a fit by its squared residuals' sums (n_recordings, n_observed)."""
     rows, floor = fit.record.condensed.rows, fit.record.floor
     share = fit.n_parameters / max(int(np.count_nonzero(squares)), 1)
-    # Degrees of freedom are at least a fifth of the rows: data that many parameters follow exactly
-    # would otherwise seem to have no noise, or a negative variance. With a tenth or two fifths no
-    # answer of `make exam` changes.
+    # Degrees of freedom are at least a fifth of the rows: many parameters may follow data exactly.
+    # With a tenth or two fifths no answer of `make exam` changes.
     sigma = np.maximum(np.sqrt(squares / np.maximum(rows - share, 0.2 * rows + 1.0)), floor)
     return replace(fit, sigma=sigma, chi2=float(np.sum(squares / fit.reference**2)))

@@ -52,11 +52,9 @@ def white_misfit(record: ShootingData, residual: np.ndarray) -> np.ndarray:
 def coloured_misfit(record: ShootingData, residual: np.ndarray) -> np.ndarray:
     """Estimate the autocovariance of residuals that are treated as coloured noise.
 
-    The result includes noise at the floor. Returns (n_recordings, n_lags, n_observed, n_rows).
-
-    The autocovariance falls to zero over the longest segment, by a Parzen window, which makes its
-    spectrum smooth. Errors of a model recur with the motion: as white noise, they would count as
-    many times as there are windows.
+    Returns (n_recordings, n_lags, n_observed, n_rows), with noise at the floor. The autocovariance
+    falls to zero over the longest segment, by a Parzen window, which makes its spectrum smooth.
+    Errors of a model recur with the motion: as white noise, they would count once per window.
     """
     first, n_lags = record.condensed.first, int(np.diff(record.segments.first).max())
     lags = np.arange(n_lags) / (n_lags + 0.5)
@@ -116,35 +114,31 @@ class StretchFit:
         owner = self.record.window_recordings
         if self.misfit.shape[1] == 1:  # white
             weight = 1.0 / np.sqrt(self.misfit[:, 0, :, :, None])
-            return lambda rows, own: rows * weight[owner[own.start]]
+            return lambda rows, windows: rows * weight[owner[windows.start]]
         lags = np.arange(self.misfit.shape[1])
         covariance = np.moveaxis(self.misfit, 1, -1)[..., np.abs(np.subtract.outer(lags, lags))]
         factors = np.linalg.cholesky(covariance)
         there = self.record.condensed.is_present
 
-        def whiten_rows(rows: np.ndarray, own: slice) -> np.ndarray:
-            found, n, recording = np.zeros(rows.shape), len(rows), owner[own.start]
+        def whiten_rows(rows: np.ndarray, windows: slice) -> np.ndarray:
+            whitened, n, recording = np.zeros(rows.shape), len(rows), owner[windows.start]
             count_work(1.5e-10 * len(lags) * rows.size)
             for o, k in np.ndindex(rows.shape[1:3]):
-                present = there[own, o, k]
-                if not present.any():  # without rows LAPACK would print a message
+                at = np.flatnonzero(there[windows, o, k])
+                if not len(at):  # without rows LAPACK would print a message
                     continue
-                at = np.flatnonzero(present)
                 factor = factors[recording, o, k, :n, :n]
                 if len(at) < n:
                     factor = np.linalg.cholesky(covariance[recording, o, k][np.ix_(at, at)])
                 # `scipy.linalg.solve_triangular` takes three times as long for so few rows
-                found[at, o, k] = lapack.dtrtrs(factor.T, rows[at, o, k], lower=0, trans=1)[0]
-            return found
+                whitened[at, o, k] = lapack.dtrtrs(factor.T, rows[at, o, k], lower=0, trans=1)[0]
+            return whitened
 
         return whiten_rows
 
 
 def shorten_until_integrable(fit: StretchFit, following: StretchFit) -> StretchFit:
-    """Shorten the step between fits until the model can be integrated over each segment.
-
-    Raises NotConvergedError, as `shorten_step`.
-    """
+    """Shorten the step between fits until the model can be integrated over each segment."""
 
     def integrable(tried: StretchFit) -> StretchFit:
         tried.linearised  # noqa: B018 - cached for the next step
