@@ -84,10 +84,7 @@ class Condensed:
         return replace(self, functionals=shifted, samples=samples)
 
     def sum_squares(self, residual: np.ndarray) -> np.ndarray:
-        """Sum the squared residuals of the projections for each recording and channel.
-
-        residual: (n_windows, n_observed, n_rows). Returns (n_recordings, n_observed).
-        """
+        """Sum squared residuals, shaped as `targets`, to (n_recordings, n_observed)."""
         return np.add.reduceat((residual**2).sum(axis=2), self.first[:-1], axis=0)
 
     def noise_by_state(
@@ -107,26 +104,17 @@ class Condensed:
 
     @cached_property
     def is_present(self) -> np.ndarray:
-        """Whether each projection exists; a window may have too few samples of a channel.
-
-        Shape (n_windows, n_observed, n_rows).
-        """
+        """Whether each projection exists, shaped as `targets`: windows may have too few samples."""
         return np.asarray(self.functionals.any(axis=3))
 
     @property
     def is_known(self) -> np.ndarray:
-        """Whether the noise level of each channel is known in advance, for each recording.
-
-        Shape (n_recordings, n_observed).
-        """
+        """Whether the noise of each channel is known in advance, (n_recordings, n_observed)."""
         return np.isfinite(self.known_noise) & (self.counts > 0)
 
     @property
     def noise_variance(self) -> np.ndarray:
-        """Noise variance of each channel in each recording, known or estimated within windows.
-
-        Shape (n_recordings, n_observed); the estimate is from `remainder`.
-        """
+        """Noise variance of a sample, known or from `remainder`, (n_recordings, n_observed)."""
         spare = self.counts - self.rows  # without spare samples the remainder is rounding
         inside = np.where(spare > 0, self.remainder, 0.0) / np.maximum(spare, 1)
         return np.where(self.is_known, self.known_noise**2, inside)

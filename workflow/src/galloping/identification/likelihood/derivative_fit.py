@@ -71,8 +71,8 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         count += samples
     penalty = 2.0 * np.log(count / len(problem.unknown))  # by the mean sample count of an equation
     free, covariance = problem.solve_within_bounds(information, right, support)
-    bare, pull = problem.with_prior(np.zeros((n, n)), np.zeros(n))
-    misfit = squares + float(free @ ((information - bare) @ free - 2.0 * (right - pull)))
+    of_prior, pull = problem.with_prior(np.zeros((n, n)), np.zeros(n))
+    misfit = squares + float(free @ ((information - of_prior) @ free - 2.0 * (right - pull)))
     fitted: Fitted = {
         "initial_states": np.array([recording.values[0] for recording in recordings]),
         "sigma": sigma,
@@ -91,8 +91,8 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         gradient = np.zeros((len(one), n))
         gradient[:, block] = one[:, None] * rows
         gradients.append(gradient[:, support])
-    of_prior = prior_covariance(problem, covariance, support)
-    covariance = sandwich_covariance(gradients, covariance) + of_prior
+    from_prior = prior_covariance(problem, covariance, support)
+    covariance = sandwich_covariance(gradients, covariance) + from_prior
     findings = [Finding.of(Code.DERIVATIVES_CORRELATED)]
     return assess_approximation(
         problem, free, support, information, covariance, penalty, findings, **fitted

@@ -59,10 +59,7 @@ class NormalEquations:
     def best_coefficients(
         self, fit: ShootingFit | StretchFit, support: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Compute the best coefficients (n,) of a support within their bounds.
-
-        Returns their covariance (n_support, n_support) without bounds as well.
-        """
+        """Compute the best coefficients (n,) of a support, and their covariance without bounds."""
         # solved for the change: on a long chain, rounding of the coefficients outweighs their noise
         kept = np.where(support, fit.free, 0.0)
         right = self.right + self.information @ (fit.free - kept)
@@ -90,10 +87,7 @@ class Eliminated(NormalEquations):
     fall: float
 
     def move_states(self, change: np.ndarray, starts: np.ndarray | float = 0.0) -> np.ndarray:
-        """Compute the segments' best initial states after a change of the coefficients.
-
-        change: (n,). starts: the present states. Returns (n_segments, n_states).
-        """
+        """Move first states `starts` to their best after a change (n,) of the coefficients."""
         return starts + self.response[:, :, :-1] @ change + self.response[:, :, -1]
 
 
@@ -114,10 +108,7 @@ def chain_segments(linear: Linearised, segments: Segments, longest: float = np.i
 
 
 def eliminate_chains(linear: Linearised, segments: Segments) -> Eliminated:
-    """Reduce a linearised multiple-shooting fit to normal equations of the coefficients alone.
-
-    Each segment of a chain begins where the one before ends.
-    """
+    """Reduce a fit with joined segments to normal equations of the coefficients alone."""
     links = np.where(np.diff(segments.chains, append=-1) == 0, EQUAL, FREE)
     roots = np.zeros((*linear.starts.shape, linear.starts.shape[1]))
     return _eliminate(linear, links, roots, UNDETERMINED)
@@ -147,10 +138,7 @@ def eliminate_with_jumps(
 def _eliminate(
     linear: Linearised, links: np.ndarray, roots: np.ndarray, rcond: float
 ) -> Eliminated:
-    """Eliminate the segments' first states.
-
-    links, roots: as of `square_root.filter_back`. rcond: as of `_solve_first_states`.
-    """
+    """Eliminate first states. links, roots: of `filter_back`; rcond: of `_solve_first_states`."""
     information, right = linear.information.sum(axis=0), linear.right.sum(axis=0)
     count_work(len(links) * (2 * SEGMENT_WORK + 1e-9 * roots.shape[1] * len(right) ** 2))
     mismatch = linear.ends - np.roll(linear.starts, -1, axis=0)

@@ -140,9 +140,8 @@ def _chain_slopes(
 
     The slopes, (n_windows, n_observed, n_rows, n_pairs + n_states), are in units of the noise.
     """
-    whole, at_once = fit.whole_chains, 1
-    for chain, windows, _, rows, *_ in whole.record.iterate_linearised(
-        fit.free, whole.starts, pairs, at_once
-    ):
+    whole = fit.whole_chains
+    chains = whole.record.iterate_linearised(fit.free, whole.starts, pairs, at_once=1)
+    for chain, windows, _, rows, *_ in chains:
         weight = 1.0 / fit.sigma[whole.record.segments.recording[chain.start]][:, None]
         yield windows, rows * weight[..., None], weight

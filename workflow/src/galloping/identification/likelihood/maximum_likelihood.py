@@ -175,10 +175,7 @@ def _fit_free_motion(problem: Problem, recordings: list[Recording]) -> Outcome:
 def _search_time_scales(
     problem: Problem, recordings: list[Recording], start: Start | None
 ) -> IdentifiedModel:
-    """Search from each time scale until a start leads to a model.
-
-    A transient or a relaxation is faster than the shortest period of most of the power.
-    """
+    """Search from each time scale until one leads to a model: a transient may be faster."""
     objections = []
     for share in TIME_SCALES:
         if is_exhausted():

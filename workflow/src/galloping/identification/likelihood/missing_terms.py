@@ -77,11 +77,7 @@ def find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
 
 
 def _candidate_kinds(problem: Problem) -> Iterator[tuple[int, int, Exponents]]:
-    """Yield the kinds of terms that are tried, each with its equation and state.
-
-    These are drag and friction along a velocity, and curved or broken stiffness along a
-    displacement.
-    """
+    """Yield kinds of terms, such as drag and friction, each with its equation and state."""
     n, pairs = len(problem.states), velocity_pairs(problem.states)
     none = (0,) * len(problem.names)
     for equation in problem.unknown:
@@ -93,10 +89,7 @@ def _candidate_kinds(problem: Problem) -> Iterator[tuple[int, int, Exponents]]:
 
 
 def _forces_along_motion(fit: ShootingFit, terms: tuple[Exponents, ...]) -> np.ndarray:
-    """Evaluate terms along the motion of a fit, (n_windows, DEGREE + 1, n_terms).
-
-    Each is the polynomial over a window that is nearest in the mean square, by powers of the time.
-    """
+    """Fit polynomials in time to terms along a fit's motion, (n_windows, DEGREE + 1, n_terms)."""
     problem, n_states = fit.record.problem, fit.starts.shape[1]
     nodes, weights = leggauss(POINTS)
     states = fit.states_at((nodes + 1.0) / 2.0)

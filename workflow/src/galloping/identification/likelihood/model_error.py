@@ -70,10 +70,7 @@ class Approximation:
 
     @cached_property
     def forecast_squares(self) -> np.ndarray:
-        """Mean squares of the motion and of the forecast errors, for each segment and channel.
-
-        Shape (2, n_segments, n_observed).
-        """
+        """Mean squares of motion and of forecast errors, (2, n_segments, n_observed)."""
         first = self.fit.record.segments.first
         squares = [
             np.add.reduceat(np.sum(values**2, axis=2), first[:-1]) / np.diff(first)[:, None]
@@ -367,16 +364,10 @@ def _change_without(
 
 
 def prior_covariance(problem: Problem, covariance: np.ndarray, support: np.ndarray) -> np.ndarray:
-    """Compute the part of the coefficients' covariance that errors of their prior means cause.
-
-    covariance: (n_support, n_support), of `solve_support`. Returns the same shape.
-    """
+    """Compute the part of a covariance (n_support, n_support) that errors of prior means cause."""
     return covariance * problem.candidate_values(problem.precision)[support] @ covariance
 
 
 def small_sample_factor(groups: int) -> float:
-    """Compute the factor that corrects normal 95 % intervals for a variance from few groups.
-
-    It is the squared ratio of Student's t to the normal quantile, and multiplies the variance.
-    """
+    """Compute the factor on a variance from few groups that corrects normal 95 % intervals."""
     return float((stdtrit(max(groups - 1, 1), QUANTILES_95[1]) / NORMAL_95) ** 2)

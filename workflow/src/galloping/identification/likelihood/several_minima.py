@@ -31,8 +31,6 @@ from galloping.identification.selection import Price, solve_support
 from galloping.identification.work import is_exhausted
 from galloping.model.intervals import draw_normal
 
-MOST_STEPS, MOST_HALVINGS = 12, 7  # most steps of a descent, and most halvings of a step
-MOST_CHOICES = 5  # most choices of terms, each by the quadratic model at the last minimum
 DRAWS = 40  # number of drawn models from which other minima are sought
 STILL = 1e-9  # a motion sticks while a kink's argument is below this share of its largest
 TURNS = 2  # turns of the motion in the last swing before it sticks
@@ -53,14 +51,11 @@ def refine_fit(joined: JoinedFit, price: Price) -> JoinedFit:
 
 
 def _settle_terms(step: Step, price: Price) -> Step:
-    """Step to the least minimum whose terms are the best there.
-
-    Raises FloatingPointError if the motion diverges, or terms come and go.
-    """
+    """Step to the least minimum whose terms are the best there; an error if terms come and go."""
     record = step.fit.record
     record = replace(record, segments=chain_segments(step.fit.linearise(), record.segments))
     support = step.choose_terms(step.fit, price)
-    for _ in range(MOST_CHOICES):
+    for _ in range(5):  # choices of terms, each by the quadratic model at the last minimum
         if not support.any() or is_exhausted():
             break
         free = np.where(support, step.fit.free, 0.0)
@@ -94,10 +89,10 @@ def _descend_chi2(fit: ShootingFit) -> Step:
     enough, as at a kink, its slope counts as zero.
     """
     fit = _match_segments(fit)
-    for _ in range(MOST_STEPS):
+    for _ in range(12):
         quadratic, change = _quadratic_model(fit)
         starts, share, better = quadratic.move_states(change), 1.0, None
-        for _ in range(MOST_HALVINGS):
+        for _ in range(7):  # halvings of the step
             moved = replace(fit, free=fit.free + share * change, starts=fit.starts + share * starts)
             tried = attempt(partial(_match_segments, moved))
             if not isinstance(tried, NoModel) and tried.chi2 < fit.chi2:
@@ -124,10 +119,7 @@ def _quadratic_model(fit: ShootingFit) -> tuple[Eliminated, np.ndarray]:
 
 
 def _match_segments(fit: ShootingFit) -> ShootingFit:
-    """Move all segments of a chain to the motion from its first state, and update the noise.
-
-    Raises FloatingPointError if this motion diverges.
-    """
+    """Move all segments of a chain to the motion from its first state, and update the noise."""
     whole = fit.whole_chains
     left, _ = segment_residuals(whole.record, fit.free, whole.starts)
     starts = whole.states_at(np.zeros(1))[fit.record.segments.first[:-1], 0]

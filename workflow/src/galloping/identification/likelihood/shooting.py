@@ -48,10 +48,7 @@ class Segments:
 
     @property
     def bounds(self) -> np.ndarray:
-        """Index of the first segment of each chain, and at the end the number of segments.
-
-        Shape (n_chains + 1,).
-        """
+        """First segment of each chain, and at the end the number of segments, (n_chains + 1,)."""
         return np.flatnonzero(np.diff(self.chains, prepend=-1, append=-1))
 
 
@@ -210,7 +207,6 @@ def linearise_segments(
     free: np.ndarray,
     starts: np.ndarray,
     whiten: Callable[[np.ndarray, slice], np.ndarray],
-    at_once: int,
     *,
     pairs: np.ndarray | None = None,
     columns: np.ndarray | None = None,
@@ -221,13 +217,13 @@ def linearise_segments(
 
     free: (n_candidates,) coefficients, starts: (n_segments, n_states), about which to linearise.
     whiten: function of rows (n, n_observed, n_rows, n_columns) and of their windows that returns
-    the rows in units of the noise, and may overwrite them. at_once: number of segments that are
-    simulated together; one if there are several folds. pairs: (n_pairs, 2) coefficients (equation,
-    term) to linearise by, by default the candidates. columns: (n_windows, n_observed, n_rows,
-    n_columns), derivatives of the predicted projections by parameters of the instrument, which
-    count as coefficients after the others. repeated: coefficients whose columns are repeated after
-    the state, for their deviations in the segment. n_folds: parts of the data, of nearly as many
-    consecutive segments each. Raises FloatingPointError if the solution diverges within a segment.
+    the rows in units of the noise, and may overwrite them; with folds, of a single segment. pairs:
+    (n_pairs, 2) coefficients (equation, term) to linearise by, by default the candidates. columns:
+    (n_windows, n_observed, n_rows, n_columns), derivatives of the predicted projections by
+    parameters of the instrument, which count as coefficients after the others. repeated:
+    coefficients whose columns are repeated after the state, for their deviations in the segment.
+    n_folds: parts of the data, of nearly as many consecutive segments each. Raises
+    FloatingPointError if the solution diverges within a segment.
     """
     problem, targets = record.problem, record.condensed.targets
     pairs = problem.candidates if pairs is None else pairs
@@ -238,6 +234,8 @@ def linearise_segments(
     residual, ends = np.empty(targets.shape), np.empty(starts.shape)
     slopes = np.zeros((*starts.shape, n + n_states))
     by_dynamics = np.r_[: len(pairs), n : n + n_states]
+    # segments with some 500 windows in all, whose derivatives fit in the cache
+    at_once = max(500 * count // len(targets), 1) if n_folds == 1 else 1
     for group, windows, left, rows, *reached in record.iterate_linearised(
         free, starts, pairs, at_once
     ):
@@ -307,15 +305,13 @@ class ShootingFit:
     ) -> Linearised:
         """Linearise the residuals; arguments and exceptions are those of `linearise_segments`."""
         record, weight = self.record, 1.0 / self.sigma[:, :, None, None]
-        # segments with some 500 windows in all, whose derivatives fit in the cache
-        at_once = max(500 * len(self.starts) // len(record.condensed.targets), 1)
 
         def whiten(rows: np.ndarray, windows: slice) -> np.ndarray:
             rows *= weight[record.window_recordings[windows]]
             return rows
 
         return linearise_segments(
-            record, self.free, self.starts, whiten, at_once, pairs=pairs, columns=columns
+            record, self.free, self.starts, whiten, pairs=pairs, columns=columns
         )
 
     def states_at(self, places: np.ndarray) -> np.ndarray:

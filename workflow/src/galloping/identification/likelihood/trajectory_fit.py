@@ -133,11 +133,7 @@ def follows_in_segments(start: Start) -> bool:
 
 
 def _iterate_free_segments(fit: ShootingFit, largest: np.ndarray) -> Step | None:
-    """Iterate over free segments; None if they determine no combination of terms.
-
-    largest: (n_candidates,) coefficients of terms as large as the motion. Raises FloatingPointError
-    if a segment diverges.
-    """
+    """Iterate over free segments; None if they determine no combination of terms."""
     before = fit
     # with three steps fewer models are `ok` (docs/identification_parts.csv); after the last step
     # segments are joined, however bad the fit

@@ -179,10 +179,7 @@ def assess_approximation(
 
 
 def _draw_rivals(problem: Problem, regression: Regression, believed: Plausible) -> dict[str, Any]:
-    """Draw models of the rival supports; nothing if these are less likely than MISS_RATE.
-
-    Returns the fields of an `IdentifiedModel` for rivals.
-    """
+    """Draw models of rival supports, as fields of a result; none if less likely than MISS_RATE."""
     rng, others, drawn = np.random.default_rng(0), believed.weight[1:], []
     share = float(others.sum())
     if share < MISS_RATE:
@@ -321,10 +318,7 @@ def find_hidden_term(
 
 
 def _heaviest_rival(problem: Problem, plausible: Plausible) -> tuple[float, dict[str, Any]]:
-    """Weigh the supports that lack any of the selected terms.
-
-    Returns their total weight, and the difference of the heaviest of them, as data of a finding.
-    """
+    """Weigh all supports that lack a selected term; describe the heaviest as data of a finding."""
     support = plausible.supports[0]
     lacking = np.where(plausible.supports[:, support].all(axis=1), 0.0, plausible.weight)
     rival = int(np.argmax(lacking))

@@ -33,18 +33,12 @@ FOLDS = 12
 
 
 def white_autocovariance(record: ShootingData, variance: np.ndarray) -> np.ndarray:
-    """Arrange noise variances as the autocovariance of white noise, which has only lag zero.
-
-    Returns (n_recordings, 1, n_observed, n_rows). variance: (n_recordings, n_observed).
-    """
+    """Arrange variances (n_recordings, n_observed) of white noise as `StretchFit.misfit`."""
     return np.repeat(variance[:, None, :, None], record.condensed.targets.shape[2], axis=3)
 
 
 def white_misfit(record: ShootingData, residual: np.ndarray) -> np.ndarray:
-    """Estimate the variance of residuals that are treated as white noise.
-
-    Returns an array as of `white_autocovariance`, not below the floor's square.
-    """
+    """Estimate the misfit of residuals as white noise, not below the floor."""
     squares = record.condensed.sum_squares(residual) / np.maximum(record.condensed.rows, 1)
     return white_autocovariance(record, np.maximum(squares, record.floor**2))
 
@@ -92,25 +86,16 @@ class StretchFit:
 
     @cached_property
     def linearised(self) -> Linearised:
-        """Residuals of all segments, linearised about the present fit, in up to FOLDS folds.
-
-        Raises FloatingPointError if the fit diverges.
-        """
-        at_once = 1  # segment: the rows of all of a long recording do not fit in memory
+        """Residuals of all segments, linearised about the present fit, in up to FOLDS folds."""
+        # `_whitening` is made after the first segment is integrated: most diverging fits fail there
         return linearise_segments(
-            self.record, self.free, self.starts,
-            # made only after the first segment is integrated, since most diverging fits fail there
-            lambda rows, windows: self._whitening(rows, windows), at_once,
+            self.record, self.free, self.starts, lambda *rows: self._whitening(*rows),
             repeated=self.repeated, n_folds=min(len(self.starts), FOLDS),
         )  # fmt: skip
 
     @cached_property
     def _whitening(self) -> Callable[[np.ndarray, slice], np.ndarray]:
-        """Function that whitens the projections of a segment, to variance one.
-
-        The function takes rows (n_windows, n_observed, n_rows, m) of a segment and the segment's
-        windows, and returns rows of the same shape, zero where a projection is absent.
-        """
+        """Function that whitens rows (n_windows, n_observed, n_rows, m) of a segment's windows."""
         owner = self.record.window_recordings
         if self.misfit.shape[1] == 1:  # white
             weight = 1.0 / np.sqrt(self.misfit[:, 0, :, :, None])
