@@ -97,7 +97,7 @@ def _fit_guesses(start: Start, largest: np.ndarray) -> JoinedFit | None:
         return fit.misfit if has_kinks else float(fit.support.sum())
 
     steps: dict[bytes, Step | None] = {}
-    for name, guess, dear in starts_of_terms(start):
+    for name, guess, price_factor in starts_of_terms(start):
         key = guess.free.tobytes()  # two guesses may be equal
         if key not in steps:
             steps[key] = fit_free_segments(start, guess)
@@ -105,11 +105,11 @@ def _fit_guesses(start: Start, largest: np.ndarray) -> JoinedFit | None:
         if free is None:
             continue
         has_unseen = n_unidentifiable_directions(free.information, largest) > 0
-        joined = join_segments(free, start.price, dear, has_unseen)
+        joined = join_segments(free, start.price, price_factor, has_unseen)
         if has_kinks:
             joined = refine_fit(joined, start.price)
         joined = replace(joined, path=(name, *free.path(start.period), *joined.path))
-        if dear > 1.0 and joined.settled and has_unseen:
+        if price_factor > 1.0 and joined.settled and has_unseen:
             # a model of fewer terms can have the same limit cycle
             n_unseen = n_unidentifiable_directions(joined.step.information, largest)
             joined = replace(joined, settled=bool(n_unseen < joined.step.fit.support.sum()))

@@ -100,8 +100,8 @@ def starts_of_terms(start: Start) -> Iterator[tuple[str, WeakFit, float]]:
     yield "weak form" if rough is start.fit else "weak form of a telling stretch", rough, 1.0
     # factor on the penalties: of six clear lines that did not settle from the weak form, four
     # settled with 16, each with the right terms, and two with four
-    dear = 16.0
-    yield "few terms", fit_support(rough.support, dear * start.price.least), dear
+    price_factor = 16.0
+    yield "few terms", fit_support(rough.support, price_factor * start.price.least), price_factor
     low = problem.degrees <= 2
     if not low.all():
         yield "second degree", fit_support(low, np.where(low, start.price.least, np.inf)), 1.0

@@ -251,7 +251,7 @@ def _window_states(
     return np.concatenate(states), np.concatenate(near)
 
 
-def join_segments(free: Step, price: Price, dear: float, has_unseen: bool) -> JoinedFit:
+def join_segments(free: Step, price: Price, price_factor: float, has_unseen: bool) -> JoinedFit:
     """Join fitted segments into continuous trajectories by Gauss-Newton, and select the terms.
 
     Terms are selected in all but the last passes. Chains grow fourfold until the terms are
@@ -259,20 +259,20 @@ def join_segments(free: Step, price: Price, dear: float, has_unseen: bool) -> Jo
     is far from linear in the coefficients, and the apparently best terms mislead. If those of the
     start are the best already, the chains are whole from the first.
 
-    free: the last step in free segments. price: of the terms. dear: factor on the prices in the
+    free: the last step in free segments. price: of the terms. price_factor: on the prices in the
     first two passes; half of it, but at least one, in the next two, and so on. has_unseen: whether
     mixtures of terms are undetermined: then many models follow the data alike, an iteration that
     does not converge while terms are chosen never will, and the last model represents the others.
     """
     step, count = free, len(free.fit.starts)
-    best = step.choose_terms(step.fit, price.scale_by(dear))
+    best = step.choose_terms(step.fit, price.scale_by(price_factor))
     # segments in the first chains: with two or eight, three recordings have the same model
     chain = count if np.array_equal(best, step.fit.support) else 4
     choosing = 14  # passes that choose terms; if all do, fewer settle (identification_parts.csv)
     whole, settled = False, False
     try:
         for passed in range(choosing if has_unseen else MOST_PASSES):
-            factor = max(dear / 2 ** (passed // 2), 1.0)
+            factor = max(price_factor / 2 ** (passed // 2), 1.0)
             longest = None if whole else chain  # changing chains would never settle
             of_pass = price.scale_by(factor) if passed < choosing else None
             step = take_step(step.before, step.fit, longest, of_pass)
