@@ -25,11 +25,11 @@ from galloping.identification.free_motion.rest import Moving, moving_recordings
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
-from galloping.identification.oscillations import FurtherMode
+from galloping.identification.oscillations import EnvelopePart, FurtherMode
 from galloping.identification.preparation.smoothing import unmeasured_displacements
 from galloping.identification.problem import Problem
 from galloping.identification.status import status_of
-from galloping.model.polynomial import velocity_pairs
+from galloping.model.polynomial import linear_term, velocity_pairs
 from galloping.recording.samples import Recording
 
 MAX_NOISE = 1.2  # largest ratio of the residuals of a linear model to the stated noise
@@ -139,29 +139,15 @@ def _can_be_linear(problem: Problem, motion: FreeMotion) -> bool:
     motion, and all sensors must show the size of the motion.
     """
     scales = [one.unknown_scales for one in motion.recordings if one.unknown_scales is not None]
-    linear = [_linear_term(problem, state) for state in range(len(problem.states))]
-    is_finite = all(own.name != "inverse" for own in problem.tables.functions)
-    return (
-        is_finite
-        and not np.any(scales)
-        and all(
-            velocity in problem.unknown
-            and term is not None
-            and problem.open[velocity, term]
-            and problem.precision[velocity, term] == 0.0
-            for velocity in motion.channels.pairs.values()
-            for term in linear
-        )
-        and not problem.known[list(motion.channels.pairs.values())].any()
-    )
-
-
-def _linear_term(problem: Problem, state: int) -> int | None:
-    """Find the index of the term that is this state alone, None if the library lacks it."""
-    try:
-        return problem.linear(state)
-    except ValueError:
-        return None
+    if np.any(scales) or any(own.name == "inverse" for own in problem.tables.functions):
+        return False
+    velocities, states = list(motion.channels.pairs.values()), range(len(problem.states))
+    linear = {linear_term(state, len(problem.names)) for state in states}
+    if not set(velocities).issubset(problem.unknown) or not linear.issubset(problem.terms):
+        return False
+    is_free = problem.open & (problem.precision == 0.0)
+    entries = np.ix_(velocities, [problem.linear(state) for state in states])
+    return bool(is_free[entries].all()) and not problem.known[velocities].any()
 
 
 def _noise_excess(motion: FreeMotion) -> float:
@@ -169,11 +155,9 @@ def _noise_excess(motion: FreeMotion) -> float:
     channels, ratios = motion.channels, [0.0]
     for recording, noise in zip(motion.recordings, motion.modes.noise, strict=True):
         if recording.known_noise is not None:
-            said = np.append(
-                recording.known_noise[0][list(channels.values)],
-                recording.known_noise[1][list(channels.rates)],
-            )
-            ratios += (noise / said)[np.isfinite(noise / said)].tolist()
+            of_values, of_rates = recording.known_noise
+            stated = np.append(of_values[list(channels.values)], of_rates[list(channels.rates)])
+            ratios += (noise / stated)[np.isfinite(noise / stated)].tolist()
     return max(ratios)
 
 
@@ -184,15 +168,11 @@ def _identify_mean_model(
 
     objections: reasons why no model follows it.
     """
-    modes, place = motion.modes, motion.own[0]
-    names = motion.channels.names
-    parts = [
-        part
-        for index, stretch in enumerate(motion.stretches)
-        for part in fit_envelope(
-            stretch, modes, index, place, names, motion.recordings[index].time[0]
-        )
-    ]
+    modes, place, names = motion.modes, motion.own[0], motion.channels.names
+    parts: list[EnvelopePart] = []
+    for index, stretch in enumerate(motion.stretches):
+        begin = motion.recordings[index].time[0]
+        parts += fit_envelope(stretch, modes, index, place, names, begin)
     if len(parts) < 2:
         return NoModel()
     values = np.array([[part.growth, part.frequency] for part in parts])
@@ -219,18 +199,15 @@ def _identify_mean_model(
 
 
 def _identified_model(
-    problem: Problem,
-    motion: FreeMotion,
-    system: np.ndarray,
-    covariance: np.ndarray,
+    problem: Problem, motion: FreeMotion, system: np.ndarray, covariance: np.ndarray
 ) -> IdentifiedModel | NoModel:
     """Make the model of a linear system (n_states, n_states) with the covariance of its entries.
 
     NoModel if a coefficient is out of its bounds, or the library lacks the constants of a motion
     about another position than zero.
     """
-    n, rest = len(system), np.zeros(len(system))
-    rest_errors = np.zeros(n)
+    n = len(system)
+    rest, rest_errors = np.zeros((2, n))
     for coordinate in motion.channels.pairs:
         rest[coordinate], rest_errors[coordinate] = _position_of_rest(motion, coordinate)
     is_displaced = np.abs(rest) > SIGNIFICANT * rest_errors
@@ -245,11 +222,8 @@ def _identified_model(
         terms[place] = n
     whole = np.zeros((n * n + n,) * 2)  # covariance of the entries and of the position of rest
     whole[: n * n, : n * n], whole[n * n :, n * n :] = covariance, np.diag(rest_errors**2)
-    free, slopes = (
-        np.zeros(len(problem.candidates)),
-        np.zeros((len(problem.candidates), len(whole))),
-    )
-    support = np.zeros(len(free), bool)
+    free, support = np.zeros(len(problem.candidates)), np.zeros(len(problem.candidates), bool)
+    slopes = np.zeros((len(free), len(whole)))
     for k, (row, term) in enumerate(problem.candidates):
         if row not in motion.channels.pairs.values() or term not in terms:
             continue
@@ -327,17 +301,13 @@ def _modal_displacement(
     It is that of the channel with the highest ratio of the mode to the noise; None if nothing
     measures the coordinate.
     """
-    channels, modes = motion.channels, motion.modes
-    orders = {coordinate: 0, channels.pairs[coordinate]: 1}
-    columns = [(i, 0) for i in channels.values] + [(i, 1) for i in channels.rates]
-    own = [c for c, (i, _) in enumerate(columns) if i in orders]
-    own = [c for c in own if np.isfinite(modes.noise[index, c])]
-    if not own:
+    modes, amplitudes = motion.modes, motion.modes.amplitudes[index][place]
+    orders = dict(motion.channels.derivatives(coordinate))
+    measured = [c for c in orders if np.isfinite(modes.noise[index, c])]
+    if not measured:
         return None
-    channel = max(own, key=lambda c: abs(modes.amplitudes[index][place, c]) / modes.noise[index, c])
-    state, rate = columns[channel]
-    order = orders[state] + rate
-    return complex(modes.amplitudes[index][place, channel] / modes.poles[place] ** order)
+    channel = max(measured, key=lambda c: abs(amplitudes[c]) / modes.noise[index, c])
+    return complex(amplitudes[channel] / modes.poles[place] ** orders[channel])
 
 
 def _position_of_rest(motion: FreeMotion, coordinate: int) -> tuple[float, float]:
@@ -346,10 +316,9 @@ def _position_of_rest(motion: FreeMotion, coordinate: int) -> tuple[float, float
         return 0.0, 0.0
     channel = motion.channels.values.index(coordinate)
     stepped = any(each.code == Code.FORCE_STEPPED for each in motion.findings)
-    of = slice(0, 1) if stepped else slice(None)
-    offsets, errors = (
-        each[of, channel] for each in (motion.modes.offsets, motion.modes.offset_errors)
-    )
+    stretches = slice(0, 1) if stepped else slice(None)
+    offsets = motion.modes.offsets[stretches, channel]
+    errors = motion.modes.offset_errors[stretches, channel]
     if not np.isfinite(errors).any():  # too few samples in every stretch
         return 0.0, 0.0
     weights = errors**-2 / np.nansum(errors**-2)
@@ -359,24 +328,20 @@ def _position_of_rest(motion: FreeMotion, coordinate: int) -> tuple[float, float
 def _initial_states(motion: FreeMotion, rest: np.ndarray) -> np.ndarray:
     """Compute the initial states of the coordinates' own modes, (n_stretches, n_states)."""
     pairs = motion.channels.pairs
-    found = np.tile(rest, (len(motion.stretches), 1))
-    for index in range(len(found)):
+    states = np.tile(rest, (len(motion.stretches), 1))
+    for index in range(len(states)):
         for place in motion.own[: len(pairs)]:
             for coordinate, velocity in pairs.items():
                 amplitude = _modal_displacement(motion, index, place, coordinate) or 0.0
-                found[index, coordinate] += np.real(amplitude)
-                found[index, velocity] += np.real(amplitude * motion.modes.poles[place])
-    return found
+                states[index, coordinate] += np.real(amplitude)
+                states[index, velocity] += np.real(amplitude * motion.modes.poles[place])
+    return states
 
 
 def _noise_levels(problem: Problem, motion: FreeMotion) -> tuple[np.ndarray, dict[str, float]]:
     """Compute the noise of the values, (n_stretches, n_states), and of each rate by its name."""
-    channels, noise = motion.channels, motion.modes.noise
+    channels, noise, count = motion.channels, motion.modes.noise, len(motion.channels.values)
     sigma = np.full((len(noise), len(problem.states)), np.nan)
-    count = len(channels.values)
     sigma[:, list(channels.values)] = noise[:, :count]
-    rates = {
-        f"noise_{name}": float(np.nanmax(noise[:, c]))
-        for c, name in enumerate(channels.names[count:], start=count)
-    }
-    return sigma, rates
+    of_rates = zip(channels.names[count:], noise[:, count:].T, strict=True)
+    return sigma, {f"noise_{name}": float(np.nanmax(each)) for name, each in of_rates}

@@ -124,11 +124,9 @@ class DampedModes:
         across = by_poles @ self.covariance
         of_amplitudes = own.reshape(size, size) + across @ by_poles.T
         whole = np.block([[self.covariance, across.T], [across, of_amplitudes]])
-        kept = [part * many + k for part in (0, 1) for k in which]
-        kept += [
-            2 * many + (part * many + k) * channels + c
-            for part in (0, 1) for k in which for c in range(channels)
-        ]  # fmt: skip
+        of_poles = np.arange(2 * many).reshape(2, many)
+        of_amplitudes = 2 * many + np.arange(size).reshape(2, many, channels)
+        kept = np.concatenate([each[:, which].ravel() for each in (of_poles, of_amplitudes)])
         return whole[np.ix_(kept, kept)]
 
     def evaluate(

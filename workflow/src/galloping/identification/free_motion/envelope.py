@@ -57,14 +57,12 @@ def fit_envelope(
             continue
         middle, local = (last - first) / 2.0, found.poles[0]
         amplitude = abs(found.amplitudes[0][0, 0]) * np.exp(local.real * middle)
-        errors = float(found.frequency_errors[0]), float(found.growth_errors[0])
-        told = (
-            float(begin + (first + middle)),
-            float(amplitude),
-            float(local.imag),
-            float(local.real),
-        )
-        parts.append(EnvelopePart(index, names[channel], *told, *errors))
+        part = EnvelopePart(
+            index, names[channel], float(begin + (first + middle)), float(amplitude),
+            float(local.imag), float(local.real), float(found.frequency_errors[0]),
+            float(found.growth_errors[0]),
+        )  # fmt: skip
+        parts.append(part)
     return parts
 
 
@@ -114,15 +112,12 @@ def running_amplitude(
 def _part_edges(centres: np.ndarray, logarithms: np.ndarray, least: float) -> list[float]:
     """Find times, `least` s apart or more, between which amplitudes change by equal factors."""
     begin, end = centres[[0, -1]]
-    smooth = np.minimum.accumulate(logarithms)
-    if logarithms[-1] > logarithms[0]:
-        smooth = np.maximum.accumulate(logarithms)
+    sign = 1.0 if logarithms[-1] > logarithms[0] else -1.0
+    rising = np.maximum.accumulate(sign * logarithms)
     count = int(np.clip((end - begin) / least, 1, MAX_PARTS))
-    wanted = np.linspace(smooth[0], smooth[-1], count + 1)[1:-1]
-    rising = smooth if smooth[-1] >= smooth[0] else -smooth
-    times = np.interp(wanted if smooth[-1] >= smooth[0] else -wanted, rising, centres)
+    wanted = np.linspace(rising[0], rising[-1], count + 1)[1:-1]
     edges = [begin]
-    for each in times:
+    for each in np.interp(wanted, rising, centres):
         if each - edges[-1] >= least and end - each >= least:
             edges.append(float(each))
     return [*edges, end]

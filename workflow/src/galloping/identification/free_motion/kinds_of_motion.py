@@ -37,7 +37,7 @@ from galloping.identification.free_motion.mode_search import (
 )
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
-from galloping.identification.preparation.smoothing import DRIFT_DEGREE
+from galloping.identification.preparation.smoothing import DRIFT_DEGREE, sampled_rates
 from galloping.identification.random_forces.channels import Channels
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording
@@ -102,10 +102,7 @@ def _free_motion(recordings: list[Recording], channels: Channels) -> FreeMotion 
     stretches = [_make_stretch(one, channels) for one in recordings]
     may_go_on = partial(_main_amplitude_changes, stretches)
     modes, is_noise = fit_modes(stretches, may_go_on)
-    if modes is None:
-        return None
-    cleaned = without_faults(stretches, modes)
-    if cleaned is not None:
+    if modes is not None and (cleaned := without_faults(stretches, modes)) is not None:
         stretches = cleaned
         modes, is_noise = fit_modes(stretches, may_go_on)
     if modes is None:
@@ -124,8 +121,7 @@ def _free_motion(recordings: list[Recording], channels: Channels) -> FreeMotion 
         if events is not None and not (is_noise and floor < _with_price(stretches, events)):
             recordings, findings = _split_at_events(recordings, events, channels)
             stretches, modes, is_linear = events.stretches, events.modes, True
-        sizes = mode_energies(stretches, modes)
-        order = sorted(range(len(sizes)), key=lambda k: -sizes[k])
+        order = np.argsort(-mode_energies(stretches, modes), kind="stable").tolist()
     found = _classify_modes(recordings, channels, stretches, modes, order, is_linear, findings)
     return replace(found, linear=linear) if found and not is_linear else found or linear
 
@@ -141,13 +137,11 @@ def _find_linear_events(
     for start in (modes, alone) if len(modes.poles) > 1 else (modes,):
         if unexplained_power_share(stretches, start) > MAX_EVENTFUL:
             continue
-        events = find_events(stretches, start, floor)
-        if events is None:
-            continue
-        order = resolved_modes(events.stretches, events.modes, is_noise=True)
-        own = events.stretches, events.modes, order
-        if has_linear_modes(*own) and not may_be_one(*own):
-            return events
+        if (events := find_events(stretches, start, floor)) is not None:
+            order = resolved_modes(events.stretches, events.modes, is_noise=True)
+            fit = events.stretches, events.modes, order
+            if has_linear_modes(*fit) and not may_be_one(*fit):
+                return events
     return None
 
 
@@ -169,16 +163,13 @@ def _classify_modes(
         held = np.isin(np.arange(len(modes.poles)), steady)
         poles = np.where(held, 1j * modes.poles.imag, modes.poles)
         modes = fit_poles(stretches, poles, held)
-    growth, error = modes.poles[own[0]].real, modes.growth_errors[own[0]]
-    if not is_linear:
-        lasts = not falls_or_rises(_running_amplitudes(stretches, modes, own[:1]))
-    else:
-        lasts = abs(growth) < SIGNIFICANT * error
-    if lasts:
-        return None
-    if is_linear:  # otherwise, samples that linear motion does not explain are no faults
+    if is_linear:
+        if abs(modes.poles[own[0]].real) < SIGNIFICANT * modes.growth_errors[own[0]]:
+            return None
         pairs = zip(recordings, stretches, strict=True)
         recordings = [_with_samples(one, stretch, channels) for one, stretch in pairs]
+    elif not falls_or_rises(_running_amplitudes(stretches, modes, own[:1])):
+        return None  # otherwise, samples that linear motion does not explain are no faults
     return FreeMotion(
         recordings, stretches, is_linear, channels, modes, tuple(own), tuple(steady),
         tuple(findings),
@@ -187,26 +178,22 @@ def _classify_modes(
 
 def _make_stretch(recording: Recording, channels: Channels) -> Stretch:
     """Extract the channels of a recording; rates with an unknown offset have a slow drift."""
-    columns = [recording.values[:, i] for i in channels.values]
-    degrees = [0] * len(columns)
-    for i in channels.rates:
-        rates = recording.rates
-        columns.append(np.full(len(recording.time), np.nan) if rates is None else rates[:, i])
-        offsets = recording.unknown_offsets
-        degrees.append(DRIFT_DEGREE if offsets is not None and offsets[i] else 0)
+    values = recording.values.T[list(channels.values)]
+    rates = sampled_rates(recording).T[list(channels.rates)]
+    offsets = recording.unknown_offsets
+    degrees = [DRIFT_DEGREE if offsets is not None and offsets[i] else 0 for i in channels.rates]
     time = recording.time - recording.time[0]
-    return Stretch(time, np.array(columns).T, tuple(degrees))
+    return Stretch(time, np.vstack([values, rates]).T, (*[0] * len(values), *degrees))
 
 
 def _with_samples(recording: Recording, stretch: Stretch, channels: Channels) -> Recording:
     """Replace the samples of a recording by those of a stretch, some of which are left out."""
-    values = recording.values.copy()
-    rates = None if recording.rates is None else recording.rates.copy()
-    for c, i in enumerate(channels.values):
-        values[:, i] = stretch.values[:, c]
-    for c, i in enumerate(channels.rates, start=len(channels.values)):
-        if rates is not None:
-            rates[:, i] = stretch.values[:, c]
+    values, count = recording.values.copy(), len(channels.values)
+    values[:, list(channels.values)] = stretch.values[:, :count]
+    if recording.rates is None:
+        return replace(recording, values=values)
+    rates = recording.rates.copy()
+    rates[:, list(channels.rates)] = stretch.values[:, count:]
     return replace(recording, values=values, rates=rates)
 
 
@@ -227,20 +214,16 @@ def without_further_modes(motion: FreeMotion) -> list[Recording]:
 
 
 def _main_amplitude_changes(stretches: list[Stretch], modes: DampedModes) -> bool:
-    """Decide whether the amplitude falls, or rises, throughout the stretches.
-
-    It is that of the modes near the first one's frequency.
-    """
-    own = np.flatnonzero(is_close(modes.poles, modes.poles[0])).tolist()
-    return falls_or_rises(_running_amplitudes(stretches, modes, own))
+    """Decide whether the modes near the first one's frequency decay, or grow, throughout."""
+    main = np.flatnonzero(is_close(modes.poles, modes.poles[0])).tolist()
+    return falls_or_rises(_running_amplitudes(stretches, modes, main))
 
 
 def _running_amplitudes(
     stretches: list[Stretch], modes: DampedModes, own: Sequence[int]
 ) -> list[np.ndarray]:
     """Compute amplitudes of modes of about the same frequency in windows of each stretch."""
-    found = []
-    omega = modes.poles[own[0]].imag
+    found, omega = [], modes.poles[own[0]].imag
     longest = max(one.duration for one in stretches)
     for index, stretch in enumerate(stretches):
         if 2.0 * stretch.duration < longest or np.isnan(modes.noise[index]).all():
@@ -267,11 +250,9 @@ def _split_at_events(
     for k, (part, origin) in enumerate(zip(events.stretches, events.origins, strict=True)):
         begin, recording = begins[origin], recordings[origin]
         if begin:
-            before = (
-                recording.time[begin] - recording.time[begin - len(events.stretches[k - 1].time)]
-            )
-            time = float(recording.time[begin])
-            finding = _describe_event(events.modes, k, float(before), time, channels)
+            time = recording.time[begin]
+            elapsed = time - recording.time[begin - len(events.stretches[k - 1].time)]
+            finding = _describe_event(events.modes, k, elapsed, float(time), channels)
             findings.append(replace(finding, recording=origin))
         found.append(recording[begin : begin + len(part.time)])
         begins[origin] = begin + len(part.time)
@@ -286,14 +267,13 @@ def _describe_event(
     was = modes.amplitudes[k - 1] * np.exp(modes.poles * elapsed)[:, np.newaxis]
     now = modes.amplitudes[k]
     channel = strongest_channel(modes, k, place)
-    share = abs(now[place, channel] - was[place, channel]) / abs(was[place, channel])
     offset = modes.offsets[k] - modes.offsets[k - 1]
     error = np.hypot(modes.offset_errors[k], modes.offset_errors[k - 1])
     with np.errstate(invalid="ignore"):
         moved = np.flatnonzero(np.abs(offset) > SIGNIFICANT * error)
     if moved.size:
         c = int(moved[np.argmax(np.abs(offset[moved]) / error[moved])])
-        data = {"time_s": time, "change": float(offset[c])}
-        return Finding.of(Code.FORCE_STEPPED, channels.names[c], **data)
-    data = {"time_s": time, "share": float(share)}
-    return Finding.of(Code.KNOCKED, channels.names[channel], **data)
+        change = float(offset[c])
+        return Finding.of(Code.FORCE_STEPPED, channels.names[c], time_s=time, change=change)
+    share = abs(now[place, channel] - was[place, channel]) / abs(was[place, channel])
+    return Finding.of(Code.KNOCKED, channels.names[channel], time_s=time, share=float(share))

@@ -210,22 +210,21 @@ def fit_modes(
     found: DampedModes | None = None
     left, apart = [without_means(one.values) for one in stretches], None
     for count in range(MAX_MODES + 1):
-        best = strongest_mode(stretches, left, found.poles if found else None, apart)
+        poles = found.poles if found else None
+        best = strongest_mode(stretches, left, poles, apart)
         if best is None:
             whole = _with_noise_about(stretches, found) if found else None
             return whole, apart is None
         if count == MAX_MODES:
             break
-        start = np.append(found.poles if found else [], best)
         try:
-            found = fit_poles(stretches, start)
+            found = fit_poles(stretches, np.append([] if poles is None else poles, best))
         except (IdentificationError, np.linalg.LinAlgError):
             break
         left = found.residuals
         is_spread = np.count_nonzero(is_close(found.poles, found.poles[0])) > MAX_CLOSE
-        if (is_spread or count + 1 >= MANY_MODES) and unexplained_power_share(
-            stretches, found
-        ) > MAX_LEFT:
+        is_doubtful = is_spread or count + 1 >= MANY_MODES
+        if is_doubtful and unexplained_power_share(stretches, found) > MAX_LEFT:
             return None, False
         if is_spread:
             apart = found.poles
@@ -236,13 +235,11 @@ def fit_modes(
 
 def unexplained_power_share(stretches: Sequence[Stretch], found: DampedModes) -> float:
     """Compute the largest share of the power of any channel that fitted modes do not explain."""
-    shares = [
-        np.fmax.reduce(
-            found.noise[index][one.sizes > 0.0] / one.sizes[one.sizes > 0.0], initial=0.0
-        )
-        for index, one in enumerate(stretches)
-    ]
-    return float(max(shares)) ** 2
+    shares = [0.0]
+    for stretch, noise in zip(stretches, found.noise, strict=True):
+        varies = stretch.sizes > 0.0
+        shares += (noise[varies] / stretch.sizes[varies]).tolist()
+    return float(np.nanmax(shares)) ** 2
 
 
 def is_close(poles: np.ndarray, pole: complex) -> np.ndarray:
@@ -270,17 +267,16 @@ def is_part_of(poles: np.ndarray, motion: np.ndarray) -> np.ndarray:
 
 def _with_noise_about(stretches: Sequence[Stretch], found: DampedModes) -> DampedModes:
     """Recompute errors from the noise near the frequency of each mode, if it is coloured."""
-    ratios = np.zeros(len(found.poles))
-    weights = np.zeros(len(found.poles))
+    ratios, weights = np.zeros((2, len(found.poles)))
     for r, (stretch, residual) in enumerate(zip(stretches, found.residuals, strict=True)):
         size = 2 ** int(np.ceil(np.log2(2.0 * stretch.duration / stretch.step + 2.0)))
         place = np.round(stretch.time / stretch.step).astype(int)
         for c in np.flatnonzero(np.isfinite(found.noise[r])):
             column = np.nan_to_num(residual[:, c])
-            power = np.abs(np.fft.rfft(np.bincount(place, column, size), size)) ** 2
             mean = np.sum(column**2)
             if mean <= 0.0:
                 continue
+            power = np.abs(np.fft.rfft(np.bincount(place, column, size), size)) ** 2
             omega = 2.0 * np.pi * np.fft.rfftfreq(size, stretch.step)
             omitted = _near_modes(omega, found.poles, 2.0 * np.pi / stretch.duration)
             level = noise_level(power, size / (place[-1] + 1), omitted) / mean

@@ -17,6 +17,7 @@ from galloping.arrays import finest_step, one_thread
 from galloping.identification.free_motion.damped_modes import Stretch
 from galloping.identification.free_motion.mode_search import strongest_mode
 from galloping.identification.observations import Code, Finding, Severity
+from galloping.identification.preparation.smoothing import sampled_rates
 from galloping.model.functions import Function
 from galloping.model.polynomial import Exponents, velocity_pairs
 from galloping.recording.samples import Recording
@@ -72,14 +73,15 @@ def moving_parts(time: np.ndarray, values: np.ndarray) -> list[MovingPart]:
     if not len(columns) or not np.isfinite(period) or len(time) < 4 * max(period, MIN_WINDOW):
         return whole
     onsets = _find_onsets(columns, period, resolution)
-    edges = [*(onset.at for onset in onsets), len(time)]
+    edges = [*(at for at, _ in onsets), len(time)]
     parts = []
-    if not onsets or onsets[0].rested_from > 0:
-        first = slice(0, onsets[0].rested_from if onsets else len(time))
-        parts.append(_without_tail(columns, MovingPart(first), period, edges[0], resolution))
-    for onset, end in zip(onsets, edges[1:], strict=True):
-        begin = onset.at + _spike_length(columns[:, onset.at : end], period)
-        part = MovingPart(slice(begin, end), rested_from=onset.rested_from)
+    first = onsets[0][1] if onsets else len(time)
+    if first > 0:
+        part = MovingPart(slice(0, first))
+        parts.append(_without_tail(columns, part, period, edges[0], resolution))
+    for (at, rested_from), end in zip(onsets, edges[1:], strict=True):
+        begin = at + _spike_length(columns[:, at:end], period)
+        part = MovingPart(slice(begin, end), rested_from)
         parts.append(_without_tail(columns, part, period, end, resolution))
     long = [part for part in parts if part.rows.stop - part.rows.start >= MIN_PERIODS * period]
     return long or whole
@@ -159,8 +161,7 @@ def moving_recordings(recordings: Sequence[Recording], terms: Sequence[Exponents
 
 
 def _all_channels(recording: Recording) -> np.ndarray:
-    rates = [] if recording.rates is None else [recording.rates]
-    return np.hstack([recording.values, *rates])
+    return np.hstack([recording.values, sampled_rates(recording)])
 
 
 def _varies(recording: Recording) -> bool:
@@ -225,17 +226,11 @@ def _window_sums(columns: np.ndarray, length: int) -> np.ndarray:
     return total[:, length:] - total[:, :-length]
 
 
-@dataclass(frozen=True)
-class _Onset:
-    """First samples of a rest, `rested_from`, and of the motion after it, `at`."""
-
-    rested_from: int
-    at: int
-
-
-def _find_onsets(columns: np.ndarray, period: float, resolution: np.ndarray) -> list[_Onset]:
-    """Find where motion begins from rest, in order of time."""
-    found: list[_Onset] = []
+def _find_onsets(
+    columns: np.ndarray, period: float, resolution: np.ndarray
+) -> list[tuple[int, int]]:
+    """Find where motion begins from rest: pairs of the first samples of the motion and the rest."""
+    onsets: list[tuple[int, int]] = []
     for length in sorted({max(int(share * period), MIN_WINDOW) for share in WINDOWS})[::-1]:
         deviation, is_smooth = _window_deviations(columns, length)
         span = int(FOLLOWING * period)
@@ -264,9 +259,9 @@ def _find_onsets(columns: np.ndarray, period: float, resolution: np.ndarray) -> 
             if np.all(level[starts[:, last]] > SMALL) and not _is_still(columns[:, rest]):
                 continue  # a smaller motion
             at = _find_departure(columns[starts[:, last]], rest, length)
-            if all(abs(at - other.at) > span for other in found):
-                found.append(_Onset(rested_from, at))
-    return sorted(found, key=lambda onset: onset.at)
+            if all(abs(at - other) > span for other, _ in onsets):
+                onsets.append((at, rested_from))
+    return sorted(onsets)
 
 
 def _find_departure(columns: np.ndarray, rest: slice, length: int) -> int:
