@@ -7,7 +7,7 @@ import numpy as np
 
 from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
-from galloping.identification.preparation.smoothing import without_drift
+from galloping.identification.preparation.smoothing import sampled_rates, without_drift
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording
 
@@ -38,8 +38,8 @@ class Channels:
 
         def measured(name: str) -> tuple[int, ...]:
             given = [getattr(each, name) for each in recordings]
-            there = [np.isfinite(each).any(axis=0) for each in given if each is not None]
-            return tuple(np.flatnonzero(np.any(there, axis=0)).tolist()) if there else ()
+            has_samples = [np.isfinite(each).any(axis=0) for each in given if each is not None]
+            return tuple(np.flatnonzero(np.any(has_samples, axis=0)).tolist())
 
         return cls(recordings[0].states, measured("values"), measured("rates"))
 
@@ -69,11 +69,9 @@ class Channels:
         steps = np.diff(recording.time, prepend=-np.inf)
         apart = self.averaged & (steps > ADJACENT * np.median(steps))
         for i in self.rates:
-            rate = np.full(len(recording.time), np.nan)
-            if recording.rates is not None:
-                rate = recording.rates[:, i]
-                if recording.unknown_offsets is not None and recording.unknown_offsets[i]:
-                    rate = without_drift(recording.time, rate)
+            rate = sampled_rates(recording)[:, i]
+            if recording.unknown_offsets is not None and recording.unknown_offsets[i]:
+                rate = without_drift(recording.time, rate)
             columns.append(np.where(apart, np.nan, rate))
         return np.array(columns).T
 
@@ -105,9 +103,9 @@ class Channels:
         i: index of the coordinate. Returns the index of each channel and the order of its
         derivative, the lowest first.
         """
-        own = ((i, 0), (self.pairs[i], 1))
-        values = [(self.values.index(state), n) for state, n in own if state in self.values]
-        rates = [(self.rates.index(state), n) for state, n in own if state in self.rates]
+        states = ((i, 0), (self.pairs[i], 1))
+        values = [(self.values.index(state), n) for state, n in states if state in self.values]
+        rates = [(self.rates.index(state), n) for state, n in states if state in self.rates]
         return values + [(len(self.values) + place, n + 1) for place, n in rates]
 
     def displacement(self, i: int, rates: np.ndarray, seen: np.ndarray) -> np.ndarray:
@@ -117,10 +115,9 @@ class Channels:
         (n_channels, n_modes) shapes of the channels. Raises IdentificationError if no channel
         measures this coordinate.
         """
-        own = self.derivatives(i)
-        if not own:
+        if not (derivatives := self.derivatives(i)):
             raise IdentificationError(Code.NOT_SENSED, self.states[i])
-        channel, order = own[0]
+        channel, order = derivatives[0]
         return seen[channel] / rates**order
 
     def system_with_modes(self, rates: np.ndarray, seen: np.ndarray) -> np.ndarray:
@@ -130,16 +127,16 @@ class Channels:
         n_coordinates) shapes of the channels, in any unit. Raises IdentificationError if a
         coordinate is in no channel, or the shapes are nearly dependent.
         """
-        pairs = self.pairs
-        moved = np.array([self.displacement(i, rates, seen) for i in pairs])
+        coordinates, velocities = list(self.pairs), list(self.pairs.values())
+        moved = np.array([self.displacement(i, rates, seen) for i in coordinates])
         both, moved = np.append(rates, rates.conj()), np.hstack([moved, moved.conj()])
         basis = np.vstack([moved, moved * both])
         scaled = np.vstack([moved, moved * both / np.abs(both).mean()])
         if not np.linalg.cond(scaled / np.linalg.norm(scaled, axis=0)) < MAX_CONDITION:
             raise IdentificationError(Code.NO_OSCILLATION)
-        system = np.zeros((2 * len(pairs),) * 2)
-        order = [*pairs, *pairs.values()]
+        order = coordinates + velocities
+        system = np.zeros((len(order),) * 2)
         system[np.ix_(order, order)] = (basis * both @ np.linalg.inv(basis)).real
-        system[list(pairs)] = 0.0
-        system[list(pairs), list(pairs.values())] = 1.0
+        system[coordinates] = 0.0
+        system[coordinates, velocities] = 1.0
         return system

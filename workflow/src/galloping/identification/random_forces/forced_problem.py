@@ -254,10 +254,8 @@ def make_forced_problem(
     if besides and len(forced) < len(pairs):
         raise IdentificationError(Code.FORCES_UNDETERMINED)
     step, grids = on_grids(recordings)
-    period, factors = (
-        shortest_velocity_period(recordings),
-        _input_factor_moments(problem, recordings),
-    )
+    period = shortest_velocity_period(recordings)
+    factors = _input_factor_moments(problem, recordings)
     posed = _scaled_problem(problem, recordings, forced, period, factors)
     as_means = replace(posed, channels=replace(channels, averaged=True))
     kinds = [posed, as_means] if channels.rates else [posed]
@@ -271,15 +269,16 @@ def make_forced_problem(
                 begin, forced, kind.channels, frequencies, power, slow
             )
             noise = np.maximum(np.sqrt(noise / step), 2.0 * kind.least_noise)
-            slowly = tuple(np.sqrt(driving))
-            rates = (rate,) * len(slowly)
             model = ForcedModel(
-                free, np.diag(np.sqrt(white)), noise, slowly, rates, begin.extra_modes
-            )
-            found.append((kind.filter_recordings(model).log_likelihood, kind, model))
-    found = sorted(filter(lambda each: np.isfinite(each[0]), found), key=lambda each: -each[0])
+                free, np.diag(np.sqrt(white)), noise, tuple(np.sqrt(driving)),
+                (rate,) * len(driving), begin.extra_modes,
+            )  # fmt: skip
+            likelihood = kind.filter_recordings(model).log_likelihood
+            if np.isfinite(likelihood):
+                found.append((likelihood, kind, model))
     if not found:
         raise IdentificationError(Code.NO_OSCILLATION)
+    found.sort(key=lambda each: -each[0])
     best = found[0][1]
     return best, [model for _, kind, model in found if kind is best]
 

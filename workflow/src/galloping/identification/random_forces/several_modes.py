@@ -178,15 +178,11 @@ def may_have_split_mode(found: IdentifiedModel) -> bool:
     """
     if found.model.inputs:
         return False
-    correlation, allowed, line, line_allowed = (
-        float(found.diagnostics[name])
-        for name in (
-            "innovations", "innovations_allowed", "innovations_line", "innovations_line_allowed",
-        )
-    )  # fmt: skip
+    names = ("innovations", "innovations_allowed", "innovations_line", "innovations_line_allowed")
+    statistic, allowed, line, line_allowed = (float(found.diagnostics[name]) for name in names)
     beside = (each.damping for each in found.resonances if each.is_mode)
     return max(*_linear_modes(found).damping, *beside) > BROAD and (
-        correlation > 0.5 * (1.0 + allowed) or line > LESS_WHITE * line_allowed
+        statistic > 0.5 * (1.0 + allowed) or line > LESS_WHITE * line_allowed
     )
 
 

@@ -16,7 +16,7 @@ from scipy.fft import next_fast_len
 from scipy.optimize import nnls
 
 from galloping.arrays import round_down
-from galloping.identification.no_model import IdentificationError, NoModel, attempt
+from galloping.identification.no_model import NO_MODEL, IdentificationError, NoModel, attempt
 from galloping.identification.observations import Code
 from galloping.identification.oscillations import MOST_DAMPING
 from galloping.identification.preparation.smoothing import without_means
@@ -171,7 +171,7 @@ def find_linear_systems(
     length, of the samples or of their differences, which have the same modes and weaker slow
     components.
     """
-    pairs = channels.pairs
+    count = len(channels.pairs) + besides
     size = np.nanstd(np.concatenate(grids), axis=0)
     size = np.where(size > 0.0, size, 1.0)
     grids = [grid / size for grid in grids]
@@ -184,17 +184,12 @@ def find_linear_systems(
         for span in SPANS:
             taken = whole[first : first + int(span * PER_PERIOD)]
             for further in FURTHER:
-                count = len(pairs) + besides
-                found = attempt(
-                    partial(modes_from_correlations, taken, step, stride, count, further)
-                )
-                if isinstance(found, NoModel):
+                try:
+                    rates, shapes = modes_from_correlations(taken, step, stride, count, further)
+                    start = _start_with_modes(channels, rates, size[:, np.newaxis] * shapes)
+                except NO_MODEL:
                     continue
-                rates, shapes = found
-                seen = size[:, np.newaxis] * shapes
-                system = attempt(partial(_start_with_modes, channels, rates, seen))
-                if not isinstance(system, NoModel):
-                    yield system
+                yield start
 
 
 def _start_with_modes(channels: Channels, rates: np.ndarray, seen: np.ndarray) -> LinearStart:
@@ -236,11 +231,9 @@ def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, 
         share = np.maximum(known.mean(axis=0), 1e-3)
         power = np.abs(np.fft.rfft(np.where(known, grid, 0.0), axis=0)[1:]) ** 2
         groups = len(power) // BINS
-        for c in np.flatnonzero(
-            known.sum(axis=0) > 1
-        ):  # beyond are mirror images of what is slower
+        for c in np.flatnonzero(known.sum(axis=0) > 1):
             apart = np.median(np.diff(np.flatnonzero(known[:, c])))
-            power[int(len(grid) / (2.0 * apart)) :, c] = 0.0
+            power[int(len(grid) / (2.0 * apart)) :, c] = 0.0  # mirror images of what is slower
         own = power[: groups * BINS].reshape(groups, BINS, power.shape[1]).mean(axis=1)
         powers.append(own * step / len(grid) / share)
         middle = np.arange(groups) * BINS + (BINS + 1) / 2  # bin number; bin 0 is the mean

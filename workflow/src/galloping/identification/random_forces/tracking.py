@@ -257,11 +257,8 @@ class StateSpaceModel:
         self, data: SampledChannels, innovations, variances, means, x, p
     ) -> FilterResult:
         """Assemble the result of a compiled filter; x, p: mean and covariance at its end."""
-        n, m, count = (
-            len(self.size),
-            len(self.augmented_system[0]),
-            int(np.isfinite(data.samples).sum()),
-        )
+        n, m = len(self.size), len(self.augmented_system[0])
+        count = int(np.isfinite(data.samples).sum())
         return FilterResult(innovations, variances, means[:, :n], x[:m], p[:m, :m], count)
 
     def _run_extended_filter(
@@ -291,12 +288,12 @@ class StateSpaceModel:
         """
         counts = self.substeps(steps.lengths)
         noise = rng.standard_normal((counts[steps.of[1:]].sum(), len(x)))
-        driven, root = (
-            steps.input_factors(counts, self._tables.factors),
-            covariance_root(self.augmented_system[1]),
-        )
-        own = steps.of[1:], steps.lengths, counts, driven, *self.equations(), root, noise
-        return random_motion(x, *own)[:, : len(self.size)]
+        states = random_motion(
+            x, steps.of[1:], steps.lengths, counts,
+            steps.input_factors(counts, self._tables.factors), *self.equations(),
+            covariance_root(self.augmented_system[1]), noise,
+        )  # fmt: skip
+        return states[:, : len(self.size)]
 
     def filter(self, data: SampledChannels) -> FilterResult:
         """Run the Kalman filter, extended if the equations are nonlinear, over a recording.
@@ -305,19 +302,15 @@ class StateSpaceModel:
         """
         if not self.is_linear:
             return self.filter_extended(data, np.zeros((0, 2), np.int64))[0]
-        transitions, disturbances = discretise(*self.augmented_system, data.steps.lengths)
-        values, kept, m = (
-            list(self.channels.values),
-            list(self.channels.kept),
-            len(self.augmented_system[0]),
-        )
-        sensing = self.channels.sensing(self.augmented_system[0])
+        (system, white), lengths = self.augmented_system, data.steps.lengths
+        transitions, disturbances = discretise(system, white, lengths)
+        values, kept = list(self.channels.values), list(self.channels.kept)
+        sensing = self.channels.sensing(system)
         at_rest = np.append(self.rest[values], np.zeros(len(self.channels.rates)))
         if kept:
-            transitions, disturbances = append_mean_rates(
-                transitions, disturbances, data.steps.lengths, kept
-            )
-            sensing = np.eye(len(transitions[0]))[[*values, *range(m, m + len(kept))]]
+            transitions, disturbances = append_mean_rates(transitions, disturbances, lengths, kept)
+            m = len(system)
+            sensing = np.eye(m + len(kept))[[*values, *range(m, m + len(kept))]]
         p, n = np.pad(self.first_covariance, (0, len(kept))), len(self.rest)
         x = np.zeros(len(p))
         count_work(FILTER + OF_STATE * len(data.samples) * len(p))
@@ -337,13 +330,10 @@ class StateSpaceModel:
         them.
         """
         if self.channels.averaged:
-            force = (
-                np.diag(self.augmented_system[1])[list(self.channels.rates)]
-                / data.steps.lengths.min()
-            )
-            noise = np.append(np.zeros(len(self.channels.values)), np.sqrt(force))
-            at_sample = replace(self.channels, averaged=False)
-            other = replace(self, channels=at_sample, noise=np.hypot(self.noise, noise))
+            white = np.diag(self.augmented_system[1])[list(self.channels.rates)]
+            of_force = np.sqrt(white / data.steps.lengths.min())
+            noise = np.hypot(self.noise, np.pad(of_force, (len(self.channels.values), 0)))
+            other = replace(self, channels=replace(self.channels, averaged=False), noise=noise)
             return other.first_state(data, count)
         exponents, coefficients = self.equations()
         m, n, steps = len(coefficients), len(self.size), data.steps
