@@ -19,7 +19,6 @@ from galloping.identification.free_motion.kinds_of_motion import (
     classify_motion,
     without_further_modes,
 )
-from galloping.identification.free_motion.linear_system import linear_system_with_covariance
 from galloping.identification.free_motion.linearity import SIGNIFICANT
 from galloping.identification.free_motion.rest import Moving, moving_recordings
 from galloping.identification.identified_model import IdentifiedModel
@@ -35,6 +34,7 @@ from galloping.recording.samples import Recording
 MAX_NOISE = 1.2  # largest ratio of the residuals of a linear model to the stated noise
 MIN_PERIODS = 10.0  # periods that a reported further mode exceeds: slower ones are mostly drift
 PATH = "free motion"
+STEP = 1e-3  # step of finite differences, in standard errors
 
 
 def is_of_one_coordinate(recordings: Sequence[Recording]) -> bool:
@@ -90,17 +90,44 @@ def identify_linear_motion(problem: Problem, motion: FreeMotion) -> IdentifiedMo
     motion: a linear one. Returns NoModel if there are fewer modes than coordinates, or if the
     problem asks for more than linear equations.
     """
-    modes, own = motion.modes, motion.own[: len(motion.channels.pairs)]
-    if len(own) < len(motion.channels.pairs) or not _can_be_linear(problem, motion):
+    if len(motion.own) < len(motion.channels.pairs) or not _can_be_linear(problem, motion):
         return NoModel()
     if _noise_excess(motion) > MAX_NOISE:
         return NoModel()
-    system = attempt(
-        partial(linear_system_with_covariance, motion.channels, motion.stretches, modes, own)
-    )
+    system = attempt(partial(_linear_system_with_covariance, motion))
     if isinstance(system, NoModel):
         return system
     return _identified_model(problem, motion, *system)
+
+
+def _linear_system_with_covariance(motion: FreeMotion) -> tuple[np.ndarray, np.ndarray]:
+    """Compute the matrix of the linear system whose modes are those of a motion.
+
+    As many modes as coordinates, with their shapes in the channels, determine the equations of all
+    velocities: dx/dt = A x has the modes as eigenvectors. Returns A, (n_states, n_states), and the
+    covariance of its entries, row by row, (n_states^2, n_states^2).
+    """
+    modes, n = motion.modes, len(motion.channels.pairs)
+    places = list(motion.own[:n])
+    index = int(np.argmax([np.linalg.norm(each[places]) for each in modes.amplitudes]))
+    covariance = modes.amplitude_covariance(motion.stretches[index], index, places)
+    poles, amplitudes = modes.poles[places], modes.amplitudes[index][places]
+
+    def system(parameters: np.ndarray) -> np.ndarray:
+        growths, frequencies, *parts = np.split(parameters, [n, 2 * n, 2 * n + amplitudes.size])
+        shapes = (parts[0] + 1j * parts[1]).reshape(amplitudes.shape).T
+        return motion.channels.system_with_modes(growths + 1j * frequencies, shapes)
+
+    shapes = amplitudes.ravel()
+    best = np.concatenate([poles.real, poles.imag, shapes.real, shapes.imag])
+    errors = np.sqrt(np.diag(covariance))
+    slopes = np.zeros((len(best), 4 * n * n))
+    for k in np.flatnonzero(errors > 0.0):
+        step = np.zeros(len(best))
+        step[k] = STEP * errors[k]
+        change = system(best + step) - system(best - step)
+        slopes[k] = change.ravel() / (2.0 * step[k])
+    return system(best), slopes.T @ covariance @ slopes
 
 
 def without_omissions(found: IdentifiedModel, recordings: Sequence[Recording]) -> list[Recording]:
@@ -261,13 +288,13 @@ def with_further_modes(found: IdentifiedModel, motion: FreeMotion) -> Identified
     modes, steady = motion.modes, []
     for place in motion.steady:
         channel = strongest_channel(modes, 0, place)
-        data = {
-            "frequency_hz": modes.poles[place].imag / (2.0 * np.pi),
-            "frequency_error_hz": modes.frequency_errors[place] / (2.0 * np.pi),
-            "amplitude": abs(modes.amplitudes[0][place, channel]),
-        }
-        named = motion.channels.names[channel]
-        steady.append(Finding.of(Code.FORCED_STEADILY, named, **data))
+        finding = Finding.of(
+            Code.FORCED_STEADILY, motion.channels.names[channel],
+            frequency_hz=modes.poles[place].imag / (2.0 * np.pi),
+            frequency_error_hz=modes.frequency_errors[place] / (2.0 * np.pi),
+            amplitude=abs(modes.amplitudes[0][place, channel]),
+        )  # fmt: skip
+        steady.append(finding)
     longest = max(one.duration for one in motion.stretches)
     further = [
         mode

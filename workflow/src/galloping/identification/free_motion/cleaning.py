@@ -49,14 +49,12 @@ def _under_force(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
     modes = attempt(partial(fit_poles, [inner], poles))
     if isinstance(modes, NoModel) or strongest_mode([inner], modes.residuals, poles) is not None:
         return forced
-    motion = modes.evaluate(range(len(modes.poles)), 0, stretch.time - period)
-    left = stretch.values - motion
-    told = np.isfinite(modes.noise[0])
-    left, noise = left[:, told], modes.noise[0][told]
+    left = stretch.values - modes.evaluate(range(len(modes.poles)), 0, stretch.time - period)
+    is_fitted = np.isfinite(modes.noise[0])
+    left, noise = left[:, is_fitted], modes.noise[0][is_fitted]
     with np.errstate(invalid="ignore"):
-        away = np.abs(left - np.nanmedian(left[inside], axis=0)) > MISFIT * noise
+        away = np.any(np.abs(left - np.nanmedian(left[inside], axis=0)) > MISFIT * noise, axis=1)
     early, late = stretch.time <= period, stretch.time >= stretch.duration - period
-    away = away.any(axis=1)
     if (at := np.flatnonzero(away & early)).size:
         forced[: at[-1] + 1] = True
     if (at := np.flatnonzero(away & late)).size:

@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from galloping.arrays import one_thread
+from galloping.identification.free_motion import linearity
 from galloping.identification.free_motion.cleaning import without_faults
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
 from galloping.identification.free_motion.envelope import (
@@ -20,16 +21,6 @@ from galloping.identification.free_motion.envelope import (
     strongest_channel,
 )
 from galloping.identification.free_motion.events import MotionBetweenEvents, find_events
-from galloping.identification.free_motion.linearity import (
-    SIGNIFICANT,
-    has_linear_modes,
-    is_cycle,
-    is_steady,
-    may_be_one,
-    mode_energies,
-    refit_main_oscillation,
-    resolved_modes,
-)
 from galloping.identification.free_motion.mode_search import (
     fit_modes,
     is_close,
@@ -107,21 +98,21 @@ def _free_motion(recordings: list[Recording], channels: Channels) -> FreeMotion 
         modes, is_noise = fit_modes(stretches, may_go_on)
     if modes is None:
         return None
-    order = resolved_modes(stretches, modes, is_noise)
-    is_linear = is_noise and has_linear_modes(stretches, modes, order)
+    order = linearity.resolved_modes(stretches, modes, is_noise)
+    is_linear = is_noise and linearity.has_linear_modes(stretches, modes, order)
     findings: list[Finding] = []
     linear: FreeMotion | None = None
-    if is_linear and may_be_one(stretches, modes, order):
+    if is_linear and linearity.may_be_one(stretches, modes, order):
         linear = _classify_modes(recordings, channels, stretches, modes, order, True, findings)
         is_linear = False
     if not is_linear:
         floor = modes.misfit
-        modes = refit_main_oscillation(stretches, modes, order)
+        modes = linearity.refit_main_oscillation(stretches, modes, order)
         events = _find_linear_events(stretches, modes, floor)
         if events is not None and not (is_noise and floor < _with_price(stretches, events)):
             recordings, findings = _split_at_events(recordings, events, channels)
             stretches, modes, is_linear = events.stretches, events.modes, True
-        order = np.argsort(-mode_energies(stretches, modes), kind="stable").tolist()
+        order = np.argsort(-linearity.mode_energies(stretches, modes), kind="stable").tolist()
     found = _classify_modes(recordings, channels, stretches, modes, order, is_linear, findings)
     return replace(found, linear=linear) if found and not is_linear else found or linear
 
@@ -138,9 +129,9 @@ def _find_linear_events(
         if unexplained_power_share(stretches, start) > MAX_EVENTFUL:
             continue
         if (events := find_events(stretches, start, floor)) is not None:
-            order = resolved_modes(events.stretches, events.modes, is_noise=True)
+            order = linearity.resolved_modes(events.stretches, events.modes, is_noise=True)
             fit = events.stretches, events.modes, order
-            if has_linear_modes(*fit) and not may_be_one(*fit):
+            if linearity.has_linear_modes(*fit) and not linearity.may_be_one(*fit):
                 return events
     return None
 
@@ -155,16 +146,16 @@ def _classify_modes(
     findings: list[Finding],
 ) -> FreeMotion | None:
     """Make the motion of modes in the order of their energy, None if something may sustain it."""
-    steady = [k for k in order if is_steady(stretches, modes, k)]
+    steady = [k for k in order if linearity.is_steady(stretches, modes, k)]
     own = [k for k in order if k not in steady]
-    if not own or (order[0] in steady and (not is_linear or is_cycle(modes, order))):
+    if not own or (order[0] in steady and (not is_linear or linearity.is_cycle(modes, order))):
         return None
     if steady and is_linear:
         held = np.isin(np.arange(len(modes.poles)), steady)
         poles = np.where(held, 1j * modes.poles.imag, modes.poles)
         modes = fit_poles(stretches, poles, held)
     if is_linear:
-        if abs(modes.poles[own[0]].real) < SIGNIFICANT * modes.growth_errors[own[0]]:
+        if abs(modes.poles[own[0]].real) < linearity.SIGNIFICANT * modes.growth_errors[own[0]]:
             return None
         pairs = zip(recordings, stretches, strict=True)
         recordings = [_with_samples(one, stretch, channels) for one, stretch in pairs]
@@ -270,7 +261,7 @@ def _describe_event(
     offset = modes.offsets[k] - modes.offsets[k - 1]
     error = np.hypot(modes.offset_errors[k], modes.offset_errors[k - 1])
     with np.errstate(invalid="ignore"):
-        moved = np.flatnonzero(np.abs(offset) > SIGNIFICANT * error)
+        moved = np.flatnonzero(np.abs(offset) > linearity.SIGNIFICANT * error)
     if moved.size:
         c = int(moved[np.argmax(np.abs(offset[moved]) / error[moved])])
         change = float(offset[c])

@@ -186,12 +186,11 @@ def _is_beside(modes: DampedModes, k: int, main: int) -> bool:
     """Decide whether a mode is separate from a main motion that is not exponential."""
     pole = modes.poles[k]
     opposed = np.sign(pole.real) != np.sign(modes.poles[main].real)
-    is_steady = abs(pole.real) < SIGNIFICANT * modes.growth_errors[k]
-    is_told = modes.growth_errors[k] < MAX_DAMPING_BESIDE * abs(pole)
-    is_told &= abs(pole.real) < MAX_DAMPING_BESIDE * abs(pole)
+    may_be_steady = abs(pole.real) < SIGNIFICANT * modes.growth_errors[k]
+    is_light = max(modes.growth_errors[k], abs(pole.real)) < MAX_DAMPING_BESIDE * abs(pole)
     motion = modes.poles[[main, *np.flatnonzero(is_close(modes.poles, modes.poles[main]))]]
     is_other = not is_part_of(modes.poles[[k]], motion)[0]
-    return is_told and is_other and (is_steady or not opposed)
+    return is_light and is_other and (may_be_steady or not opposed)
 
 
 def mode_energies(stretches: Sequence[Stretch], modes: DampedModes) -> np.ndarray:

@@ -92,12 +92,12 @@ def strongest_mode(
     looks = len(windows) * longest / step / 2.0
     allowed = float(gammainccinv(len(series), FALSE_ALARM_RATE / looks))
     slowest, fastest = 2.0 * np.pi * MIN_PERIODS / longest, MAX_FREQUENCY * omega[-1]
-    is_told = (omega > max(slowest, band[0])) & (omega < min(fastest, band[1]))
+    is_searched = (omega > max(slowest, band[0])) & (omega < min(fastest, band[1]))
     if apart is not None:
-        is_told &= ~is_part_of(1j * omega, apart)
+        is_searched &= ~is_part_of(1j * omega, apart)
     powers = [np.sum(own, axis=0) for own in zip(*series, strict=True)]
     for power, decay, stride in zip(powers, windows, strides, strict=True):
-        power *= is_told[::stride] & (abs(decay) < MOST_DAMPING * omega[::stride])
+        power *= is_searched[::stride] & (abs(decay) < MOST_DAMPING * omega[::stride])
     peaks = np.array([power.max() for power in powers])
     omitted = _near_modes(omega, poles, 2.0 * np.pi / longest)
     levels = np.ones((len(series), len(omega)))  # noise levels, at least those of white noise

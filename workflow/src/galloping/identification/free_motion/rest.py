@@ -70,7 +70,7 @@ def moving_parts(time: np.ndarray, values: np.ndarray) -> list[MovingPart]:
         return [_shift_part(part, inner.start) for part in moving_parts(time[inner], values[inner])]
     columns, resolution = _fill_gaps(time, values)
     period = _dominant_period(columns)
-    if not len(columns) or not np.isfinite(period) or len(time) < 4 * max(period, MIN_WINDOW):
+    if len(time) < 4 * max(period, MIN_WINDOW):
         return whole
     onsets = _find_onsets(columns, period, resolution)
     edges = [*(at for at, _ in onsets), len(time)]
