@@ -28,8 +28,8 @@ from galloping.identification.problem import Problem
 from galloping.identification.random_forces.fitting import ForcedFit
 from galloping.identification.random_forces.model_in_forces import fit_in_forces
 from galloping.identification.random_forces.several_modes import (
-    BESIDES,
     CLOSE,
+    MOST_EXTRA,
     ModeSelection,
     SeveralModes,
     may_have_split_mode,
@@ -59,10 +59,7 @@ def fit_random_forces(
     the innovations are not white, or `refused`. The covariance of the forces is in `forces`. Raises
     ValueError for an unknown name.
     """
-    places = forced_equations(problem, forced)
-
-    def fit(selection: ModeSelection) -> Outcome:
-        return _identify_selection(problem, selection, places)
+    fit = partial(_identify_selection, problem, forced=forced_equations(problem, forced))
 
     def search() -> Outcome:
         recordings = segments_with_inputs(given, problem.inputs)
@@ -147,7 +144,7 @@ def _identify_modes(selection: ModeSelection, fit: Fit) -> Outcome:
 
 def _with_split_mode(found: IdentifiedModel, selection: ModeSelection, fit: Fit) -> IdentifiedModel:
     """Replace the model of a selection by one with a mode more, if one of its modes is two."""
-    if found.status != "ok" or selection.n_further == BESIDES or not may_have_split_mode(found):
+    if found.status != "ok" or selection.n_further == MOST_EXTRA or not may_have_split_mode(found):
         return found
     split = fit(replace(selection, n_further=selection.n_further + 1))
     return found if isinstance(split, NoModel) or not splits_mode(split, found) else split
@@ -252,7 +249,7 @@ def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]
     ValueError for an unknown name.
     """
     pairs, states = velocity_pairs(problem.states), problem.states
-    places = []
+    places = set()
     for name in forced:
         if name not in states:
             raise ValueError(f"random force: {name!r:.60}; must be among {', '.join(states)}")
@@ -260,5 +257,5 @@ def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]
         place = pairs.get(place, place)
         if place not in problem.unknown:
             raise ValueError(f"random force: {name}: its equation is known, and no force is in it")
-        places.append(place)
-    return tuple(sorted(set(places))) or problem.unknown
+        places.add(place)
+    return tuple(sorted(places)) or problem.unknown

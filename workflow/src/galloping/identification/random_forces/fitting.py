@@ -37,9 +37,9 @@ FIRST_STEP, STEP = 1e-5, 1e-3
 CONVERGED = 1e-2
 MOST_STEPS, MOST_DAMPED = 40, 12  # most steps of a fit, and most trials of a step, ever shorter
 TINY = 0.1  # least first value of the fitted noise in excess of the least noise, relative to that
-UNTOLD = 1e-6  # the data do not determine a parameter with less information, in its unit
+MIN_INFORMATION = 1e-6  # the data do not determine a parameter with less, in its unit
 FAINTEST = -40.0  # least logarithm of a force's strength, relative to the motion; zero has none
-LEAST_SHORTENING = 1e-4  # least damping of steps (K. Levenberg, 1944), relative to the information
+MIN_STEP_DAMPING = 1e-4  # least damping of steps (K. Levenberg, 1944), relative to the information
 
 
 def fisher_information(slopes: np.ndarray) -> np.ndarray:
@@ -49,14 +49,15 @@ def fisher_information(slopes: np.ndarray) -> np.ndarray:
     determine, such as the noise of exact samples.
     """
     flat = slopes.reshape(len(slopes), -1)
-    known = flat @ flat.T
-    known[np.diag_indices_from(known)] += np.where(np.diag(known) > UNTOLD, 0.0, 1.0)
-    return known
+    information = flat @ flat.T
+    is_determined = np.diag(information) > MIN_INFORMATION
+    information[np.diag_indices_from(information)] += np.where(is_determined, 0.0, 1.0)
+    return information
 
 
 def likelihood_score(slopes: np.ndarray, filtered: Innovations) -> np.ndarray:
     """Compute the gradient of the log-likelihood from the innovations and their derivatives."""
-    error = filtered.standardised
+    error = filtered.innovations / np.sqrt(filtered.variances)
     error = error[np.isfinite(error)]
     left = np.concatenate([-error, (error**2 - 1.0) / np.sqrt(2.0)])
     return slopes.reshape(len(slopes), -1) @ left
@@ -94,7 +95,7 @@ class Parameters:
         counts = {
             "coefficients": self.support.sum(), "strengths": len(start.root),
             "shared": len(self.lower[0]), "slow": 2 * len(start.slow),
-            "swings": start.extra_modes.own.size, "onto": start.extra_modes.is_shared.sum(),
+            "resonances": start.extra_modes.own.size, "onto": start.extra_modes.is_shared.sum(),
             "noise": len(start.noise),
         }  # fmt: skip
         ends = np.cumsum([0, *counts.values()]).tolist()
@@ -103,13 +104,13 @@ class Parameters:
     def to_vector(self, model: ForcedModel) -> np.ndarray:
         """Convert a model to the vector of its fit parameters, (n_parameters,)."""
         scaled = self.centring @ (model.coefficients / self.posed.unit)[self.support]
-        diagonal, swings = np.diag(model.root), model.extra_modes
+        diagonal, extra = np.diag(model.root), model.extra_modes
         least = self.posed.least_noise
         noise = np.sqrt(np.maximum(model.noise**2 - least**2, (TINY * least) ** 2))
         return np.concatenate([
             scaled, np.log(diagonal), (model.root / diagonal)[self.lower],
-            np.log([*model.slow, *model.rates]), np.log(swings.own).ravel(),
-            swings.onto[swings.is_shared], np.log(noise),
+            np.log([*model.slow, *model.rates]), np.log(extra.own).ravel(),
+            extra.onto[extra.is_shared], np.log(noise),
         ])  # fmt: skip
 
     def to_model(self, vector: np.ndarray) -> ForcedModel:
@@ -123,10 +124,10 @@ class Parameters:
         root = root * np.exp(np.maximum(of["strengths"], faintest))
         noise = np.hypot(np.exp(of["noise"]), self.posed.least_noise)
         slow, rates = np.exp(np.maximum(of["slow"], faintest)).reshape(2, -1)
-        swings, onto = self.start.extra_modes, self.start.extra_modes.onto.copy()
-        onto[swings.is_shared] = of["onto"]
-        swings = replace(swings, own=np.exp(of["swings"]).reshape(-1, 2), onto=onto)
-        return ForcedModel(coefficients, root, noise, tuple(slow), tuple(rates), swings)
+        extra, onto = self.start.extra_modes, self.start.extra_modes.onto.copy()
+        onto[extra.is_shared] = of["onto"]
+        extra = replace(extra, own=np.exp(of["resonances"]).reshape(-1, 2), onto=onto)
+        return ForcedModel(coefficients, root, noise, tuple(slow), tuple(rates), extra)
 
 
 @dataclass(frozen=True)
@@ -174,13 +175,13 @@ class ForcedFit:
         return np.linalg.inv(fisher_information(self.slopes))[own, own]
 
     @property
-    def swing_errors(self) -> np.ndarray:
+    def resonance_errors(self) -> np.ndarray:
         """Standard errors of the frequency, rad/s, and damping ratio of each resonance.
 
         Shape (n_resonances, 2).
         """
         own = self.model.extra_modes.own
-        variances = np.diag(self.covariance("swings"))  # of logarithms
+        variances = np.diag(self.covariance("resonances"))  # of logarithms
         return own * np.sqrt(variances).reshape(own.shape)
 
     @property
@@ -212,7 +213,7 @@ class ForcedFit:
             errors.append(part.standardised[begin + 1 :])
             before.append(np.hstack([part.means, inputs])[begin:-1])
         k = find_dependence(np.concatenate(errors), np.concatenate(before))
-        return left if k is None else replace(left, goes_with=self.posed.problem.names[k])
+        return left if k is None else replace(left, dependence=self.posed.problem.names[k])
 
 
 def maximise_likelihood(
@@ -231,40 +232,41 @@ def maximise_likelihood(
 
     vector = parameters.to_vector(model)
     step = np.full(len(vector), FIRST_STEP)
-    here, damping = filter_with(vector), LEAST_SHORTENING
+    here, damping = filter_with(vector), MIN_STEP_DAMPING
     if not np.isfinite(here.log_likelihood):
         if here.objection:
             raise NotConvergedError.from_finding(here.objection)
         raise FloatingPointError("the filter of its start loses all digits")
     slopes = _difference_innovations(filter_with, vector, here, step)
     first = slopes[parameters.places["coefficients"]]
-    told = np.einsum("ijk,ijk->i", first, first) > UNTOLD
-    if not told.all():  # accelerations, for example, do not determine the equilibrium
+    is_determined = np.einsum("ijk,ijk->i", first, first) > MIN_INFORMATION
+    if not is_determined.all():  # accelerations, for example, do not determine the equilibrium
         kept = support.copy()
-        kept[support] = told
+        kept[support] = is_determined
         return maximise_likelihood(posed, model, kept, correlated)
     exact = True  # whether the slopes are differences at `vector`, not estimates
     for _ in range(MOST_STEPS):
         passing("fit random forces")
-        known, rise = fisher_information(slopes), likelihood_score(slopes, here)
-        step = STEP / np.sqrt(np.diag(known))
+        information, score = fisher_information(slopes), likelihood_score(slopes, here)
+        scale = np.diag(information)
+        step = STEP / np.sqrt(scale)
         for _ in range(MOST_DAMPED if exact else 1):
-            change = np.linalg.solve(known + damping * np.diag(np.diag(known)), rise)
+            change = np.linalg.solve(information + damping * np.diag(scale), score)
             with np.errstate(all="ignore"):  # a step may be too long
                 tried = filter_with(vector + change)
                 better = tried.log_likelihood >= here.log_likelihood
             if better:
                 break
             damping *= 8.0
-        converged = not better or 0.5 * rise @ change < CONVERGED
+        converged = not better or 0.5 * score @ change < CONVERGED
         if converged and not exact:
             slopes, exact = _difference_innovations(filter_with, vector, here, step), True
             continue
         if better and not converged:
-            slopes = _update_slopes(slopes, change, np.diag(known), here, tried)
+            slopes = _update_slopes(slopes, change, scale, here, tried)
             exact = False
         if better:
-            vector, here, damping = vector + change, tried, max(damping / 16.0, LEAST_SHORTENING)
+            vector, here, damping = vector + change, tried, max(damping / 16.0, MIN_STEP_DAMPING)
         if converged or is_exhausted():
             break
     if not exact:
@@ -275,7 +277,7 @@ def maximise_likelihood(
 def _update_slopes(
     slopes: np.ndarray,
     change: np.ndarray,
-    known: np.ndarray,
+    scale: np.ndarray,
     before: Innovations,
     after: Innovations,
 ) -> np.ndarray:
@@ -283,19 +285,19 @@ def _update_slopes(
 
     It is the least change of the slopes that gives these differences (C. G. Broyden, 1965), in
     units of the parameters' standard errors. It needs a tenth of the filter runs of differences by
-    every parameter. change: the step. known: (n_parameters,) diagonal of the information. before,
+    every parameter. change: the step. scale: (n_parameters,) diagonal of the information. before,
     after: the innovations at both ends of the step.
     """
-    told = np.isfinite(before.innovations)
-    root = np.sqrt(after.variances[told])
+    known = np.isfinite(before.innovations)
+    root = np.sqrt(after.variances[known])
     slopes = slopes.copy()
-    slopes[:, 0] *= np.sqrt(before.variances[told]) / root
+    slopes[:, 0] *= np.sqrt(before.variances[known]) / root
     moved = np.stack([
-        (after.innovations - before.innovations)[told] / root,
-        np.log(after.variances[told] / before.variances[told]) / np.sqrt(2.0),
+        (after.innovations - before.innovations)[known] / root,
+        np.log(after.variances[known] / before.variances[known]) / np.sqrt(2.0),
     ])  # fmt: skip
     missed = moved - np.tensordot(change, slopes, 1)
-    weighted = known * change
+    weighted = scale * change
     return slopes + (weighted / (weighted @ change))[:, np.newaxis, np.newaxis] * missed
 
 

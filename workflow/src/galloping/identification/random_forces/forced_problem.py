@@ -94,11 +94,6 @@ class Innovations:
         innovations, variances = self.innovations[known], self.variances[known]
         return -0.5 * float(np.sum(np.log(variances) + innovations**2 / variances))
 
-    @property
-    def standardised(self) -> np.ndarray:
-        """Innovations divided by their standard deviations."""
-        return self.innovations / np.sqrt(self.variances)
-
 
 @dataclass(frozen=True)
 class ForcedProblem:
@@ -157,8 +152,8 @@ class ForcedProblem:
         present = model.coefficients != 0.0
         scaled, kept = np.zeros((2, len(present)))
         scaled[present] = self.centring(present) @ (model.coefficients / self.unit)[present]
-        own = np.linalg.solve(self.centring(support), scaled[support])
-        kept[support] = own * self.unit[support]
+        uncentred = np.linalg.solve(self.centring(support), scaled[support])
+        kept[support] = uncentred * self.unit[support]
         return replace(model, coefficients=kept)
 
     def state_space_model(self, model: ForcedModel) -> StateSpaceModel:
@@ -182,15 +177,15 @@ class ForcedProblem:
         errors: (n_resonances, 2) standard errors, as in `Resonance`.
         """
         n, f, drives = len(self.size), len(self.forced), model.root @ model.root.T
-        swings, found = model.extra_modes, []
-        errors = np.full(swings.own.shape, np.nan) if errors is None else errors
-        for k, swing in enumerate(swings.own):
-            onto, drive = np.zeros(n), np.zeros(n + len(swings.own))
-            onto[list(self.forced)], drive[list(self.forced)] = swings.onto[k], drives[f + k, :f]
+        extra, found = model.extra_modes, []
+        errors = np.full(extra.own.shape, np.nan) if errors is None else errors
+        for k, (frequency, damping) in enumerate(extra.own.tolist()):
+            onto, drive = np.zeros(n), np.zeros(n + len(extra.own))
+            onto[list(self.forced)], drive[list(self.forced)] = extra.onto[k], drives[f + k, :f]
             drive[n:] = drives[f + k, f:]
             deviations = float(errors[k, 0]), float(errors[k, 1])
             parts = deviations, tuple(onto.tolist()), tuple(drive.tolist())
-            found.append(Resonance(float(swing[0]), float(swing[1]), *parts))
+            found.append(Resonance(frequency, damping, *parts))
         return tuple(found)
 
     def normal_equations(self, model: ForcedModel) -> tuple[np.ndarray, np.ndarray]:
@@ -203,21 +198,21 @@ class ForcedProblem:
         terms, places = np.unique(self.problem.candidates[:, 1], return_inverse=True)
         candidates = np.column_stack([self.problem.candidates[:, 0], places])
         system_model, n = self.state_space_model(model), len(self.unit)
-        known, right = np.zeros((n, n)), np.zeros(n)
+        information, right = np.zeros((n, n)), np.zeros(n)
         for one in self.data:
             if is_exhausted():
                 raise NotConvergedError(Code.LIMIT_OF_WORK)
             filtered, slopes = system_model.filter_extended(one, candidates, terms)
-            told = np.isfinite(filtered.innovations) & (filtered.variances > 0.0)
-            root = np.sqrt(filtered.variances[told])
-            own = slopes[told] * self.unit / root[:, np.newaxis]
+            known = np.isfinite(filtered.innovations) & (filtered.variances > 0.0)
+            root = np.sqrt(filtered.variances[known])
+            scaled = slopes[known] * self.unit / root[:, np.newaxis]
             with np.errstate(over="ignore", invalid="ignore"):
-                known += own.T @ own
-            right -= own.T @ (filtered.innovations[told] / root)
-        if not np.all(np.isfinite(known)):
+                information += scaled.T @ scaled
+            right -= scaled.T @ (filtered.innovations[known] / root)
+        if not np.all(np.isfinite(information)):
             raise FloatingPointError("the slopes of the innovations diverge")
         prior, pull = self.problem.with_prior(np.zeros((n, n)), np.zeros(n), model.coefficients)
-        return known + prior * np.outer(self.unit, self.unit), right + pull * self.unit
+        return information + prior * np.outer(self.unit, self.unit), right + pull * self.unit
 
     def filter_recordings(self, model: ForcedModel) -> Innovations:
         """Run the Kalman filter of a model over all recordings, and return the innovations."""
@@ -231,14 +226,14 @@ class ForcedProblem:
         """Convert priors of coefficients to samples, relative to a model."""
         problem = self.problem
         mean, precision = map(problem.candidate_values, (problem.expected, problem.precision))
-        told, none = np.flatnonzero(precision), np.empty(0)
-        error, variance = np.full((2, len(told), len(self.channels.names)), np.nan)
-        error[:, 0], variance[:, 0] = (mean - model.coefficients)[told], 1.0 / precision[told]
-        return [FilterResult(error, variance, none, none, none, len(told))] if len(told) else []
+        given, none = np.flatnonzero(precision), np.empty(0)
+        error, variance = np.full((2, len(given), len(self.channels.names)), np.nan)
+        error[:, 0], variance[:, 0] = (mean - model.coefficients)[given], 1.0 / precision[given]
+        return [FilterResult(error, variance, none, none, none, len(given))] if len(given) else []
 
 
 def make_forced_problem(
-    problem: Problem, recordings: list[Recording], forced: tuple[int, ...], besides: int
+    problem: Problem, recordings: list[Recording], forced: tuple[int, ...], n_further: int
 ) -> tuple[ForcedProblem, list[ForcedModel]]:
     """Set up a fit under random forces: the scaled problem, and initial guesses of the model.
 
@@ -251,7 +246,7 @@ def make_forced_problem(
     pairs = channels.pairs
     if set(problem.unknown) - set(pairs.values()) or 2 * len(pairs) < len(problem.states):
         raise IdentificationError(Code.FORCES_UNDETERMINED)
-    if besides and len(forced) < len(pairs):
+    if n_further and len(forced) < len(pairs):
         raise IdentificationError(Code.FORCES_UNDETERMINED)
     step, grids = on_grids(recordings)
     period = shortest_velocity_period(recordings)
@@ -261,17 +256,17 @@ def make_forced_problem(
     kinds = [posed, as_means] if channels.rates else [posed]
     frequencies, power = estimate_spectra(grids, step)
     found = []
-    for begin in find_linear_systems(channels, grids, step, period, besides):
-        free = _initial_coefficients(posed, begin.system, factors)
-        rate = SLOW * Modes.of(begin.system).omega.min()
+    for system, extra_modes in find_linear_systems(channels, grids, step, period, n_further):
+        free = _initial_coefficients(posed, system, factors)
+        rate = SLOW * Modes.of(system).omega.min()
         for kind, slow in product(kinds, (None, rate)):
             white, driving, noise = estimate_strengths(
-                begin, forced, kind.channels, frequencies, power, slow
+                system, extra_modes, forced, kind.channels, frequencies, power, slow
             )
             noise = np.maximum(np.sqrt(noise / step), 2.0 * kind.least_noise)
             model = ForcedModel(
                 free, np.diag(np.sqrt(white)), noise, tuple(np.sqrt(driving)),
-                (rate,) * len(driving), begin.extra_modes,
+                (rate,) * len(driving), extra_modes,
             )  # fmt: skip
             likelihood = kind.filter_recordings(model).log_likelihood
             if np.isfinite(likelihood):

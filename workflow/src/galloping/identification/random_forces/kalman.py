@@ -82,18 +82,13 @@ def kalman_filter(samples, step_of, transitions, disturbances, sensing, noise, x
     """
     n, channels = samples.shape
     d = len(x)
-    innovations = np.full((n, channels), np.nan)
-    variances = np.full((n, channels), np.nan)
-    means = np.empty((n, d))
-    gains = np.zeros((channels, d))
-    spread = np.zeros(channels)
+    innovations, variances = np.full((2, n, channels), np.nan)
+    means, gains, spread = np.empty((n, d)), np.zeros((channels, d)), np.zeros(channels)
     work, moved, before = np.zeros((d, d)), np.zeros(d), np.zeros((d, d))
     settled, last = False, -2
     for k in range(n):
         step = step_of[k]
-        complete = True
-        for c in range(channels):
-            complete &= not np.isnan(samples[k, c])
+        complete = not np.any(np.isnan(samples[k]))
         again = settled and complete and step == last
         if step >= 0:
             f = transitions[step]
@@ -234,11 +229,10 @@ def extended_filter(
     """
     n, channels = samples.shape
     d, many, place = len(x), len(candidates), 0
-    innovations = np.full((n, channels), np.nan)
-    variances = np.full((n, channels), np.nan)
+    innovations, variances = np.full((2, n, channels), np.nan)
     means = np.full((n, d), np.nan)
     by_candidate = np.zeros((n, channels, many))
-    told = np.zeros((d, many))  # slopes of the states by the coefficients
+    state_slopes = np.zeros((d, many))  # by the coefficients
     terms, stages = np.zeros(len(exponents)), np.zeros((5, d))
     here, middle = np.append(x, driven[0]), np.append(x, driven[0])
     a, square, cube, fourth, over, half, work, added, jacobian, none = np.zeros((10, d, d))
@@ -252,7 +246,7 @@ def extended_filter(
             for j in range(len(kept)):
                 last = d - len(kept) + j
                 here[last] = here[kept[j]]
-                told[last] = told[kept[j]]
+                state_slopes[last] = state_slopes[kept[j]]
                 p[last] = p[kept[j]]
                 p[:, last] = p[:, kept[j]]
             for _ in range(count):
@@ -275,12 +269,12 @@ def extended_filter(
                 p += added
                 if many:
                     _evaluate_monomials(middle, exponents, terms)
-                    _multiply_into(over, told, moved)
-                    told, moved = moved, told
+                    _multiply_into(over, state_slopes, moved)
+                    state_slopes, moved = moved, state_slopes
                     for c in range(many):
                         for i in range(d):
                             acts = half[i, candidates[c, 0]] * terms[candidates[c, 1]]
-                            told[i, c] += h * acts
+                            state_slopes[i, c] += h * acts
         here[d:] = driven[place]
         if not np.all(np.isfinite(here)):
             break
@@ -305,14 +299,14 @@ def extended_filter(
             for j in range(many):
                 seen[j] = 0.0
                 for i in range(d):
-                    seen[j] += row[i] * told[i, j]
+                    seen[j] += row[i] * state_slopes[i, j]
                 if at_sample and candidates[j, 0] == own:
                     seen[j] += terms[candidates[j, 1]]
                 by_candidate[k, c, j] = -seen[j]
             for i in range(d):
                 here[i] += gain[i] * error
                 for j in range(many):
-                    told[i, j] -= gain[i] * seen[j]
+                    state_slopes[i, j] -= gain[i] * seen[j]
         means[k] = here[:d]
     x[:] = here[:d]
     return innovations, variances, means, by_candidate

@@ -8,6 +8,7 @@ from galloping.arrays import TIME_ROUNDING
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
+from galloping.identification.preparation.smoothing import sampled_rates
 from galloping.recording.samples import INTERPOLATED, Recording
 
 # The edge of the filter is from 1 - ROLL_OFF to 1 + ROLL_OFF times the frequency in its middle. A
@@ -66,12 +67,12 @@ def low_pass_recording(recording: Recording, below: float) -> Recording:
     step = _filtered_step(below)
     own = recording.step
     time = np.arange(recording.time[0] + REACH * step, recording.time[-1] - REACH * step, step)
-    held = [each for each in (recording.values, recording.rates) if each is not None]
-    filtered = np.full((len(time), len(held), len(recording.states)), np.nan)
+    channels = recording.values, sampled_rates(recording)
+    filtered = np.full((len(time), 2, len(recording.states)), np.nan)
     paces = np.full(filtered.shape[1:], own)  # s, between samples of each channel
     if own < step and not recording.exact:
-        for k, i in np.ndindex(filtered.shape[1:]):
-            column = held[k][:, i]
+        for k, i in np.ndindex(paces.shape):
+            column = channels[k][:, i]
             known = np.isfinite(column)
             if known.sum() > 1:
                 samples = recording.time[known], column[known]
@@ -84,9 +85,9 @@ def low_pass_recording(recording: Recording, below: float) -> Recording:
             Code.NOTHING_LEFT, below_hz=below, duration_s=np.ptp(recording.time), step_s=own,
             least_duration_s=2 * REACH * step, most_step_s=step,
         )  # fmt: skip
-    values, rates = filtered[there, 0], filtered[there, 1] if len(held) > 1 else None
+    values = filtered[there, 0]
+    rates = None if recording.rates is None else filtered[there, 1]
     noise = recording.known_noise
-    paces = np.pad(paces, ((0, 2 - len(paces)), (0, 0)), constant_values=own)
     quieter = None if noise is None else noise * np.sqrt(paces / step)
     return replace(recording, time=time[there], values=values, rates=rates, known_noise=quieter)
 

@@ -50,20 +50,20 @@ def fit_in_forces(
     recordings: list[Recording],
     period: float,
     forced: tuple[int, ...],
-    besides: int,
+    n_further: int,
     may_be_slow: bool,
     doubts: Callable[[ForcedFit], Sequence[Finding]],
 ) -> IdentifiedModel | NoModel:
     """Fit a model under random forces to recordings, select its terms, and decide its status.
 
     The recordings have no outliers. period: s, the shortest of the motion. forced: indices of the
-    equations with a force. besides: number of modes beyond the coordinates. may_be_slow: whether
+    equations with a force. n_further: number of modes beyond the coordinates. may_be_slow: whether
     forces may be slow; otherwise a model with white ones and clearly correlated innovations is
     refused. doubts: why a fit, first to some of the samples and then to all, is refused, none if it
     is accepted.
     """
     rescaled = with_scales(recordings, period)
-    some = _fit_some_samples(problem, rescaled, forced, may_be_slow, besides)
+    some = _fit_some_samples(problem, rescaled, forced, may_be_slow, n_further)
     if isinstance(some, NoModel):
         return some
     if objections := doubts(some):
@@ -87,10 +87,10 @@ def _fit_some_samples(
     recordings: list[Recording],
     forced: tuple[int, ...],
     may_be_slow: bool,
-    besides: int,
+    n_further: int,
 ) -> ForcedFit | NoModel:
     """Fit all terms that may be needed, to no more samples than necessary."""
-    posed, starts = make_forced_problem(problem, _thin_recordings(recordings), forced, besides)
+    posed, starts = make_forced_problem(problem, _thin_recordings(recordings), forced, n_further)
     channels = posed.channels
     white = [each for each in starts if not each.slow]
     white = white or [replace(starts[0], slow=(), rates=())]
@@ -99,7 +99,7 @@ def _fit_some_samples(
         return fit
     if problem.inputs:  # otherwise slow forces would imitate their effects
         fit = _with_further_terms(fit, white[0].noise)
-    if besides:
+    if n_further:
         if not fit.whiteness.is_nearly_white:
             return NoModel((fit.whiteness.to_finding(channels.names),))
         others = [attempt(partial(_fit_from, posed, start)) for start in white[1:STARTS]]

@@ -41,7 +41,7 @@ FAR_APART, CLOSE = (1.6, np.inf), (1.0, 1.6)
 FAR = 3.0  # cut-off if no faster mode is to be removed, relative to the fastest mode's frequency
 MOST_KEPT = 0.5  # a filter that keeps all modes is used if it leaves a smaller share of the samples
 PERIODS = 10  # least periods of a mode in a recording
-BESIDES = 3  # most modes of a model beside those of its coordinates
+MOST_EXTRA = 3  # most modes of a model beside those of its coordinates
 # A mode may be two that overlap if its damping ratio exceeds BROAD and innovations are correlated,
 # or their highest line exceeds LESS_WHITE times what chance allows, as in one of three sound
 # models. It is two if noise would cause the rise of the likelihood, at any frequency, at a rate
@@ -138,7 +138,7 @@ class SeveralModes:
         many samples in a period.
         """
         own, every = len(self.channels.pairs), len(self.modes)
-        more = range(own + 1, min(own + BESIDES, every + 1) + 1)
+        more = range(own + 1, min(own + MOST_EXTRA, every + 1) + 1)
         same = [own] if self.channels.rates and own >= every else []
         counts = [*same, *sorted(more, key=lambda k: (k < every, k))]
         return self._selections(counts, (1.0, np.inf))
@@ -236,19 +236,18 @@ def find_peaks(step: float, grids: list[np.ndarray]) -> list[float]:
     if not len(power):
         return []
     frequency = omega[:: len(grids)] / (2.0 * np.pi)
-    # of long recordings, medians are interpolated: at all frequencies they would take a minute
-    count = len(frequency)
-    some = np.arange(count)
-    if count > MOST_MEDIANS:
-        some = np.unique(np.geomspace(1, count, MOST_MEDIANS).astype(int)) - 1
-    near = neighbour_slices(frequency, frequency[some], AROUND)
+    some = frequency
+    if len(frequency) > MOST_MEDIANS:  # medians at all frequencies would take a minute
+        places = np.geomspace(1, len(frequency), MOST_MEDIANS).astype(int)
+        some = frequency[np.unique(places) - 1]
+    near = neighbour_slices(frequency, some, AROUND)
     medians = np.array([np.median(power[own], axis=0) for own in near])
-    around = np.array([np.interp(frequency, frequency[some], own) for own in medians.T]).T
+    around = np.array([np.interp(frequency, some, own) for own in medians.T]).T
     height = np.max(power / np.maximum(around, np.finfo(float).tiny), axis=1)
     near = neighbour_slices(frequency, frequency, APART)
     highest = np.array([height[own].max() for own in near])
-    told = frequency * step * lengths.max() > PERIODS
-    return frequency[told & (height == highest) & (height > STANDS)].tolist()
+    is_fast = frequency * step * lengths.max() > PERIODS
+    return frequency[is_fast & (height == highest) & (height > STANDS)].tolist()
 
 
 def neighbour_slices(frequency: np.ndarray, about: np.ndarray, times: float) -> list[slice]:

@@ -8,7 +8,7 @@ with their shapes in the displacements these give stiffness and damping of the n
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 from numpy.polynomial import Legendre
@@ -28,7 +28,7 @@ from galloping.recording.samples import Recording
 # modes, long ones close modes. All are tried, and the likeliest start is used.
 SPANS = (3.0, 8.0, 15.0)
 PER_PERIOD = 8  # lags of correlations in a shortest period; more add no information
-FURTHER = 0, 4  # additional states that are tried, for slow motion or for modes that are not sought
+ADDITIONAL = 0, 4  # states that are tried in addition, for slow motion or for other modes
 LEAST_DAMPING = 1e-3  # least damping ratio of a start: a motion that lasts is stable
 BINS = 4  # bins of a spectrum in each mean: a mean of noise has a relative deviation of a half
 # Above the share FLOOR of its frequencies a spectrum is mostly noise. A signal exceeds ABOVE_NOISE
@@ -98,17 +98,17 @@ def _sum_lagged_products(samples: np.ndarray, lags: int) -> np.ndarray:
 
 
 def modes_from_correlations(
-    correlation: np.ndarray, step: float, stride: int, count: int, further: int
+    correlation: np.ndarray, step: float, count: int, additional: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Identify modes from correlation matrices by stochastic subspace identification.
 
     Returns eigenvalues (count,), 1/s, and shapes (n_channels, count) of `count` oscillations.
-    correlation: (n_lags, n_channels, n_channels), of lags that are multiples of `stride` steps, s.
-    further: number of additional states of the correlations; the strongest oscillations are
+    correlation: (n_lags, n_channels, n_channels), of lags that are multiples of `step`, s.
+    additional: number of further states of the correlations; the strongest oscillations are
     returned. Raises IdentificationError if there are fewer.
     """
     channels, rows = correlation.shape[1], (len(correlation) + 1) // 2
-    order = 2 * count + further
+    order = 2 * count + additional
     if (rows - 1) * channels < order:
         raise IdentificationError(Code.MODES_UNDETERMINED)
     place = np.arange(rows)
@@ -120,14 +120,14 @@ def modes_from_correlations(
     begins = np.linalg.inv(vectors) @ (np.sqrt(size[:order, None]) * right[:order, :channels])
     shapes = observed[:channels] @ vectors
     weight = np.linalg.norm(shapes, axis=0) * np.linalg.norm(begins, axis=1)
-    rates = np.log(values.astype(complex)) / (stride * step)
-    swings = (rates.imag > 0) & (-rates.real < MOST_DAMPING * np.abs(rates))
-    own = np.flatnonzero(swings)
-    if len(own) < count:
+    rates = np.log(values.astype(complex)) / step
+    oscillates = (rates.imag > 0) & (-rates.real < MOST_DAMPING * np.abs(rates))
+    modes = np.flatnonzero(oscillates)
+    if len(modes) < count:
         raise IdentificationError(Code.NO_OSCILLATION)
-    own = own[np.argsort(-weight[own])][:count]
-    own = own[np.argsort(rates.imag[own])]
-    return rates[own], shapes[:, own]
+    modes = modes[np.argsort(-weight[modes])][:count]
+    modes = modes[np.argsort(rates.imag[modes])]
+    return rates[modes], shapes[:, modes]
 
 
 @dataclass(frozen=True)
@@ -153,70 +153,63 @@ class ExtraModes:
         return shared
 
 
-@dataclass(frozen=True)
-class LinearStart:
-    """Initial guess of a fit: matrix of a linear system, and modes without a coordinate."""
-
-    system: np.ndarray
-    extra_modes: ExtraModes
-
-
 def find_linear_systems(
-    channels: Channels, grids: list[np.ndarray], step: float, period: float, besides: int
-) -> Iterator[LinearStart]:
+    channels: Channels, grids: list[np.ndarray], step: float, period: float, n_further: int
+) -> Iterator[tuple[np.ndarray, ExtraModes]]:
     """Yield linear systems as initial guesses, from the correlations of recorded motion.
 
-    They have `besides` modes more than coordinates. grids: samples on uniform steps, s, without
-    their means. period: s, the shortest of the motion. Each system is from correlations of another
-    length, of the samples or of their differences, which have the same modes and weaker slow
-    components.
+    Each is a matrix, (n_states, n_states), and `n_further` modes without a coordinate. grids:
+    samples on uniform steps, s, without their means. period: s, the shortest of the motion. Each
+    system is from correlations of another length, of the samples or of their differences, which
+    have the same modes and weaker slow components.
     """
-    count = len(channels.pairs) + besides
+    count = len(channels.pairs) + n_further
     size = np.nanstd(np.concatenate(grids), axis=0)
     size = np.where(size > 0.0, size, 1.0)
     grids = [grid / size for grid in grids]
     stride = max(round_down(period / PER_PERIOD / step), 1)
     differences = [grid[stride:] - grid[:-stride] for grid in grids if len(grid) > 2 * stride]
     longest = max(len(grid) for grid in grids) // 3
-    for own, first in ((grids, 1), (differences, 2)):
-        lags = min(int(SPANS[-1] * PER_PERIOD), longest // stride) * stride
-        whole = sample_correlations(own, lags)[0][::stride]
-        for span in SPANS:
-            taken = whole[first : first + int(span * PER_PERIOD)]
-            for further in FURTHER:
-                try:
-                    rates, shapes = modes_from_correlations(taken, step, stride, count, further)
-                    start = _start_with_modes(channels, rates, size[:, np.newaxis] * shapes)
-                except NO_MODEL:
-                    continue
-                yield start
+    lags = min(int(SPANS[-1] * PER_PERIOD), longest // stride) * stride
+    for samples, first in ((grids, 1), (differences, 2)):
+        correlation = sample_correlations(samples, lags)[0][::stride]
+        for span, additional in product(SPANS, ADDITIONAL):
+            part = correlation[first : first + int(span * PER_PERIOD)]
+            try:
+                rates, shapes = modes_from_correlations(part, stride * step, count, additional)
+                start = _start_with_modes(channels, rates, size[:, np.newaxis] * shapes)
+            except NO_MODEL:
+                continue
+            yield start
 
 
-def _start_with_modes(channels: Channels, rates: np.ndarray, seen: np.ndarray) -> LinearStart:
+def _start_with_modes(
+    channels: Channels, rates: np.ndarray, shapes: np.ndarray
+) -> tuple[np.ndarray, ExtraModes]:
     """Make the system with these modes.
 
     The coordinates' own are those whose shapes differ most; the others are forces on these. Raises
     IdentificationError if the shapes of two of them are nearly the same, or no channel measures a
     coordinate.
     """
-    pairs = channels.pairs
+    coordinates, velocities = list(channels.pairs), list(channels.pairs.values())
     damping = np.maximum(-rates.real, LEAST_DAMPING * np.abs(rates))
     rates = 1j * rates.imag - damping
-    every = np.array([channels.displacement(i, rates, seen) for i in pairs])
+    every = np.array([channels.displacement(i, rates, shapes) for i in coordinates])
     coordinate_modes = max(
-        map(list, combinations(range(len(rates)), len(pairs))),
+        map(list, combinations(range(len(rates)), len(coordinates))),
         key=lambda modes: abs(np.linalg.det(every[:, modes])),
     )
-    system = channels.system_with_modes(rates[coordinate_modes], seen[:, coordinate_modes])
+    system = channels.system_with_modes(rates[coordinate_modes], shapes[:, coordinate_modes])
     others, beside = (np.delete(each, coordinate_modes, axis=-1) for each in (rates, every))
     states = np.zeros((len(system), len(others)), complex)
-    states[list(pairs)], states[list(pairs.values())] = beside, beside * others
-    moved = states[list(pairs.values())] * others - system[list(pairs.values())] @ states
-    forces = moved[np.argsort(list(pairs.values()))].T
+    states[coordinates], states[velocities] = beside, beside * others
+    moved = states[velocities] * others - system[velocities] @ states
+    forces = moved[np.argsort(velocities)].T
     hosts = np.argmax(np.abs(forces), axis=1)
     onto = (forces / forces[np.arange(len(hosts)), hosts][:, np.newaxis]).real
     further = np.array([np.abs(others), -others.real / np.abs(others)]).T
-    return LinearStart(system, ExtraModes(further, onto, tuple(hosts.tolist())))
+    return system, ExtraModes(further, onto, tuple(hosts.tolist()))
 
 
 def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, np.ndarray]:
@@ -270,7 +263,8 @@ def shortest_velocity_period(recordings: Sequence[Recording]) -> float:
 
 
 def estimate_strengths(
-    begin: LinearStart,
+    system: np.ndarray,
+    extra_modes: ExtraModes,
     forced: tuple[int, ...],
     channels: Channels,
     omega: np.ndarray,
@@ -282,15 +276,15 @@ def estimate_strengths(
     Returns covariances per second of white forces, in the equations (n_forced,) and then on the
     resonances, and of the drive of slow ones, (n_forced,), and spectra (n_channels,) of noise.
 
-    omega: (n,) rad/s, power: (n, n_channels), zero where a channel is not recorded. slow: rate of
-    slow forces, 1/s; None: there are none.
+    system, extra_modes: as of `find_linear_systems`. omega: (n,) rad/s, power: (n, n_channels),
+    zero where a channel is not recorded. slow: rate of slow forces, 1/s; None: there are none.
     """
     n, many = power.shape
     there = power > 0.0
-    response = channels.response(begin.system, omega)[:, :, list(forced)]
+    response = channels.response(system, omega)[:, :, list(forced)]
     moved = np.abs(response) ** 2
     columns = list(moved.transpose(2, 0, 1))
-    for (own, damping), onto in zip(begin.extra_modes.own, begin.extra_modes.onto, strict=True):
+    for (own, damping), onto in zip(extra_modes.own, extra_modes.onto, strict=True):
         swing = own**2 - omega**2 + 2j * damping * own * omega
         columns.append(np.abs(response @ onto / swing[:, np.newaxis]) ** 2)
     white = len(columns)
@@ -319,7 +313,7 @@ def amplitude_fluctuates(recordings: Sequence[Recording], period: float) -> bool
     Random forces cause this; a motion that grows, decays or repeats does not fluctuate. period: s.
     Parts of less than half the longest recording are ignored: a few periods follow any trend.
     """
-    found, channels = [], Channels.from_recordings(list(recordings))
+    found, channels = [], Channels.from_recordings(recordings)
     lengths = [np.ptp(recording.time) for recording in recordings]
     for recording, length in zip(recordings, lengths, strict=True):
         if 2.0 * length < max(lengths):

@@ -46,11 +46,11 @@ class Steps:
         each substep of all steps, and at the last time. substeps: (n_steps,) number in each step.
         The last result is cached, since a fit needs the same for nearly every model.
         """
-        asked = substeps.tobytes(), tuple(factors)
-        if asked not in self._factor_cache:
+        key = substeps.tobytes(), tuple(factors)
+        if key not in self._factor_cache:
             self._factor_cache.clear()
-            self._factor_cache[asked] = self._input_factors(substeps, factors)
-        return self._factor_cache[asked]
+            self._factor_cache[key] = self._input_factors(substeps, factors)
+        return self._factor_cache[key]
 
     @cached_property
     def _factor_cache(self) -> dict[tuple, np.ndarray]:

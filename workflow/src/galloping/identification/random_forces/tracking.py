@@ -156,8 +156,8 @@ class StateSpaceModel:
 
         Both are (m, m); the covariance per second is that of the white forces.
         """
-        n, places, swings = len(self.rest), self.forces.places, self.forces.resonances
-        p, r = n + len(places), len(swings)
+        n, places, resonances = len(self.rest), self.forces.places, self.forces.resonances
+        p, r = n + len(places), len(resonances)
         m = p + 2 * r
         system, white = np.zeros((m, m)), np.zeros((m, m))
         system[:n, :n], white[:n, :n] = self.system, self.forces.white
@@ -165,7 +165,7 @@ class StateSpaceModel:
         system[n:p, n:p] = -np.diag(self.forces.rates[places])
         white[n:p, n:p] = self.forces.slow[np.ix_(places, places)]
         driven = [*range(n), *range(p + r, m)]
-        for k, one in enumerate(swings):
+        for k, one in enumerate(resonances):
             force, rate = p + k, p + r + k
             system[:n, force], system[force, rate] = one.onto, 1.0
             system[rate, force] = -np.square(one.frequency)  # infinite after too long a step
@@ -196,11 +196,12 @@ class StateSpaceModel:
         """
         slow = np.diag(self.forces.slow) / (2.0 * self.forces.rates)
         within = (DIFFUSE if self.is_linear else NEAR) * self.size
-        p, swings = len(self.size) + len(self.forces.places), self.forces.resonances
-        pace = np.array([2.0 * each.damping * each.frequency for each in swings])
-        swift = np.diag(self.augmented_system[1])[p + len(swings) :] / (2.0 * pace)
-        wide = swift / np.array([each.frequency**2 for each in swings])
-        return np.diag(np.concatenate([within**2, slow[self.forces.places], wide, swift]))
+        p, resonances = len(self.size) + len(self.forces.places), self.forces.resonances
+        decay = np.array([2.0 * each.damping * each.frequency for each in resonances])
+        of_rates = np.diag(self.augmented_system[1])[p + len(resonances) :] / (2.0 * decay)
+        of_forces = of_rates / np.array([each.frequency**2 for each in resonances])
+        variances = [within**2, slow[self.forces.places], of_forces, of_rates]
+        return np.diag(np.concatenate(variances))
 
     @property
     def _tables(self) -> Tables:
@@ -363,7 +364,7 @@ def motion_sizes(
     mean, deviation = np.nanmean(together, axis=0), np.nanstd(together, axis=0)
     omega, size = 2.0 * np.pi / period, np.ones(len(channels.states))
     for i, velocity in channels.pairs.items():
-        swing = channels.displacement(i, np.array([1j * omega]), deviation[:, np.newaxis])
-        size[i] = np.abs(swing[0])
+        displacement = channels.displacement(i, np.array([1j * omega]), deviation[:, np.newaxis])
+        size[i] = np.abs(displacement[0])
         size[velocity] = omega * size[i]
     return size, mean, deviation

@@ -39,7 +39,7 @@ def assess_forced_fit(
         sigma[there, i] = model.noise[c]
     of_rates = list(zip(channels.names, model.noise, strict=True))[len(channels.values) :]
     forces = posed.state_space_model(model).forces
-    resonances = posed.resonances(model, fit.swing_errors)
+    resonances = posed.resonances(model, fit.resonance_errors)
     beside = [each.frequency / (2.0 * np.pi) for each in resonances if each.is_mode]
     findings = (
         Finding.of(Code.RANDOM_FORCES),
@@ -66,7 +66,7 @@ def assess_forced_fit(
             "log_likelihood": fit.filtered.log_likelihood,
             "innovations": left.statistic,
             "innovations_allowed": left.allowed,
-            "innovations_told": left.told,
+            "innovations_told": left.predicted,
             "innovations_line": left.peak,
             "innovations_line_allowed": left.peak_allowed,
             **{f"noise_{name}": float(value) for name, value in of_rates},

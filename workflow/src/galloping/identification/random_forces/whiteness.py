@@ -24,10 +24,10 @@ NEAR, APART = (0.5, 2.0), 2.0
 
 # Innovations are nearly white, so that random forces are accepted as the cause, if their highest
 # spectral line is below MOST_LINE times what chance allows, and their past predicts less than the
-# share MOST_TOLD of their power. Measured: limit cycles of overhead lines, also in gusts, leave
-# spectral lines 60 to 200 times as high as chance allows.
-MOST_LINE, MOST_TOLD = 10.0, 0.05
-PARTLY_TOLD = 1.0 / 3.0  # limit of the predicted share if no other model is found
+# share MOST_PREDICTED of their power. Measured: limit cycles of overhead lines, also in gusts,
+# leave spectral lines 60 to 200 times as high as chance allows.
+MOST_LINE, MOST_PREDICTED = 10.0, 0.05
+PARTLY_PREDICTED = 1.0 / 3.0  # limit of the predicted share if no other model is found
 # Random forces do not cause a single innovation of more than this many standard deviations. Normal
 # ones reach 5 in 1e6 samples; those of gusts and traffic reach more. A clock that is set by 0.7 s
 # in a motion of metres causes 15. With 7 and with 14 no answer of `make exam` changes.
@@ -38,48 +38,50 @@ JUMP = 10.0
 class Whiteness:
     """Results of tests whether standardised innovations are white noise.
 
-    statistic, allowed: of the correlations of innovations, over their degrees of freedom. told:
-    share of their power that their past predicts. frequency: Hz, of the highest peak of their
-    spectrum; channel: index; peak: over its surroundings, peak_allowed: largest by chance at all
-    frequencies of all channels. swings: whether modes oscillate there. largest: innovation, in
-    deviations; after: s, from the beginning of its recording; jumping: index of its channel.
-    goes_with: the state or input on which the innovations depend, as for a force that the library
-    lacks; '' none.
+    statistic, allowed: of the correlations of innovations, over their degrees of freedom.
+    predicted: share of their power that their past predicts. frequency: Hz, of the highest peak of
+    their spectrum; channel: index; peak: over its surroundings, peak_allowed: largest by chance at
+    all frequencies of all channels. is_near_modes: whether modes oscillate there. largest:
+    innovation, in deviations; jump_time: s, from the beginning of its recording; jump_channel:
+    index. dependence: the state or input on which the innovations depend, as for a force that the
+    library lacks; '' none.
     """
 
     statistic: float
     allowed: float
-    told: float
+    predicted: float
     frequency: float
     channel: int
     peak: float
     peak_allowed: float
-    swings: bool
+    is_near_modes: bool
     largest: float = 0.0
-    after: float = 0.0
-    jumping: int = 0
-    goes_with: str = ""
+    jump_time: float = 0.0
+    jump_channel: int = 0
+    dependence: str = ""
 
     def to_finding(self, channels: Sequence[str]) -> Finding:
         """Return a finding that names the main deviation of the innovations from white noise.
 
         channels: their names.
         """
-        if self.goes_with:
-            return Finding.of(Code.FORCE_MISSING, self.goes_with)
+        if self.dependence:
+            return Finding.of(Code.FORCE_MISSING, self.dependence)
         if self.has_jump:
-            jump = {"after_s": self.after, "size": self.largest}
-            return Finding.of(Code.INNOVATION_JUMPS, channels[self.jumping], **jump)
+            channel = channels[self.jump_channel]
+            return Finding.of(
+                Code.INNOVATION_JUMPS, channel, after_s=self.jump_time, size=self.largest
+            )
         if self.shows_line:
             channel = channels[self.channel]
             return Finding.of(Code.RESIDUAL_MODE, channel, frequency_hz=self.frequency)
         severity = Severity.INEXACT if self.is_relevant else Severity.NOTE
-        return Finding(Code.FORCES_NOT_WHITE, severity, data={"share": self.told})
+        return Finding(Code.FORCES_NOT_WHITE, severity, data={"share": self.predicted})
 
     @property
     def shows_line(self) -> bool:
         """Whether the spectrum of the innovations has a higher peak than chance allows."""
-        return self.peak > (1.0 if self.swings else APART) * self.peak_allowed
+        return self.peak > (1.0 if self.is_near_modes else APART) * self.peak_allowed
 
     @property
     def has_jump(self) -> bool:
@@ -89,7 +91,7 @@ class Whiteness:
     @property
     def has_other_cause(self) -> bool:
         """Whether innovations have a line or a jump, or depend on a state or an input."""
-        return self.shows_line or self.has_jump or bool(self.goes_with)
+        return self.shows_line or self.has_jump or bool(self.dependence)
 
     @property
     def is_white(self) -> bool:
@@ -99,20 +101,19 @@ class Whiteness:
     @property
     def is_nearly_white(self) -> bool:
         """Whether the innovations are white enough to exclude causes other than random forces."""
-        return not self.is_relevant or (
-            self.peak < MOST_LINE * self.peak_allowed and self.told < MOST_TOLD
-        )
+        is_small = self.peak < MOST_LINE * self.peak_allowed and self.predicted < MOST_PREDICTED
+        return is_small or not self.is_relevant
 
     @property
     def explains_most(self) -> bool:
         """Whether random forces explain most of the motion, without a clear other cause."""
-        few = self.peak < MOST_LINE * self.peak_allowed and self.told < PARTLY_TOLD
-        return few and not self.goes_with
+        is_small = self.peak < MOST_LINE * self.peak_allowed and self.predicted < PARTLY_PREDICTED
+        return is_small and not self.dependence
 
     @property
     def is_relevant(self) -> bool:
         """Whether the deviations from white noise are large enough to affect the model."""
-        return self.told > RELEVANT or self.has_other_cause
+        return self.predicted > RELEVANT or self.has_other_cause
 
 
 def assess_whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Whiteness:
@@ -127,12 +128,12 @@ def assess_whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) ->
     summed = [grid for grid in grids if len(grid) >= many]
     if many >= 2 and summed:
         sums = _assess_grids([_sum_groups(grid, many) for grid in summed], many * step, modes)
-        found = max(found, sums, key=lambda each: each.told)
+        found = max(found, sums, key=lambda each: each.predicted)
     sizes = [np.nan_to_num(np.abs(grid)) for grid in grids]
     largest = max(sizes, key=lambda size: float(size.max()))
     row, channel = np.unravel_index(np.argmax(largest), largest.shape)
     return replace(
-        found, largest=float(largest.max()), after=float(row * step), jumping=int(channel)
+        found, largest=float(largest.max()), jump_time=float(row * step), jump_channel=int(channel)
     )
 
 
@@ -154,12 +155,12 @@ def _assess_grids(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Wh
     freedom = int(np.count_nonzero(counts))
     statistic = float(np.sum(correlation**2 * counts)) / max(freedom, 1)
     beyond = np.maximum(correlation**2 - 1.0 / np.maximum(counts, 1.0), 0.0)  # beyond chance
-    told = float(np.sum(beyond[correlation**2 * counts > chdtri(1, RATE)])) / channels
+    predicted = float(np.sum(beyond[correlation**2 * counts > chdtri(1, RATE)])) / channels
     peak, frequency, channel = _find_peak(grids, step)
     bins = max(sum(len(grid) // 2 // BINS for grid in grids) * channels, 1)
     around = 2 * BINS * AROUND
     return Whiteness(
-        statistic, float(chdtri(freedom, RATE) / freedom), told, frequency, channel, peak,
+        statistic, float(chdtri(freedom, RATE) / freedom), predicted, frequency, channel, peak,
         float(fdtri(2 * BINS, around, 1.0 - RATE / bins)),
         NEAR[0] * modes.min() < frequency < NEAR[1] * modes.max(),
     )  # fmt: skip
@@ -191,18 +192,18 @@ def find_dependence(errors: np.ndarray, before: np.ndarray) -> int | None:
 
 def _find_peak(grids: list[np.ndarray], step: float) -> tuple[float, float, int]:
     """Find the largest ratio of BINS of a spectrum to AROUND groups nearby, and its place."""
-    found = (0.0, np.nan, 0)
+    peak = (0.0, np.nan, 0)
     for grid in grids:
         power = np.abs(np.fft.rfft(np.nan_to_num(grid), axis=0)[1:]) ** 2
         groups = len(power) // BINS
         if groups < 12:
             continue
-        own = power[: groups * BINS].reshape(groups, BINS, -1).mean(axis=1)
+        means = power[: groups * BINS].reshape(groups, BINS, -1).mean(axis=1)
         for k in range(groups):
             first = min(max(k - AROUND // 2 - 1, 0), groups - AROUND - 3)
             near = [j for j in range(first, first + AROUND + 3) if abs(j - k) > 1][:AROUND]
-            ratio = own[k] / np.maximum(own[near].mean(axis=0), np.finfo(float).tiny)
+            ratio = means[k] / np.maximum(means[near].mean(axis=0), np.finfo(float).tiny)
             c = int(np.argmax(ratio))
-            if ratio[c] > found[0]:
-                found = float(ratio[c]), (k * BINS + (BINS + 1) / 2) / len(grid) / step, c
-    return found
+            if ratio[c] > peak[0]:
+                peak = float(ratio[c]), (k * BINS + (BINS + 1) / 2) / len(grid) / step, c
+    return peak
