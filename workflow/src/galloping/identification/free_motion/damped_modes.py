@@ -102,11 +102,11 @@ class DampedModes:
         parts of the amplitudes, each by mode and then by channel: n = n_which (2 + 2 n_channels).
         The covariance is zero for channels without samples.
         """
-        many, channels = len(self.poles), self.amplitudes[index].shape[1]
+        many, channels = self.amplitudes[index].shape
         origin = np.zeros(many)
         columns = _wave_columns(stretch, self.poles, origin)
-        moved = np.zeros((2 * many, channels, 2 * many))  # derivatives of amplitudes by poles
-        own = np.zeros((2 * many, channels, 2 * many, channels))
+        by_poles = np.zeros((2 * many, channels, 2 * many))  # derivatives of amplitudes
+        of_noise = np.zeros((2 * many, channels, 2 * many, channels))
         for c in np.flatnonzero(np.isfinite(self.noise[index])):
             degree = stretch.drift_degrees[c]
             known = np.isfinite(stretch.values[:, c])
@@ -116,17 +116,17 @@ class DampedModes:
             amplitudes = self.amplitudes[index][:, c]
             slopes = _pole_slopes(amplitudes, origin, stretch.duration, columns.shape[1])
             sign = np.repeat([1.0, -1.0], many)  # sine coefficients are minus the imaginary parts
-            moved[:, c] = -sign[:, np.newaxis] * (inverse @ products[basis] @ slopes)
-            of_noise = inverse[:, : 2 * many] * np.outer(sign, sign)
-            own[:, c, :, c] = self.noise[index, c] ** 2 * of_noise
+            by_poles[:, c] = -sign[:, np.newaxis] * (inverse @ products[basis] @ slopes)
+            of_unit_noise = inverse[:, : 2 * many] * np.outer(sign, sign)
+            of_noise[:, c, :, c] = self.noise[index, c] ** 2 * of_unit_noise
         size = 2 * many * channels
-        by_poles = moved.reshape(size, 2 * many)
+        by_poles = by_poles.reshape(size, 2 * many)
         across = by_poles @ self.covariance
-        of_amplitudes = own.reshape(size, size) + across @ by_poles.T
+        of_amplitudes = of_noise.reshape(size, size) + across @ by_poles.T
         whole = np.block([[self.covariance, across.T], [across, of_amplitudes]])
-        of_poles = np.arange(2 * many).reshape(2, many)
-        of_amplitudes = 2 * many + np.arange(size).reshape(2, many, channels)
-        kept = np.concatenate([each[:, which].ravel() for each in (of_poles, of_amplitudes)])
+        poles = np.arange(2 * many).reshape(2, many)
+        amplitudes = 2 * many + np.arange(size).reshape(2, many, channels)
+        kept = np.concatenate([poles[:, which].ravel(), amplitudes[:, which].ravel()])
         return whole[np.ix_(kept, kept)]
 
     def evaluate(
@@ -336,7 +336,7 @@ def _invert_basis(products: np.ndarray, n: int, degree: int) -> tuple[np.ndarray
     of the columns of waves and drift, and the inverse.
     """
     basis = np.r_[0 : 2 * n, 4 * n : 4 * n + degree + 1]
-    own = products[np.ix_(basis, basis)]
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(own), np.finfo(float).tiny))
+    gram = products[np.ix_(basis, basis)]
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
     scales = np.outer(scale, scale)
-    return basis, np.linalg.pinv(own * scales, rcond=1e-14, hermitian=True) * scales
+    return basis, np.linalg.pinv(gram * scales, rcond=1e-14, hermitian=True) * scales

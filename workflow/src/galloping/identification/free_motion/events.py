@@ -14,7 +14,7 @@ from scipy.special import chdtri
 
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
 from galloping.identification.free_motion.mode_search import FALSE_ALARM_RATE, fit_modes
-from galloping.identification.no_model import NoModel, attempt
+from galloping.identification.no_model import NO_MODEL, NoModel, attempt
 
 MAX_EVENTS = 10  # most events in all stretches
 MIN_EXPLAINED = 0.25  # least share of the misfit's excess over `floor` that each event explains
@@ -55,17 +55,16 @@ def find_events(
         k, sample = event
         parts[k : k + 1] = [_cut(parts[k], 0, sample), _cut(parts[k], sample, None)]
         origins.insert(k, origins[k])
-        found = attempt(partial(fit_poles, parts, modes.poles))
-        if isinstance(found, NoModel) or (
-            modes.misfit - found.misfit < MIN_EXPLAINED * (modes.misfit - floor)
-        ):
+        before = modes.misfit
+        try:
+            modes = fit_poles(parts, modes.poles)
+            if before - modes.misfit < MIN_EXPLAINED * (before - floor):
+                return None
+            whole, is_noise = fit_modes(parts)
+        except NO_MODEL:
             return None
-        modes = found
-        whole = attempt(partial(fit_modes, parts))
-        if isinstance(whole, NoModel):
-            return None
-        if whole[1] and whole[0] is not None:
-            return _without_needless(stretches, MotionBetweenEvents(parts, origins, whole[0]))
+        if whole is not None and is_noise:
+            return _without_needless(stretches, MotionBetweenEvents(parts, origins, whole))
     return None
 
 
@@ -133,19 +132,16 @@ def _possible_samples(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
 def _event_gains(
     stretch: Stretch, modes: DampedModes, index: int, tried: np.ndarray
 ) -> tuple[np.ndarray, int]:
-    """Compute the fall of chi^2 by a change before each sample, (n_tried,).
-
-    Returns its degrees of freedom too.
-    """
+    """Compute the fall of chi^2 by a change before each sample, and its degrees of freedom."""
     waves = np.exp(np.outer(stretch.time, modes.poles))
     basis = np.hstack([waves.real, -waves.imag, np.ones((len(waves), 1))])
     gains, freedom = np.zeros(len(tried)), 0
     for c in np.flatnonzero(np.isfinite(modes.noise[index])):
         known = np.isfinite(stretch.values[:, c])[:, np.newaxis]
-        own = np.where(known, basis, 0.0)
-        values = np.where(known[:, 0], modes.residuals[index][:, c], 0.0)
-        products = np.einsum("ni,nj->nij", own, own)
-        gram, right = np.cumsum(products, axis=0), np.cumsum(own * values[:, np.newaxis], axis=0)
+        columns = np.where(known, basis, 0.0)
+        residual = np.where(known, modes.residuals[index][:, [c]], 0.0)
+        gram = np.cumsum(np.einsum("ni,nj->nij", columns, columns), axis=0)
+        right = np.cumsum(columns * residual, axis=0)
         before = gram[tried - 1], right[tried - 1]
         after = gram[-1] - before[0], right[-1] - before[1]
         explained = _explained_squares(*before) + _explained_squares(*after)

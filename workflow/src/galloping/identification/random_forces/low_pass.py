@@ -64,13 +64,12 @@ def low_pass_recording(recording: Recording, below: float) -> Recording:
     within REACH steps of the ends and of gaps. Raises IdentificationError if nothing is left,
     the samples are no faster, or the values are exact.
     """
-    step = _filtered_step(below)
-    own = recording.step
+    step, recorded_step = _filtered_step(below), recording.step
     time = np.arange(recording.time[0] + REACH * step, recording.time[-1] - REACH * step, step)
     channels = recording.values, sampled_rates(recording)
     filtered = np.full((len(time), 2, len(recording.states)), np.nan)
-    paces = np.full(filtered.shape[1:], own)  # s, between samples of each channel
-    if own < step and not recording.exact:
+    paces = np.full(filtered.shape[1:], recorded_step)  # s, between samples of each channel
+    if recorded_step < step and not recording.exact:
         for k, i in np.ndindex(paces.shape):
             column = channels[k][:, i]
             known = np.isfinite(column)
@@ -82,8 +81,8 @@ def low_pass_recording(recording: Recording, below: float) -> Recording:
     there = np.isfinite(filtered).any(axis=(1, 2))
     if there.sum() < 2:
         raise IdentificationError(
-            Code.NOTHING_LEFT, below_hz=below, duration_s=np.ptp(recording.time), step_s=own,
-            least_duration_s=2 * REACH * step, most_step_s=step,
+            Code.NOTHING_LEFT, below_hz=below, duration_s=np.ptp(recording.time),
+            step_s=recorded_step, least_duration_s=2 * REACH * step, most_step_s=step,
         )  # fmt: skip
     values = filtered[there, 0]
     rates = None if recording.rates is None else filtered[there, 1]

@@ -244,12 +244,11 @@ def _select_terms(fit: ForcedFit, penalty: float) -> np.ndarray:
     covariance = fit.coefficient_covariance
     free = fit.model.coefficients / posed.unit
     for coordinates, members in groups.items():
-        constant = problem.degrees[members[0]] == 0
-        if len(coordinates) == 1 and not constant:
+        if len(coordinates) == 1:
             continue
-        at = place[members]
+        at, is_constant = place[members], problem.degrees[members[0]] == 0
         square = free[members] @ np.linalg.solve(covariance[np.ix_(at, at)], free[members])
-        if square < (penalty if constant else chdtri(len(members), COUPLED_RATE)):
+        if square < (penalty if is_constant else chdtri(len(members), COUPLED_RATE)):
             support[members] = False
     return support
 

@@ -69,10 +69,8 @@ def on_grids(recordings: Sequence[Recording]) -> tuple[float, list[np.ndarray]]:
     Returns the step, s, and the samples of each recording.
     """
     channels, step = Channels.from_recordings(recordings), typical_step(recordings)
-    samples = [channels.samples(each) for each in recordings]
     return step, [
-        on_grid(each.time, without_means(own), step)
-        for each, own in zip(recordings, samples, strict=True)
+        on_grid(each.time, without_means(channels.samples(each)), step) for each in recordings
     ]
 
 
@@ -227,8 +225,8 @@ def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, 
         for c in np.flatnonzero(known.sum(axis=0) > 1):
             apart = np.median(np.diff(np.flatnonzero(known[:, c])))
             power[int(len(grid) / (2.0 * apart)) :, c] = 0.0  # mirror images of what is slower
-        own = power[: groups * BINS].reshape(groups, BINS, power.shape[1]).mean(axis=1)
-        powers.append(own * step / len(grid) / share)
+        means = power[: groups * BINS].reshape(groups, BINS, power.shape[1]).mean(axis=1)
+        powers.append(means * step / len(grid) / share)
         middle = np.arange(groups) * BINS + (BINS + 1) / 2  # bin number; bin 0 is the mean
         frequencies.append(2.0 * np.pi * middle / (len(grid) * step))
     omega = np.concatenate(frequencies)
@@ -284,20 +282,20 @@ def estimate_strengths(
     response = channels.response(system, omega)[:, :, list(forced)]
     moved = np.abs(response) ** 2
     columns = list(moved.transpose(2, 0, 1))
-    for (own, damping), onto in zip(extra_modes.own, extra_modes.onto, strict=True):
-        swing = own**2 - omega**2 + 2j * damping * own * omega
-        columns.append(np.abs(response @ onto / swing[:, np.newaxis]) ** 2)
-    white = len(columns)
+    for (natural, damping), onto in zip(extra_modes.own, extra_modes.onto, strict=True):
+        stiffness = natural**2 - omega**2 + 2j * damping * natural * omega
+        columns.append(np.abs(response @ onto / stiffness[:, np.newaxis]) ** 2)
+    n_white = len(columns)
     if slow is not None:
         columns += list((moved / (slow**2 + omega[:, None, None] ** 2)).transpose(2, 0, 1))
     columns += [np.broadcast_to(unit, (n, many)) for unit in np.eye(many)]
     design = (np.array(columns)[:, there] / power[there]).T
     scale = np.linalg.norm(design, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
-    found, _ = nnls(design / scale, np.ones(len(design)))
+    strengths, _ = nnls(design / scale, np.ones(len(design)))
     alone = np.linalg.norm(np.ones(len(design))) / scale
-    found = np.maximum(found / scale, LEAST_SHARE * alone)
-    return found[:white], found[white:-many], found[-many:]
+    strengths = np.maximum(strengths / scale, LEAST_SHARE * alone)
+    return strengths[:n_white], strengths[n_white:-many], strengths[-many:]
 
 
 WINDOW = 3  # periods in each part whose size is computed

@@ -94,8 +94,8 @@ def discretise(
     slow = np.abs(grown) < 1e-8
     duration = lengths[:, np.newaxis, np.newaxis] * (1.0 + grown / 2.0)
     inside = np.where(slow, duration, np.expm1(grown) / np.where(rates == 0.0, 1.0, rates))
-    own = inside * (inverse @ forces @ inverse.conj().T)
-    covariance = vectors @ own @ vectors.conj().T
+    of_modes = inside * (inverse @ forces @ inverse.conj().T)
+    covariance = vectors @ of_modes @ vectors.conj().T
     return np.ascontiguousarray(transitions), np.ascontiguousarray(covariance.real)
 
 
@@ -110,5 +110,5 @@ def append_mean_rates(
     rates = (transitions[:, of] - unit[of]) / length
     moved = np.concatenate([transitions, rates], axis=1)
     wider = np.concatenate([moved, np.zeros((*moved.shape[:2], len(of)))], axis=2)
-    own = np.concatenate([np.broadcast_to(unit, transitions.shape), unit[of] / length], axis=1)
-    return wider, np.ascontiguousarray(own @ disturbances @ own.transpose(0, 2, 1))
+    onto = np.concatenate([np.broadcast_to(unit, transitions.shape), unit[of] / length], axis=1)
+    return wider, np.ascontiguousarray(onto @ disturbances @ onto.transpose(0, 2, 1))

@@ -216,14 +216,14 @@ class StateSpaceModel:
         """
         n, m, known = len(self.size), len(self.augmented_system[0]), self._tables
         others = np.flatnonzero(self.model.coefficients.any(axis=0))
-        own = np.array([*terms, *(j for j in others if j not in set(terms))], np.int64)
-        exponents = np.zeros((len(own) + m - n, m + len(known.factors)), np.int64)
+        present = np.array([*terms, *(j for j in others if j not in set(terms))], np.int64)
+        signals, count = known.exponents[known.position[present]], len(present)
+        exponents = np.zeros((count + m - n, m + len(known.factors)), np.int64)
+        exponents[:count, :n], exponents[:count, m:] = signals[:, :n], signals[:, n:]
+        exponents[count:, n:m] = np.eye(m - n, dtype=np.int64)
         coefficients = np.zeros((m, len(exponents)))
-        signals = known.exponents[known.position[own]]
-        exponents[: len(own), :n], exponents[: len(own), m:] = signals[:, :n], signals[:, n:]
-        coefficients[:n, : len(own)] = self.model.coefficients[:, own]
-        exponents[len(own) :, n:m] = np.eye(m - n, dtype=np.int64)
-        coefficients[:, len(own) :] = self.augmented_system[0][:, n:]
+        coefficients[:n, :count] = self.model.coefficients[:, present]
+        coefficients[:, count:] = self.augmented_system[0][:, n:]
         return exponents, coefficients
 
     def substeps(self, lengths: np.ndarray) -> np.ndarray:
