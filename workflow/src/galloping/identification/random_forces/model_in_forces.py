@@ -1,9 +1,9 @@
-"""Fit of a model in random forces: initial model, selection of terms, whiteness of innovations.
+"""Fit of a model in random forces: initial model, selection of terms, status.
 
 Terms are selected as usual, except that each forced coordinate keeps its stiffness and damping.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -14,6 +14,7 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import MOST_DAMPING
+from galloping.identification.plausible import detection_limits
 from galloping.identification.preparation.rate_channels import estimate_scales, with_scales
 from galloping.identification.problem import Problem
 from galloping.identification.random_forces.channels import Channels
@@ -30,8 +31,8 @@ from galloping.identification.random_forces.forced_problem import (
     make_forced_problem,
 )
 from galloping.identification.random_forces.start import shortest_velocity_period, typical_step
-from galloping.identification.random_forces.verdict_in_forces import assess_forced_fit
 from galloping.identification.selection import added_deviation, select_support, solve_support
+from galloping.identification.status import status_of
 from galloping.identification.work import is_exhausted
 from galloping.recording.samples import Recording
 
@@ -73,13 +74,7 @@ def fit_in_forces(
         return fit
     if objections := doubts(fit):
         return NoModel(tuple(objections))
-    information, _ = some.normal_equations
-    absent = added_deviation(information, fit.support) * fit.posed.unit
-    absent[np.diag(information) == 0.0] = np.nan
-    return assess_forced_fit(
-        fit, absent, some.posed.penalty, _first_states(fit, period),
-        estimate_scales(recordings, rescaled),
-    )  # fmt: skip
+    return _assess_fit(fit, some, period, estimate_scales(recordings, rescaled))
 
 
 def _fit_some_samples(
@@ -261,6 +256,71 @@ def _first_states(fit: ForcedFit, period: float) -> np.ndarray:
         count = int(np.searchsorted(np.cumsum(lengths), START_PERIODS * period))
         found.append(system_model.first_state(one, max(count, 2 * len(system_model.size))))
     return np.array(found)
+
+
+def _assess_fit(
+    fit: ForcedFit, some: ForcedFit, period: float, scales: Mapping[str, float]
+) -> IdentifiedModel:
+    """Turn a fit under random forces into an `IdentifiedModel`, and decide its status.
+
+    The status is `ok`, or `approximate` if the innovations are not white and that matters. some:
+    the fit of all terms to some samples, which determines the standard errors that absent terms
+    would have. scales: of values that were in unknown units, by name.
+    """
+    information, _ = some.normal_equations
+    absent = added_deviation(information, fit.support) * fit.posed.unit
+    absent[np.diag(information) == 0.0] = np.nan
+    posed, support = fit.posed, fit.support
+    problem, channels, recordings = posed.problem, posed.channels, posed.recordings
+    model, left = fit.model, fit.whiteness
+    unit = posed.unit[support]
+    errors = np.full(len(support), np.nan)
+    errors[support] = np.sqrt(np.diag(fit.coefficient_covariance)) * unit
+    covariance = problem.model_covariance(
+        fit.coefficient_covariance * np.outer(unit, unit), support
+    )
+    sigma = np.full((len(recordings), len(problem.states)), np.nan)
+    for c, i in enumerate(channels.values):
+        there = [np.isfinite(one.samples[:, c]).any() for one in posed.data]
+        sigma[there, i] = model.noise[c]
+    of_rates = list(zip(channels.names, model.noise, strict=True))[len(channels.values) :]
+    forces = posed.state_space_model(model).forces
+    resonances = posed.resonances(model, fit.resonance_errors)
+    beside = [each.frequency / (2.0 * np.pi) for each in resonances if each.is_mode]
+    findings = (
+        Finding.of(Code.RANDOM_FORCES),
+        *(Finding.of(Code.MODE_BESIDE, frequency_hz=hertz) for hertz in beside),
+        *([] if left.is_white else [left.to_finding(channels.names)]),
+    )
+    return IdentifiedModel(
+        model=problem.model(model.coefficients),
+        status=status_of(findings),
+        findings=findings,
+        standard_errors=problem.on_library(errors, 0.0),
+        unconditional_errors=problem.on_library(np.where(support, errors, absent), 0.0),
+        detection_limits=problem.on_library(detection_limits(absent, support, some.posed.penalty)),
+        covariance=covariance,
+        known=problem.known_equations,
+        initial_states=_first_states(fit, period),
+        sigma=sigma,
+        forces=forces.white,
+        slow_forces=forces.slow,
+        resonances=resonances,
+        diagnostics={
+            "duration": float(sum(np.ptp(each.time) for each in recordings)),
+            **{f"slow_rate_{problem.states[i]}": forces.rates[i] for i in forces.places},
+            "log_likelihood": fit.filtered.log_likelihood,
+            "innovations": left.statistic,
+            "innovations_allowed": left.allowed,
+            "innovations_told": left.predicted,
+            "innovations_line": left.peak,
+            "innovations_line_allowed": left.peak_allowed,
+            **{f"noise_{name}": float(value) for name, value in of_rates},
+            **({"rates_averaged": float(channels.averaged)} if channels.rates else {}),
+            "path": "random forces",
+            **scales,
+        },
+    )
 
 
 def _thin_recordings(recordings: list[Recording]) -> list[Recording]:
