@@ -27,7 +27,7 @@ SIGNIFICANT = 4.0  # standard errors that a significant value or difference exce
 
 
 def resolved_modes(stretches: Sequence[Stretch], modes: DampedModes, is_noise: bool) -> list[int]:
-    """Select modes whose frequencies can be told apart from those of all stronger modes.
+    """Select modes whose frequencies differ clearly from those of all stronger modes.
 
     A sinusoid that differs from a mode in its growth alone shows nonlinear motion; but a steady
     oscillation and a large decaying one are a force and its transient. modes: fitted to the

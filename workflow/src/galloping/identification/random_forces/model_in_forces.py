@@ -39,7 +39,7 @@ from galloping.recording.samples import Recording
 # Samples in a shortest period that a trial of random forces uses. With more a trial takes longer,
 # with fewer noise hides more. With 8 and with 32 no answer of `make exam` changes.
 TRIED_PER_PERIOD = 16
-COUPLED_RATE = 0.01  # rate at which uncoupled coordinates are taken for coupled ones
+COUPLED_RATE = 0.01  # rate at which uncoupled coordinates count as coupled
 STARTS = 3  # starts tried with further modes; from the first alone, one fit in nine ends elsewhere
 SHARED = 0.8  # first share of a resonance's force in common with another; a fit finds its own
 MOST_CHOICES = 4  # most choices of further terms, each after a fit of those chosen before

@@ -164,8 +164,7 @@ class SeveralModes:
         if not amplitude_fluctuates(slow, period):  # such as a limit cycle without harmonics
             return None
         before, kept = (sum(len(one.time) for one in each) for each in (recordings, slow))
-        is_whole = k >= len(modes) and not (self.channels.rates or kept < MOST_KEPT * before)
-        if is_whole:
+        if k >= len(modes) and not (self.channels.rates or kept < MOST_KEPT * before):
             return ModeSelection(recordings, self.period, n_further, own)
         return ModeSelection(slow, period, n_further, own, tuple(modes[k:]), below)
 
@@ -246,8 +245,8 @@ def find_peaks(step: float, grids: list[np.ndarray]) -> list[float]:
     height = np.max(power / np.maximum(around, np.finfo(float).tiny), axis=1)
     near = neighbour_slices(frequency, frequency, APART)
     highest = np.array([height[own].max() for own in near])
-    is_fast = frequency * step * lengths.max() > PERIODS
-    return frequency[is_fast & (height == highest) & (height > STANDS)].tolist()
+    is_resolved = frequency * step * lengths.max() > PERIODS
+    return frequency[is_resolved & (height == highest) & (height > STANDS)].tolist()
 
 
 def neighbour_slices(frequency: np.ndarray, about: np.ndarray, times: float) -> list[slice]:
