@@ -66,8 +66,8 @@ class ForcedModel:
 class Innovations:
     """Innovations of all recordings: samples minus their predictions by the Kalman filter.
 
-    parts: the filter over each recording, and expectations of priors, as samples of coefficients;
-    empty if the filter fails, for which `objection` gives the reason.
+    parts: the filter over each recording, and then expectations of priors, as samples of
+    coefficients; empty if the filter fails, for which `objection` gives the reason.
     """
 
     parts: tuple[FilterResult, ...]
@@ -220,16 +220,16 @@ class ForcedProblem:
         parts = attempt(lambda: [system_model.filter(one) for one in self.data])
         if isinstance(parts, NoModel):
             return Innovations((), parts.findings[0])
-        return Innovations((*parts, *self._prior_samples(model)))
+        return Innovations((*parts, self._prior_samples(model)))
 
-    def _prior_samples(self, model: ForcedModel) -> list[FilterResult]:
+    def _prior_samples(self, model: ForcedModel) -> FilterResult:
         """Convert priors of coefficients to samples, relative to a model."""
         problem = self.problem
         mean, precision = map(problem.candidate_values, (problem.expected, problem.precision))
         given, none = np.flatnonzero(precision), np.empty(0)
         error, variance = np.full((2, len(given), len(self.channels.names)), np.nan)
         error[:, 0], variance[:, 0] = (mean - model.coefficients)[given], 1.0 / precision[given]
-        return [FilterResult(error, variance, none, none, none, len(given))] if len(given) else []
+        return FilterResult(error, variance, none, none, none, len(given))
 
 
 def make_forced_problem(
@@ -244,9 +244,8 @@ def make_forced_problem(
     passing("modes from correlations")
     channels = Channels.from_recordings(recordings)
     pairs = channels.pairs
-    if set(problem.unknown) - set(pairs.values()) or 2 * len(pairs) < len(problem.states):
-        raise IdentificationError(Code.FORCES_UNDETERMINED)
-    if n_further and len(forced) < len(pairs):
+    has_others = set(problem.unknown) - set(pairs.values()) or 2 * len(pairs) < len(problem.states)
+    if has_others or (n_further and len(forced) < len(pairs)):
         raise IdentificationError(Code.FORCES_UNDETERMINED)
     step, grids = on_grids(recordings)
     period = shortest_velocity_period(recordings)
