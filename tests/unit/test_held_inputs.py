@@ -10,10 +10,10 @@ from held_inputs import COUNT, DAMPING, STEP, STIFFNESS, TIME, inputs, moved_by
 
 import galloping
 from galloping import IdentifiedModel, Input, Recording
+from galloping.identification.drawn_models import draw_models_and_rivals
 from galloping.identification.inputs import validated_problem
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.interpolation import choose_interpolants
-from galloping.model.intervals import draw_models_and_rivals
 from galloping.model.polynomial import polynomial_library
 from galloping.model.terms import parse_library
 from galloping.recording.samples import typical_inputs

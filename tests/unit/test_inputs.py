@@ -8,8 +8,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import galloping
+from galloping.identification.drawn_models import draw_models_and_rivals
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.model.intervals import draw_models_and_rivals
 from galloping.recording.samples import Input, fit_windows
 from galloping.trajectory.simulation import solve_driven
 

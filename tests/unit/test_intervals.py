@@ -7,12 +7,8 @@ import pytest
 
 from galloping import IdentifiedModel
 from galloping.arrays import first_from, round_down, round_up
-from galloping.model.intervals import (
-    add_higher_degree_effects,
-    covariance_root,
-    draw_models_and_rivals,
-    draw_normal,
-)
+from galloping.identification.drawn_models import add_higher_degree_effects, draw_models_and_rivals
+from galloping.model.intervals import covariance_root, draw_normal
 from galloping.model.polynomial import PolynomialModel
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from galloping import IdentifiedModel, PolynomialModel, Prior
 from galloping.identification.answers import find_weakly_determined_input_terms
+from galloping.identification.drawn_models import draw_models, draw_models_and_rivals
 from galloping.identification.likelihood.verdict import Regression, assess_fit, find_open_questions
 from galloping.identification.observations import Code, Finding
 from galloping.identification.plausible import (
@@ -17,7 +18,7 @@ from galloping.identification.plausible import (
 )
 from galloping.identification.problem import Problem, make_problem
 from galloping.identification.selection import select_support, whiten
-from galloping.model.intervals import draw_models, draw_models_and_rivals, interval_of_draws
+from galloping.model.intervals import interval_of_draws
 
 TERMS = tuple((k,) for k in range(12))
 PROBLEM = make_problem(("x",), TERMS)

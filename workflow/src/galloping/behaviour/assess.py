@@ -36,12 +36,9 @@ from galloping.cycles.family import Family, constant
 from galloping.cycles.limit_cycles import at_value, find_cycle_from_motion
 from galloping.cycles.prediction import find_nearby_cycles, intervals
 from galloping.cycles.settling import Pace, Settled, estimate_missing_sizes, settle_in_periods
+from galloping.identification.drawn_models import add_higher_degree_effects, draw_models_and_rivals
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.model.intervals import (
-    add_higher_degree_effects,
-    draw_models_and_rivals,
-    interval_of_draws,
-)
+from galloping.model.intervals import interval_of_draws
 from galloping.model.polynomial import PolynomialModel, velocity_pairs
 from galloping.passes import passing
 from galloping.readers.units import is_span

@@ -13,15 +13,10 @@ from galloping.cycles.family import constant
 from galloping.cycles.limit_cycles import Orbit, find_cycle_from_motion
 from galloping.cycles.prediction import find_nearby_cycles, intervals
 from galloping.cycles.settling import Pace, estimate_missing_sizes, settle_in_periods
+from galloping.identification.drawn_models import add_higher_degree_effects, draw_models_and_rivals
 from galloping.identification.free_motion.answer import PATH
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.model.intervals import (
-    NORMAL_95,
-    add_higher_degree_effects,
-    decay_interval,
-    draw_models_and_rivals,
-    interval_of_draws,
-)
+from galloping.model.intervals import NORMAL_95, decay_interval, interval_of_draws
 from galloping.model.polynomial import PolynomialModel, linear_term, velocity_pairs
 from galloping.recording.samples import Recording
 

@@ -18,11 +18,11 @@ from galloping.behaviour.dynamics import Surroundings
 from galloping.behaviour.following import Following, without_outliers
 from galloping.cycles.settling import Pace
 from galloping.evaluation.bounds import Experiment, fisher_information, weighted_sensitivities
+from galloping.identification.drawn_models import draw_models_and_rivals
 from galloping.identification.identified_model import RANGE, IdentifiedModel
 from galloping.identification.inputs import segments_with_inputs
 from galloping.identification.no_model import NoModel, attempt
 from galloping.inspection.excerpts import excerpts
-from galloping.model.intervals import draw_models_and_rivals
 from galloping.model.polynomial import (
     Exponents,
     PolynomialModel,

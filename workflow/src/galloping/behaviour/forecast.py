@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from galloping.arrays import TIME_ROUNDING, Immutable, first_from, round_down
 from galloping.behaviour.following import FEWEST, Following, Sensed, without_outliers
+from galloping.identification.drawn_models import draw_models
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.random_forces import forced_motion as in_random_forces
-from galloping.model.intervals import QUANTILES_90, draw_models
+from galloping.model.intervals import QUANTILES_90
 from galloping.model.polynomial import PolynomialModel
 from galloping.passes import passing
 from galloping.readers.units import NONE

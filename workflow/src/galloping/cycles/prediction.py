@@ -20,14 +20,9 @@ from galloping.cycles.continuation import NotConverged, Range, correct_guess
 from galloping.cycles.family import Family, constant
 from galloping.cycles.limit_cycles import CycleProblem, Orbit
 from galloping.cycles.settling import SPAN, settle
+from galloping.identification.drawn_models import draw_models_and_rivals
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.model.intervals import (
-    DRAWS,
-    Identified,
-    draw_models_and_rivals,
-    draw_normal,
-    interval_of_draws,
-)
+from galloping.model.intervals import DRAWS, draw_normal, interval_of_draws
 from galloping.model.polynomial import Exponents, PolynomialModel, linear_term, velocity_pairs
 from galloping.passes import passing
 from galloping.trajectory.simulation import Simulator
@@ -88,7 +83,7 @@ class Split:
 
 
 def split(
-    identified: Sequence[Identified],
+    identified: Sequence[IdentifiedModel],
     winds: Sequence[float],
     damping: Mapping[str, float] | None = None,
 ) -> Split:
@@ -132,7 +127,7 @@ def split(
     return _least_squares(identified, winds, fixed, np.array(entries), np.array(powers, float))
 
 
-def _squared_frequency(identified: Sequence[Identified], equation: int) -> float:
+def _squared_frequency(identified: Sequence[IdentifiedModel], equation: int) -> float:
     """Compute the squared natural frequency of an equation of motion, rad^2/s^2."""
     model = identified[0].model
     position = model.states.index(model.states[equation][1:])

@@ -12,10 +12,11 @@ from math import isfinite
 
 import numpy as np
 
+from galloping.identification.drawn_models import draw_models_and_rivals
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
-from galloping.model.intervals import DRAWS, draw_models_and_rivals
+from galloping.model.intervals import DRAWS
 from galloping.model.polynomial import Exponents, exponent_matrix, term_name
 from galloping.recording.samples import Recording, inputs_at_times
 

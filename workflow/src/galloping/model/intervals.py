@@ -1,13 +1,9 @@
-"""Intervals and their computation from draws."""
+"""Intervals, random draws from a covariance, and intervals of draws."""
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-
-from galloping.model.polynomial import Bound, PolynomialModel
 
 QUANTILES_90 = (0.05, 0.95)
 QUANTILES_95 = (0.025, 0.975)
@@ -24,45 +20,6 @@ def median_and_interval(
     low = np.quantile(values, QUANTILES_90[0], method="lower")
     high = np.quantile(values, QUANTILES_90[1], method="higher")
     return float(np.median(values)), float(low), float(high)
-
-
-class Identified(Protocol):
-    """Type-checking protocol of an identified model from which random models can be drawn.
-
-    The shapes of its arrays are those of `IdentifiedModel`.
-    """
-
-    @property
-    def model(self) -> PolynomialModel:
-        """The identified model with its equations."""
-
-    @property
-    def support(self) -> np.ndarray:
-        """Whether each term is present in each identified equation."""
-
-    @property
-    def covariance(self) -> np.ndarray:
-        """Covariance matrix of the identified coefficients."""
-
-    @property
-    def rivals(self) -> np.ndarray:
-        """Coefficients of rival models, which have other terms."""
-
-    @property
-    def rival_share(self) -> float:
-        """Total posterior probability of the rival models."""
-
-    @property
-    def bounds(self) -> tuple[Bound, ...]:
-        """Known lower and upper bounds of coefficients."""
-
-    @property
-    def extrapolation_shift(self) -> np.ndarray:
-        """Mean change of the coefficients if terms of the next degrees were included."""
-
-    @property
-    def extrapolation_covariance(self) -> np.ndarray:
-        """Covariance of the coefficients' changes if terms of the next degrees were included."""
 
 
 def draw_normal(
@@ -89,70 +46,6 @@ def covariance_root(covariance: np.ndarray) -> np.ndarray:
     root = np.sqrt(np.maximum(values, 0.0))[:, np.newaxis] * vectors.T
     upper: np.ndarray = np.linalg.qr(root, mode="r")  # type: ignore[assignment]  # of "r" alone
     return deviation[:, np.newaxis] * upper.T * np.where(np.diag(upper) < 0.0, -1.0, 1.0)
-
-
-def draw_models(
-    identified: Identified, rng: np.random.Generator, count: int = DRAWS
-) -> list[PolynomialModel]:
-    """Draw random models with an identified model's terms, from its coefficient covariance.
-
-    All are equal without a covariance.
-    """
-    model, support = identified.model, identified.support
-    coefficients = np.repeat(model.coefficients[np.newaxis], count, axis=0)
-    if len(identified.covariance):
-        mean = model.coefficients[support]
-        coefficients[:, support] = draw_normal(mean, identified.covariance, count, rng)
-    return [replace(model, coefficients=clip_to_bounds(identified, each)) for each in coefficients]
-
-
-def clip_to_bounds(identified: Identified, coefficients: np.ndarray) -> np.ndarray:
-    """Clip the coefficients of a model to their known bounds, in place, and return them.
-
-    coefficients: (n_states, n_terms).
-    """
-    for equation, term, least, most in identified.bounds:
-        if term in identified.model.terms:
-            place = equation, identified.model.terms.index(term)
-            coefficients[place] = np.clip(coefficients[place], least, most)
-    return coefficients
-
-
-def draw_models_and_rivals(
-    identified: Identified, rng: np.random.Generator, count: int = DRAWS
-) -> list[PolynomialModel]:
-    """Draw random models, including rival models with other terms as often as these are probable.
-
-    Draws with the same terms have too narrow a distribution if terms are weak: docs/trust.md.
-    Without a covariance, the model alone.
-    """
-    if not len(identified.covariance):
-        return [identified.model]
-    models = draw_models(identified, rng, count)
-    for k in np.flatnonzero(rng.random(count) < identified.rival_share):
-        rival = clip_to_bounds(identified, np.array(rng.choice(identified.rivals)))
-        models[k] = replace(identified.model, coefficients=rival)
-    return models
-
-
-def add_higher_degree_effects(
-    models: Sequence[PolynomialModel], identified: Identified, rng: np.random.Generator
-) -> list[PolynomialModel]:
-    """Change randomly drawn models by the possible effect of terms beyond the library's degree.
-
-    models: drawn with `draw_models_and_rivals`. The changes have the mean `extrapolation_shift` and
-    the covariance `extrapolation_covariance`. They apply to the terms that a model has, within
-    their bounds. Returns the same models where these changes are not stated.
-    """
-    if not len(identified.extrapolation_shift):
-        return list(models)
-    mean, covariance = identified.extrapolation_shift, identified.extrapolation_covariance
-    changed = []
-    for model, change in zip(models, draw_normal(mean, covariance, len(models), rng), strict=True):
-        coefficients = model.coefficients.copy()
-        coefficients[identified.support] += change * (coefficients[identified.support] != 0.0)
-        changed.append(replace(model, coefficients=clip_to_bounds(identified, coefficients)))
-    return changed
 
 
 def interval_of_draws(

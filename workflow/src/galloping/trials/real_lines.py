@@ -13,10 +13,11 @@ import numpy as np
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
+from galloping.identification.drawn_models import draw_models
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line import continuous
 from galloping.line.galerkin import STATES
-from galloping.model.intervals import NORMAL_95, draw_models
+from galloping.model.intervals import NORMAL_95
 from galloping.model.polynomial import PolynomialModel, polynomial_library
 from galloping.model.terms import parse_library
 from galloping.recording.samples import Input, Recording
