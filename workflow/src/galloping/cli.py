@@ -457,8 +457,11 @@ def assess(model, at, seed, figure, as_csv, as_json, verbose):
     if as_csv and as_json:
         raise click.UsageError("--csv and --json exclude each other")
     loaded, units = _answered(model), read_json(model).get("units", {})
+    values = parse_input_values(at, loaded.model.inputs)
+    if figure and all(isinstance(value, float) for value in values.values()):
+        raise ValueError("--figure: draws amplitudes over a range of an input, such as --at U=4:16")
     with show_progress():
-        found = assessed(loaded, parse_input_values(at, loaded.model.inputs), seed=seed)
+        found = assessed(loaded, values, seed=seed)
     if figure:
         from galloping.figures.style import write_figure
         from galloping.summary.drawing import DPI, FONT_SIZE, draw_assessment  # matplotlib

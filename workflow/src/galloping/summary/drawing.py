@@ -176,10 +176,8 @@ def draw_forecast(
 def draw_assessment(of: Assessment, units: Mapping[str, str]) -> Figure:
     """Plot limit-cycle amplitudes against an input, with 95 % intervals and the galloping onset.
 
-    units: of inputs, by name.
+    of: along a range. units: of inputs, by name.
     """
-    if not of.along:
-        raise ValueError("--figure: draws amplitudes over a range of an input, such as --at U=4:16")
     cycles = [(c.at[of.along], cycle) for c in of.conditions for cycle in c.cycles]
     if not cycles:
         return parts.make_empty_figure(f"no limit cycle in this range of {of.along}")
