@@ -178,7 +178,10 @@ def known_model(
     for text in texts:
         known = parse_known(text, states, inputs)
         own = (known.term,) if isinstance(known, Bounds) else tuple(known.terms)
-        places = [find_term(term, terms, states + inputs) for term in own]
+        for term in own:
+            if term not in terms:
+                name = term_name(term, states + inputs)
+                raise ValueError(f"known term {name} is not in the library")
         if known.state in equations or (type(known), known.state, own) in said:
             raise ValueError(f"known {text!r}: is said twice")
         if isinstance(known, Bounds) or known.deviation is not None:
@@ -186,6 +189,7 @@ def known_model(
             said.add((type(known), known.state, own))
             continue
         equations.append(known.state)
+        places = [terms.index(term) for term in own]
         coefficients[states.index(known.state), places] = list(known.terms.values())
     return PolynomialModel(states, terms, coefficients, inputs), tuple(equations), tuple(single)
 
@@ -220,13 +224,6 @@ def parse_model(text: str, inputs: Sequence[str] = ()) -> PolynomialModel:
             raise ValueError(f"{said.strip()!r}: must be an equation, such as 'q = dq'")
         terms |= dict.fromkeys(own.terms)
     return known_model(texts, states, tuple(terms), inputs)[0]
-
-
-def find_term(term: Exponents, terms: Sequence[Exponents], names: Sequence[str]) -> int:
-    """Return the index of a term in a library; raise ValueError if it is missing."""
-    if term not in terms:
-        raise ValueError(f"known term {term_name(term, names)} is not in the library")
-    return terms.index(term)
 
 
 def parse_known(text: str, states: Sequence[str], inputs: Sequence[str] = ()) -> Known | Bounds:
