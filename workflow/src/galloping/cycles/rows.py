@@ -74,9 +74,11 @@ def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:
 
 
 def _size_columns(orbit: Orbit) -> dict:
-    v, w = orbit.half_range()[:2]
-    amplitudes = {"vertical_amplitude_m": float(v), "horizontal_amplitude_m": float(w)}
-    return {**amplitudes, "period_s": float(orbit.period)}
+    return _amplitude_columns(*orbit.half_range()[:2]) | {"period_s": float(orbit.period)}
+
+
+def _amplitude_columns(vertical: float, horizontal: float) -> dict:
+    return {"vertical_amplitude_m": float(vertical), "horizontal_amplitude_m": float(horizontal)}
 
 
 def _place_columns(label: str, name: str, unit: str, value: float) -> dict:
@@ -88,22 +90,19 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
     rows = []
 
     def row(branch: str, value: float, what: str, **further: Any) -> None:
-        place = _place_columns(label, name, along.family.unit, value) | {
-            "branch": branch,
-            "name": what,
-        }
+        place = _place_columns(label, name, along.family.unit, value)
+        place |= {"branch": branch, "name": what}
         nothing = {
             "located": True,
             "closed_form_wind_m_s": np.nan,
-            "vertical_amplitude_m": 0.0,
-            "horizontal_amplitude_m": 0.0,
+            **_amplitude_columns(0.0, 0.0),
         }
         rows.append(place | nothing | {"period_s": np.nan, "note": ""} | further)
 
     def end(of: str, branch: Branch) -> None:
         verdict = "" if branch.complete else "incomplete: "
         last = branch.points[-1].solution.value
-        none = {"vertical_amplitude_m": np.nan, "horizontal_amplitude_m": np.nan}
+        none = _amplitude_columns(np.nan, np.nan)
         row(of, last, "end", **none, note=f"{verdict}{branch.reason}")
 
     for b in along.equilibria.bifurcations:
@@ -141,14 +140,12 @@ def simulation_rows(
 
 
 def _motion_columns(motion: Settled) -> dict:
-    v, w = motion.half_range[:2]
     ends = {
         f"{direction}_amplitude_{end}_m": float(of[k])
         for k, direction in enumerate(("vertical", "horizontal"))
         for end, of in (("min", motion.lowest), ("max", motion.highest))
     }
-    amplitudes = {"vertical_amplitude_m": float(v), "horizontal_amplitude_m": float(w)}
-    return {"kind": motion.kind, **amplitudes, **ends}
+    return {"kind": motion.kind, **_amplitude_columns(*motion.half_range[:2]), **ends}
 
 
 def map_rows(
