@@ -57,7 +57,7 @@ def test_rest_and_limit_cycle_at_a_wind_of_slow_and_fast_systems(frequency):
 def test_the_onset_lies_where_the_damping_vanishes():
     found = assess(oscillator(), {"U": np.arange(3.0, 9.0)})
     (onset,) = found.onsets
-    assert onset.begins and onset.value.value == pytest.approx(5.0, abs=1e-8)
+    assert onset.is_growing_above and onset.value.value == pytest.approx(5.0, abs=1e-8)
     assert onset.frequency == pytest.approx(1.0)
     assert onset.value.low == pytest.approx(5.0 - 0.5, abs=0.25)
     assert onset.value.high == pytest.approx(5.0 + 0.5, abs=0.25)
@@ -81,7 +81,7 @@ def test_a_second_motion_that_begins_to_grow_is_no_end_of_growth():
     model = PolynomialModel(("q", "dq", "x", "dx"), terms, coefficients, ("U",))
     found = IdentifiedModel(model, "ok", initial_states=np.array([[0.5, 0.0, 0.5, 0.0]]))
     (onset,) = assess(found, {"U": np.array([3.0, 9.0])}).onsets
-    assert onset.begins and onset.value.value == pytest.approx(5.0, abs=1e-6)
+    assert onset.is_growing_above and onset.value.value == pytest.approx(5.0, abs=1e-6)
 
 
 def test_a_line_has_the_onset_of_its_closed_form_and_both_its_limit_cycles():

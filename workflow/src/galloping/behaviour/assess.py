@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
 from galloping.arrays import one_thread
@@ -27,7 +28,7 @@ from galloping.behaviour.dynamics import (
     farthest_start,
     find_equilibrium,
     match_modes,
-    undetected_damping,
+    widen_zero_damping,
 )
 from galloping.behaviour.following import simulator_of
 from galloping.cycles.continuation import Point, Range
@@ -81,44 +82,37 @@ def assess(
     """
     if found.status == "refused":
         raise ValueError(f"there is no model to assess: {found.reason}")
-    asked = dict(at or {})
-    several = [name for name, value in asked.items() if np.ndim(value)]
-    known = found.model.inputs
-    for name, value in asked.items():
-        if name not in known:
-            there = f"must be one of {', '.join(known)}" if known else "the model has no inputs"
+    values = {name: np.unique(np.asarray(value, float)) for name, value in (at or {}).items()}
+    inputs = found.model.inputs
+    for name, each in values.items():
+        if name not in inputs:
+            there = f"must be one of {', '.join(inputs)}" if inputs else "the model has no inputs"
             raise ValueError(f"{name} is no input of the model; {there}")
-        if not np.size(value):
+        if not len(each):
             raise ValueError(f"{name} has no value")
-    missing = [name for name in known if name not in asked]
-    if missing:
-        name = missing[0]
-        raise ValueError(f"the model has the input {name}; say at which, --at {name}=VALUE")
-    if len(several) > 1:
-        raise ValueError(f"a range of {several[0]} and of {several[1]}; must be of one input")
-    (along,) = several or [""]
-    values = np.unique(np.asarray(asked[along], float)) if along else np.empty(0)
-    notes = list_extrapolations(found, {**asked, along: values.tolist()} if along else asked)
-    held = {name: float(np.ravel(value)[0]) for name, value in asked.items() if name != along}
-    if len(values) == 1:
-        held[along] = float(values[0])
-    of = _Drawn.of(found, seed)
-    if len(values) < 2:
-        return Assessment((_assess_condition(of, held),), notes=tuple(notes))
-    found_along = _assess_range(of, held, along, values)
-    return replace(found_along, notes=(*found_along.notes, *notes))
+    for name in inputs:
+        if name not in values:
+            raise ValueError(f"the model has the input {name}; say at which, --at {name}=VALUE")
+    ranges = [name for name, each in values.items() if len(each) > 1]
+    if len(ranges) > 1:
+        raise ValueError(f"a range of {ranges[0]} and of {ranges[1]}; must be of one input")
+    notes = tuple(list_extrapolations(found, values))
+    fixed = {name: float(each[0]) for name, each in values.items() if len(each) == 1}
+    drawn = _Drawn.of(found, seed)
+    if not ranges:
+        return Assessment((_assess_condition(drawn, fixed),), notes=notes)
+    assessed = _assess_range(drawn, fixed, ranges[0], values[ranges[0]])
+    return replace(assessed, notes=(*assessed.notes, *notes))
 
 
-def list_extrapolations(
-    found: IdentifiedModel, at: Mapping[str, float | Sequence[float]]
-) -> list[str]:
+def list_extrapolations(found: IdentifiedModel, at: Mapping[str, ArrayLike]) -> list[str]:
     """Return a note on each input whose requested values lie outside the recorded range.
 
     The range is that of nine tenths of the recorded values. at: one value or several of each input.
     Raises ValueError for an input of a span that has the other sign than nearly all recorded values
     and is further from them than their range is wide: no wind blows at -5 m/s.
     """
-    said = []
+    notes = []
     for name, values in at.items():
         if not (ends := found.recorded(name)):
             continue
@@ -132,11 +126,11 @@ def list_extrapolations(
                 raise ValueError(f"{name} = {value:g}: {recorded}; must be {wanted}")
         if least < low or most > high:
             asked = f"{least:.4g}" if least == most else f"{least:.4g} to {most:.4g}"
-            said.append(
+            notes.append(
                 f"Extrapolation: {name} = {asked}, but {recorded}; beyond, further modes may grow, "
                 "which the recording does not show"
             )
-    return said
+    return notes
 
 
 @dataclass(frozen=True)
@@ -187,9 +181,21 @@ class _Drawn:
     def extent(self, model: PolynomialModel, motion: Settled) -> tuple[np.ndarray, np.ndarray]:
         """Compute middle and size, (n_states,) each, of the motion of a model from the start.
 
-        The size is at least half the recorded range.
+        The size is that of the start if the motion diverges, and at least half the recorded range.
         """
-        middle, size = _motion_extent(model, motion, self.start)
+        start, velocities = self.start, list(velocity_pairs(model.states).values())
+        if np.isfinite(motion.states).all():
+            low, high = motion.states.min(axis=0), motion.states.max(axis=0)
+            middle, size = (low + high) / 2, (high - low) / 2
+            size = size if motion.kind != "rest" else np.abs(start - middle)
+        else:
+            middle, size = np.zeros_like(start), np.abs(start)
+        size = estimate_missing_sizes(size, model, middle)
+        if is_span(model.states):
+            for group in (velocities, _positions(model)):
+                size[group] = np.maximum(size[group], LEAST * size[group].max(initial=0.0))
+        else:  # whose states may have any units
+            size = np.maximum(size, LEAST * np.abs(start - middle))
         ends = [self.recorded.get(name, (0.0, 0.0)) for name in model.states]
         return middle, np.maximum(size, np.ptp(ends, axis=1) / 2.0)
 
@@ -325,15 +331,16 @@ def _find_onsets(
         points = found.equilibria.points
         before = [_count_growing(p) for p in points if p.solution.value < value]
         after = [_count_growing(p) for p in points if p.solution.value > value]
-        begins = bool(before) and before[-1] < (after[0] if after else 1)
+        is_growing_above = bool(before) and before[-1] < (after[0] if after else 1)
         samples = []
         for branch in branches:
-            own = [h.point.solution.value for h in hopf_points(branch)]
+            others = [h.point.solution.value for h in hopf_points(branch)]
             more = _count_growing(branch.points[-1]) - (before[-1] if before else 1)
-            late = more <= 0 if begins else more >= 0  # nothing has happened yet
-            samples.append(min(own, key=lambda v: abs(v - value), default=np.inf * (2 * late - 1)))
+            is_later = more <= 0 if is_growing_above else more >= 0  # nothing has happened yet
+            beyond = np.inf if is_later else -np.inf
+            samples.append(min(others, key=lambda v: abs(v - value), default=beyond))
         frequency = hopf.point.stability.critical()[0] / (2 * np.pi)
-        yield Onset(Value.of(value, interval_of_draws(samples)), float(frequency), begins)
+        yield Onset(Value.of(value, interval_of_draws(samples)), float(frequency), is_growing_above)
 
 
 def _count_growing(point: Point) -> int:
@@ -350,27 +357,6 @@ def _settle_motion(model: PolynomialModel, start: np.ndarray) -> Settled:
     rest = find_equilibrium(model, start, estimate_missing_sizes(np.abs(start), model, start))
     pace = Pace.of(model, rest.x if rest.success else start)
     return settle_in_periods(simulator_of(model), model, start, pace)
-
-
-def _motion_extent(
-    model: PolynomialModel, motion: Settled, start: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Compute middle and size, (n_states,) each, of a motion; of its start if it diverges."""
-    if np.isfinite(motion.states).all():
-        low, high = motion.states.min(axis=0), motion.states.max(axis=0)
-        middle, size = (low + high) / 2, (high - low) / 2
-        size = size if motion.kind != "rest" else np.abs(start - middle)
-    else:
-        middle, size = np.zeros_like(start), np.abs(start)
-    size, velocities = (
-        estimate_missing_sizes(size, model, middle),
-        list(velocity_pairs(model.states).values()),
-    )
-    if not is_span(model.states):  # whose states may have any units
-        return middle, np.maximum(size, LEAST * np.abs(start - middle))
-    for own in (velocities, _positions(model)):
-        size[own] = np.maximum(size[own], LEAST * size[own].max(initial=0.0))
-    return middle, size
 
 
 def _positions(model: PolynomialModel) -> list[int]:
@@ -436,9 +422,8 @@ def _describe_equilibrium(of: _Drawn, rest: np.ndarray, size: np.ndarray) -> Res
                 Value(0.0, 0.0, 0.0),
                 Value.of(-rate.real, interval_of_draws(-own.real)),
             )
-        if rate.imag > 0 and abs(damping.value) < ROUNDING and shown[place] in pairs:
-            half = undetected_damping(of.found, shown[place], frequency.value)
-            damping = Value.about(0.0, half) if np.isfinite(half) else damping
+        if rate.imag > 0 and shown[place] in pairs:
+            damping = widen_zero_damping(of.found, shown[place], frequency.value, damping)
         modes.append(SmallMotion(state, frequency, damping))
     place = {
         best.states[i]: Value.of(rest[i], interval_of_draws([x[i] for x in places])) for i in shown

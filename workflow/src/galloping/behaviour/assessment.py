@@ -77,12 +77,12 @@ class Condition(Immutable):
 class Onset(Immutable):
     """Input value at which small motions about an equilibrium begin or cease to grow.
 
-    begins: whether they grow above it. frequency: Hz.
+    frequency: Hz. is_growing_above: whether they grow above it.
     """
 
     value: Value
     frequency: float
-    begins: bool
+    is_growing_above: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +150,7 @@ def assessment_rows(of: Assessment, units: Mapping[str, str]) -> list[dict]:
             found.append((*own, "period", cycle.period, "s"))
     anywhere = dict.fromkeys(of.conditions[0].at, np.nan)
     for number, onset in enumerate(of.onsets, start=1):
-        own = anywhere, "onset", number, not onset.begins, False
+        own = anywhere, "onset", number, not onset.is_growing_above, False
         found.append((*own, of.along, onset.value, units.get(of.along, "")))
     return [
         {

@@ -20,7 +20,7 @@ from galloping.model.intervals import NORMAL_95, decay_interval, interval_of_dra
 from galloping.model.polynomial import PolynomialModel, linear_term, velocity_pairs
 from galloping.recording.samples import Recording
 
-ENOUGH = 0.9  # of the draws, that have a limit cycle: fewer are the tame ones
+MIN_CYCLE_SHARE = 0.9  # of the draws, that have a limit cycle: fewer are the tame ones
 DIFFERENCE = 1e-2  # of coefficients, in standard errors
 BEYOND_RECORDED = 1.2  # times the recorded motion, from which a limit cycle is beyond it
 ROUNDING = 1e-9  # of a damping ratio, and of a position of rest, in sizes of the motion
@@ -177,15 +177,20 @@ def dynamics(
         return _free_and_linear(identified, pairs, around)
     models = draw_models_and_rivals(identified, rng)
     small = add_higher_degree_effects(models, identified, rng)
-    enough = ENOUGH * len(models)
+    fewest = MIN_CYCLE_SHARE * len(models)
     best = _linear_properties(model, pairs, around)
-    ends = interval_of_draws([_linear_properties(each, pairs, around) for each in small], enough)
+    ends = interval_of_draws([_linear_properties(each, pairs, around) for each in small], fewest)
     rest, frequencies, damping = (
         {model.states[i]: Value.of(best[k, n], ends[:, k, n]) for n, i in enumerate(pairs)}
         for k in range(3)
     )
     rest = {} if np.isnan(best[0]).any() else rest
-    damping |= _undamped_intervals(identified, pairs, frequencies, damping)
+    damping = {
+        model.states[i]: widen_zero_damping(
+            identified, i, frequencies[model.states[i]].value, damping[model.states[i]]
+        )
+        for i in pairs
+    }
     pace, sizes = Pace.of(model, around.middle), around.sizes(model)
     start = farthest_start(identified.initial_states, around.middle, sizes)
     motion = settle_in_periods(simulator_of(model), model, start, pace, sizes)
@@ -197,42 +202,29 @@ def dynamics(
         return Dynamics(rest, frequencies, damping, "cycle", None, half)
     orbit = point.solution
     orbits = [found for each in models if (found := _find_orbit(each, orbit, pace)) is not None]
-    ends, half = intervals(orbits, len(model.states), enough), orbit.half_range()
+    ends, half = intervals(orbits, len(model.states), fewest), orbit.half_range()
     return Dynamics(
         rest, frequencies, damping, "cycle", Value.of(orbit.period, ends[:, -1]),
         {model.states[i]: Value.of(half[i], ends[:, i]) for i in pairs},
     )  # fmt: skip
 
 
-def _undamped_intervals(
-    identified: IdentifiedModel,
-    pairs: Mapping[int, int],
-    frequencies: Mapping[str, Value],
-    damping: Mapping[str, Value],
-) -> dict[str, Value]:
-    """Compute the interval of the damping of a mode whose equation has no damping term."""
-    found = {}
-    for i in pairs:
-        name = identified.model.states[i]
-        half = undetected_damping(identified, i, frequencies[name].value)
-        if abs(damping[name].value) < ROUNDING and np.isfinite(half):
-            found[name] = Value.about(0.0, half)
-    return found
+def widen_zero_damping(
+    identified: IdentifiedModel, coordinate: int, frequency: float, damping: Value
+) -> Value:
+    """Give zero damping of a mode an interval, in which a damping term would not be detected.
 
-
-def undetected_damping(identified: IdentifiedModel, coordinate: int, frequency: float) -> float:
-    """Compute the damping ratio of a mode up to which a damping term would not be detected.
-
-    coordinate: index of the mode's coordinate. frequency: Hz. NaN if the library has no such term
-    or no limit is known.
+    coordinate: index of the mode's coordinate. frequency: Hz. Returns `damping` unchanged if it is
+    not zero up to rounding, the library has no such term, or no limit is known.
     """
     model = identified.model
     velocity = velocity_pairs(model.states)[coordinate]
-    own = linear_term(velocity, len(model.states))
-    if own not in model.terms:
-        return np.nan
-    limit = identified.detection_limits[velocity, model.terms.index(own)]
-    return float(limit / (4.0 * np.pi * frequency))
+    term = linear_term(velocity, len(model.states))
+    if not abs(damping.value) < ROUNDING or term not in model.terms:
+        return damping
+    limit = identified.detection_limits[velocity, model.terms.index(term)]
+    half = float(limit / (4.0 * np.pi * frequency))
+    return Value.about(0.0, half) if np.isfinite(half) else damping
 
 
 def _free_and_linear(

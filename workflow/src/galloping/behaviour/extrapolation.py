@@ -101,10 +101,9 @@ def with_extent(identified: IdentifiedModel, recordings: Sequence[Recording]) ->
     `IdentifiedModel.recorded` returns it.
     """
     around, states = Surroundings.of(recordings), identified.model.states
-    ends = zip(RANGE, (around.low, around.high), strict=True)
     extent = {
         f"{state}{end}": float(value)
-        for end, values in ends
+        for end, values in zip(RANGE, (around.low, around.high), strict=True)
         for state, value in zip(states, values, strict=True)
         if np.isfinite(value)
     }
@@ -123,17 +122,12 @@ def _library_degree(model: PolynomialModel) -> int:
 
 def _further_terms(states: tuple[str, ...], degree: int, n_equations: int) -> tuple[Exponents, ...]:
     """List monomials of the next degrees; of one coordinate and its velocity each, if many."""
-    found = [
-        term for term in polynomial_library(len(states), degree + DEGREES) if sum(term) > degree
-    ]
-    if len(found) * n_equations > MOST_TERMS:
-        pairs = [{i, velocity} for i, velocity in velocity_pairs(states).items()]
-        found = [
-            term
-            for term in found
-            if any({k for k, power in enumerate(term) if power} <= pair for pair in pairs)
-        ]
-    return tuple(found)
+    library = polynomial_library(len(states), degree + DEGREES)
+    terms = [term for term in library if sum(term) > degree]
+    if len(terms) * n_equations > MOST_TERMS:
+        pairs = [set(pair) for pair in velocity_pairs(states).items()]
+        terms = [term for term in terms if any(set(np.flatnonzero(term)) <= pair for pair in pairs)]
+    return tuple(terms)
 
 
 def _nonlinear_share(model: PolynomialModel, rest: np.ndarray, states: np.ndarray) -> np.ndarray:
@@ -215,8 +209,7 @@ class _Regression:
         blocks = len(time) // thin
         left = (samples - motion)[: blocks * thin].reshape(blocks, thin, -1)
         counts = np.isfinite(left).sum(axis=1)
-        known = follow.sigma > 0.0
-        weight = np.sqrt(counts) * np.where(known, 1.0 / np.where(known, follow.sigma, 1.0), 0.0)
+        weight = np.sqrt(counts) * follow.inverse_sigma
         residual = weight * np.nan_to_num(left).sum(axis=1) / np.maximum(counts, 1)
         try:
             slopes = self._slopes(recording, start, time[thin // 2 :: thin][:blocks], follow)

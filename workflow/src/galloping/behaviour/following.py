@@ -26,7 +26,7 @@ STAGES = (1 / 6, 1 / 3, 2 / 3, 1.0)  # of the samples that a start is told from,
 STEP = 1e-5  # of finite differences of the start, relative to each state's size
 FAR = 1e6  # times the recorded motion, from which a model runs away
 SLOPE = 1 / 4  # of the fastest period, over which a first guess of a velocity is a slope,
-FEWEST = 5  # but so many samples
+MIN_SAMPLES = 5  # but so many samples
 
 
 @dataclass(frozen=True)
@@ -148,6 +148,12 @@ class Following:
         own = np.fmax.reduce(self.identified.sigma, axis=0, initial=0.0)
         return np.append(own, told)
 
+    @property
+    def inverse_sigma(self) -> np.ndarray:
+        """Inverse of the noise standard deviation of each channel, zero if it is not known."""
+        known = self.sigma > 0.0
+        return np.where(known, 1.0 / np.where(known, self.sigma, 1.0), 0.0)
+
     @cached_property
     def _simulator(self) -> Simulator:
         return simulator_of(self.identified.model)
@@ -208,8 +214,8 @@ class Following:
         samples, NaN where missing. slopes: sensitivities of a similar model and initial state, used
         instead of recomputed ones.
         """
-        sigma, time = self.sigma, self.recording.time[rows]
-        weight = np.isfinite(values) * np.where(sigma > 0, 1.0 / np.where(sigma > 0, sigma, 1), 0.0)
+        time = self.recording.time[rows]
+        weight = np.isfinite(values) * self.inverse_sigma
         target, start = np.nan_to_num(values), guess
         for stage in STAGES if slopes is None else STAGES[-1:]:
             n = max(int(stage * len(time)), min(len(time), 2 * len(guess)))
@@ -272,12 +278,11 @@ def first_guess(recording: Recording, begin: int) -> np.ndarray:
         elif k in displacement:
             source = recording.values[:, displacement[k]]
             known = np.isfinite(source)
-            if np.count_nonzero(known) <= FEWEST:
+            if np.count_nonzero(known) <= MIN_SAMPLES:
                 continue
             away = np.abs(time[known] - time[begin])
-            within = max(
-                SLOPE / 2 * shortest_period([recording]), np.partition(away, FEWEST)[FEWEST]
-            )
+            nearest = np.partition(away, MIN_SAMPLES)[MIN_SAMPLES]
+            within = max(SLOPE / 2 * shortest_period([recording]), nearest)
             near = away <= within
             guess[k] = np.polyfit(time[known][near] - time[begin], source[known][near], 1)[0]
     return guess

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from galloping.arrays import TIME_ROUNDING, Immutable, first_from, round_down
-from galloping.behaviour.following import FEWEST, Following, Sensed, without_outliers
+from galloping.behaviour.following import MIN_SAMPLES, Following, Sensed, without_outliers
 from galloping.identification.drawn_models import draw_models
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.random_forces import forced_motion as in_random_forces
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 FORECAST_DRAWS = 100
 FOLLOWS = 1.3  # chi^2 per sample of a start that is right
 SHARES = (1.0, 0.5, 0.25)  # of the window, where motions soon part
-ENOUGH = 0.9  # of the draws, that follow the samples
+MIN_FOLLOWING_SHARE = 0.9  # of the draws
 ORIGINS, PARTS = 8, 4  # of forecasts that tell how wrong an approximate model is; of a window
 TRIED = 5  # windows, over which such forecasts go
 WIDER = "forecast_widened_"  # and a channel: the name of its factor in the diagnostics of a model
@@ -137,7 +137,7 @@ def forecast(
     else:
         for share in SHARES:
             motions = _draw_motions(follow, time, share * window, FOLLOWS, rng)
-            if len(motions) > ENOUGH * FORECAST_DRAWS:
+            if len(motions) > MIN_FOLLOWING_SHARE * FORECAST_DRAWS:
                 break
         missed = np.zeros_like(sigma)
     if len(motions) < FORECAST_DRAWS // 2:
@@ -281,7 +281,7 @@ def check_followed(identified: IdentifiedModel, recording: Recording, window: fl
     for begin in np.linspace(max(time[-1] - TRIED * window, time[0]), last, ORIGINS):
         own = slice(*first_from(time, (begin, begin + window)))
         values = follow.samples[own]
-        if np.isfinite(values[:, sigma > 0]).sum() < FEWEST * len(sigma):
+        if np.isfinite(values[:, sigma > 0]).sum() < MIN_SAMPLES * len(sigma):
             continue
         start = follow.begin(own)
         motion = None if start is None else follow.motion(identified.model, start, time[own])

@@ -90,11 +90,11 @@ def _find_random_forces(
         return [Finding.of(Code.NOT_ACCELERATED, name) for name in still]
     if identified.model.inputs:  # they keep it up; a model that comes to rest may lack terms
         return []
-    for parts in (own, recordings) if has_model else ():  # whichever the model was found from
-        if len(parts) == len(identified.initial_states) and recording_outlasts_model(
-            identified, parts
-        ):
-            return kept
+    if has_model and any(
+        recording_outlasts_model(identified, parts)
+        for parts in _list_identified_parts(identified, recordings)
+    ):
+        return kept
     if not identified.tells_little or not amplitude_fluctuates(recordings, period):
         return []
     linear = maximum_likelihood(own, polynomial_library(len(identified.model.states), 1))
@@ -108,12 +108,18 @@ def _find_outlived(identified: IdentifiedModel, recordings: Sequence[Recording])
     """Find whether the model keeps moving when the recorded motion has died out."""
     inexact = identified.status == "approximate" and not identified.is_forced
     if inexact and not identified.model.inputs:
-        for parts in (excerpts(list(recordings)), recordings):
-            if len(parts) == len(identified.initial_states) and outlives_recording(
-                identified, parts
-            ):
+        for parts in _list_identified_parts(identified, recordings):
+            if outlives_recording(identified, parts):
                 return [Finding.of(Code.OUTLIVED)]
     return []
+
+
+def _list_identified_parts(
+    identified: IdentifiedModel, recordings: Sequence[Recording]
+) -> list[Sequence[Recording]]:
+    """List the recordings and their excerpts, whichever the model can have been found from."""
+    choices = (excerpts(list(recordings)), recordings)
+    return [parts for parts in choices if len(parts) == len(identified.initial_states)]
 
 
 def _find_changes(
