@@ -72,8 +72,9 @@ class BranchProblem(Protocol):
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
         """Extract the unknowns of the equations from the vector that describes a solution.
 
-        From (n,) to (m + 1,).
+        From (n,) to (m + 1,); by default all entries are unknowns.
         """
+        return vector
 
     def linearise(self, unknowns: np.ndarray) -> Equations:
         """Compute the residual and Jacobian of the equations at given unknowns.

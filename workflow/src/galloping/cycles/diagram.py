@@ -63,10 +63,6 @@ class EquilibriumProblem(continuation.BranchProblem):
         sizes = np.broadcast_to(self.family.sizes, self.n_states)
         return np.append(sizes, self.resolution) ** -2.0
 
-    def unknowns(self, vector: np.ndarray) -> np.ndarray:
-        """Return the solution vector unchanged, since all its entries are unknowns."""
-        return vector
-
     def linearise(self, unknowns: np.ndarray) -> Equations:
         """Compute the rates of the states and their derivatives by states and parameter."""
         model, x = self.family.model(unknowns[-1]), unknowns[np.newaxis, :-1]

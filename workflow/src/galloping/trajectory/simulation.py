@@ -123,8 +123,8 @@ class Simulator:
         model = model.on_library(self.terms)
         start, steps = np.asarray(x0, float), max_steps(time)
         if self.inputs:
-            own = check_inputs(model, inputs or {}, time)
-            return self._driven(model, start, time, own, EQUAL_STEPS * steps, limit)
+            checked = check_inputs(model, inputs or {}, time)
+            return self._simulate_driven(model, start, time, checked, limit)
         limit = _divergence_limit(start) if limit is None else limit
         states, _, end, ending = solve(model, start, time, steps, limit=limit)
         if ending is Ending.COMPLETE:
@@ -136,13 +136,12 @@ class Simulator:
         }[ending]
         return self._ended(time, states, f"{why} at t = {end:.4g} s")
 
-    def _driven(
+    def _simulate_driven(
         self,
         model: PolynomialModel,
         x0: NDArray[np.float64],
         time: NDArray[np.float64],
         inputs: Mapping[str, Input | float],
-        steps: int,
         limit: float | None,
     ) -> Trajectory:
         held = {name: one for name, one in inputs.items() if not isinstance(one, Input)}
@@ -154,9 +153,9 @@ class Simulator:
             others = {name: inputs[name] for name in model.inputs}
             return self._at[key](model, x0, time, others, limit)
         own = [one for name in model.inputs if isinstance(one := inputs[name], Input)]  # all
-        step = min(self._step, first_step(own))
+        step, most = min(self._step, first_step(own)), EQUAL_STEPS * max_steps(time)
         try:
-            states, _, self._step = solve_driven(model, own, x0, time, step, steps)
+            states, _, self._step = solve_driven(model, own, x0, time, step, most)
         except FloatingPointError as error:
             nowhere = np.empty((0, len(self.states)))
             return self._ended(time, nowhere, f"stopped: {error}")
