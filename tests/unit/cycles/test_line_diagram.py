@@ -9,7 +9,7 @@ from lines import CASES, RESONANT, edited, simulator
 from galloping.cycles.continuation import Range
 from galloping.cycles.diagram import diagram
 from galloping.cycles.family import PARAMETERS, critical_wind, initial_state, line_family
-from galloping.cycles.limit_cycles import at_value
+from galloping.cycles.limit_cycles import find_cycles_at
 from galloping.cycles.settling import SPAN, settle
 
 # half of the range over the last 1,000 of 4,000 s, v and w in m
@@ -36,7 +36,7 @@ def stable_cycles(name, wind):
     return [
         point.solution.half_range()[:2]
         for branch in wind_diagram(name).cycles.values()
-        for point in at_value(models, branch, wind)
+        for point in find_cycles_at(models, branch, wind)
         if point.stability.stable
     ]
 

@@ -11,7 +11,7 @@ from galloping import IdentifiedModel, Recording
 from galloping.behaviour.dynamics import Surroundings, dynamics
 from galloping.behaviour.forecast import check_followed, forecast, score_forecast, with_factors
 from galloping.behaviour.objections import (
-    difference,
+    find_difference,
     recording_outlasts_model,
     unaccelerated_coordinates,
     with_objections,
@@ -223,7 +223,7 @@ def missing(status, share):
 def test_recordings_differ_where_models_of_each_miss_much_less(together, alone, differs):
     models = iter([missing(*each) for each in alone])
     parts = [recorded(seed=1), recorded(seed=2)]
-    result = difference(missing(*together), parts, lambda _: next(models))
+    result = find_difference(missing(*together), parts, lambda _: next(models))
     assert (result is not None) == differs
 
 

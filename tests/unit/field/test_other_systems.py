@@ -9,7 +9,7 @@ import galloping
 from galloping import Coefficient, IdentifiedModel, Recording, assess, parse_model
 from galloping.behaviour.dynamics import Surroundings, dynamics
 from galloping.behaviour.following import first_guess
-from galloping.behaviour.objections import difference
+from galloping.behaviour.objections import find_difference
 from galloping.readers.units import coefficient_unit
 from galloping.summary.helps import may_be_wind
 from galloping.summary.wording import assessment_text
@@ -117,7 +117,7 @@ def test_parts_with_few_samples_are_compared_with_none() -> None:
     time = np.arange(60) * 0.1
     parts = [Recording(time, STATES, np.column_stack([np.sin(time), np.cos(time)]))] * 2
     found = replace(exact("q = dq; dq = -q", [0, 1]), status="approximate")
-    assert difference(found, parts, lambda own: pytest.fail("too short")) is None
+    assert find_difference(found, parts, lambda own: pytest.fail("too short")) is None
 
 
 def test_a_first_guess_of_a_coordinate_without_a_sensor_is_zero() -> None:

@@ -33,9 +33,9 @@ from galloping.behaviour.dynamics import (
 from galloping.behaviour.following import simulator_of
 from galloping.cycles.continuation import Point, Range
 from galloping.cycles.diagram import Diagram, diagram, equilibrium_branch, hopf_points
-from galloping.cycles.family import Family, constant
-from galloping.cycles.limit_cycles import at_value, find_cycle_from_motion
-from galloping.cycles.prediction import find_nearby_cycles, intervals
+from galloping.cycles.family import Family, constant_family
+from galloping.cycles.limit_cycles import find_cycle_from_motion, find_cycles_at
+from galloping.cycles.prediction import cycle_intervals, find_nearby_cycles
 from galloping.cycles.settling import Pace, Settled, estimate_missing_sizes, settle_in_periods
 from galloping.identification.drawn_models import add_higher_degree_effects, draw_models_and_rivals
 from galloping.identification.identified_model import IdentifiedModel
@@ -224,7 +224,7 @@ def _assess_condition(
     for start in (begin, *(rest + KICK * size for rest in rests), middle + BEYOND * size):
         passing("settle")
         motion = motion if start is begin else _settle_motion(best, start)
-        found = find_cycle_from_motion(constant(best, size), 0.0, motion)
+        found = find_cycle_from_motion(constant_family(best, size), 0.0, motion)
         if found is None:  # a motion that neither grows nor dies out may be on no cycle
             ends.append("irregular" if motion.kind == "cycle" else motion.kind)
             continue
@@ -278,7 +278,7 @@ def _assess_range(
         known = []
         for branch in found.cycles.values() if found else ():
             try:
-                known += at_value(family, branch, value)
+                known += find_cycles_at(family, branch, value)
             except ValueError as failure:
                 notes.append(str(failure))
         conditions.append(_assess_condition(of, {**at, along: value}, known))
@@ -447,7 +447,7 @@ def _describe_cycle(of: _Drawn, point: Point) -> Cycle:
     states, kept = of.model.states, find_nearby_cycles(of.draws, point.solution, of.model)
     found = len(kept) / len(of.draws)
     shown = _positions(of.model)
-    ends = intervals(kept, len(states))
+    ends = cycle_intervals(kept, len(states))
     half = point.solution.half_range()
     sizes = {states[i]: Value.of(half[i], ends[:, i]) for i in shown}
     beyond = any(

@@ -9,9 +9,9 @@ from scipy.optimize import OptimizeResult, linear_sum_assignment, root
 
 from galloping.arrays import Immutable
 from galloping.behaviour.following import half_ranges, simulator_of
-from galloping.cycles.family import constant
+from galloping.cycles.family import constant_family
 from galloping.cycles.limit_cycles import Orbit, find_cycle_from_motion
-from galloping.cycles.prediction import find_nearby_cycles, intervals
+from galloping.cycles.prediction import cycle_intervals, find_nearby_cycles
 from galloping.cycles.settling import Pace, estimate_missing_sizes, settle_in_periods
 from galloping.identification.drawn_models import add_higher_degree_effects, draw_models_and_rivals
 from galloping.identification.free_motion.answer import PATH
@@ -172,37 +172,30 @@ def dynamics(
     if not pairs or identified.status == "refused":
         return None
     if identified.is_forced:
-        return _in_random_forces(identified, pairs, around)
+        return _compute_forced_dynamics(identified, pairs, around)
     if identified.diagnostics.get("path") == PATH:
-        return _free_and_linear(identified, pairs, around)
+        return _compute_free_dynamics(identified, pairs, around)
     models = draw_models_and_rivals(identified, rng)
     small = add_higher_degree_effects(models, identified, rng)
     fewest = MIN_CYCLE_SHARE * len(models)
     best = _linear_properties(model, pairs, around)
     ends = interval_of_draws([_linear_properties(each, pairs, around) for each in small], fewest)
-    rest, frequencies, damping = (
-        {model.states[i]: Value.of(best[k, n], ends[:, k, n]) for n, i in enumerate(pairs)}
-        for k in range(3)
-    )
-    rest = {} if np.isnan(best[0]).any() else rest
-    damping = {
-        model.states[i]: widen_zero_damping(
-            identified, i, frequencies[model.states[i]].value, damping[model.states[i]]
-        )
-        for i in pairs
-    }
+    names = [model.states[i] for i in pairs]
+    rest, frequencies, damping = _name_values(names, best, ends)
+    for i, name in zip(pairs, names, strict=True):
+        damping[name] = widen_zero_damping(identified, i, frequencies[name].value, damping[name])
     pace, sizes = Pace.of(model, around.middle), around.sizes(model)
     start = farthest_start(identified.initial_states, around.middle, sizes)
     motion = settle_in_periods(simulator_of(model), model, start, pace, sizes)
     if motion.kind != "cycle":
         return Dynamics(rest, frequencies, damping, motion.kind, None, {})
-    point = find_cycle_from_motion(constant(model, sizes), 0.0, motion)
+    point = find_cycle_from_motion(constant_family(model, sizes), 0.0, motion)
     if point is None:  # for the solver: the motion itself does repeat
         half = {model.states[i]: Value(float(motion.half_range[i])) for i in pairs}
         return Dynamics(rest, frequencies, damping, "cycle", None, half)
     orbit = point.solution
     orbits = [found for each in models if (found := _find_orbit(each, orbit, pace)) is not None]
-    ends, half = intervals(orbits, len(model.states), fewest), orbit.half_range()
+    ends, half = cycle_intervals(orbits, len(model.states), fewest), orbit.half_range()
     return Dynamics(
         rest, frequencies, damping, "cycle", Value.of(orbit.period, ends[:, -1]),
         {model.states[i]: Value.of(half[i], ends[:, i]) for i in pairs},
@@ -227,54 +220,39 @@ def widen_zero_damping(
     return Value.about(0.0, half) if np.isfinite(half) else damping
 
 
-def _free_and_linear(
+def _compute_free_dynamics(
     identified: IdentifiedModel, pairs: dict[int, int], around: Surroundings
 ) -> Dynamics:
-    """Compute the dynamics of a linear model of free motion, with its further modes."""
-    best, deviation, _ = _by_slopes(identified, pairs, around)
-    rest, frequencies, damping = (
-        {
-            identified.model.states[i]: Value.about(best[k, n], NORMAL_95 * deviation[k, n])
-            for n, i in enumerate(pairs)
-        }
-        for k in range(3)
-    )
+    """Compute the dynamics of a linear model of free motion, with its further modes.
+
+    Modes without known errors are left out.
+    """
+    best, ends, _ = _propagate_covariance(identified, pairs, around)
+    names = [identified.model.states[i] for i in pairs]
+    rest, frequencies, damping = _name_values(names, best, ends)
     known = best[2][np.isfinite(best[2])]
     if np.any(known < -ROUNDING):
         kind = "diverged"
     else:
         kind = "cycle" if len(known) and np.all(known <= ROUNDING) else "rest"
-    rest = {} if np.isnan(best[0]).any() else rest
-    further = _of_further_modes(identified)
-    return Dynamics(rest, frequencies | further[0], damping | further[1], kind, None, {})
-
-
-def _of_further_modes(identified: IdentifiedModel) -> tuple[dict[str, Value], dict[str, Value]]:
-    """Compute frequency, Hz, and damping ratio of each further mode with known errors, by name.
-
-    Steady components, which have no damping, are left out.
-    """
-    frequencies, damping = {}, {}
     for mode in identified.further_modes:
-        if mode.is_steady or not mode.frequency_error:
+        if mode.is_steady or not mode.frequency_error:  # steady components have no damping
             continue
-        hz, half = (
-            each / (2.0 * np.pi) for each in (mode.frequency, NORMAL_95 * mode.frequency_error)
-        )
+        half = NORMAL_95 * mode.frequency_error / (2.0 * np.pi)
+        frequencies[mode.name] = Value.about(mode.frequency / (2.0 * np.pi), half)
         omega = np.hypot(mode.frequency, mode.growth)
-        ratio, error = -mode.growth / omega, NORMAL_95 * mode.growth_error / omega
-        frequencies[mode.name] = Value.about(hz, half)
-        damping[mode.name] = Value.about(ratio, error)
-    return frequencies, damping
+        half = NORMAL_95 * mode.growth_error / omega
+        damping[mode.name] = Value.about(-mode.growth / omega, half)
+    return Dynamics(rest, frequencies, damping, kind, None, {})
 
 
-def _by_slopes(
+def _propagate_covariance(
     identified: IdentifiedModel, pairs: dict[int, int], around: Surroundings
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Propagate the covariance of the coefficients to properties of small motions.
 
-    Returns values and standard deviations of equilibrium, frequency and damping of each coordinate,
-    as `_linear_properties` has them, and standard deviations of the decays, 1/s.
+    Returns values and ends of 95 % intervals of equilibrium, frequency and damping of each
+    coordinate, as `_name_values` needs them, and standard deviations of the decays, 1/s.
     """
     model, support = identified.model, np.argwhere(identified.support)
     errors = np.sqrt(np.diag(identified.covariance))
@@ -291,22 +269,38 @@ def _by_slopes(
     correlation = identified.covariance / np.outer(errors, errors)
     deviation = np.sqrt(np.einsum("ikn,ij,jkn->kn", slopes, correlation, slopes))
     slopes = 2.0 * np.pi * (slopes[:, 1] * best[2] + slopes[:, 2] * best[1])
-    return best, deviation, np.sqrt(np.einsum("in,ij,jn->n", slopes, correlation, slopes))
+    decay_error = np.sqrt(np.einsum("in,ij,jn->n", slopes, correlation, slopes))
+    half = NORMAL_95 * deviation
+    return best, np.stack([best - half, best + half]), decay_error
 
 
-def _in_random_forces(
+def _name_values(
+    names: Sequence[str], best: np.ndarray, ends: np.ndarray
+) -> tuple[dict[str, Value], dict[str, Value], dict[str, Value]]:
+    """Make values of equilibrium, frequency and damping by coordinate; no equilibrium if unknown.
+
+    best: (3, n_coordinates), as of `_linear_properties`; ends: (2, 3, n_coordinates), of intervals.
+    """
+    rest, frequencies, damping = (
+        {name: Value.of(best[k, n], ends[:, k, n]) for n, name in enumerate(names)}
+        for k in range(3)
+    )
+    return {} if np.isnan(best[0]).any() else rest, frequencies, damping
+
+
+def _compute_forced_dynamics(
     identified: IdentifiedModel, pairs: dict[int, int], around: Surroundings
 ) -> Dynamics:
     """Compute the dynamics of a model under random forces."""
     model = identified.model
-    best, deviation, of_decay = _by_slopes(identified, pairs, around)
+    best, ends, decay_error = _propagate_covariance(identified, pairs, around)
+    names = [model.states[i] for i in pairs]
+    rest, frequencies, damping = _name_values(names, best, ends)
     decay = 2.0 * np.pi * best[1] * best[2]
-    half, duration = NORMAL_95 * deviation, float(identified.diagnostics["duration"])
-    rest, frequencies, damping = {}, {}, {}
-    for n, i in enumerate(pairs):
-        name, omega = model.states[i], 2.0 * np.pi * best[1, n]
-        rest[name], frequencies[name] = (Value.about(best[k, n], half[k, n]) for k in (0, 1))
-        low, high = decay_interval(decay[n], of_decay[n], duration)
+    duration = float(identified.diagnostics["duration"])
+    for n, name in enumerate(names):
+        omega = 2.0 * np.pi * best[1, n]
+        low, high = decay_interval(decay[n], decay_error[n], duration)
         damping[name] = Value(best[2, n], low / omega, high / omega)
     for one in filter(lambda each: each.is_mode, identified.resonances):
         (error, of_ratio), omega = one.errors, one.frequency
@@ -315,7 +309,6 @@ def _in_random_forces(
         )
         low, high = decay_interval(omega * one.damping, omega * of_ratio, duration)
         damping[one.name] = Value(one.damping, low / omega, high / omega)
-    rest = {} if np.isnan(best[0]).any() else rest
     return Dynamics(rest, frequencies, damping, "forced", None, {})
 
 
@@ -343,7 +336,7 @@ def _find_orbit(model: PolynomialModel, orbit: Orbit, pace: Pace) -> Orbit | Non
     if close := find_nearby_cycles([model], orbit):
         return close[0]
     motion = settle_in_periods(simulator_of(model), model, orbit.states[0], pace, orbit.sizes)
-    point = find_cycle_from_motion(constant(model, orbit.sizes), 0.0, motion)
+    point = find_cycle_from_motion(constant_family(model, orbit.sizes), 0.0, motion)
     return point.solution if point else None
 
 

@@ -64,7 +64,7 @@ def with_objections(
     if objections:
         objections = more or objections
     elif (not are_one or identified.status == "refused") and (
-        found := difference(identified, recordings, identify)
+        found := find_difference(identified, recordings, identify)
     ):
         objections = [found.between(names)]
     if objections or identified.status == "refused":
@@ -137,7 +137,7 @@ def _find_changes(
             return []
         edges = first_from(time, np.linspace(time[0], time[-1], THIRDS + 1))
         parts = [recording[a:b] for a, b in pairwise(edges)]
-    found = difference(identified, parts, identify)
+    found = find_difference(identified, parts, identify)
     drifts = identified.has_finding(Code.DRIFTS, Code.RESIDUAL_DRIFTS)
     if not found or (drifts and found.own > 0.0):  # what drifts does so part by part as well
         return []
@@ -282,7 +282,7 @@ class Difference:
         return Finding.of(Code.PARTS_DIFFER, self.channel, spans=spans, **shares)
 
 
-def difference(
+def find_difference(
     together: IdentifiedModel, parts: Sequence[Recording], identify: Identify
 ) -> Difference | None:
     """Test whether recordings need different models; return the clearest difference, or None.

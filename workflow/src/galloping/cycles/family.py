@@ -37,7 +37,7 @@ class Family:
         return (above - below) / (2 * step)
 
 
-def constant(model: PolynomialModel, sizes: np.ndarray | float = 1.0) -> Family:
+def constant_family(model: PolynomialModel, sizes: np.ndarray | float = 1.0) -> Family:
     """Make a family that has the same model at every value of its parameter.
 
     sizes: as in `Family`.

@@ -412,7 +412,7 @@ def _last_turn(
     return Orbit(CubicSpline(time, states)(phases), period, value, sizes=sizes)
 
 
-def at_value(family: Family, branch: Branch, value: float) -> list[Point]:
+def find_cycles_at(family: Family, branch: Branch, value: float) -> list[Point]:
     """Compute all limit cycles of a branch at a given value of the parameter.
 
     Raises ValueError if one cannot be computed from its neighbours.

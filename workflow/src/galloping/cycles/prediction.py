@@ -17,7 +17,7 @@ import numpy as np
 
 from galloping.cycles import limit_cycles
 from galloping.cycles.continuation import NotConverged, Range, correct_guess
-from galloping.cycles.family import Family, constant
+from galloping.cycles.family import Family, constant_family
 from galloping.cycles.limit_cycles import CycleProblem, Orbit
 from galloping.cycles.settling import SPAN, settle
 from galloping.identification.drawn_models import draw_models_and_rivals
@@ -219,7 +219,7 @@ def predict(
         stable = [
             point.solution
             for branch in branches
-            for point in limit_cycles.at_value(family, branch, wind)
+            for point in limit_cycles.find_cycles_at(family, branch, wind)
             if point.stability.stable
         ]
         if not stable:
@@ -228,7 +228,7 @@ def predict(
         found.amplitude[k] = stable[0].half_range()
         models = [each.model(stable[0].value) for each in draws]
         kept = find_nearby_cycles(models, stable[0])
-        found.low[k], found.high[k] = intervals(kept, len(parts.states))[:, :-1]
+        found.low[k], found.high[k] = cycle_intervals(kept, len(parts.states))[:, :-1]
         found.unresolved[k] = 1 - len(kept) / max(1, len(models))
     reason = f"no stable limit cycle at {', '.join(missing)} m/s" if missing else ""
     return replace(found, reason=reason)
@@ -255,7 +255,7 @@ def draw_splits(
     return found
 
 
-def intervals(orbits: Sequence[Orbit], n_states: int, fewest: float = MOST) -> np.ndarray:
+def cycle_intervals(orbits: Sequence[Orbit], n_states: int, fewest: float = MOST) -> np.ndarray:
     """Compute 95 % intervals of amplitudes and period from a random sample of limit cycles.
 
     The period is in s. Returns (2, n_states + 1), the period last. fewest: as of
@@ -290,7 +290,7 @@ def _follow_models(models: Sequence[PolynomialModel], orbit: Orbit) -> Orbit | N
     found = orbit
     with suppress(NotConverged):
         for model in models:
-            problem = CycleProblem.about(constant(model, orbit.sizes), found, resolution=1.0)
+            problem = CycleProblem.about(constant_family(model, orbit.sizes), found, resolution=1.0)
             border = problem.along_parameter()
             found = correct_guess(problem, found.vector, border, CORRECTED).solution
         if found.spread > limit_cycles.VANISHED * orbit.spread:
@@ -317,10 +317,10 @@ def limit_cycle_ahead(
     if not np.all(np.isfinite(motion.states)):
         raise ValueError(f"the model does not settle: {motion.kind}")
     point = limit_cycles.cycle_from_motion(
-        constant(found), 0.0, motion.time, motion.states, resolution=1.0
+        constant_family(found), 0.0, motion.time, motion.states, resolution=1.0
     )
     models = []
     if len(identified.covariance) == identified.support.sum() > 0:
         models = [model.without_absent_terms() for model in draw_models_and_rivals(identified, rng)]
-    ends = intervals(find_nearby_cycles(models, point.solution), len(found.states))[:, :-1]
+    ends = cycle_intervals(find_nearby_cycles(models, point.solution), len(found.states))[:, :-1]
     return point.solution.half_range(), *ends

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from galloping.cycles.limit_cycles import find_cycle_from_motion
-from galloping.cycles.prediction import Split, find_nearby_cycles, intervals, split
+from galloping.cycles.prediction import Split, cycle_intervals, find_nearby_cycles, split
 from galloping.cycles.settling import Settled, settle
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import STATES, coefficients, make_line_and_modes, make_model
@@ -136,7 +136,7 @@ def with_measure(
             for each in (centre, *(places(orbit.states) for orbit in orbits))
         )
         room = least, *interval_of_draws(others)
-        v, w, *_ = zip(half, *intervals(orbits, len(STATES), 2)[:, :-1], strict=True)
+        v, w, *_ = zip(half, *cycle_intervals(orbits, len(STATES), 2)[:, :-1], strict=True)
     wind = critical, *interval_of_draws(critical_winds(line, scaled))
     numbers = {
         "critical_wind_m_s": wind,
