@@ -1,4 +1,6 @@
 """Settings of a study; `keys/keys.csv` describes each key."""
+# mypy: disable-error-code="misc"
+# (`keys` makes the base classes of sections when this module is imported)
 
 from inspect import signature
 from itertools import pairwise, product
@@ -19,21 +21,17 @@ from galloping.paper.unknowns import FIRST_READING
 from galloping.recording.measurement import PROTOCOLS
 
 LineSection = keys("line", "The span and how it hangs.")
-INITIAL_STATE_KEYS: Any = keys("initial_state")
 GUSTS = keys(
     "gusts", "The wind about its mean, the same along the span.", spectrum=one_of(tuple(SPECTRA))
 )
 LARGEST_SAG = 0.25  # of the span: beyond, the parabola is off by more than a tenth of the tension
 
 
-class InitialStateSection(INITIAL_STATE_KEYS):
+class InitialStateSection(keys("initial_state")):
     """Initial modal displacements and velocities of a simulated motion."""
 
 
-SPACERS_KEYS: Any = keys("spacers")
-
-
-class SpacersSection(SPACERS_KEYS):
+class SpacersSection(keys("spacers")):
     """Mass and positions of the spacers along the span."""
 
     @field_validator("positions")
@@ -47,10 +45,7 @@ class SpacersSection(SPACERS_KEYS):
         return positions
 
 
-ICE_KEYS: Any = keys("ice")
-
-
-class IceSection(ICE_KEYS):
+class IceSection(keys("ice")):
     """Aerodynamic coefficients of the iced conductors."""
 
     @field_validator("vertical", "horizontal")
@@ -69,10 +64,7 @@ class IceSection(ICE_KEYS):
         return value
 
 
-TRUTH_KEYS: Any = keys("truth", gusts=GUSTS)
-
-
-class TruthSection(TRUTH_KEYS):
+class TruthSection(keys("truth", gusts=GUSTS)):
     """Model that is simulated as the true system, and the positions of its sensors."""
 
     @model_validator(mode="after")
@@ -94,22 +86,21 @@ class TruthSection(TRUTH_KEYS):
         return self
 
 
-CASE_KEYS: Any = keys(
-    "case",
-    conductor=keys("conductor", "One sub-conductor."),
-    bundle=keys("bundle", "How many sub-conductors there are, and the size the wind sees."),
-    line=LineSection,
-    spacers=SpacersSection,
-    ice=IceSection,
-    wind=keys("wind", "The steady wind across the line."),
-    damping=keys("damping", "Structural damping, as ratios to critical."),
-    initial_state=InitialStateSection,
-    initial_states=dict[Name, InitialStateSection],
-    truth=TruthSection,
-)
-
-
-class CaseSection(CASE_KEYS):
+class CaseSection(
+    keys(
+        "case",
+        conductor=keys("conductor", "One sub-conductor."),
+        bundle=keys("bundle", "How many sub-conductors there are, and the size the wind sees."),
+        line=LineSection,
+        spacers=SpacersSection,
+        ice=IceSection,
+        wind=keys("wind", "The steady wind across the line."),
+        damping=keys("damping", "Structural damping, as ratios to critical."),
+        initial_state=InitialStateSection,
+        initial_states=dict[Name, InitialStateSection],
+        truth=TruthSection,
+    )
+):
     """One case of a study: an overhead line, its wind and its initial states."""
 
     @model_validator(mode="after")
@@ -117,10 +108,10 @@ class CaseSection(CASE_KEYS):
         span = show(self.line.span)
         for position in self.spacers.positions:
             if position >= self.line.span:
-                told = f"{show(position)} is beyond the span ({span} m); must be > 0 and < {span} m"
-                raise make_error(told, "spacers", "positions")
-        if told := self.describe_slackness(self.line.tension):
-            raise make_error(told, "line", "tension")
+                text = f"{show(position)} is beyond the span ({span} m); must be > 0 and < {span} m"
+                raise make_error(text, "spacers", "positions")
+        if text := self.describe_slackness(self.line.tension):
+            raise make_error(text, "line", "tension")
         return self
 
     def describe_slackness(self, tension: float) -> str:
@@ -161,10 +152,7 @@ SWEPT = one_of(tuple(PARAMETERS))
 MOST_VALUES = 1000  # of a sweep
 
 
-SIMULATION_KEYS: Any = keys("simulation")
-
-
-class SimulationSection(SIMULATION_KEYS):
+class SimulationSection(keys("simulation")):
     """Duration, sampling rate and steady window of the simulation of each case."""
 
     @property
@@ -202,13 +190,12 @@ class SimulationSection(SIMULATION_KEYS):
         return window
 
 
-MEASUREMENT_KEYS: Any = keys(
-    "measurement",
-    subsets=keys("subsets", "Random subsets of the record, to see how much data is needed."),
-)
-
-
-class MeasurementSection(MEASUREMENT_KEYS):
+class MeasurementSection(
+    keys(
+        "measurement",
+        subsets=keys("subsets", "Random subsets of the record, to see how much data is needed."),
+    )
+):
     """Measurement setups and noise levels of the simulated recordings."""
 
     protocols: selection(ProtocolName) = setting(  # type: ignore[valid-type]
@@ -218,10 +205,7 @@ class MeasurementSection(MEASUREMENT_KEYS):
     )
 
 
-LIBRARY_KEYS: Any = keys("library")
-
-
-class LibrarySection(LIBRARY_KEYS):
+class LibrarySection(keys("library")):
     """Candidate terms of the models, and the identification methods."""
 
     methods: selection(MethodName) = setting(  # type: ignore[valid-type]
@@ -240,12 +224,9 @@ Identification = create_model(
 )
 
 
-RECORDINGS_KEYS: Any = keys(
-    "recordings", files=FolderPath, mapping=FolderPath, known=str, case=Name
-)
-
-
-class RecordingsSection(RECORDINGS_KEYS):
+class RecordingsSection(
+    keys("recordings", files=FolderPath, mapping=FolderPath, known=str, case=Name)
+):
     """Files with measured recordings of one system, and how a model is identified from them."""
 
     @field_validator("publish")
@@ -259,12 +240,9 @@ class RecordingsSection(RECORDINGS_KEYS):
         return publish
 
 
-TRIAL_KEYS: Any = keys(
-    "trial", kind=one_of(tuple(KINDS)), cases=str, methods=MethodName, protocols=ProtocolName
-)
-
-
-class TrialSection(TRIAL_KEYS):
+class TrialSection(
+    keys("trial", kind=one_of(tuple(KINDS)), cases=str, methods=MethodName, protocols=ProtocolName)
+):
     """Trials of identification methods on many recordings whose true model is known."""
 
     @model_validator(mode="after")
@@ -282,8 +260,8 @@ class TrialSection(TRIAL_KEYS):
                 )
         for method in self.methods or ():
             if kind.usable and method not in kind.usable:
-                told = f"{show(method)} is no method of {self.kind}"
-                raise make_error(f"{told}; allowed: {', '.join(kind.usable)}", "methods")
+                text = f"{show(method)} is no method of {self.kind}"
+                raise make_error(f"{text}; allowed: {', '.join(kind.usable)}", "methods")
         for duration in self.durations or ():
             for case in self.cases or kind.cases:
                 if duration > LONGEST.get(case, duration):
@@ -294,10 +272,7 @@ class TrialSection(TRIAL_KEYS):
         return self
 
 
-SWEEP_KEYS: Any = keys("sweep", parameter=SWEPT, second=SWEPT)
-
-
-class SweepSection(SWEEP_KEYS):
+class SweepSection(keys("sweep", parameter=SWEPT, second=SWEPT)):
     """Range over which one or two parameters of every line are varied."""
 
     @field_validator("values", "second_values")
@@ -325,10 +300,7 @@ class SweepSection(SWEEP_KEYS):
         return self
 
 
-MEASURE_KEYS: Any = keys("measure", kind=one_of(tuple(measures.KINDS)))
-
-
-class MeasureSection(MEASURE_KEYS):
+class MeasureSection(keys("measure", kind=one_of(tuple(measures.KINDS)))):
     """Settings of one measure against galloping, such as a damper."""
 
     @model_validator(mode="after")
@@ -349,8 +321,9 @@ class MeasureSection(MEASURE_KEYS):
         return self.positions or (() if self.position is None else (self.position,))
 
 
-ASSESSMENT_KEYS: Any = keys(
+AssessmentSection = keys(
     "assessment",
+    "Assessment of galloping: amplitudes, clearance, and measures against it.",
     open_parameters=keys(
         "open_parameters",
         "What the paper leaves open of its first line: values at which its claims are judged.",
@@ -359,32 +332,27 @@ ASSESSMENT_KEYS: Any = keys(
 )
 
 
-class AssessmentSection(ASSESSMENT_KEYS):
-    """Assessment of galloping: amplitudes, clearance, and measures against it."""
-
-
 def _default_sweeps() -> dict[str, SweepSection]:
     second = {"second": "tension", "second_values": (15000, 45000, 3000)}
     return {"wind": SweepSection(), "resonance": SweepSection(values=(4, 24, 2), **second)}
 
 
-SETTINGS_KEYS: Any = keys(
-    "study",
-    results=FolderName,
-    reference=FolderPath,
-    cases=(dict[Name, CaseSection], paper_cases),
-    simulation=SimulationSection,
-    measurement=MeasurementSection,
-    identification=Identification,
-    recordings=dict[Name, RecordingsSection],
-    sweeps=(dict[Name, SweepSection], _default_sweeps),
-    assessment=AssessmentSection,
-    trials=dict[Name, TrialSection],
-    figures=keys("figures", "How figures are drawn."),
-)
-
-
-class Settings(SETTINGS_KEYS):
+class Settings(
+    keys(
+        "study",
+        results=FolderName,
+        reference=FolderPath,
+        cases=(dict[Name, CaseSection], paper_cases),
+        simulation=SimulationSection,
+        measurement=MeasurementSection,
+        identification=Identification,
+        recordings=dict[Name, RecordingsSection],
+        sweeps=(dict[Name, SweepSection], _default_sweeps),
+        assessment=AssessmentSection,
+        trials=dict[Name, TrialSection],
+        figures=keys("figures", "How figures are drawn."),
+    )
+):
     """All settings of a study."""
 
     @model_validator(mode="after")
@@ -392,10 +360,10 @@ class Settings(SETTINGS_KEYS):
         for name, sweep in self.sweeps.items():
             swept = ((sweep.parameter, "values"), (sweep.second, "second_values"))
             for case, (parameter, key) in product(self.cases.values(), swept):
-                if parameter == "tension" and (
-                    told := case.describe_slackness(getattr(sweep, key)[0])
-                ):
-                    raise make_error(told, "sweeps", name, key)
+                if parameter == "tension":
+                    lowest = getattr(sweep, key)[0]
+                    if text := case.describe_slackness(lowest):
+                        raise make_error(text, "sweeps", name, key)
         return self
 
     @field_validator("results")
@@ -421,36 +389,36 @@ class Settings(SETTINGS_KEYS):
         most = self.simulation.samples
         for points in self.measurement.subsets.points:
             if points > most:
-                told = f"{points} is larger than the record ({most} samples)"
-                raise make_error(told, "measurement", "subsets", "points")
+                text = f"{points} is larger than the record ({most} samples)"
+                raise make_error(text, "measurement", "subsets", "points")
         methods, protocols = self.identification.methods, self.measurement.protocols
         usable = [m.name for m in METHODS if set(m.protocols) & set(protocols)]
         if not set(usable) & set(methods):
-            told = f"{show(methods)} cannot use the recordings of protocol {', '.join(protocols)}"
-            told += f"; must hold one of {', '.join(usable)}"
-            raise make_error(told, "identification", "methods")
+            text = f"{show(methods)} cannot use the recordings of protocol {', '.join(protocols)}"
+            text += f"; must hold one of {', '.join(usable)}"
+            raise make_error(text, "identification", "methods")
         for name, recordings in self.recordings.items():
             if recordings.case is not None and recordings.case not in self.cases:
-                told = f"{show(recordings.case)} is no case; must be one of {', '.join(self.cases)}"
-                raise make_error(told, "recordings", name, "case")
+                text = f"{show(recordings.case)} is no case; must be one of {', '.join(self.cases)}"
+                raise make_error(text, "recordings", name, "case")
         of_paper = {n: each for n, each in self.trials.items() if KINDS[each.kind].table == PAPER}
         first = FIRST_READING.name  # with which all others are compared
         compared = equal_effort(list(of_paper))
         if of_paper and not any(
             first in (of_paper[name].cases or KINDS[PAPER].cases) for name in compared
         ):
-            told = (
+            text = (
                 f"{', '.join(compared)} of kind {PAPER}; at least one must have the case {first!r}"
             )
-            raise make_error(told, "trials")
+            raise make_error(text, "trials")
         for name, case in self.cases.items():
             for label, measure in self.assessment.measures.items():
                 for place in measure.places:
                     if not 0 < place < case.line.span:
-                        told = f"{show(place)} m is outside the span of {name}; must be inside "
-                        told += f"0..{show(case.line.span)} m"
-                        raise make_error(told, "assessment", "measures", label)
+                        text = f"{show(place)} m is outside the span of {name}; must be inside "
+                        text += f"0..{show(case.line.span)} m"
+                        raise make_error(text, "assessment", "measures", label)
         if Path(self.results).resolve().is_relative_to(Path(self.reference).resolve()):
-            told = f"{show(self.results)} is in the folder of the reference, {show(self.reference)}"
-            raise make_error(f"{told}; must be outside it", "results")
+            text = f"{show(self.results)} is in the folder of the reference, {show(self.reference)}"
+            raise make_error(f"{text}; must be outside it", "results")
         return self
