@@ -89,10 +89,7 @@ def simulation(results: Path) -> list[dict]:
 
 
 def integration(results: Path) -> list[dict]:
-    """Time the simulation of the default line and of its sensitivities, against heyoka.
-
-    heyoka is omitted if it is not installed.
-    """
+    """Time the default line's simulation and sensitivities, also with heyoka if installed."""
     line = read_model(results / f"models/{CASE}.json").model
     motion = read_trajectories(results / f"trajectories/{CASE}.npz")[0]
     time, start, free = motion.time, motion.states[0], np.argwhere(line.support)
@@ -117,10 +114,7 @@ def integration(results: Path) -> list[dict]:
 def heyoka_peers(
     line: PolynomialModel, free: np.ndarray, start: np.ndarray, time: np.ndarray
 ) -> Iterator[Callable]:
-    """Yield functions that compute the default line's motion and its sensitivities with heyoka.
-
-    They are compiled equivalents of `integration`.
-    """
+    """Yield the functions of heyoka that compute the same as those of `integration`."""
     import heyoka as hy
 
     x, values = hy.make_vars(*line.states), [hy.par[k] for k in range(len(free))]
@@ -182,10 +176,7 @@ def limit(results: Path) -> list[dict]:
 
 
 def command() -> list[dict]:
-    """Measure the processor time of the command `galloping identify` on the README's example.
-
-    It is measured with the default threads and with one.
-    """
+    """Measure the processor time of `galloping identify`, with the default threads and with one."""
     example, threads = ROOT / "examples/span", ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
     default = {name: value for name, value in os.environ.items() if name not in threads}
 
@@ -229,10 +220,7 @@ def costs(results: Path) -> pd.DataFrame:
 
 
 def jobs(results: Path, older: Path | None) -> list[dict]:
-    """Tabulate the run time of a study's jobs by rule, and the largest memory of a job.
-
-    older: a study of an older version to compare with, or None.
-    """
+    """Tabulate the largest memory of a job and job seconds by rule, also of an older study."""
     now, before = costs(results), costs(older) if older else None
     rows, peer = [row("memory of the largest job", now["max_rss"].max(), "MiB", bar="<= 1024")], {}
     for study, when in ((now, ""), (before, " before")):
@@ -246,10 +234,7 @@ def jobs(results: Path, older: Path | None) -> list[dict]:
 
 
 def planning(folder: str) -> list[dict]:
-    """Time Snakemake's planning of the default study and of a study with 5,000 jobs.
-
-    folder: a copy of the project.
-    """
+    """Time Snakemake's planning of the default study and of one of 5,000 jobs, in a copy."""
     larger = Path(folder) / "larger.yaml"
     levels = [round(0.001 * k, 3) for k in range(LEVELS)]
     larger.write_text(yaml.safe_dump({"results": "larger", "measurement": {"levels": levels}}))
@@ -266,10 +251,7 @@ def planning(folder: str) -> list[dict]:
 
 
 def whole_runs() -> list[dict]:
-    """Time runs of the default and the smoke-test study from scratch, and a run without changes.
-
-    They have two cores.
-    """
+    """Time the default and the smoke study from scratch, and a run with nothing to do."""
     tracked = subprocess.run(
         ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True, text=True
     ).stdout.split("\0")

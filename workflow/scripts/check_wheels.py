@@ -25,10 +25,7 @@ UNREACHABLE = ("Failed to fetch", "error sending request", "dns error", "Could n
 
 
 def resolved(lock: Path, system: str, python: str) -> subprocess.CompletedProcess:
-    """Test with uv, without installing, whether a lock file resolves for a system and a Python.
-
-    Returns the finished process.
-    """
+    """Test with uv, without installing, whether a lock file resolves for a system and a Python."""
     built = (option for name in BUILT[python] for option in ("--no-binary", name))
     with tempfile.TemporaryDirectory() as folder:
         return subprocess.run(

@@ -14,10 +14,7 @@ OSCILLATORS = {
 
 
 def forced(time: np.ndarray) -> np.ndarray:
-    """Simulate an oscillator under white-noise forces: displacement and velocity over time.
-
-    Returns (n, 2).
-    """
+    """Simulate the (n, 2) displacement and velocity of an oscillator in white-noise forces."""
     step, states = time[1] - time[0], np.zeros((len(time), 2))
     for k, kick in enumerate(np.random.default_rng(1).normal(size=len(time) - 1)):
         q, dq = states[k]

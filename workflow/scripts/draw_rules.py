@@ -27,10 +27,7 @@ Graph = dict[str, set[str]]  # by rule, those that it reads from
 
 
 def build_graph(jobs: Iterable[PlannedJob]) -> Graph:
-    """Build the dependency graph of the workflow's rules, without links that other links imply.
-
-    By rule, it has the rules whose outputs the rule reads.
-    """
+    """Map each rule to the rules whose outputs it reads, without links that others imply."""
     jobs = list(jobs)
     rule_of = {path: job.rule for job in jobs for path in job.outputs}
     reads: Graph = {job.rule: set() for job in jobs}

@@ -8,10 +8,7 @@ from galloping.study.files import read_trajectories, write_identified
 
 
 def identify_models(case, protocol, cell, trajectory, models, measurement, degree, methods):
-    """Identify models from a set of simulated recordings with several methods; write them.
-
-    The methods are those of one family.
-    """
+    """Identify models from simulated recordings with the methods of a family; write them."""
     motions, name = read_trajectories(trajectory), (case, protocol, cell)
     recordings = recordings_of(motions, name=name, **measurement)
     terms = polynomial_library(len(motions[0].names), degree)

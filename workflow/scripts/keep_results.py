@@ -41,10 +41,7 @@ FAULTS = {
 
 
 def main() -> None:
-    """Run the command that the command line names, such as verify, publish or restore.
-
-    An error ends the process with one line.
-    """
+    """Run the command that the command line names, such as verify, publish or restore."""
     parser = argparse.ArgumentParser(description=__doc__)
     commands = parser.add_subparsers(required=True)
     for function, *options in (
@@ -110,10 +107,7 @@ def verify_archive(archive, sha256, configfile):
 
 
 def compare(folder: Path, study: dict) -> None:
-    """Compare settings and tables of an unpacked archive with the study in this folder.
-
-    Exits with 1 if they differ.
-    """
+    """Compare an unpacked archive with the study of this folder; exit with 1 if numbers differ."""
     results, before = study["results"], published_settings(folder)
     if not tables_of(Path(results)):
         print(f"{results}: no study here, so that no numbers were compared")

@@ -178,10 +178,7 @@ def check(results: str, configfiles: list[str], repair: str) -> list[str]:
 
 
 def mend(results: str, configfiles: list[str]) -> list[str]:
-    """Repair a study after a crash or edited files, and return targets for Snakemake.
-
-    What was done is printed; targets are as in `check`.
-    """
+    """Repair a study after a crash or an edit, print what was done, return targets as `check`."""
     from galloping.reproducibility.plan import planning, recorded, unlock
     from galloping.reproducibility.repair import adopt, set_aside
 

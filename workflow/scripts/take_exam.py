@@ -56,10 +56,7 @@ def main(*arguments: str) -> int:
 
 
 def select_trials(study: Study, strata: Sequence[str]) -> list[Trial]:
-    """Select trials of a study by name, or all of them if no name is given.
-
-    Raises ValueError for another name.
-    """
+    """Select trials of a study by name, or all for no name; raise ValueError for another name."""
     if not study.settings.exam:
         raise ValueError("exam: false; the configuration of an exam says true")
     known = [trial.name for trial in study.trials]
@@ -88,10 +85,7 @@ def read_before(study: Study, file: str | None) -> pd.DataFrame:
 
 
 def format_table(strata: pd.DataFrame, compared: pd.DataFrame) -> Iterator[str]:
-    """Yield the lines of a text table of results by group of recordings, with their changes.
-
-    Groups are the strata; changes are in brackets.
-    """
+    """Yield the lines of a text table of the strata, with changes from before in brackets."""
     shifts = {
         (row["stratum"], row["method"], row["measure"]): row for row in compared.to_dict("records")
     }

@@ -20,10 +20,7 @@ dependencies:
 
 
 def requirements(project: dict, extra: str) -> Iterator[tuple[str, str]]:
-    """Yield name and version range of each package that a project and one of its extras require.
-
-    The extras that the extra names are included.
-    """
+    """Yield name and version range of each package that a project with an extra requires."""
     listed = [*project["dependencies"], *project["optional-dependencies"][extra]]
     for requirement in listed:
         name, within, versions = re.fullmatch(
@@ -37,10 +34,7 @@ def requirements(project: dict, extra: str) -> Iterator[tuple[str, str]]:
 
 
 def environment(pyproject: str) -> str:
-    """Format the conda environment file for the study's jobs from pyproject.toml.
-
-    The jobs do not import Snakemake.
-    """
+    """Format the conda environment file for jobs, which need no Snakemake, from pyproject.toml."""
     project = tomllib.loads(pyproject)["project"]
     needed = {
         name.lower(): versions

@@ -54,10 +54,7 @@ def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> ND
 
 
 def count_dimensions(name: str, values: ArrayLike) -> int:
-    """Return the number of dimensions of values, 0 of a number; raise ValueError for ragged lists.
-
-    The message names `name`.
-    """
+    """Return the number of dimensions of values, 0 of a number; raise ValueError if ragged."""
     try:
         return np.ndim(values)
     except ValueError:
@@ -111,10 +108,7 @@ def as_seconds(name: str, times: Any) -> Any:
 
 
 def as_increasing(name: str, values: ArrayLike) -> NDArray[np.float64]:
-    """Convert times to a float array; raise ValueError unless finite and strictly increasing.
-
-    There must be two or more times.
-    """
+    """Convert two or more finite, strictly increasing times to floats; else raise ValueError."""
     array = as_floats(name, values, (None,))
     if len(array) < 2 or not np.all(np.isfinite(array)) or not np.all(np.diff(array) > 0):
         raise ValueError(f"{name}: must be finite, strictly increasing, two samples or more")

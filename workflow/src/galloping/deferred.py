@@ -35,10 +35,7 @@ class Deferred:
 
 @cache
 def file_of(name: str) -> Path | None:
-    """Return the source file of a module, given its full name, or None if it does not exist.
-
-    A package has the file `__init__.py`.
-    """
+    """Return the source file of a module or package (`__init__.py`) by its full name, or None."""
     base = SOURCE.joinpath(*name.split("."))
     return next(filter(Path.is_file, (base / "__init__.py", base.with_suffix(".py"))), None)
 

@@ -295,10 +295,7 @@ class MaximumLikelihood:
     # --- what scikit-learn expects of an estimator ---
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Return the constructor options of the estimator as a dict by name.
-
-        deep: has no effect, because no option is an estimator.
-        """
+        """Return the constructor options by name; `deep` has no effect, as none is an estimator."""
         return {name: getattr(self, name) for name in signature(type(self)).parameters}
 
     def set_params(self, **options: Any) -> "MaximumLikelihood":

@@ -35,10 +35,7 @@ def show(value: object) -> str:
 
 
 def make_error(text: str, *below: str) -> PydanticCustomError:
-    """Make the pydantic error of a failed check, with a message and the keys at fault.
-
-    below: keys from the validated field to the one at fault.
-    """
+    """Make the pydantic error of a failed check; `below`: the keys from its field to the fault."""
     return PydanticCustomError("invalid", "{text}", {"text": text, "below": below})
 
 

@@ -15,10 +15,7 @@ PARTIAL = ".partial-"  # begins the name of what is not finished yet
 
 
 def partial_prefix() -> str:
-    """Return the name prefix of the temporary files that this process writes.
-
-    A killed process leaves such files.
-    """
+    """Return the name prefix of this process's temporary files, which remain if it is killed."""
     return f"{PARTIAL}{os.getpid()}-"
 
 
@@ -108,10 +105,7 @@ def write_text(path: str | os.PathLike, text: str) -> None:
 
 
 def write_json(path: str | os.PathLike, content: object, indent: int | None = 2) -> None:
-    """Write dicts, lists and plain values to a JSON file; raise ValueError for NaN or infinity.
-
-    indent: None for one line.
-    """
+    """Write plain values to a JSON file, in one line without indent; raise ValueError for NaN."""
     write_text(path, json.dumps(content, indent=indent, allow_nan=False) + "\n")
 
 

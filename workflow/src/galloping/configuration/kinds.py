@@ -114,9 +114,6 @@ KINDS = {
 
 
 def equal_effort(names: Iterable[str]) -> list[str]:
-    """Select the trials of the paper that give each reading one run, by their names.
-
-    Their names begin with `readings`; without such a name all trials count.
-    """
+    """Select the trials named `readings...`, which give each reading one run, or else all."""
     every = list(names)
     return [name for name in every if name.startswith("readings")] or every

@@ -59,10 +59,7 @@ def plain(settings: Section) -> dict:
 
 
 def load_files(configfiles: Iterable[str | Path]) -> Settings:
-    """Load the settings of a study from YAML files, of which later files override earlier ones.
-
-    Raises ConfigurationError for a mistake anywhere in them.
-    """
+    """Load settings from YAML files, the later over the earlier; raise ConfigurationError."""
     files = [read(file) for file in configfiles]
     return load(clean_merged(reduce(_override_sections, files), files))
 

@@ -124,10 +124,7 @@ HEADER = ("Key", "Default", "Unit", "Allowed", "Provenance", "Meaning")
 
 
 def with_key_table(text: str) -> str:
-    """Replace the table of all settings between two markers in a Markdown text.
-
-    Raises ValueError if a marker is missing.
-    """
+    """Replace the table of keys between two markers; raise ValueError if one is missing."""
     before, begin, below = text.partition(BEGIN)
     _, end, after = below.partition(END)
     if not (begin and end):

@@ -127,10 +127,7 @@ def write_manifest(folder: Path) -> None:
 
 
 def manifest_faults(folder: Path) -> Iterator[str]:
-    """Yield a line of text for each file that is missing, new or changed since its manifest.
-
-    The manifest has the SHA-256 of each file.
-    """
+    """Yield a line for each file that is missing, new or changed since the manifest was written."""
     try:
         lines = (folder / MANIFEST).read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError):
@@ -152,10 +149,7 @@ RECEIPT_LIST = TypeAdapter(list[Receipt])
 
 
 def check_digest(archive: str | Path, expected: str | None) -> str:
-    """Compute the SHA-256 of an archive, and compare it with the published value.
-
-    expected: the published value, or None. Raises NotRestorable if they differ.
-    """
+    """Return an archive's SHA-256; raise NotRestorable unless it is the `expected` one, if any."""
     present = digest(archive)
     if expected and present != expected.lower():
         raise NotRestorable(f"{archive}: SHA-256 {present}, not {expected}")
@@ -163,10 +157,7 @@ def check_digest(archive: str | Path, expected: str | None) -> str:
 
 
 def published_settings(folder: Path) -> dict:
-    """Read the settings of a published study from its unpacked archive.
-
-    Raises NotRestorable.
-    """
+    """Read the settings in an unpacked archive; raise NotRestorable for faulty ones."""
     try:
         return plain(load(read(folder / CONFIGURATION)))
     except ConfigurationError as error:
@@ -193,10 +184,7 @@ def published_receipts(folder: Path) -> dict[str, Receipt]:
 
 
 def faults(folder: Path) -> Iterator[str]:
-    """Yield a line of text for each contradiction between an archive's files and its own records.
-
-    The archive is unpacked.
-    """
+    """Yield a line for each contradiction between an unpacked archive's files and its records."""
     if lines := list(manifest_faults(folder)):
         yield from lines  # receipts would say the same again
         return

@@ -195,10 +195,7 @@ def publish(plan: Plan, allowed: Collection[str] = ()) -> Path:
 
 
 def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator[tuple[str, str]]:
-    """Yield the reasons against publishing a study, each with its kind, such as `outdated`.
-
-    `ALLOWABLE` has the kinds that can be allowed.
-    """
+    """Yield each reason against publishing a study: its kind, such as `outdated`, and its text."""
     shown = [*results.glob("tables/*"), *results.glob("figures/*")]
     if present is None:
         yield "dirty", "git knows no commit of this folder"

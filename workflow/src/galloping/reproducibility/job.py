@@ -75,10 +75,7 @@ def failures(results: str, since: int) -> list[str]:
 
 
 def arguments(function: Callable[..., None], job) -> dict:
-    """Collect the arguments for a script's function from the inputs and parameters of its job.
-
-    They are those with which `run` calls the function.
-    """
+    """Collect the arguments with which `run` calls a script's function, from its job."""
     asked = signature(function).parameters
     params = {name: of for name, of in job.params.items() if name not in (CODE, CAPTION)}
     values = {name: next(iter(of.values())) for name, of in params.items()}

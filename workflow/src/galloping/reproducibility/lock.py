@@ -124,10 +124,7 @@ def marked_environment(results: str) -> dict[str, str]:
 
 
 def snakemakes(folder: Path) -> list[psutil.Process]:
-    """List the running Snakemake processes in a folder, except ancestors of this process.
-
-    Only main processes are listed.
-    """
+    """List the main Snakemake processes in a folder, except ancestors of this process."""
     own = {os.getpid(), *(parent.pid for parent in psutil.Process().parents())}
     return [
         process
@@ -138,10 +135,7 @@ def snakemakes(folder: Path) -> list[psutil.Process]:
 
 
 def end_orphans(results: str) -> int:
-    """Terminate the processes that a killed run left running, and return their number.
-
-    Processes that still run after PATIENCE seconds are killed.
-    """
+    """End the processes that a killed run left running, by force if need be; return the number."""
     mark, others = marked_environment(results)[RESULTS_VARIABLE], psutil.process_iter(["environ"])
     left = [p for p in others if (p.info["environ"] or {}).get(RESULTS_VARIABLE) == mark]
     left = [process for process in left if process.pid != os.getpid()]
@@ -154,10 +148,7 @@ def end_orphans(results: str) -> int:
 
 
 def clear_unfinished(results: str) -> Iterator[str]:
-    """Remove the partly written files that killed processes left; yield a message for each.
-
-    See `storage.replacing`.
-    """
+    """Remove partly written files, see `storage.replacing`; yield a message for each."""
     for path in sorted(Path(results).rglob(f"{PARTIAL}*")):
         shutil.rmtree(path) if path.is_dir() else path.unlink()
         yield f"removed the unfinished {path}"

@@ -147,10 +147,7 @@ def recorded(configfiles: Sequence[str] = ()) -> set[str]:
 
 
 def record(plan: Plan) -> None:
-    """Record in Snakemake that all existing files of planned jobs are up to date.
-
-    It uses --touch, which records the same of planned files that are missing.
-    """
+    """Record in Snakemake, by --touch, that planned files, even missing ones, are up to date."""
     _with_dag(plan.configfiles, lambda dag: dag.execute_workflow("touch"), force=True)
 
 

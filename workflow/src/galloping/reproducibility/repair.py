@@ -29,10 +29,7 @@ class Audit:
 
 
 def audit(plan: Plan) -> Audit:
-    """Classify each result file of a study, for example as sound, damaged, missing or outdated.
-
-    Every file is read and compared with its receipt, its settings and its inputs.
-    """
+    """Read each result file, and classify it by its receipt, settings and inputs."""
     known, maker = receipts(plan.results), plan.maker
     planned = {path: receipt for path, receipt in known.items() if path in maker}
     findings = inspect(plan.results, planned, thorough=True)

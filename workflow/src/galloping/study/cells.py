@@ -20,10 +20,7 @@ from galloping.results import JOINT, NOISE, SUBSET
 
 
 def drop_swept_parameters(line: Mapping, *parameters: str | None) -> dict:
-    """Remove from an overhead line's settings the values of the parameters that a sweep varies.
-
-    No sweep depends on these values.
-    """
+    """Remove the values of swept parameters, on which no sweep depends, from a line's settings."""
     gone = {place for name in parameters if name for place in PARAMETERS[name].places}
     return {
         section: {key: value for key, value in of.items() if (section, key) not in gone}
@@ -96,10 +93,7 @@ class Trial:
 
     @property
     def batches(self) -> tuple[Batch, ...]:
-        """Parts of a numerical experiment that separate jobs compute: groups of replicates.
-
-        Their names are of the case and the replicates.
-        """
+        """Parts that separate jobs compute: replicates of a case, with the names of both."""
         starts = range(0, self.replicates, self.batch)
         parts = [range(k, min(k + self.batch, self.replicates)) for k in starts]
         return tuple(
@@ -140,10 +134,7 @@ class Case:
 
     @property
     def is_continuous(self) -> bool:
-        """Whether the truth is a continuous line, for which no model coefficients are true.
-
-        No library contains the model of its motion.
-        """
+        """Whether the truth is a continuous line, for which no library has true coefficients."""
         return self.truth["model"] == "continuous"
 
     @property
@@ -211,10 +202,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Study:
-    """All computations of a study, from its settings: recordings, sweeps and experiments.
-
-    The settings are validated.
-    """
+    """All computations of a study, from its validated settings."""
 
     settings: Settings
 
@@ -270,10 +258,7 @@ class Study:
 
     @cached_property
     def cells(self) -> tuple[Cell, ...]:
-        """Study cells (sets of noisy recordings) that at least one identification method can use.
-
-        They are ordered by case and measurement setup.
-        """
+        """Study cells that at least one method can use, by case and measurement setup."""
         return tuple(
             cell
             for case in self.cases
@@ -330,10 +315,7 @@ class Study:
 
     @cached_property
     def trials(self) -> tuple[Trial, ...]:
-        """Trials (identification of many recordings with known truth) of the study.
-
-        They are in the order of the settings.
-        """
+        """Trials (identifications with known truth) of the study, in the order of the settings."""
         is_exam, trials = self.settings.exam, self.settings.trials
         return tuple(configured_trial(name, of, is_exam) for name, of in trials.items())
 

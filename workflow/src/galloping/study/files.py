@@ -27,10 +27,7 @@ CHANNELS = ("time", "values", "rates")  # of a recording
 
 
 def read(path: str | os.PathLike) -> object:
-    """Read a result file of a study with the reader that its folder and name require.
-
-    Raises ValueError for a file of no kind.
-    """
+    """Read a result file with the reader for its folder; raise ValueError for an unknown kind."""
     for pattern, reader in READERS.items():
         if PurePath(path).match(pattern):
             return reader(path)
@@ -40,10 +37,7 @@ def read(path: str | os.PathLike) -> object:
 def read_all(
     files: Mapping[str, str | PathLike | Sequence], names: Mapping[str, Sequence[str]]
 ) -> dict:
-    """Read result files into a dict with the keys of `files`, nested for a key with several files.
-
-    The names in a nested dict are those in `names`.
-    """
+    """Read files into a dict by key; the files of one key into a dict with their `names`."""
     return {
         key: read(of)
         if isinstance(of, str | PathLike)
@@ -56,10 +50,7 @@ def read_all(
 
 
 def write_table(path: str | os.PathLike, table: pd.DataFrame) -> None:
-    """Write a table to a CSV file, with ten significant digits per number.
-
-    Each row is an observation.
-    """
+    """Write a table to a CSV file, with ten significant digits per number."""
     write_rows(path, table.to_dict("records"), list(table))
 
 
@@ -114,10 +105,7 @@ def write_trajectories(path: str | os.PathLike, motions: Sequence[Motion]) -> No
 
 
 def read_trajectories(path: str | os.PathLike) -> tuple[Motion, ...]:
-    """Read the simulated motions of an overhead line, one motion for each initial displacement.
-
-    The first is for assessments of models.
-    """
+    """Read the motions of a line, one for each initial displacement, the assessed one first."""
     with np.load(path) as file:
         names, time = tuple(map(str, file["names"])), file["time"]
         motions = zip(file["states"], file["rates"], file["status"].tolist(), strict=True)
@@ -128,10 +116,7 @@ def read_trajectories(path: str | os.PathLike) -> tuple[Motion, ...]:
 
 
 def write_recordings(path: str | os.PathLike, replicates: Sequence[Sequence[Recording]]) -> None:
-    """Write simulated recordings to a file, by noise realisation and initial displacement.
-
-    Arrays that all realisations share are stored once.
-    """
+    """Write recordings by realisation and displacement; arrays that all share are stored once."""
     arrays: dict[str, np.ndarray] = {
         "states": np.array(replicates[0][0].states),
         "shape": np.array([len(replicates), len(replicates[0])]),
@@ -147,10 +132,7 @@ def write_recordings(path: str | os.PathLike, replicates: Sequence[Sequence[Reco
 
 
 def read_recordings(path: str | os.PathLike) -> list[tuple[Recording, ...]]:
-    """Read simulated recordings from a file, as a list with a tuple per noise realisation.
-
-    Each tuple has a recording for each initial displacement.
-    """
+    """Read recordings: for each noise realisation, a tuple over the initial displacements."""
     with np.load(path) as file:
         arrays = dict(file)
     states = tuple(map(str, arrays.pop("states")))
@@ -180,10 +162,7 @@ def _stack_replicates(arrays: list[np.ndarray]) -> np.ndarray:
 def write_identified(
     path: str | os.PathLike, models: Mapping[str, Sequence[IdentifiedModel]]
 ) -> None:
-    """Write the models that several methods identified, one model per noise realisation.
-
-    Each model has the format of a single model.
-    """
+    """Write the models of several methods, by method: one for each noise realisation."""
     content = {method: [each.to_plain() for each in of] for method, of in models.items()}
     write_json(path, content, indent=None)
 
@@ -195,10 +174,7 @@ def read_identified(path: str | os.PathLike) -> dict[str, list[IdentifiedModel]]
 
 
 def read_families(paths: Iterable[str | os.PathLike]) -> dict[str, list[IdentifiedModel]]:
-    """Read the identified models of several files into one dict, by method.
-
-    Each file is that of a family of methods.
-    """
+    """Read the models in files of several families of methods into one dict, by method."""
     return {method: of for path in paths for method, of in read_identified(path).items()}
 
 
@@ -216,10 +192,7 @@ def write_bounds(path: str | os.PathLike, deviations: np.ndarray) -> None:
 
 
 def read_bounds(path: str | os.PathLike) -> np.ndarray:
-    """Read the Cramér-Rao standard deviation of each coefficient from a file.
-
-    The shape is (n_samplings, n_states, n_terms), as in `write_bounds`.
-    """
+    """Read Cramér-Rao standard deviations, (n_samplings, n_states, n_terms)."""
     with np.load(path) as file:
         return file["std"]
 
@@ -263,10 +236,7 @@ def write_orbits(path: str | os.PathLike, orbits: Mapping[float, np.ndarray]) ->
 
 
 def read_orbits(path: str | os.PathLike) -> dict[float, np.ndarray]:
-    """Read orbits of an overhead line at mid-span from a file, by wind speed in m/s.
-
-    An orbit has n places (w, v) in m about rest, (n, 2).
-    """
+    """Read orbits of a line at mid-span, as `write_orbits` describes them."""
     with np.load(path) as file:
         return {float(wind): file[wind] for wind in file}
 

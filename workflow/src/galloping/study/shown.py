@@ -25,10 +25,7 @@ PRINTED_OF_STUDY = (
 
 
 def paper_pair(study: Study) -> Pair:
-    """Return the reproduced paper's measurement setup and method, or else the first usable pair.
-
-    A pair is usable if the method can use full-length recordings of the setup.
-    """
+    """Return the paper's setup and method, or else the first pair that can use whole records."""
     every = product(study.methods, study.protocols)
     pairs = [(protocol, method) for method, protocol in every if method.can_use(protocol, True)]
     return next(filter(is_papers, pairs), pairs[0])
@@ -134,10 +131,7 @@ def noise_cells(study: Study, pair: Pair, wanted: Iterable[float]) -> list[Cell]
 
 
 def amount_cells(study: Study, pair: Pair) -> list[Cell]:
-    """List sets of subsampled recordings of the first case, by increasing number of samples.
-
-    They are those that a pair of measurement setup and method can use.
-    """
+    """List the subsampled recordings of the first case that a pair can use, the shortest first."""
     return _cells_of_pair(study, study.cases[0], pair, SUBSET)
 
 
@@ -169,10 +163,7 @@ def predicted_cells(study: Study, case: str) -> dict[str, Cell]:
 
 
 def predicting_methods(cell: Cell) -> list[str]:
-    """List the methods whose predictions are shown: maximum likelihood and one other method.
-
-    The other is the first of the cell that is not of the same family.
-    """
+    """List maximum likelihood, and the first method of the cell that is of another family."""
     others = [method.name for method in cell.methods if method.family != OURS_FAMILY]
     return [OURS, *others[:1]]
 
@@ -184,18 +175,12 @@ def families_of(cell: Cell) -> list[str]:
 
 
 def ahead_cells(study: Study) -> list[Cell]:
-    """List the full-length recordings from which the final limit cycle is predicted.
-
-    They are study cells of the first case that our method can use.
-    """
+    """List the whole records of the first case from which our method predicts the limit cycle."""
     return [cell for cell in _own_cells(study, study.cases[0]) if cell.kind == NOISE]
 
 
 def oracle_cells(study: Study) -> list[Cell]:
-    """List the recordings for which the best possible tuning of pysindy is computed.
-
-    They are whole noisy records of all states.
-    """
+    """List the cells of the oracle of pysindy's settings: whole noisy records of all states."""
     return [
         cell
         for cell in study.cells
