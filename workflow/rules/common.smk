@@ -1,5 +1,6 @@
 # The study that the settings describe, and what its rules share.
-from functools import cache
+from functools import cache, partial, reduce
+from operator import getitem
 
 from galloping.summary import OUTPUTS, SHOWN as SHOWN_OF_FIELD
 from galloping.reproducibility import digest
@@ -56,10 +57,7 @@ wildcard_constraints:
 
 def setting(key):
     """What the configuration says at a dotted key."""
-    value = STUDY.plain
-    for part in key.split("."):
-        value = value[part]
-    return {key: value}
+    return {key: reduce(getitem, key.split("."), STUDY.plain)}
 
 
 def line(wildcards):
@@ -152,8 +150,8 @@ def captions_of_tables(*names):
     return {"caption": {name: data_dictionary.captions()[name] for name in names}}
 
 
-# Memory and time that schedulers are asked for: the maximum measured in the default study on one core,
-# and two Snakemakes of 150 MB each. Each further attempt asks for as much more.
+# Memory and time that schedulers are asked for: the maximum measured in the default study on one core
+# (in the comments), and two Snakemakes of 150 MB each. Each further attempt asks for as much more.
 
 
 def resources_by_attempt(mem_mb, runtime):
@@ -164,13 +162,11 @@ def resources_by_attempt(mem_mb, runtime):
     }
 
 
-CASE_RESOURCES = resources_by_attempt(mem_mb=1000, runtime=1)  # measured: 309 MB, 2 s
-CELL_RESOURCES = resources_by_attempt(
-    mem_mb=1000, runtime=3
-)  # 259 MB; 117 s where 1,000 points span 300 s
-TRIAL_RESOURCES = resources_by_attempt(
-    mem_mb=3000, runtime=15
-)  # 2,100 MB and 4 min for 10^5 s of record
+CASE_RESOURCES = resources_by_attempt(mem_mb=1000, runtime=1)  # 309 MB, 2 s
+# 259 MB; 117 s where 1,000 points span 300 s
+CELL_RESOURCES = resources_by_attempt(mem_mb=1000, runtime=3)
+# 2,100 MB and 4 min for 10^5 s of record
+TRIAL_RESOURCES = resources_by_attempt(mem_mb=3000, runtime=15)
 SHOW_RESOURCES = resources_by_attempt(mem_mb=600, runtime=2)  # 181 MB, 8 s
 
 

@@ -5,7 +5,6 @@
 from galloping.deferred import figures  # the jobs import it
 from galloping.results import NOISE, SUBSET
 
-PAPER_PART, METHODS_PART, ENGINEERING_PART = "paper", "methods", "engineering"
 COEFFICIENT_LEVELS = (0.01, 0.05)
 HISTORY_LEVELS = (0.05, 0.1, 0.15)
 LABEL_OF_ANIMATED = "the span in motion"  # the only figure that is not drawn on paper
@@ -42,12 +41,16 @@ def figure(part, label, function, settings=None, **reads):
     return SimpleNamespace(part=part, label=label, **vars(made(function, settings, **reads)))
 
 
+paper_figure = partial(figure, "paper")
+methods_figure = partial(figure, "methods")
+line_figure = partial(figure, "engineering")
+
+
 def histories(label, labels):
     """Time histories of the first case by the paper's method. labels: of cells, by their name."""
     protocol, method = pair = shown.paper_pair(STUDY)
     cells = {f"{FIRST}/{protocol.name}/{cell}": text for cell, text in labels.items()}
-    return figure(
-        PAPER_PART,
+    return paper_figure(
         label,
         figures.motions.draw_histories,
         {"case": FIRST, **names(pair), "cells": cells},
@@ -58,8 +61,7 @@ def histories(label, labels):
 
 FIGURES = {}
 if DEPARTURES:
-    FIGURES["printed"] = figure(
-        PAPER_PART,
+    FIGURES["printed"] = paper_figure(
         "the paper's printed numbers beside ours",
         figures.against_paper.draw_printed,
         {"case": next(iter(DEPARTURES))},
@@ -85,22 +87,19 @@ if LINES:
     in_noise = shown.noise_cells(STUDY, by_paper, HISTORY_LEVELS)
     by_amount = reversed(shown.amount_cells(STUDY, by_paper))
     FIGURES |= {
-        "figure01": figure(
-            PAPER_PART,
+        "figure01": paper_figure(
             "1 line and coordinates",
             figures.schematics.draw_line,
             first_line,
             model=MODEL,
         ),
-        "figure02": figure(
-            PAPER_PART,
+        "figure02": paper_figure(
             "2 aerodynamic load",
             figures.schematics.draw_aerodynamic_load,
             first_line,
             trajectory=TRAJECTORY,
         ),
-        "figure03": figure(
-            PAPER_PART,
+        "figure03": paper_figure(
             "3 flow chart",
             figures.schematics.draw_flow,
             {
@@ -110,8 +109,7 @@ if LINES:
                 "points": [min(points), max(points)],
             },
         ),
-        "figure04": figure(
-            PAPER_PART,
+        "figure04": paper_figure(
             "4 motion at the lowest noise" if min(levels) else "4 motion without noise",
             figures.motions.draw_recovery,
             {"cases": LINES, **names(by_paper), "level": min(levels)},
@@ -120,8 +118,7 @@ if LINES:
                 case: f"<results>/reconstructions/{cell}.npz" for case, cell in least_noise.items()
             },
         ),
-        "figure05": figure(
-            PAPER_PART,
+        "figure05": paper_figure(
             "5 terms and coefficients under noise",
             figures.each_term.draw_coefficients,
             {
@@ -138,15 +135,13 @@ if LINES:
                 f"{coefficients_at}/{{cell}}/{by_paper[1].family}.json", cell=noisy_cells
             ),
         ),
-        "figure06": figure(
-            PAPER_PART,
+        "figure06": paper_figure(
             "6 coefficient error against noise",
             figures.errors.draw_draws,
             papers | against_noise("coefficients"),
             **draws,
         ),
-        "figure07": figure(
-            PAPER_PART,
+        "figure07": paper_figure(
             "7 R² against noise",
             figures.errors.draw_draws,
             papers | against_noise("r2"),
@@ -160,23 +155,20 @@ if LINES:
             "9 time histories by amount of data",
             {each.name: f"{each.samples:,} samples" for each in by_amount},
         ),
-        "figure10": figure(
-            PAPER_PART,
+        "figure10": paper_figure(
             "10 R² and amplitude by amount of data",
             figures.errors.draw_draws,
             papers | against_points("r2", "amplitude"),
             **draws,
         ),
-        "overview": figure(
-            METHODS_PART,
+        "overview": methods_figure(
             "methods against sensor noise",
             figures.errors.draw_overview,
             {"case": FIRST, "protocol": sensors.name, "label": noise_label(sensors)},
             table=SCORES,
             peers=table_of("peers"),
         ),
-        "prediction": figure(
-            METHODS_PART,
+        "prediction": methods_figure(
             "other wind speeds, from an identified model",
             figures.motions.draw_prediction,
             {
@@ -188,8 +180,7 @@ if LINES:
             },
             table=table_of("prediction"),
         ),
-        "limit_cycles": figure(
-            ENGINEERING_PART,
+        "limit_cycles": line_figure(
             "from which wind, and how far",
             figures.motions.draw_limit_cycles,
             {
@@ -200,8 +191,7 @@ if LINES:
             cycles=table_of("limit_cycles"),
             bifurcations=table_of("bifurcations"),
         ),
-        "orbits": figure(
-            ENGINEERING_PART,
+        "orbits": line_figure(
             "orbits at mid-span",
             figures.engineering.draw_orbits,
             {
@@ -210,15 +200,13 @@ if LINES:
             },
             orbits=every("<results>/assessment/{case}/orbits.npz", case=LINES),
         ),
-        "measures": figure(
-            ENGINEERING_PART,
+        "measures": line_figure(
             "measures against galloping",
             figures.engineering.draw_measures,
             {"cases": LINES},
             table=table_of("measures"),
         ),
-        "resonance_map": figure(
-            ENGINEERING_PART,
+        "resonance_map": line_figure(
             "wind, tension and the 2:1 resonance",
             figures.motions.draw_resonance_map,
             {
@@ -231,37 +219,32 @@ if LINES:
         ),
     }
 if has_trials(TRUST):
-    FIGURES[TRUST] = figure(
-        METHODS_PART,
+    FIGURES[TRUST] = methods_figure(
         "how often each status is right",
         figures.verdicts.draw_trust,
         table=table_of("fits"),
     )
 if has_trials(MODEL_ERROR):
-    FIGURES[MODEL_ERROR] = figure(
-        METHODS_PART,
+    FIGURES[MODEL_ERROR] = methods_figure(
         "what a recording of a real line gives",
         figures.verdicts.draw_model_error,
         {"truths": [each for t in STUDY.trials if t.table == MODEL_ERROR for each in t.cases]},
         table=table_of(MODEL_ERROR),
     )
 if has_trials(EXACT_TERMS):
-    FIGURES[EXACT_TERMS] = figure(
-        METHODS_PART,
+    FIGURES[EXACT_TERMS] = methods_figure(
         "exact terms beside published methods",
         figures.verdicts.draw_published_terms,
         table=table_of(EXACT_TERMS),
     )
 if has_trials(INTERVALS):
-    FIGURES[INTERVALS] = figure(
-        METHODS_PART,
+    FIGURES[INTERVALS] = methods_figure(
         "intervals after selection beside published ones",
         figures.verdicts.draw_published_intervals,
         table=table_of(INTERVALS),
     )
 if has_trials(PAPER):
-    FIGURES["paper_region"] = figure(
-        PAPER_PART,
+    FIGURES["paper_region"] = paper_figure(
         "what the paper leaves out",
         figures.against_paper.draw_region,
         region=table_of("paper_region"),

@@ -145,7 +145,7 @@ rule write_report:
         },
         parts={
             "parts": {name: what.part for name, what in FIGURES.items()}
-            | dict.fromkeys(ANIMATED, ENGINEERING_PART)
+            | dict.fromkeys(ANIMATED, "engineering")
         },
         introduction=lambda wildcards: {
             "introduction": "\n".join(captions(".", *INTRODUCTIONS).values())

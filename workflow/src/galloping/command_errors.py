@@ -17,11 +17,12 @@ class OneLineErrors(click.Group):
     def invoke(self, context: click.Context) -> object:
         """Run the command; exit with code 1 after an input error, 130 after an interruption."""
         with suppress(ValueError):  # of another thread than the first
-            signal.signal(signal.SIGTERM, _end_command)  # so that nothing unfinished is left
+            # so that nothing unfinished is left
+            signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
         try:
             return super().invoke(context)
         except (KeyboardInterrupt, SystemError) as error:
-            if not _interrupted(error):
+            if not _is_interruption(error):
                 raise
             click.echo("Interrupted", err=True)
             context.exit(INTERRUPTED)
@@ -34,8 +35,8 @@ class OneLineErrors(click.Group):
             if what == "standard output":
                 with suppress(OSError):  # else what is left in it fails once more at the end
                     sys.stdout.close()
-            said = f"{what}: {error.strerror}" if what else str(error)
-            raise click.ClickException(_as_printable(said)) from error
+            text = f"{what}: {error.strerror}" if what else str(error)
+            raise click.ClickException(_as_printable(text)) from error
         except ValueError as error:
             raise click.ClickException(_as_printable(str(error))) from error
 
@@ -45,13 +46,8 @@ def _as_printable(text: str) -> str:
     return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
 
 
-def _end_command(number: int, _: object) -> None:
-    """End the command by an exception when a signal asks for it."""
-    sys.exit(128 + number)
-
-
-def _interrupted(error: BaseException | None) -> bool:
+def _is_interruption(error: BaseException | None) -> bool:
     """Decide whether an error is an interruption, or compiled code's report of one."""
     return isinstance(error, KeyboardInterrupt) or (
-        error is not None and _interrupted(error.__cause__)
+        error is not None and _is_interruption(error.__cause__)
     )

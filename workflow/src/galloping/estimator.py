@@ -161,14 +161,17 @@ class MaximumLikelihood:
         ValueError
             If data or options do not match, in one line.
         """
-        recordings = self._recordings(x, t, u, x_dot, self.feature_names, self.input_names)
+        recordings = make_recordings(
+            x, t, u, x_dot, states=self.feature_names, inputs=self.input_names or None,
+            between=self.between,
+        )  # fmt: skip
         states, inputs = recordings[0].states, tuple(recordings[0].inputs)
         terms, allowed = self._terms(states, inputs)
-        told = [self.known] if isinstance(self.known, str) else list(self.known)
-        texts = [each for each in told if isinstance(each, str)]
+        knowledge = [self.known] if isinstance(self.known, str) else list(self.known)
+        texts = [each for each in knowledge if isinstance(each, str)]
         known, known_states, single = known_model(texts, states, terms, inputs)
-        coefficients = [each for each in told if not isinstance(each, str)]
-        coefficients += [own for each in single for own in as_coefficients(each)]
+        coefficients = [each for each in knowledge if not isinstance(each, str)]
+        coefficients += [one for each in single for one in as_coefficients(each)]
         self.model_ = maximum_likelihood(
             recordings, terms, known, known_states, self.prior, forced=self.forced,
             coefficients=coefficients, allowed=allowed,
@@ -203,9 +206,9 @@ class MaximumLikelihood:
             self._check_inputs(x)
             u = {name: x.inputs[name](x.time) for name in model.inputs} or None
             x = x.values
-        _, _, values, own = split_samples(x, None, u, model.states)
-        self._check_inputs(own)
-        given = Table.of("u", own).matrix(model.inputs)[1] if model.inputs else None
+        _, _, values, driving = split_samples(x, None, u, model.states)
+        self._check_inputs(driving)
+        given = Table.of("u", driving).matrix(model.inputs)[1] if model.inputs else None
         if given is not None and len(given) != len(values):
             raise ValueError(f"u: has {len(given)} samples; x has {len(values)}")
         return model(values, given)
@@ -228,10 +231,11 @@ class MaximumLikelihood:
             NaN after the motion diverges, with a RuntimeWarning. `model_.simulate` returns a
             `Trajectory`.
         """
-        found, time = self._fitted(), as_increasing("t", t)
+        identified, time = self._fitted(), as_increasing("t", t)
         self._check_inputs(u)
-        driving = make_inputs(u, time, found.model.inputs, self.between) if u is not None else None
-        motion = found.simulate(x0, time, driving)
+        inputs = identified.model.inputs
+        driving = None if u is None else make_inputs(u, time, inputs, self.between)
+        motion = identified.simulate(x0, time, driving)
         if motion.status != "ok":
             warnings.warn(motion.status, RuntimeWarning, stacklevel=2)
         return motion.states
@@ -259,12 +263,15 @@ class MaximumLikelihood:
             Mean R2 of the states or of their rates: 1 for a perfect fit, 0 if it is no better than
             the mean of the samples. A stretch in which the model diverges counts as its mean.
         """
-        found = self._fitted()
-        recordings = self._recordings(x, t, u, x_dot, found.model.states, found.model.inputs)
+        identified = self._fitted()
+        recordings = make_recordings(
+            x, t, u, x_dot, states=identified.model.states, inputs=identified.model.inputs or None,
+            between=self.between,
+        )  # fmt: skip
         for one in recordings:
             self._check_inputs(one)
         if x_dot is None:
-            return float(np.mean(motion_scores(found, recordings)))
+            return float(np.mean(motion_scores(identified, recordings)))
         given = np.concatenate([one.rates for one in recordings if one.rates is not None])
         error = given - np.concatenate([self.predict(one) for one in recordings])
         left, whole = np.nanmean(error**2, axis=0), np.nanvar(given, axis=0)
@@ -334,19 +341,6 @@ class MaximumLikelihood:
         if self.model_.status == "refused" and not refused:
             raise ValueError(f"there is no model: {self.model_.reason}")
         return self.model_
-
-    def _recordings(
-        self,
-        x: Data,
-        t: SampleTimes,
-        u: Driving,
-        x_dot: Data | None,
-        states: Sequence[str] | None,
-        inputs: Sequence[str] | None,
-    ) -> list[Recording]:
-        return make_recordings(
-            x, t, u, x_dot, states=states, inputs=inputs or None, between=self.between
-        )
 
     def _terms(
         self, states: tuple[str, ...], inputs: tuple[str, ...]

@@ -5,8 +5,6 @@ import shlex
 from collections.abc import Iterator
 from importlib import metadata
 
-FIELD = "field"  # what the command needs
-
 
 def missing_line(error: ModuleNotFoundError) -> str:
     """Format an error message that names a missing package and the pip command to install it.
@@ -16,19 +14,19 @@ def missing_line(error: ModuleNotFoundError) -> str:
     name = (error.name or "").partition(".")[0]
     if name in ("", "galloping"):
         raise error
-    lacking = " ".join(map(shlex.quote, _missing_requirements(FIELD))) or name
+    lacking = " ".join(map(shlex.quote, _missing_requirements())) or name
     return f"{name} is not installed, which the command needs: python -m pip install {lacking}"
 
 
-def _missing_requirements(extra: str) -> Iterator[str]:
-    """Yield missing requirements of an extra; none if this library is not installed either."""
+def _missing_requirements() -> Iterator[str]:
+    """Yield missing requirements of the extra `field`; none if this library is not installed."""
     try:
         requirements = metadata.requires("galloping") or []
     except metadata.PackageNotFoundError:
         return
     for requirement in requirements:
         needed, _, condition = requirement.partition(";")
-        if re.fullmatch(rf"extra == ['\"]{extra}['\"]", condition.strip()):
+        if re.fullmatch(r"extra == ['\"]field['\"]", condition.strip()):
             name = re.split(r"[^\w.-]", needed, maxsplit=1)[0]
             if not any(metadata.distributions(name=name)):
                 yield needed.strip()

@@ -9,7 +9,7 @@ PASS = 0.04  # of what is left of a part: it takes ten passes or a hundred, nobo
 
 
 @dataclass
-class _Told:
+class _State:
     """State of a progress report.
 
     listen: function that receives it. part: name of the running part, from `begin` to `end` of the
@@ -23,7 +23,7 @@ class _Told:
     done: float = 0.0
 
 
-_told: ContextVar[_Told | None] = ContextVar("told", default=None)
+_state: ContextVar[_State | None] = ContextVar("progress", default=None)
 
 
 @contextmanager
@@ -44,11 +44,11 @@ def progress(listen: Callable[[str, float], object]) -> Iterator[None]:
     ...         passing("join segments")
     identify: join segments, 2%
     """
-    token = _told.set(_Told(listen))
+    token = _state.set(_State(listen))
     try:
         yield
     finally:
-        _told.reset(token)
+        _state.reset(token)
 
 
 @contextmanager
@@ -57,21 +57,21 @@ def part(name: str, until: float) -> Iterator[None]:
 
     until: share of the enclosing step, from 0 to 1, at which this one ends.
     """
-    if (told := _told.get()) is None:
+    if (state := _state.get()) is None:
         yield
         return
-    outer = told.part, told.begin, told.end
-    end = told.begin + until * (told.end - told.begin)
-    told.part, told.begin, told.end = name, told.done, end
+    outer = state.part, state.begin, state.end
+    end = state.begin + until * (state.end - state.begin)
+    state.part, state.begin, state.end = name, state.done, end
     try:
         yield
     finally:
-        told.part, told.begin, told.end = outer
-        told.done = end
+        state.part, state.begin, state.end = outer
+        state.done = end
 
 
 def passing(what: str) -> None:
     """Report to the listener of `progress` that an iteration of the step `what` begins."""
-    if (told := _told.get()) is not None:
-        told.done += PASS * (told.end - told.done)
-        told.listen(f"{told.part}: {what}" if told.part else what, told.done)
+    if (state := _state.get()) is not None:
+        state.done += PASS * (state.end - state.done)
+        state.listen(f"{state.part}: {what}" if state.part else what, state.done)

@@ -89,12 +89,8 @@ def _describe_type(node: dict, unit: str) -> str:
         case {"type": "integer"}:
             return f"a whole number {_describe_bounds(node)} {unit}".strip()
         case {"type": "number"}:
-            in_unit = f" in {unit}" if unit else ""
-            return (
-                f"{bounds} {unit}".strip()
-                if (bounds := _describe_bounds(node))
-                else f"a number{in_unit}"
-            )
+            bounds, in_unit = _describe_bounds(node), f" in {unit}" if unit else ""
+            return f"{bounds} {unit}".strip() if bounds else f"a number{in_unit}"
         case {"type": "boolean"}:
             return "true or false"
     return "" if "rule" in node else "text"  # a rule says it all

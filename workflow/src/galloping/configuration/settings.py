@@ -213,14 +213,11 @@ class LibrarySection(keys("library")):
     )
 
 
-METHOD_SECTIONS: Any = {  # of each method that has settings
+of_methods: Any = {
     m.name: (m.options, Field(default_factory=m.options)) for m in METHODS if m.options.model_fields
 }
 Identification = create_model(
-    "Identification",
-    __base__=LibrarySection,
-    __doc__="How models are found.",
-    **METHOD_SECTIONS,
+    "Identification", __base__=LibrarySection, __doc__="How models are found.", **of_methods
 )
 
 

@@ -24,26 +24,25 @@ def read(path: str | Path) -> dict:
     """
     try:
         content = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=_Loader)
-    except OSError as error:
-        raise ConfigurationError(f"{path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise ConfigurationError(f"{path}: is not UTF-8 text") from None
-    except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1
-        raise ConfigurationError(f"{path}:{line}: {error.problem}") from None
-    except (yaml.YAMLError, ValueError) as error:
-        raise ConfigurationError(f"{path}: {' '.join(str(error).split())}") from None
-    except RecursionError:
-        raise ConfigurationError(f"{path}: {ENDLESS}") from None
-    if content is None:
-        raise ConfigurationError(f"{path}: is empty; must be a mapping of keys")
-    try:
+        if content is None:
+            raise ConfigurationError("is empty; must be a mapping of keys")
         refuse_endless(content)
+        if not isinstance(content, dict):
+            raise ConfigurationError(f"{show(content)} is not a mapping of keys")
+        return content
     except ConfigurationError as error:
-        raise ConfigurationError(f"{path}: {error}") from None
-    if not isinstance(content, dict):
-        raise ConfigurationError(f"{path}: {show(content)} is not a mapping of keys")
-    return content
+        fault = f": {error}"
+    except OSError as error:
+        fault = f": {error.strerror}"
+    except UnicodeDecodeError:
+        fault = ": is not UTF-8 text"
+    except yaml.MarkedYAMLError as error:
+        fault = f":{error.problem_mark.line + 1}: {error.problem}"
+    except (yaml.YAMLError, ValueError) as error:
+        fault = f": {' '.join(str(error).split())}"
+    except RecursionError:
+        fault = f": {ENDLESS}"
+    raise ConfigurationError(f"{path}{fault}")
 
 
 def refuse_endless(content: object) -> None:

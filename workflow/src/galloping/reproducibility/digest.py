@@ -58,10 +58,13 @@ def _import_closure(roots: tuple[str | Path, ...]) -> set[Path]:
     """Collect the files of the package that `roots` import, and those of `roots`."""
     seen: set[Path] = set()
     waiting: list[Path] = []
-    for root in roots:
-        module = str(root).partition(":")[0]
-        waiting += [Path(root)] if Path(root).suffix == ".py" else _module_files(module)
-        if Path(root).suffix != ".py" and not deferred.file_of(module):
+    for root in map(str, roots):
+        module = root.partition(":")[0]
+        if root.endswith(".py"):
+            waiting.append(Path(root))
+        elif deferred.file_of(module):
+            waiting += _module_files(module)
+        else:
             raise ValueError(f"{module}: no such module")
     while waiting:
         path = waiting.pop()
@@ -124,9 +127,13 @@ def versions(imported: Iterable[str]) -> dict[str, str]:
     distributions are included.
     """
     found: dict[str, str] = {}
-    for name in imported:
-        for distribution in _provided().get(name, ()):
-            found |= _with_requirements(canonicalize_name(distribution))
+    distributions = (each for name in imported for each in _provided().get(name, ()))
+    waiting: list[str] = list(map(canonicalize_name, distributions))
+    while waiting:
+        name = waiting.pop()
+        if name not in found and (installed := _find_distribution(name)):
+            found[name], requirements = installed
+            waiting += requirements
     return {"python": ".".join(platform.python_version_tuple()[:2]), **dict(sorted(found.items()))}
 
 
@@ -134,29 +141,18 @@ _provided = cache(metadata.packages_distributions)  # by what is imported of the
 
 
 @cache
-def _with_requirements(distribution: str) -> dict[str, str]:
-    """Collect versions of a distribution and of its installed requirements, by name."""
-    found: dict[str, str] = {}
-    waiting = [distribution]
-    while waiting:
-        name = waiting.pop()
-        if name not in found and (described := _find_distribution(name)):
-            found[name] = described["Version"]
-            required = map(Requirement, described.get_all("Requires-Dist") or [])
-            waiting += [
-                canonicalize_name(requirement.name)
-                for requirement in required
-                if requirement.marker is None or requirement.marker.evaluate({"extra": ""})
-            ]
-    return found
-
-
-@cache
-def _find_distribution(name: str) -> metadata.PackageMetadata | None:
+def _find_distribution(name: str) -> tuple[str, list[str]] | None:
+    """Return the version and the requirements of a distribution, None if it is not installed."""
     try:
-        return metadata.distribution(name).metadata
+        described = metadata.distribution(name).metadata
     except metadata.PackageNotFoundError:
         return None
+    requirements = map(Requirement, described.get_all("Requires-Dist") or [])
+    return described["Version"], [
+        canonicalize_name(requirement.name)
+        for requirement in requirements
+        if requirement.marker is None or requirement.marker.evaluate({"extra": ""})
+    ]
 
 
 @dataclass(frozen=True)

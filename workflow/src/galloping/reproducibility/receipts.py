@@ -103,18 +103,15 @@ def read_receipt(path: str | Path) -> Receipt | None:
 
 def _is_sound(receipt: Receipt) -> bool:
     """Decide whether the values of a receipt have their types: an editor may have damaged it."""
-    by_name = (receipt.wildcards, receipt.inputs)
-    texts = (receipt.path, receipt.rule, receipt.log, receipt.sha256, receipt.finished)
-    return (
-        all(isinstance(text, str) for text in texts)
-        and all(
-            isinstance(one, dict) and all(isinstance(value, str) for value in one.values())
-            for one in by_name
-        )
-        and isinstance(receipt.settings, dict)
-        and all(type(number) in (int, float) for number in (receipt.size, receipt.seconds))
-        and isinstance(receipt.kept, bool)
-    )
+    match receipt:
+        case Receipt(
+            path=str(), rule=str(), log=str(), sha256=str(), finished=str(), kept=bool(),
+            size=int() | float(), seconds=int() | float(),
+            settings=dict(), wildcards=dict(), inputs=dict(),
+        ):  # fmt: skip
+            texts = [*receipt.wildcards.values(), *receipt.inputs.values()]
+            return all(isinstance(text, str) for text in texts)
+    return False
 
 
 def differs_only_in(path: str | Path, settings: Mapping, key: str) -> bool:

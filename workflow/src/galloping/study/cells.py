@@ -21,12 +21,12 @@ from galloping.results import JOINT, NOISE, SUBSET
 
 def drop_swept_parameters(line: Mapping, *parameters: str | None) -> dict:
     """Remove the values of swept parameters, on which no sweep depends, from a line's settings."""
-    gone = {place for name in parameters if name for place in PARAMETERS[name].places}
+    swept = {place for name in parameters if name for place in PARAMETERS[name].places}
     return {
-        section: {key: value for key, value in of.items() if (section, key) not in gone}
-        if isinstance(of, Mapping)
-        else of
-        for section, of in line.items()
+        section: {key: value for key, value in keys.items() if (section, key) not in swept}
+        if isinstance(keys, Mapping)
+        else keys
+        for section, keys in line.items()
     }
 
 
@@ -103,8 +103,8 @@ class Trial:
         )
 
 
-def configured_trial(name: str, configured: TrialSection, is_exam: bool = False) -> Trial:
-    """Create a trial from its section of the configuration, with defaults for missing keys."""
+def _make_trial(name: str, configured: TrialSection, is_exam: bool) -> Trial:
+    """Make a trial from its section of the configuration, with the defaults of its kind."""
     kind = KINDS[configured.kind]
     options = {key: getattr(configured, key) or default for key, default in kind.options.items()}
     return Trial(
@@ -283,7 +283,7 @@ class Study:
         if joint > 1:
             described += [(JOINT, level, level, whole, joint) for level in measurement.joint_levels]
         relative = protocol.is_scaled and measurement.state_noise == "relative"
-        own = [method for method in registry.METHODS if method in self.methods]
+        methods = [method for method in registry.METHODS if method in self.methods]
         for kind, number, level, samples, recordings in described:
             drawn = level > 0 or kind == SUBSET  # else all replicates are equal, whatever the seed
             yield Cell(
@@ -297,7 +297,7 @@ class Study:
                 recordings=recordings,
                 replicates=measurement.replicates if drawn else 1,
                 seed=measurement.seed if drawn else 0,
-                methods=tuple(m for m in own if m.can_use(protocol, uniform=kind != SUBSET)),
+                methods=tuple(m for m in methods if m.can_use(protocol, uniform=kind != SUBSET)),
             )
 
     @cached_property
@@ -317,7 +317,7 @@ class Study:
     def trials(self) -> tuple[Trial, ...]:
         """Trials (identifications with known truth) of the study, in the order of the settings."""
         is_exam, trials = self.settings.exam, self.settings.trials
-        return tuple(configured_trial(name, of, is_exam) for name, of in trials.items())
+        return tuple(_make_trial(name, section, is_exam) for name, section in trials.items())
 
     def trial(self, name: str) -> Trial:
         """Return the trial (identification of many recordings with known truth) of a given name."""
