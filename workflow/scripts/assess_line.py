@@ -36,15 +36,15 @@ def assess_line(
     for model in read_families(identified).get(OURS, [])[:1]:  # of the first replicate
         if not len(model.covariance):
             continue
-        with suppress(ValueError, np.linalg.LinAlgError):  # a model that tells no stiffness
-            told = split([model], [line["wind"]["speed"]], damping_ratios(line))
-            draws = told.sampled(make_generator(seed, "measures", case))
-            parts = told
+        with suppress(ValueError, np.linalg.LinAlgError):  # a model that determines no stiffness
+            identified_parts = split([model], [line["wind"]["speed"]], damping_ratios(line))
+            draws = identified_parts.sampled(make_generator(seed, "measures", case))
+            parts = identified_parts
     given = ({k: v for k, v in each.items() if v is not None} for each in chosen.values())
-    asked = [KINDS[each.pop("kind")](**each) for each in given] or typical_measures(line)
+    compared = [KINDS[each.pop("kind")](**each) for each in given] or typical_measures(line)
     design = Design(design_wind, start, distance, limit)
-    found = rank_measures(parts, line, asked, design, simulator, draws)
-    write_rows(measures, [{"case": case, **row} for row in found])
+    ranked = rank_measures(parts, line, compared, design, simulator, draws)
+    write_rows(measures, [{"case": case, **row} for row in ranked])
 
 
 if __name__ == "__main__":

@@ -54,8 +54,8 @@ def seconds(work: Callable, repeats: int) -> float:
 def row(quantity: str, value: float, unit: str, peer: str = "", ratio: float = np.nan, bar=""):
     """Print a measured speed or memory, and return it as a row of the table of results."""
     print(f"{quantity}: {value:.4g} {unit}" + (f" ({ratio:.4g} x {peer})" if peer else ""))
-    told = (quantity, value, unit, peer, ratio, bar)
-    return dict(zip(("quantity", "value", "unit", "peer", "ratio", "bar"), told, strict=True))
+    cells = (quantity, value, unit, peer, ratio, bar)
+    return dict(zip(("quantity", "value", "unit", "peer", "ratio", "bar"), cells, strict=True))
 
 
 def simulation(results: Path) -> list[dict]:

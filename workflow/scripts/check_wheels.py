@@ -42,8 +42,8 @@ def main() -> int:
     for lock, system, python in product(LOCKS, SYSTEMS, PYTHONS):
         done = resolved(ROOT / lock, system, python)
         packages = sum(line.startswith(" + ") for line in done.stdout.splitlines())
-        said = f"{packages} packages" if done.returncode == 0 else done.stdout.strip()
-        print(f"{lock} on {system} with Python {python}: {said}", flush=True)
+        result = f"{packages} packages" if done.returncode == 0 else done.stdout.strip()
+        print(f"{lock} on {system} with Python {python}: {result}", flush=True)
         if any(sign in done.stdout for sign in UNREACHABLE):
             return 2
         failed += done.returncode != 0

@@ -34,8 +34,8 @@ def main() -> None:
         galloping.maximum_likelihood(galloping.measure(line, motion, level=0.05), terms)
     kept_up = galloping.Recording(time, ("q", "dq"), forced(time) * [1.0, np.nan])
     terms, _ = galloping.library(next(iter(OSCILLATORS)), ["q", "dq"])
-    found = galloping.maximum_likelihood(kept_up, terms)
-    galloping.forecast(found, kept_up, time[-1] + time[1:20])
+    identified = galloping.maximum_likelihood(kept_up, terms)
+    galloping.forecast(identified, kept_up, time[-1] + time[1:20])
 
 
 if __name__ == "__main__":

@@ -10,10 +10,10 @@ from galloping.summary.analysis import FieldQuestion, analyse, read_field
 
 def identify_recordings(files, mapping, beside, made, question, case):
     """Identify a model from field recordings; write the model, a summary and figures."""
-    asked = FieldQuestion(**{**question, "known": tuple(question["known"])})
+    question = FieldQuestion(**{**question, "known": tuple(question["known"])})
     line = (case, read_model(beside).model) if beside else None
     field = read_field(files, read_mapping(mapping))
-    analyse(field, asked, Path(made[0]).parent, beside=line)
+    analyse(field, question, Path(made[0]).parent, beside=line)
 
 
 if __name__ == "__main__":

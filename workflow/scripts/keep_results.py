@@ -181,11 +181,11 @@ def take_reference(configfile):
             f"{results}: {len(unfinished)} files are not finished as configured, such as "
             f"{min(unfinished)}; the reference is left as it was"
         )
-    found = [Path(path) for path in comparison.inputs if Path(path).is_relative_to(results)]
-    found = [path for path in found if not path.is_relative_to(reference)]
-    for gone in {path.name for path in reference.glob("*.csv")} - {path.name for path in found}:
-        (reference / gone).unlink()
-    for path in found:
+    tables = [Path(path) for path in comparison.inputs if Path(path).is_relative_to(results)]
+    tables = [path for path in tables if not path.is_relative_to(reference)]
+    for name in {path.name for path in reference.glob("*.csv")} - {path.name for path in tables}:
+        (reference / name).unlink()
+    for path in tables:
         with replacing(reference / path.name) as partial:
             shutil.copyfile(path, partial)
     measured = Path(results, "benchmarks").rglob("*.tsv")  # what each job took, by Snakemake
@@ -193,7 +193,7 @@ def take_reference(configfile):
     study = comparison.settings["study"]["study"]
     origin = Origin(settings=study, processor=processor(), core_minutes=round(float(minutes), 1))
     write_json(reference / "origin.json", asdict(origin))
-    print(f"{reference}: {len(found)} tables of {results} are the reference now")
+    print(f"{reference}: {len(tables)} tables of {results} are the reference now")
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from galloping.trajectory.simulation import Simulator
 simulator = cache(partial(Simulator, STATES))  # of the terms of a library
 
 
-def _predicted(identified, case, winds, rng) -> Prediction:
+def _predict(identified, case, winds, rng) -> Prediction:
     speed, start = case["wind"]["speed"], np.array(initial_state(case))
     try:
         if identified.status == "refused":
@@ -40,7 +40,7 @@ def predict_winds(case, protocol, identified, prediction, line, winds, methods, 
         for k, model in enumerate(models[method]):
             rng = make_generator(seed, "prediction", case, protocol, method, k)
             cell = {"case": case, "protocol": protocol, "method": method, "replicate": k}
-            rows += prediction_rows(cell, _predicted(model, line, winds, rng), true, model.status)
+            rows += prediction_rows(cell, _predict(model, line, winds, rng), true, model.status)
     write_rows(prediction, rows)
 
 

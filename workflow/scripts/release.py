@@ -37,13 +37,13 @@ def objections(root: Path) -> Iterator[str]:
             if placeholder in content:
                 yield f"{place}: {placeholder!r} is a placeholder"
     version = project["version"]
-    own = re.search(
+    library_version = re.search(
         r'__version__ = "(.+)"', (root / "workflow/src/galloping/__init__.py").read_text()
     )
-    for place, found in (("galloping.__version__", own[1]),
+    for place, stated in (("galloping.__version__", library_version[1]),
                          ("CITATION.cff", str(yaml.safe_load(citation)["version"]))):  # fmt: skip
-        if found != version:
-            yield f"{place}: {found}; pyproject.toml has {version}"
+        if stated != version:
+            yield f"{place}: {stated}; pyproject.toml has {version}"
     dated = DATED.findall((root / "CHANGELOG.md").read_text(encoding="utf-8"))
     if version not in dated:
         yield f"CHANGELOG.md: no entry '## {version} - DATE'"

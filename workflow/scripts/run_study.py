@@ -56,7 +56,7 @@ def main(*arguments: str) -> int:
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--repair", action="store_true")
     parser.add_argument("--only", nargs="+", default=[])
-    own, options = parser.parse_known_args(arguments)
+    given, options = parser.parse_known_args(arguments)
     parser.add_argument("--configfile", nargs="+", default=[])
     parser.add_argument("--cores", nargs="?", const="")
     parser.add_argument("--workflow-profile")
@@ -66,12 +66,12 @@ def main(*arguments: str) -> int:
     with end_in_one_line(repair):
         settings = load_files(["config/config.yaml", *files])
         results = settings.results
-        with locked(results, repair, repairing=own.repair) as began:
-            targets = mend(results, files) if own.repair else check(results, files, repair)
+        with locked(results, repair, repairing=given.repair) as began:
+            targets = mend(results, files) if given.repair else check(results, files, repair)
             before, start = receipts(results), time.monotonic()
-            for line in [] if own.only else announced(settings, files, before, known):
+            for line in [] if given.only else announced(settings, files, before, known):
                 print(line, flush=True)
-            status, interrupted = snakemake(results, *(own.only or targets), *options)
+            status, interrupted = snakemake(results, *(given.only or targets), *options)
             for line in clear_unfinished(results):
                 print(line, file=sys.stderr)
             remember(results, inspect(results, after := receipts(results)))
@@ -86,11 +86,11 @@ def main(*arguments: str) -> int:
                 told = f"The study stopped: {reasons}. Finished jobs are kept"
                 print(f"{told}; run it again to go on.", file=sys.stderr)
             elif not sys.stdout.isatty():
-                said = Path(results, SNAKEMAKE_OUTPUT)
-                words = said.read_text(encoding="utf-8", errors="replace")
+                log = Path(results, SNAKEMAKE_OUTPUT)
+                words = log.read_text(encoding="utf-8", errors="replace")
                 last = [line for line in words.splitlines() if line.strip()][-LAST_WORDS:]
                 if "\nTraceback " in words:
-                    last = [f"Snakemake stopped: {last[-1]} ({said}); `{repair}` may mend it"]
+                    last = [f"Snakemake stopped: {last[-1]} ({log}); `{repair}` may mend it"]
                 print(*last, sep="\n", file=sys.stderr)
             return status
 
@@ -216,27 +216,27 @@ def snakemake(results: str, *arguments: str) -> tuple[int, bool]:
     if sys.stdout.isatty():
         status = subprocess.Popen([*command, "--logger", "rich"], env=environment).wait()
     else:
-        said = Path(results, SNAKEMAKE_OUTPUT)
-        said.parent.mkdir(parents=True, exist_ok=True)
-        with said.open("w", encoding="utf-8") as file:
+        log = Path(results, SNAKEMAKE_OUTPUT)
+        log.parent.mkdir(parents=True, exist_ok=True)
+        with log.open("w", encoding="utf-8") as file:
             process = subprocess.Popen(command, env=environment, stdout=file, stderr=file)
-            status = followed(process, said)
+            status = followed(process, log)
     if status < 0 and not interrupts:
         raise Killed
     return status, bool(interrupts)
 
 
-def followed(process: subprocess.Popen, said: Path) -> int:
+def followed(process: subprocess.Popen, log: Path) -> int:
     """Wait for a Snakemake process, print its progress every minute, return its exit code."""
-    told = ""
+    last_line = ""
     while True:
         try:
             return process.wait(PROGRESS_INTERVAL)
         except subprocess.TimeoutExpired:
-            done = STEPS.findall(said.read_text(encoding="utf-8", errors="replace"))
+            done = STEPS.findall(log.read_text(encoding="utf-8", errors="replace"))
             line = "{} of {} jobs done".format(*done[-1]) if done else ""
-            if line != told:
-                told = line
+            if line != last_line:
+                last_line = line
                 print(line, flush=True)
 
 

@@ -27,10 +27,10 @@ def simulate_sweep(case, simulated, line, parameter, values, second, second_valu
     simulator = Simulator(STATES, LIBRARY)
     if second:
         up = (second, [second_value])
-        made = map_rows(case, line, (parameter, new), up, simulator)
+        new_rows = map_rows(case, line, (parameter, new), up, simulator)
     else:
-        made = simulation_rows(case, line, parameter, new, simulator)
-    rows |= {row[column]: row for row in made}
+        new_rows = simulation_rows(case, line, parameter, new, simulator)
+    rows |= {row[column]: row for row in new_rows}
     write_rows(simulated, [rows[value] for value in values])
 
 

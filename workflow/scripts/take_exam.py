@@ -76,12 +76,12 @@ def read_before(study: Study, file: str | None) -> pd.DataFrame:
     if not file and not path.exists():
         return pd.DataFrame(columns=exam.COLUMNS)
     try:
-        found = read_table(path)
+        answers = read_table(path)
     except (OSError, ValueError) as error:
         raise ValueError(f"BEFORE: {path}: cannot be read: {str(error).strip()}") from None
-    if missing := [column for column in exam.COLUMNS if column not in found]:
+    if missing := [column for column in exam.COLUMNS if column not in answers]:
         raise ValueError(f"BEFORE: {path}: has no column {missing[0]}; must be an answers.csv")
-    return exam.with_types(found)
+    return exam.with_types(answers)
 
 
 def format_table(strata: pd.DataFrame, compared: pd.DataFrame) -> Iterator[str]:
@@ -118,9 +118,9 @@ def format_changes(before: pd.DataFrame, now: pd.DataFrame) -> Iterator[str]:
     if before.empty:
         yield "There are no answers to compare with."
         return
-    found = exam.find_changes(before, now)
-    yield f"{len(found)} of {len(now)} answers changed"
-    for row in found.itertuples():
+    changes = exam.find_changes(before, now)
+    yield f"{len(changes)} of {len(now)} answers changed"
+    for row in changes.itertuples():
         yield f"{row.stratum}: {row.recording}: {row.change}"
 
 

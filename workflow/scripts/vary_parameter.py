@@ -15,8 +15,8 @@ def vary_parameter(
         "draws": number, "threshold": threshold, "path_length": path_length,
         "kinematics": kinematics, "degree": degree, "seed": seed,
     }  # fmt: skip
-    own, amounts = read_table(drawn), Amounts(**amounts)
-    write_table(claims, variation_rows(line, plan, amounts, parameter, values, case, own))
+    draws, amounts = read_table(drawn), Amounts(**amounts)
+    write_table(claims, variation_rows(line, plan, amounts, parameter, values, case, draws))
 
 
 if __name__ == "__main__":

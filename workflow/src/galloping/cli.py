@@ -88,13 +88,13 @@ def _mapping_options(command):
     return command
 
 
-def _mapping(file, options):
+def _make_mapping(file, options):
     """Make the mapping of columns from options; print how columns are read by their names alone."""
     from galloping.readers.mapping import mapping_of
 
-    mapping, said = mapping_of(file, options)
-    if said:
-        click.echo(said, err=True)
+    mapping, note = mapping_of(file, options)
+    if note:
+        click.echo(note, err=True)
     return mapping
 
 
@@ -110,7 +110,7 @@ seed_option = click.option(
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")
 
 
-def _answered(path):
+def _load_usable(path):
     """Load the model in a file. Raises ValueError if there is none."""
     from galloping.identification.identified_model import IdentifiedModel
 
@@ -120,7 +120,7 @@ def _answered(path):
     return loaded
 
 
-def _between(path) -> dict:
+def _read_between(path) -> dict:
     """Read how the inputs of a model's recordings are interpolated between samples."""
     from galloping.storage import read_json
 
@@ -182,7 +182,7 @@ def identify(
 
     forced = () if random_force is None else tuple(map(str.strip, random_force.split(",")))
     question = FieldQuestion(degree or 3, method, known, seed, library, forced)
-    columns = _mapping(files[0], mapping)
+    columns = _make_mapping(files[0], mapping)
     if degree and (library or columns.library):
         raise ValueError("--degree: leave it out where a library says the terms")
     question.terms(columns)  # which must make sense before anything is read
@@ -207,8 +207,8 @@ def identify(
         rows = model_rows(identified, units)
         click.echo(json_text({**about, "inputs": units, **numbers, "coefficients": rows}))
     else:
-        told, _, _ = (Path(output) / "summary.md").read_text(encoding="utf-8").partition(TECHNICAL)
-        click.echo(f"{told}Written to {output}: summary.md also contains the technical part")
+        text, _, _ = (Path(output) / "summary.md").read_text(encoding="utf-8").partition(TECHNICAL)
+        click.echo(f"{text}Written to {output}: summary.md also contains the technical part")
     if identified.status == "refused":
         raise SystemExit(REFUSED)
 
@@ -228,15 +228,15 @@ def inspect(file, write_map, as_json, **mapping):
     from galloping.summary.analysis import read_field
     from galloping.summary.wording import report_text
 
-    if write_map and _doubts_of_written(file, write_map, mapping):
+    if write_map and _write_mapping(file, write_map, mapping):
         return
     mapping = dict.fromkeys(mapping) | {"map_file": write_map} if write_map else mapping
     with show_progress():
-        report = read_field([file], _mapping(file, mapping)).reports[0]
+        report = read_field([file], _make_mapping(file, mapping)).reports[0]
     click.echo(json_text(report, indent=2) if as_json else report_text(report))
 
 
-def _doubts_of_written(file, path, options) -> dict:
+def _write_mapping(file, path, options) -> dict:
     """Write a mapping of a file's columns, and return its uncertain entries by column."""
     from galloping.readers.mapping import MappingError, propose_mapping
     from galloping.storage import write_text
@@ -248,14 +248,14 @@ def _doubts_of_written(file, path, options) -> dict:
         )
     if Path(path).exists():
         raise MappingError(f"{path}: exists; name another file, or remove it")
-    found = propose_mapping(file, options)
-    if not found.channels:
-        found.sure_channels(file)  # which says why there is nothing to write
-    write_text(Path(path), found.yaml(Path(file).name, options["decimal"], options["rate"]))
-    click.echo(f"Written {path}: {found}", err=True)
-    for column, doubt in found.doubts.items():
+    proposal = propose_mapping(file, options)
+    if not proposal.channels:
+        proposal.sure_channels(file)  # which says why there is nothing to write
+    write_text(Path(path), proposal.yaml(Path(file).name, options["decimal"], options["rate"]))
+    click.echo(f"Written {path}: {proposal}", err=True)
+    for column, doubt in proposal.doubts.items():
         click.echo(f"Check {column!r} in {path}: {doubt}", err=True)
-    return found.doubts
+    return proposal.doubts
 
 
 @main.command()
@@ -288,12 +288,12 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     from galloping.summary.driving import inputs_after
     from galloping.summary.summarise import forecast as forecast_from
 
-    loaded = _answered(model)
+    loaded = _load_usable(model)
     states = loaded.model.states
     if not mapping["map_file"]:
         mapping["states"] = mapping["states"] or ",".join(states)
         mapping["inputs"] = mapping["inputs"] or loaded.model.inputs
-    field = read_field([file], _mapping(file, mapping).with_between(_between(model)))
+    field = read_field([file], _make_mapping(file, mapping).with_between(_read_between(model)))
     if field.mapping.states != states:
         raise ValueError(
             f"{model}: has the states {', '.join(states)}, not {', '.join(field.mapping.states)}"
@@ -361,9 +361,9 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
 
     from galloping.summary.driving import read_model_inputs, usual_sampling
 
-    loaded = _answered(model)
+    loaded = _load_usable(model)
     inputs = read_model_inputs(
-        model, loaded.model.inputs, at, inputs_file, time_column, _between(model)
+        model, loaded.model.inputs, at, inputs_file, time_column, _read_between(model)
     )
     measured = [one.stretches[-1][1] for one in inputs.values() if not isinstance(one, float)]
     known = min(measured, default=np.inf)
@@ -385,7 +385,7 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
     usual, often = usual_sampling(loaded.model, start, inputs)
     _warn_of_extrapolation(loaded, inputs)
     duration, rate = duration or min(known, usual), rate or often
-    rows = _simulated(model, loaded.model, start, rate, int(duration * rate + 1e-9), inputs)
+    rows = _simulate_rows(model, loaded.model, start, rate, int(duration * rate + 1e-9), inputs)
     print_rows(rows, as_json)
     _warn_of_status(loaded)
 
@@ -395,8 +395,8 @@ def _warn_of_extrapolation(model, inputs) -> None:
     from galloping.behaviour.assess import list_extrapolations
 
     values = {name: getattr(one, "values", one) for name, one in inputs.items()}
-    for told in list_extrapolations(model, values):
-        click.echo(told, err=True)
+    for warning in list_extrapolations(model, values):
+        click.echo(warning, err=True)
 
 
 def _warn_of_status(model) -> None:
@@ -405,7 +405,7 @@ def _warn_of_status(model) -> None:
         click.echo(f"Caution: status of the model: {model.verdict}", err=True)
 
 
-def _simulated(path, model, state, rate: float, last: int, inputs) -> Iterator[dict]:
+def _simulate_rows(path, model, state, rate: float, last: int, inputs) -> Iterator[dict]:
     """Yield rows 0 to `last` of a motion. Raises ValueError, naming the path, if it ends early."""
     import numpy as np
 
@@ -456,23 +456,23 @@ def assess(model, at, seed, figure, as_csv, as_json, verbose):
 
     if as_csv and as_json:
         raise click.UsageError("--csv and --json exclude each other")
-    loaded, units = _answered(model), read_json(model).get("units", {})
+    loaded, units = _load_usable(model), read_json(model).get("units", {})
     values = parse_input_values(at, loaded.model.inputs)
     if figure and all(isinstance(value, float) for value in values.values()):
         raise ValueError("--figure: draws amplitudes over a range of an input, such as --at U=4:16")
     with show_progress():
-        found = assessed(loaded, values, seed=seed)
+        assessment = assessed(loaded, values, seed=seed)
     if figure:
         from galloping.figures.style import write_figure
         from galloping.summary.drawing import DPI, FONT_SIZE, draw_assessment  # matplotlib
 
         svg, png = (Path(figure).with_suffix(form) for form in (".svg", ".png"))
-        write_figure(svg, png, lambda: draw_assessment(found, units), DPI, FONT_SIZE)
+        write_figure(svg, png, lambda: draw_assessment(assessment, units), DPI, FONT_SIZE)
     if as_csv or as_json:
-        print_rows(assessment_rows(found, units), as_json)
+        print_rows(assessment_rows(assessment, units), as_json)
     else:
-        is_detailed = verbose or len(found.conditions) == 1
-        text = assessment_text(found, units, is_detailed=is_detailed)
+        is_detailed = verbose or len(assessment.conditions) == 1
+        text = assessment_text(assessment, units, is_detailed=is_detailed)
         click.echo(f"{text}\n\nStatus of the model: {loaded.verdict}")
 
 

@@ -168,14 +168,14 @@ def _for_editors(node: Any) -> Any:
         return [_for_editors(each) for each in node]
     if not isinstance(node, dict):
         return node
-    made = {key: _for_editors(value) for key, value in node.items()}
+    converted = {key: _for_editors(value) for key, value in node.items()}
     if isinstance(text := node.get("description"), str):
         unit = node.get("unit", "") if node.get("unit") != "1" else ""
-        made["description"] = "; ".join(filter(None, (text, unit, node.get("rule"))))
-        made = {key: value for key, value in made.items() if key not in OWN_WORDS}
+        converted["description"] = "; ".join(filter(None, (text, unit, node.get("rule"))))
+        converted = {key: value for key, value in converted.items() if key not in OWN_WORDS}
     if "patternProperties" in node:
-        made["additionalProperties"] = False
-    return made
+        converted["additionalProperties"] = False
+    return converted
 
 
 if __name__ == "__main__":

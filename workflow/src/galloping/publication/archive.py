@@ -68,8 +68,7 @@ def is_plain(path: str) -> bool:
 
 def files_of(folder: Path) -> list[str]:
     """List the paths of all files below a folder, sorted and relative to that folder."""
-    found = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-    return sorted(found)
+    return sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
 
 
 def pack(folder: Path, target: Path) -> None:
@@ -173,14 +172,14 @@ def published_receipts(folder: Path) -> dict[str, Receipt]:
     """
     results = published_settings(folder)["results"]
     try:
-        made = RECEIPT_LIST.validate_json((folder / RECEIPTS).read_bytes(), strict=True)
+        records = RECEIPT_LIST.validate_json((folder / RECEIPTS).read_bytes(), strict=True)
     except (OSError, ValidationError):
         raise NotRestorable(f"{RECEIPTS}: missing, or not a list of receipts") from None
-    for receipt in made:
+    for receipt in records:
         for path, base in ((receipt.path, results), (receipt.log, f"{results}/logs")):
             if not (is_plain(path) and path.startswith(f"{base}/")):
                 raise NotRestorable(f"{RECEIPTS}: {path!r} is not a plain path in {base}")
-    return {r.path: replace(r, kept=(folder / r.path).is_file()) for r in made}
+    return {r.path: replace(r, kept=(folder / r.path).is_file()) for r in records}
 
 
 def faults(folder: Path) -> Iterator[str]:
@@ -189,19 +188,19 @@ def faults(folder: Path) -> Iterator[str]:
         yield from lines  # receipts would say the same again
         return
     try:
-        made, study = published_receipts(folder), published_settings(folder)
+        records, study = published_receipts(folder), published_settings(folder)
     except NotRestorable as error:
         yield str(error)
         return
     apart = f"{study['reference']}/"
-    given = set().union(*(receipt.inputs for receipt in made.values())) - made.keys()
+    given = set().union(*(receipt.inputs for receipt in records.values())) - records.keys()
     for name in files_of(folder):
         if name in given:  # no job made it: only the manifest tells of it
             continue
         if name.startswith(f"{study['results']}/") and not name.startswith(apart):
-            if name not in made:
+            if name not in records:
                 yield f"{name}: without a receipt of how it was made"
-            elif digest(folder / name) != made[name].sha256:
+            elif digest(folder / name) != records[name].sha256:
                 yield f"{name}: not what its receipt says"
 
 
@@ -240,8 +239,8 @@ def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[s
             if lines:
                 why = "the same study, computed here, has other numbers: see `make verify`"
                 raise NotRestorable("\n".join([*lines, why]))
-        made = published_receipts(folder)
-        digests = {path: receipt.sha256 for path, receipt in made.items()}
+        records = published_receipts(folder)
+        digests = {path: receipt.sha256 for path, receipt in records.items()}
         others = [path for path in _present_files(plan) if digests.get(path) != digest(path)]
         if others and not replacing:
             told = "not as in the archive; REPLACE=yes sets what differs aside"
@@ -253,7 +252,7 @@ def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[s
         for path in placed:
             Path(path).parent.mkdir(parents=True, exist_ok=True)
             (folder / path).replace(path)
-        for path, receipt in made.items():
+        for path, receipt in records.items():
             # one of a file that was here before, stays
             if path in placed or not (Path(path).exists() and read_receipt(path)):
                 write_receipt(replace(receipt, kept=Path(path).exists()))

@@ -165,8 +165,8 @@ def publish(plan: Plan, allowed: Collection[str] = ()) -> Path:
     """
     results = Path(plan.results)
     present = commit(plan.settings)
-    found = list(obstacles(present, audit(plan), results))
-    if refused := [f"{kind}: {text}" for kind, text in found if kind not in allowed]:
+    reasons = list(obstacles(present, audit(plan), results))
+    if refused := [f"{kind}: {text}" for kind, text in reasons if kind not in allowed]:
         raise NotPublishable("\n".join(refused))
     citation = yaml.safe_load(Path("CITATION.cff").read_text(encoding="utf-8"))
     with tempfile.TemporaryDirectory(prefix=partial_prefix(), dir=results) as temporary:
@@ -175,14 +175,14 @@ def publish(plan: Plan, allowed: Collection[str] = ()) -> Path:
             (folder / path).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(path, folder / path)
         # all in a publication that is not a copy of a file
-        remarks, versions = [text for _, text in found], environment()
-        made = [asdict(each) for path, each in receipts(plan.results).items() if path in plan.maker]
+        remarks, versions = [text for _, text in reasons], environment()
+        records = [asdict(r) for path, r in receipts(plan.results).items() if path in plan.maker]
         text = yaml.safe_dump(plan.settings, sort_keys=False, allow_unicode=True)
         write_text(folder / CONFIGURATION, text)
         write_json(folder / "environment.json", versions)
-        write_json(folder / RECEIPTS, made)
-        told = {"version": citation["version"], "commit": asdict(present) if present else None}
-        write_json(folder / "publication.json", told | {"remarks": remarks})
+        write_json(folder / RECEIPTS, records)
+        about = {"version": citation["version"], "commit": asdict(present) if present else None}
+        write_json(folder / "publication.json", about | {"remarks": remarks})
         write_crate(folder, plan.results, citation, present, remarks, versions)
         write_manifest(folder)
         archive = folder / f"galloping-{citation['version']}.zip"
@@ -232,8 +232,8 @@ def files(plan: Plan) -> list[Path]:
     """
     maker, results = plan.maker, plan.results
     fields = plan.settings["recordings"]
-    told = (f"{results}/recordings/{name}/" for name in fields)
-    shown = (f"{results}/tables/", f"{results}/figures/", f"{results}/report.html", *told)
+    of_fields = (f"{results}/recordings/{name}/" for name in fields)
+    shown = (f"{results}/tables/", f"{results}/figures/", f"{results}/report.html", *of_fields)
     final = [path for path in maker if path.startswith(shown)]
     needed = {path for made in final for path in maker[made].inputs if is_plain(path)}
     wanted = [Path(path) for path in (*final, *needed, *SOURCES)]

@@ -27,7 +27,6 @@ from galloping.reproducibility.receipts import (
 # How the last line of a log begins; that of a job which was killed begins otherwise.
 FINISHED, FAILED = "Finished: ", "Failed: "
 CODE = "code"  # the param with the digest of a job's code, see `digest`
-RESULTS = "results"  # the folder of results, and the key by which a configuration names another one
 
 
 def run(function: Callable[..., None], job) -> None:
@@ -76,21 +75,12 @@ def failures(results: str, since: int) -> list[str]:
 
 def arguments(function: Callable[..., None], job) -> dict:
     """Collect the arguments with which `run` calls a script's function, from its job."""
-    asked = signature(function).parameters
-    params = {name: of for name, of in job.params.items() if name not in (CODE, CAPTION)}
-    values = {name: next(iter(of.values())) for name, of in params.items()}
-    wildcards = {name: value for name, value in job.wildcards.items() if name in asked}
+    names = signature(function).parameters
+    params = {name: each for name, each in job.params.items() if name not in (CODE, CAPTION)}
+    values = {name: next(iter(each.values())) for name, each in params.items()}
+    wildcards = {name: value for name, value in job.wildcards.items() if name in names}
     outputs = {name: files for name, files in job.output.items() if name != RECEIPTS}
     return {**wildcards, **dict(job.input.items()), **outputs, **values}
-
-
-def _storage_prefix(job) -> str:
-    """Return the prefix of the folder of results in the paths of a job.
-
-    It is empty unless the results are in a storage of Snakemake's and the job has local copies.
-    """
-    results = job.config.get(RESULTS, RESULTS)
-    return str(job.log[0]).rpartition(f"{results}/logs/")[0]
 
 
 def _run_function(function: Callable[..., None], job) -> float:
@@ -104,7 +94,8 @@ def _run_function(function: Callable[..., None], job) -> float:
     function(**arguments(function, job))
     seconds = round(time.perf_counter() - start, 3)
     finished = datetime.now(UTC).isoformat(timespec="seconds")
-    prefix = _storage_prefix(job)
+    # of the job's paths: empty unless they are local copies of results in a storage of Snakemake's
+    prefix = str(job.log[0]).rpartition(f"{job.config.get('results', 'results')}/logs/")[0]
     for path in (str(path) for path in job.output if not path.endswith(SUFFIX)):
         receipt = Receipt(
             path=path.removeprefix(prefix),

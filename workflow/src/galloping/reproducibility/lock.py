@@ -97,13 +97,13 @@ def check_disk(results: str) -> None:
 
 def check_places(results: str) -> None:
     """Raise Obstacle if a file is in the place of a folder of the study, or vice versa."""
-    own = Path(results)
-    folders = (Path(".snakemake"), *reversed(own.parents), own, *(own / name for name in FOLDERS))
-    files = (Path(".snakemake", "seen.json"), own / MARK, own / "report.html")
+    root = Path(results)
+    folders = (Path(".snakemake"), *reversed(root.parents), root, *map(root.joinpath, FOLDERS))
+    files = (Path(".snakemake", "seen.json"), root / MARK, root / "report.html")
     wrong = [(path, "file", "folder") for path in folders if path.exists() and not path.is_dir()]
     wrong += [(path, "folder", "file") for path in files if path.is_dir()]
-    for path, found, wanted in wrong:
-        raise Obstacle(f"{path} is a {found} where a {wanted} belongs: move it away and run again.")
+    for path, kind, wanted in wrong:
+        raise Obstacle(f"{path} is a {kind} where a {wanted} belongs: move it away and run again.")
 
 
 def format_killed_message(repair: str) -> str:
@@ -125,11 +125,11 @@ def marked_environment(results: str) -> dict[str, str]:
 
 def snakemakes(folder: Path) -> list[psutil.Process]:
     """List the main Snakemake processes in a folder, except ancestors of this process."""
-    own = {os.getpid(), *(parent.pid for parent in psutil.Process().parents())}
+    ancestors = {os.getpid(), *(parent.pid for parent in psutil.Process().parents())}
     return [
         process
         for process in psutil.process_iter(["cmdline", "cwd"])  # None where it is another user's
-        if process.pid not in own and process.info["cwd"] == str(folder.resolve())
+        if process.pid not in ancestors and process.info["cwd"] == str(folder.resolve())
         and any(Path(part).name == "snakemake" for part in (process.info["cmdline"] or [])[:4])
     ]  # fmt: skip
 

@@ -64,8 +64,8 @@ class PlannedJob:
 
         It fits if the rule, the settings with the code, and the names of the inputs are the same.
         """
-        own = self.rule, self.settings, set(self.inputs)
-        return (receipt.rule, receipt.settings, receipt.inputs.keys()) == own
+        planned = self.rule, self.settings, set(self.inputs)
+        return (receipt.rule, receipt.settings, receipt.inputs.keys()) == planned
 
 
 @dataclass(frozen=True)
@@ -137,9 +137,9 @@ def recorded(configfiles: Sequence[str] = ()) -> set[str]:
     Their receipts are recorded as well. Without complete records it regards the output of a job as
     up to date after any edit.
     """
-    with redirect_stdout(io.StringIO()) as said:
+    with redirect_stdout(io.StringIO()) as output:
         _with_dag(configfiles, lambda dag: dag.summary())
-    lines = said.getvalue().splitlines()
+    lines = output.getvalue().splitlines()
     start = next(number for number, line in enumerate(lines) if line.startswith("output_file\t"))
     rows = csv.DictReader(lines[start:], delimiter="\t")
     known = {row["output_file"] for row in rows if row["log-file(s)"] != "-"}
@@ -197,8 +197,8 @@ def outlook(plan: Plan, known: Mapping[str, Receipt], cores: int | None) -> Iter
     before = report.settings.get("study", {}).get("study") if report else None
     if edits := list(_describe_edits(before or plan.settings, plan.settings)):
         yield f"Edited since they last ran: {list_first(edits, MOST)}."
-    made = ((job, known[path]) for job in jobs for path in job.outputs if path in known)
-    codes = {job.rule for job, old in made if old.settings.get("code") != job.settings.get("code")}
+    runs = ((job, known[path]) for job in jobs for path in job.outputs if path in known)
+    codes = {job.rule for job, old in runs if old.settings.get("code") != job.settings.get("code")}
     if codes:
         yield f"Code or libraries changed behind: {list_first(sorted(codes), MOST)}."
 
@@ -218,10 +218,10 @@ def _expected_duration(
     of_rule: dict[str, list[float]] = {}
     for receipt in known.values():
         of_rule.setdefault(receipt.rule, []).append(receipt.seconds)
-    own = [[known[path].seconds for path in job.outputs if path in known] for job in jobs]
+    earlier = [[known[path].seconds for path in job.outputs if path in known] for job in jobs]
     times = [
         START + fmean(seconds or of_rule[job.rule])
-        for job, seconds in zip(jobs, own, strict=True)
+        for job, seconds in zip(jobs, earlier, strict=True)
         if seconds or job.rule in of_rule
     ]
     if not times:

@@ -72,8 +72,8 @@ def _describe_departure(case: CaseSection | None, paper: CaseSection) -> str:
             continue
         printed = reduce(getitem, key.split("."), papers)
         # where the paper's own case has another value it is ours, as the tension of the second line
-        if printed == node["default"] and (said := _describe_change(key, ours, papers)):
-            return said
+        if printed == node["default"] and (change := _describe_change(key, ours, papers)):
+            return change
     return ""
 
 
@@ -87,13 +87,13 @@ def departures_from_paper(study: Study) -> dict[str, str]:
 
     The reason is "" if they are; empty for a study without a case of the paper.
     """
-    found = departures(study.settings)
-    if not any(case.name in found for case in study.cases):
+    reasons = departures(study.settings)
+    if not any(case.name in reasons for case in study.cases):
         return {}
     if not is_papers(paper_pair(study)):
         lacking = f"the study does not have {PAPER_METHOD} by protocol {PAPER_PROTOCOL}"
-        return {name: departure or lacking for name, departure in found.items()}
-    return found
+        return {name: departure or lacking for name, departure in reasons.items()}
+    return reasons
 
 
 def sensor_protocol(study: Study) -> Protocol:
@@ -111,12 +111,12 @@ def equations_beside(study: Study) -> list[tuple[Cell, Method]]:
     first, level = study.cases[0], study.settings.measurement.subsets.level
     papers = paper_pair(study)
     least = least_noise(study, first)
-    found = {(least.id, papers[1].name): (least, papers[1])}
+    beside = {(least.id, papers[1].name): (least, papers[1])}
     ours = [(sensor_protocol(study), m) for m in study.methods if m.name == OURS]
     for pair in (papers, *ours):
         cells = _cells_of_pair(study, first, pair, NOISE)
-        found |= {(c.id, pair[1].name): (c, pair[1]) for c in cells if c.level == level}
-    return list(found.values())
+        beside |= {(c.id, pair[1].name): (c, pair[1]) for c in cells if c.level == level}
+    return list(beside.values())
 
 
 def least_noise(study: Study, case: Case) -> Cell:
