@@ -155,10 +155,7 @@ def identification(results: Path) -> list[dict]:
 
 
 def limit(results: Path) -> list[dict]:
-    """Time maximum likelihood on recordings of the default study, against a weak-form method.
-
-    There is a run for each noise realisation of a study cell; the code is compiled beforehand.
-    """
+    """Time maximum likelihood and a weak-form method on each recording of a study cell."""
     replicates = recordings(results, "state")
     terms = polynomial_library(4, 3)
     maximum_likelihood(list(replicates[0]), terms)
@@ -206,10 +203,7 @@ def recordings(results: Path, protocol: str) -> list[tuple[Recording, ...]]:
 
 
 def costs(results: Path) -> pd.DataFrame:
-    """Read the wall time and memory of all jobs of a study from Snakemake's benchmark files.
-
-    Columns: rule, s (wall time), max_rss (MiB).
-    """
+    """Read the wall time, s, and memory, max_rss in MiB, of all jobs of a study with their rule."""
     folder = results / "benchmarks"
     return pd.concat(
         pd.read_csv(path, sep="\t", na_values="-").assign(

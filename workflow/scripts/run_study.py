@@ -101,11 +101,7 @@ def announced(
     known: dict[str, Receipt],
     options: argparse.Namespace,
 ) -> Iterator[str]:
-    """Yield lines of text on what a run will do: jobs, duration, changes and warnings.
-
-    If nothing changed since the report, only the warnings are yielded. The plan contains these
-    warnings itself. known: receipts by path.
-    """
+    """Yield lines on what a run will do, only warnings if nothing changed since the report."""
     report = f"{settings.results}/report.html"
     receipt = receipt_path(report)
     made = receipt.stat().st_mtime if receipt.exists() else 0.0
@@ -148,10 +144,7 @@ def check_cores(text: str | None) -> None:
 
 
 def check(results: str, configfiles: list[str], repair: str) -> list[str]:
-    """Check all results for damage, and return the missing files as targets for Snakemake.
-
-    Raises Obstacle if results must not be used as they are.
-    """
+    """Return missing results as targets for Snakemake; raise Obstacle if one is damaged."""
     findings = inspect(results, receipts(results))
     for fault, paths in {
         "edited or damaged since its job wrote it": findings.damaged,

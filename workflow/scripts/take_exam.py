@@ -67,11 +67,7 @@ def select_trials(study: Study, strata: Sequence[str]) -> list[Trial]:
 
 
 def read_before(study: Study, file: str | None) -> pd.DataFrame:
-    """Read the earlier identification results to compare with, from a file or the reference.
-
-    The table is empty if there is no reference. Raises ValueError, in one line, for a file that is
-    not a table of answers.
-    """
+    """Read earlier answers from a file or the reference; raise ValueError if the file has none."""
     path = Path(file or Path(study.settings.reference, "answers.csv"))
     if not file and not path.exists():
         return pd.DataFrame(columns=exam.COLUMNS)

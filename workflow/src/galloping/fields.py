@@ -12,10 +12,7 @@ DIGITS = re.compile(r"[-+]?[0-9]{1,300}")  # written out: a float would round th
 
 
 class Section(BaseModel):
-    """Base class of settings sections, which rejects unknown keys and values of a wrong type.
-
-    Every key has a default.
-    """
+    """Base class of settings sections: unknown keys and values of a wrong type are errors."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, validate_default=True)
 
@@ -102,10 +99,7 @@ def listing(*items: Any) -> Any:
 
 
 def distinct(item: Any, **schema: int) -> Any:
-    """Make the pydantic type of a list whose items are all different.
-
-    item: type of an item. schema: further entries of the JSON schema.
-    """
+    """Make the type of a list of different items; `schema` has further JSON schema entries."""
     unique = Field(strict=False, json_schema_extra={**schema, "uniqueItems": True})
     return Annotated[tuple[item, ...], unique, AfterValidator(_distinct)]
 

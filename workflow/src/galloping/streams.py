@@ -1,7 +1,4 @@
-"""Streams of random numbers by name, independent of each other.
-
-This module is separate, since its users share nothing else.
-"""
+"""Streams of random numbers by name, independent of each other."""
 
 import hashlib
 

@@ -75,10 +75,7 @@ def _override_sections(mapping: dict, over: dict) -> dict:
 
 
 def clean_merged(mapping: dict, files: Sequence[dict]) -> dict:
-    """Sort the keys of a merged configuration as in its files, and drop cases that are null.
-
-    mapping: as Snakemake merged it from the files. `sort_keys` sorts its keys.
-    """
+    """Sort the keys of a mapping that Snakemake merged from files, and drop cases that are null."""
     mapping = sort_keys(mapping, files)
     cases = mapping.get("cases")
     if isinstance(cases, dict):

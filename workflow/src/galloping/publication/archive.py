@@ -58,11 +58,7 @@ class NotRestorable(Exception):
 
 
 def is_plain(path: str) -> bool:
-    """Decide whether a path is safe on any system: relative, within its folder, no part hidden.
-
-    Its parts are separated by '/'. Each consists of letters, digits and `_.+=-`, and begins with a
-    letter, a digit or `_`.
-    """
+    """Decide whether a path (as PLAIN) is safe on any system: relative, no part hidden."""
     return PLAIN.fullmatch(path) is not None
 
 

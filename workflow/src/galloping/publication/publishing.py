@@ -212,10 +212,7 @@ def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator
 
 
 def note_on_report(plan: Plan) -> str:
-    """Return a note that the report names another commit than the present one, '' if it does not.
-
-    A commit changes no result, so that the report is not written again.
-    """
+    """Return a note if the report names another commit, which alone does not rewrite it, or ''."""
     report, now = Path(plan.results, "report.html"), made_by(commit(plan.settings))
     if not report.exists() or f"Made by {now}." in report.read_text(encoding="utf-8"):
         return ""

@@ -121,11 +121,7 @@ def _module_files(name: str) -> list[Path]:
 
 
 def versions(imported: Iterable[str]) -> dict[str, str]:
-    """Return the versions of Python and of the installed distributions behind given imports.
-
-    They are by name. imported: names of top-level packages. Installed requirements of their
-    distributions are included.
-    """
+    """Return versions of Python, of the distributions of imported packages, and requirements."""
     found: dict[str, str] = {}
     distributions = (each for name in imported for each in _provided().get(name, ()))
     waiting: list[str] = list(map(canonicalize_name, distributions))

@@ -27,6 +27,7 @@ from galloping.reproducibility.receipts import (
 # How the last line of a log begins; that of a job which was killed begins otherwise.
 FINISHED, FAILED = "Finished: ", "Failed: "
 CODE = "code"  # the param with the digest of a job's code, see `digest`
+RESULTS = "results"  # the folder of results, and the key by which a configuration names another one
 
 
 def run(function: Callable[..., None], job) -> None:
@@ -95,7 +96,7 @@ def _run_function(function: Callable[..., None], job) -> float:
     seconds = round(time.perf_counter() - start, 3)
     finished = datetime.now(UTC).isoformat(timespec="seconds")
     # of the job's paths: empty unless they are local copies of results in a storage of Snakemake's
-    prefix = str(job.log[0]).rpartition(f"{job.config.get('results', 'results')}/logs/")[0]
+    prefix = str(job.log[0]).rpartition(f"{job.config.get(RESULTS, RESULTS)}/logs/")[0]
     for path in (str(path) for path in job.output if not path.endswith(SUFFIX)):
         receipt = Receipt(
             path=path.removeprefix(prefix),

@@ -60,10 +60,7 @@ class PlannedJob:
     outputs: tuple[str, ...]
 
     def made(self, receipt: Receipt) -> bool:
-        """Decide whether the record of how a file was made (its receipt) fits this job.
-
-        It fits if the rule, the settings with the code, and the names of the inputs are the same.
-        """
+        """Decide whether a receipt has this job's rule, settings with the code, and inputs."""
         planned = self.rule, self.settings, set(self.inputs)
         return (receipt.rule, receipt.settings, receipt.inputs.keys()) == planned
 

@@ -84,11 +84,7 @@ def consistent(receipt: Receipt, known: Mapping[str, Receipt]) -> bool:
 
 
 def write_receipt(receipt: Receipt, prefix: str = "") -> None:
-    """Write the record (receipt) of how a file was made, beside that file.
-
-    The file itself need not be there. prefix: before the path of a local copy of results that are
-    in a storage.
-    """
+    """Write the receipt of a file, which may be absent; `prefix` leads to a local copy."""
     write_json(receipt_path(prefix + receipt.path), asdict(receipt))
 
 
@@ -124,10 +120,7 @@ def differs_only_in(path: str | Path, settings: Mapping, key: str) -> bool:
 
 
 def receipts(results: str | Path) -> dict[str, Receipt]:
-    """Read the records (receipts) of how all files in a results folder were made, by path.
-
-    Receipts of other results inside the folder, and of copies of results, are left out.
-    """
+    """Read the receipts in a results folder by path, but those of copies and of other results."""
     written = sorted(Path(results).rglob(f".*{SUFFIX}"))
     paths = (str(path.with_name(path.name[1 : -len(SUFFIX)])) for path in written)
     return {
