@@ -132,9 +132,7 @@ rule redraw_paper:
         line=released,
         amounts=amounts(),
         number=setting("measurement.paper_replicates"),
-        threshold=setting("identification.paper.threshold"),
-        path_length=setting("identification.paper.path_length"),
-        kinematics=setting("identification.paper.kinematics"),
+        method=setting("identification.paper"),
         degree=setting("identification.degree"),
         seed=setting("measurement.seed"),
         code=lambda wildcards: code("redraw_paper.py"),
@@ -167,9 +165,7 @@ rule vary_parameter:
                 STUDY.settings.measurement.paper_replicates, MOST_VARIED_DRAWS
             )
         },
-        threshold=setting("identification.paper.threshold"),
-        path_length=setting("identification.paper.path_length"),
-        kinematics=setting("identification.paper.kinematics"),
+        method=setting("identification.paper"),
         degree=setting("identification.degree"),
         seed=setting("measurement.seed"),
         code=lambda wildcards: code("vary_parameter.py"),

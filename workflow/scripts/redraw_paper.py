@@ -5,14 +5,10 @@ from galloping.reproducibility.job import run
 from galloping.study.files import write_table
 
 
-def redraw_paper(
-    case, draws, line, amounts, number, threshold, path_length, kinematics, degree, seed,
-):  # fmt: skip
+def redraw_paper(case, draws, line, amounts, number, method, degree, seed):
     """Run the reproduced paper's method on many noise realisations, and write the results."""
-    drawn = paper_draws(
-        line, name=(case,), amounts=Amounts(**amounts), draws=number, threshold=threshold,
-        path_length=path_length, kinematics=kinematics, degree=degree, seed=seed,
-    )  # fmt: skip
+    plan = {"draws": number, "degree": degree, "seed": seed, **method}
+    drawn = paper_draws(line, name=(case,), amounts=Amounts(**amounts), **plan)
     write_table(draws, drawn)
 
 

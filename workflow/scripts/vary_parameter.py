@@ -7,14 +7,10 @@ from galloping.tables.judged_claims import variation_rows
 
 
 def vary_parameter(
-    parameter, drawn, claims, case, line, values, amounts, number, threshold, path_length,
-    kinematics, degree, seed,
-):  # fmt: skip
+    parameter, drawn, claims, case, line, values, amounts, number, method, degree, seed
+):
     """Assess the reproduced paper's claims at each value of a setting that the paper omits."""
-    plan = {
-        "draws": number, "threshold": threshold, "path_length": path_length,
-        "kinematics": kinematics, "degree": degree, "seed": seed,
-    }  # fmt: skip
+    plan = {"draws": number, "degree": degree, "seed": seed, **method}
     draws, amounts = read_table(drawn), Amounts(**amounts)
     write_table(claims, variation_rows(line, plan, amounts, parameter, values, case, draws))
 
