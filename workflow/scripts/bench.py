@@ -46,19 +46,19 @@ CASE = "internal_resonance"
 LEVELS = 310  # noise levels of a study of 5,000 jobs
 
 
-def seconds(work: Callable, repeats: int) -> float:
+def time_calls(work: Callable, repeats: int) -> float:
     """Measure the median wall time of several calls of a function, s."""
     return float(np.median(timeit.repeat(work, number=1, repeat=repeats)))
 
 
-def row(quantity: str, value: float, unit: str, peer: str = "", ratio: float = np.nan, bar=""):
+def report(quantity: str, value: float, unit: str, peer: str = "", ratio: float = np.nan, bar=""):
     """Print a measured speed or memory, and return it as a row of the table of results."""
     print(f"{quantity}: {value:.4g} {unit}" + (f" ({ratio:.4g} x {peer})" if peer else ""))
     cells = (quantity, value, unit, peer, ratio, bar)
     return dict(zip(("quantity", "value", "unit", "peer", "ratio", "bar"), cells, strict=True))
 
 
-def simulation(results: Path) -> list[dict]:
+def compare_simulation(results: Path) -> list[dict]:
     """Compare time and error of simulating an identified model with those of pysindy."""
     line = read_model(results / f"models/{CASE}.json").model
     motion = read_trajectories(results / f"trajectories/{CASE}.npz")[0]
@@ -69,7 +69,7 @@ def simulation(results: Path) -> list[dict]:
     sindy.fit(exact, t=grid, x_dot=line(exact), feature_names=list(line.states))
     same = PolynomialModel(line.states, terms, np.asarray(sindy.coefficients()))
     simulator = Simulator(line.states, terms)
-    ours = seconds(lambda: simulator(same, exact[0], grid), 15)
+    ours = time_calls(lambda: simulator(same, exact[0], grid), 15)
     start = time.perf_counter()
     theirs = sindy.simulate(exact[0], grid)
     peer = time.perf_counter() - start
@@ -81,14 +81,14 @@ def simulation(results: Path) -> list[dict]:
         np.abs(states - strict).max() for states in (simulator(same, exact[0], grid).states, theirs)
     )
     return [
-        row("re-simulation of an identified model, 300 s", ours, "s",
+        report("re-simulation of an identified model, 300 s", ours, "s",
             "pysindy simulate", peer / ours, ">= 1000"),
-        row("largest error of that re-simulation", error, "SI",
+        report("largest error of that re-simulation", error, "SI",
             "pysindy simulate", peers / error, ">= 1"),
     ]  # fmt: skip
 
 
-def integration(results: Path) -> list[dict]:
+def time_integration(results: Path) -> list[dict]:
     """Time the default line's simulation and sensitivities, also with heyoka if installed."""
     line = read_model(results / f"models/{CASE}.json").model
     motion = read_trajectories(results / f"trajectories/{CASE}.npz")[0]
@@ -105,16 +105,16 @@ def integration(results: Path) -> list[dict]:
     rows = []
     for (what, ours), theirs in zip(works.items(), peers, strict=True):
         ours()  # compiled before
-        own = seconds(ours, 15)
-        peer = {"peer": "heyoka", "ratio": seconds(theirs, 15) / own} if theirs else {}
-        rows.append(row(what, own, "s", bar=">= 0.5", **peer))
+        own = time_calls(ours, 15)
+        peer = {"peer": "heyoka", "ratio": time_calls(theirs, 15) / own} if theirs else {}
+        rows.append(report(what, own, "s", bar=">= 0.5", **peer))
     return rows
 
 
 def heyoka_peers(
     line: PolynomialModel, free: np.ndarray, start: np.ndarray, time: np.ndarray
 ) -> Iterator[Callable]:
-    """Yield the functions of heyoka that compute the same as those of `integration`."""
+    """Yield the functions of heyoka that compute the same as those of `time_integration`."""
     import heyoka as hy
 
     x, values = hy.make_vars(*line.states), [hy.par[k] for k in range(len(free))]
@@ -135,44 +135,44 @@ def heyoka_peers(
         yield propagated
 
 
-def identification(results: Path) -> list[dict]:
+def time_selection(results: Path) -> list[dict]:
     """Compare the time of STLSQ with threshold selection with that of a single pysindy fit."""
-    recording = recordings(results, "derivative")[0][0]
+    recording = simulate_recordings(results, "derivative")[0][0]
     terms = polynomial_library(len(recording.states), 3)
     sindy = ps.SINDy(
         optimizer=ps.STLSQ(threshold=0.01, normalize_columns=True),
         feature_library=ps.PolynomialLibrary(degree=3),
     )
     given = {"t": recording.time, "x_dot": recording.rates}
-    peer = seconds(lambda: sindy.fit(recording.values, **given), 7)
-    ours = seconds(
+    peer = time_calls(lambda: sindy.fit(recording.values, **given), 7)
+    ours = time_calls(
         lambda: fit_normalised(reduce([recording], terms), threshold=None, path_length=30), 31
     )
     return [
-        row("stlsq with threshold selection, 30,001 x 4", ours, "s",
+        report("stlsq with threshold selection, 30,001 x 4", ours, "s",
             "pysindy SINDy.fit of the same method at one threshold", peer / ours, ">= 10"),
     ]  # fmt: skip
 
 
-def limit(results: Path) -> list[dict]:
+def time_likelihood(results: Path) -> list[dict]:
     """Time maximum likelihood and a weak-form method on each recording of a study cell."""
-    replicates = recordings(results, "state")
+    replicates = simulate_recordings(results, "state")
     terms = polynomial_library(4, 3)
     maximum_likelihood(list(replicates[0]), terms)
 
     def cost(method: Callable, every: int = 1) -> float:
         thinned = [[one[::every] for one in each] for each in replicates]
-        return float(np.median([seconds(partial(method, each, terms), 1) for each in thinned]))
+        return float(np.median([time_calls(partial(method, each, terms), 1) for each in thinned]))
 
     ours, weak, few = cost(maximum_likelihood), cost(weak_gls), cost(maximum_likelihood, every=10)
     return [
-        row("maximum_likelihood on 30,001 x 4 at 0.05, median", ours, "s", bar="<= 1.0"),
-        row("the same of every tenth sample", few, "s", "of all", ours / few, "<= 10"),
-        row("weak_gls on all, median", weak, "s", "maximum_likelihood", ours / weak),
+        report("maximum_likelihood on 30,001 x 4 at 0.05, median", ours, "s", bar="<= 1.0"),
+        report("the same of every tenth sample", few, "s", "of all", ours / few, "<= 10"),
+        report("weak_gls on all, median", weak, "s", "maximum_likelihood", ours / weak),
     ]
 
 
-def command() -> list[dict]:
+def time_command() -> list[dict]:
     """Measure the processor time of `galloping identify`, with the default threads and with one."""
     example, threads = ROOT / "examples/span", ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
     default = {name: value for name, value in os.environ.items() if name not in threads}
@@ -192,17 +192,17 @@ def command() -> list[dict]:
     one = cost(default | dict.fromkeys(threads, "1"))
     ours = cost(default)
     what = "galloping identify on the example, of a core"
-    return [row(what, ours, "s", "the same with one thread", one / ours, "<= 8")]
+    return [report(what, ours, "s", "the same with one thread", one / ours, "<= 8")]
 
 
-def recordings(results: Path, protocol: str) -> list[tuple[Recording, ...]]:
+def simulate_recordings(results: Path, protocol: str) -> list[tuple[Recording, ...]]:
     """Simulate noisy recordings of the default line, at noise level 0.05, by realisation."""
     cell = Study(load({})).cell(CASE, protocol, "noise_0.05")
     motions = read_trajectories(results / f"trajectories/{CASE}.npz")
     return recordings_of(motions, name=tuple(cell.wildcards.values()), **cell.measurement)
 
 
-def costs(results: Path) -> pd.DataFrame:
+def read_costs(results: Path) -> pd.DataFrame:
     """Read the wall time, s, and memory, max_rss in MiB, of all jobs of a study with their rule."""
     folder = results / "benchmarks"
     return pd.concat(
@@ -213,21 +213,22 @@ def costs(results: Path) -> pd.DataFrame:
     )
 
 
-def jobs(results: Path, older: Path | None) -> list[dict]:
+def tabulate_jobs(results: Path, older: Path | None) -> list[dict]:
     """Tabulate the largest memory of a job and job seconds by rule, also of an older study."""
-    now, before = costs(results), costs(older) if older else None
-    rows, peer = [row("memory of the largest job", now["max_rss"].max(), "MiB", bar="<= 1024")], {}
+    now, before = read_costs(results), read_costs(older) if older else None
+    rows = [report("memory of the largest job", now["max_rss"].max(), "MiB", bar="<= 1024")]
     for study, when in ((now, ""), (before, " before")):
         for rule, table in study.groupby("rule") if study is not None else ():
             what = f"job seconds of {rule}{when}, {len(table)} jobs"
-            rows.append(row(what, table["s"].sum(), "s"))
+            rows.append(report(what, table["s"].sum(), "s"))
+    peer = {}
     if older:
         ratio = now["s"].sum() / before["s"].sum()
         peer = {"peer": f"before, {len(before)} jobs", "ratio": ratio, "bar": "<= 0.333"}
-    return [*rows, row(f"job seconds of all {len(now)} jobs", now["s"].sum(), "s", **peer)]
+    return [*rows, report(f"job seconds of all {len(now)} jobs", now["s"].sum(), "s", **peer)]
 
 
-def planning(folder: str) -> list[dict]:
+def time_planning(folder: str) -> list[dict]:
     """Time Snakemake's planning of the default study and of one of 5,000 jobs, in a copy."""
     larger = Path(folder) / "larger.yaml"
     levels = [round(0.001 * k, 3) for k in range(LEVELS)]
@@ -240,11 +241,11 @@ def planning(folder: str) -> list[dict]:
             [*command, *options], cwd=folder, check=True, capture_output=True, text=True
         )
         jobs = re.search(r"^total +(\d+)$", run.stdout + run.stderr, re.MULTILINE)[1]
-        rows.append(row(f"plan of {jobs} jobs", time.perf_counter() - start, "s"))
+        rows.append(report(f"plan of {jobs} jobs", time.perf_counter() - start, "s"))
     return rows
 
 
-def whole_runs() -> list[dict]:
+def time_whole_runs() -> list[dict]:
     """Time the default and the smoke study from scratch, and a run with nothing to do."""
     tracked = subprocess.run(
         ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True, text=True
@@ -263,19 +264,20 @@ def whole_runs() -> list[dict]:
 
         smoke = study("--configfile", "config/smoke.yaml")
         return [
-            row("smoke study and report, two cores", smoke, "s", bar="<= 60"),
-            row("default study and report, two cores", study(), "s", bar="<= 480"),
-            row("repetition with nothing to do", study(), "s", bar="<= 5"),
-            *planning(folder),
+            report("smoke study and report, two cores", smoke, "s", bar="<= 60"),
+            report("default study and report, two cores", study(), "s", bar="<= 480"),
+            report("repetition with nothing to do", study(), "s", bar="<= 5"),
+            *time_planning(folder),
         ]
 
 
 def main(results: str, output: str, older: str | None = None) -> None:
     """Measure all speeds and write them to a table."""
-    folder, measured = Path(results), (integration, simulation, identification, limit)
-    rows = jobs(folder, Path(older) if older else None)
+    folder = Path(results)
+    measured = (time_integration, compare_simulation, time_selection, time_likelihood)
+    rows = tabulate_jobs(folder, Path(older) if older else None)
     rows += [each for measure in measured for each in measure(folder)]
-    write_rows(output, [*rows, *command(), *whole_runs()])
+    write_rows(output, [*rows, *time_command(), *time_whole_runs()])
 
 
 if __name__ == "__main__":

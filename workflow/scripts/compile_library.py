@@ -13,7 +13,7 @@ OSCILLATORS = {
 }
 
 
-def forced(time: np.ndarray) -> np.ndarray:
+def simulate_forced(time: np.ndarray) -> np.ndarray:
     """Simulate the (n, 2) displacement and velocity of an oscillator in white-noise forces."""
     step, states = time[1] - time[0], np.zeros((len(time), 2))
     for k, kick in enumerate(np.random.default_rng(1).normal(size=len(time) - 1)):
@@ -32,7 +32,7 @@ def main() -> None:
         motion = galloping.simulate(line, [2.0, 0.0], time)
         galloping.cramer_rao_bound(line, [2.0, 0.0], time, [0.1, 0.1])
         galloping.maximum_likelihood(galloping.measure(line, motion, level=0.05), terms)
-    kept_up = galloping.Recording(time, ("q", "dq"), forced(time) * [1.0, np.nan])
+    kept_up = galloping.Recording(time, ("q", "dq"), simulate_forced(time) * [1.0, np.nan])
     terms, _ = galloping.library(next(iter(OSCILLATORS)), ["q", "dq"])
     identified = galloping.maximum_likelihood(kept_up, terms)
     galloping.forecast(identified, kept_up, time[-1] + time[1:20])

@@ -50,7 +50,6 @@ def draw(reads: Graph) -> str:
     """
 
     def count_columns_after(rule: str) -> int:
-        """Count the columns needed to the right of a rule."""
         return max(
             (count_columns_after(each) + 1 for each in reads if rule in reads[each]), default=0
         )

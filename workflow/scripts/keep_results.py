@@ -66,7 +66,7 @@ def main() -> None:
 
 
 @contextmanager
-def planned(configfile):
+def locked_plan(configfile):
     """Plan a study, and lock it against other processes in a `with` block."""
     plan = planning(configfile)
     with locked(plan.results, make_command(configfile, "repair")):
@@ -125,7 +125,7 @@ def publish(allow, configfile):
     if unknown := [kind for kind in allowed if kind not in ALLOWABLE]:
         sys.exit(f"ALLOW: {unknown[0]!r} is not allowed; must be of {', '.join(ALLOWABLE)}")
     try:
-        with planned(configfile) as plan:
+        with locked_plan(configfile) as plan:
             archive, note = published(plan, allowed), note_on_report(plan)
     except NotPublishable as error:
         sys.exit(
@@ -141,7 +141,7 @@ def publish(allow, configfile):
 def restore(archive, replace, sha256, configfile):
     """Put the results of a published archive into this study, instead of computing them."""
     try:
-        with planned(configfile) as plan:
+        with locked_plan(configfile) as plan:
             check_digest(archive, sha256)
             for line in restored(Path(archive), plan, replacing=replace):
                 print(line)
@@ -154,7 +154,7 @@ def restore(archive, replace, sha256, configfile):
 
 def prune(delete, configfile):
     """List or delete result files that the present settings no longer need."""
-    with planned(configfile) as plan:
+    with locked_plan(configfile) as plan:
         left_over = audit(plan).left_over
         for receipt in left_over:
             print(*(remove(receipt) if delete else [receipt.path]))

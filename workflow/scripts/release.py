@@ -85,10 +85,7 @@ def build(root: Path, folder: Path) -> subprocess.CompletedProcess:
 
 
 def main() -> int:
-    """Print reasons against a release, build the distributions, and return the exit code.
-
-    Nothing is built if there are reasons, unless it is a draft.
-    """
+    """Print reasons against a release, build without any or as a draft, return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--draft", action="store_true")

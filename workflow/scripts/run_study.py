@@ -213,13 +213,13 @@ def snakemake(results: str, *arguments: str) -> tuple[int, bool]:
         log.parent.mkdir(parents=True, exist_ok=True)
         with log.open("w", encoding="utf-8") as file:
             process = subprocess.Popen(command, env=environment, stdout=file, stderr=file)
-            status = followed(process, log)
+            status = follow(process, log)
     if status < 0 and not interrupts:
         raise Killed
     return status, bool(interrupts)
 
 
-def followed(process: subprocess.Popen, log: Path) -> int:
+def follow(process: subprocess.Popen, log: Path) -> int:
     """Wait for a Snakemake process, print its progress every minute, return its exit code."""
     last_line = ""
     while True:

@@ -20,10 +20,7 @@ class Deferred:
         self._name = name
 
     def __getattr__(self, name: str) -> Any:  # a Deferred or a str
-        """Return a module of the package, or a function as `module:function`.
-
-        Raises AttributeError if the files have neither.
-        """
+        """Return a module, or a function as `module:function`; raise AttributeError for neither."""
         below = f"{self._name}.{name}"
         if file_of(below):
             return Deferred(below)

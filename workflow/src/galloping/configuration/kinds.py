@@ -38,7 +38,7 @@ class Kind:
 
     table: str
     cases: tuple[str, ...]
-    methods: tuple[str, ...] = ("maximum_likelihood",)
+    methods: tuple[str, ...] = OURS_ALONE
     options: Mapping[str, tuple] = field(default_factory=dict)
     usable: tuple[str, ...] = ()
 

@@ -71,8 +71,6 @@ class _Loader(yaml.SafeLoader):
     def construct_object(self, node: Node, deep: bool = False) -> object:
         try:
             return super().construct_object(node, deep)
-        except yaml.YAMLError:
-            raise
         except (ValueError, LookupError, AttributeError, TypeError):
             # PyYAML's own constructors stumble over what a tag does not fit
             kind = node.tag.rpartition(":")[2]

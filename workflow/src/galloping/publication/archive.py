@@ -58,7 +58,7 @@ class NotRestorable(Exception):
 
 
 def is_plain(path: str) -> bool:
-    """Decide whether a path (as PLAIN) is safe on any system: relative, no part hidden."""
+    """Decide whether a path matches PLAIN: safe on any system, relative, no part hidden."""
     return PLAIN.fullmatch(path) is not None
 
 

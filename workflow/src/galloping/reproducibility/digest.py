@@ -121,7 +121,7 @@ def _module_files(name: str) -> list[Path]:
 
 
 def versions(imported: Iterable[str]) -> dict[str, str]:
-    """Return versions of Python, of the distributions of imported packages, and requirements."""
+    """Return versions of Python, of the distributions behind imports, and their requirements."""
     found: dict[str, str] = {}
     distributions = (each for name in imported for each in _provided().get(name, ()))
     waiting: list[str] = list(map(canonicalize_name, distributions))

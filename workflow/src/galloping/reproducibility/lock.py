@@ -47,7 +47,7 @@ def locked(results: str, repair: str, *, repairing: bool = False) -> Iterator[in
     """
     check_places(results)
     check_disk(results)
-    if others := snakemakes(Path.cwd()):
+    if others := list_snakemakes(Path.cwd()):
         raise Obstacle(_describe_holder(others[0].pid))
     Path(results).mkdir(parents=True, exist_ok=True)
     with Path(results, MARK).open("a+", encoding="ascii") as mark:
@@ -123,7 +123,7 @@ def marked_environment(results: str) -> dict[str, str]:
     return {**os.environ, RESULTS_VARIABLE: str(Path(results).resolve())}
 
 
-def snakemakes(folder: Path) -> list[psutil.Process]:
+def list_snakemakes(folder: Path) -> list[psutil.Process]:
     """List the main Snakemake processes in a folder, except ancestors of this process."""
     ancestors = {os.getpid(), *(parent.pid for parent in psutil.Process().parents())}
     return [

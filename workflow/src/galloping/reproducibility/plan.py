@@ -35,7 +35,7 @@ from galloping.reproducibility.receipts import (
     SUFFIX,
     Receipt,
     as_written,
-    consistent,
+    is_consistent,
     list_first,
     receipt_path,
 )
@@ -59,10 +59,11 @@ class PlannedJob:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
 
-    def made(self, receipt: Receipt) -> bool:
+    def has_made(self, receipt: Receipt, known: Mapping[str, Receipt]) -> bool:
         """Decide whether a receipt has this job's rule, settings with the code, and inputs."""
         planned = self.rule, self.settings, set(self.inputs)
-        return (receipt.rule, receipt.settings, receipt.inputs.keys()) == planned
+        is_planned = (receipt.rule, receipt.settings, receipt.inputs.keys()) == planned
+        return is_planned and is_consistent(receipt, known)
 
 
 @dataclass(frozen=True)
@@ -96,19 +97,17 @@ def as_planned(plan: Plan, known: dict[str, Receipt]) -> set[str]:
     maker = plan.maker
 
     @cache
-    def sound(job: str) -> bool:
-        return all(map(sound, {maker[p].outputs[0] for p in maker[job].inputs if p in maker})) and (
-            all(
-                path not in known
-                or (maker[job].made(known[path]) and consistent(known[path], known))
-                for path in maker[job].outputs
-            )
-        )
+    def is_sound(output: str) -> bool:  # a job, by its first output
+        job = maker[output]
+        before = {maker[path].outputs[0] for path in job.inputs if path in maker}
+        made = [known[path] for path in job.outputs if path in known]
+        return all(map(is_sound, before)) and all(job.has_made(each, known) for each in made)
 
-    def complete(job: PlannedJob) -> bool:
+    def is_complete(job: PlannedJob) -> bool:
         return all(p in known and (Path(p).exists() or not known[p].kept) for p in job.outputs)
 
-    return {p for job in plan.jobs if sound(job.outputs[0]) and complete(job) for p in job.outputs}
+    sound = (job for job in plan.jobs if is_sound(job.outputs[0]) and is_complete(job))
+    return {path for job in sound for path in job.outputs}
 
 
 def planning(configfiles: Sequence[str] = ()) -> Plan:

@@ -70,7 +70,7 @@ def as_written(settings: Mapping) -> dict:
     return json.loads(json.dumps({k: v for k, v in settings.items() if k != CAPTION}))
 
 
-def consistent(receipt: Receipt, known: Mapping[str, Receipt]) -> bool:
+def is_consistent(receipt: Receipt, known: Mapping[str, Receipt]) -> bool:
     """Decide whether a file was made from the present versions of its inputs, by their SHA-256.
 
     The present digest of an input is that of its receipt, else that of its contents. An input

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from galloping.reproducibility.plan import Plan, as_planned, record
-from galloping.reproducibility.receipts import Receipt, consistent, inspect, receipt_path, receipts
+from galloping.reproducibility.receipts import Receipt, inspect, receipt_path, receipts
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ def audit(plan: Plan) -> Audit:
             return "missing"
         if path in findings.damaged:
             return "damaged"
-        if not (maker[path].made(known[path]) and consistent(known[path], known)):
+        if not maker[path].has_made(known[path], known):
             return "outdated"
         return "sound" if Path(path).exists() else "elsewhere"
 

@@ -93,7 +93,7 @@ class Trial:
 
     @property
     def batches(self) -> tuple[Batch, ...]:
-        """Parts that separate jobs compute: replicates of a case, with the names of both."""
+        """Parts that separate jobs compute: some replicates of a case, named after both."""
         starts = range(0, self.replicates, self.batch)
         parts = [range(k, min(k + self.batch, self.replicates)) for k in starts]
         return tuple(

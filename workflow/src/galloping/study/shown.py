@@ -180,7 +180,7 @@ def ahead_cells(study: Study) -> list[Cell]:
 
 
 def oracle_cells(study: Study) -> list[Cell]:
-    """List the cells of the oracle of pysindy's settings: whole noisy records of all states."""
+    """List whole noisy records of all states, for which pysindy's best tuning is computed."""
     return [
         cell
         for cell in study.cells
