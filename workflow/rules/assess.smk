@@ -1,5 +1,5 @@
 # line, identified models -> what a line engineer asks
-MOST_VARIED_DRAWS = 40  # of each variant of a line, enough to tell most draws from some
+MAX_VARIED_DRAWS = 40  # of each variant of a line, enough to tell most draws from some
 
 
 rule follow_cycles:
@@ -162,7 +162,7 @@ rule vary_parameter:
         amounts=amounts(),
         number=lambda wildcards: {
             "measurement.paper_replicates": min(
-                STUDY.settings.measurement.paper_replicates, MOST_VARIED_DRAWS
+                STUDY.settings.measurement.paper_replicates, MAX_VARIED_DRAWS
             )
         },
         method=setting("identification.paper"),

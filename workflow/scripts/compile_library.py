@@ -32,10 +32,10 @@ def main() -> None:
         motion = galloping.simulate(line, [2.0, 0.0], time)
         galloping.cramer_rao_bound(line, [2.0, 0.0], time, [0.1, 0.1])
         galloping.maximum_likelihood(galloping.measure(line, motion, level=0.05), terms)
-    kept_up = galloping.Recording(time, ("q", "dq"), simulate_forced(time) * [1.0, np.nan])
+    forced = galloping.Recording(time, ("q", "dq"), simulate_forced(time) * [1.0, np.nan])
     terms, _ = galloping.library(next(iter(OSCILLATORS)), ["q", "dq"])
-    identified = galloping.maximum_likelihood(kept_up, terms)
-    galloping.forecast(identified, kept_up, time[-1] + time[1:20])
+    identified = galloping.maximum_likelihood(forced, terms)
+    galloping.forecast(identified, forced, time[-1] + time[1:20])
 
 
 if __name__ == "__main__":

@@ -48,7 +48,7 @@ STEPS = re.compile(r"^(\d+) of (\d+) steps", re.MULTILINE)  # as Snakemake says 
 
 SNAKEMAKE_OUTPUT = Path("logs", "snakemake.txt")  # below the results: written off a terminal
 PROGRESS_INTERVAL = 60.0  # s, between two lines on how far a run is
-LAST_WORDS = 20  # lines of Snakemake's that are shown where no job says what went wrong
+LAST_LINES = 20  # lines of Snakemake's that are shown where no job says what went wrong
 
 
 def main(*arguments: str) -> int:
@@ -88,7 +88,7 @@ def main(*arguments: str) -> int:
             elif not sys.stdout.isatty():
                 log = Path(results, SNAKEMAKE_OUTPUT)
                 words = log.read_text(encoding="utf-8", errors="replace")
-                last = [line for line in words.splitlines() if line.strip()][-LAST_WORDS:]
+                last = [line for line in words.splitlines() if line.strip()][-LAST_LINES:]
                 if "\nTraceback " in words:
                     last = [f"Snakemake stopped: {last[-1]} ({log}); `{repair}` may mend it"]
                 print(*last, sep="\n", file=sys.stderr)

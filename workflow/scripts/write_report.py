@@ -13,7 +13,7 @@ from galloping.reproducibility.job import run
 from galloping.storage import write_text
 from galloping.study.files import read_table
 
-SPOKEN_OF = (
+TABLES_OF_SENTENCES = (
     "efficiency", "peers", "noise_r2", "identifiability", "trust", "limit_cycles",
     "bifurcations", "limit_cycle_ahead", "reduction", "paper", "reproduction", "equations",
     "paper_region",
@@ -46,9 +46,9 @@ def write_report(
 ):  # fmt: skip
     """Write the HTML report of a study from its figures, tables and recordings."""
     drawn = _items([*figures, *animation], captions, labels)
-    said_of = captions_of_tables()
-    shown = _items(tables, {name: said_of[name] for name in (Path(t).stem for t in tables)}, {})
-    read = {name: read_table(shown[name].path) for name in SPOKEN_OF if name in shown}
+    texts = captions_of_tables()
+    shown = _items(tables, {name: texts[name] for name in (Path(t).stem for t in tables)}, {})
+    read = {name: read_table(shown[name].path) for name in TABLES_OF_SENTENCES if name in shown}
     paper, known = read.get("paper"), read_table(region) if region else None
     names = {name: method_style(name).label for name in METHODS}
     sentences = {

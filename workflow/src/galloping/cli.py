@@ -10,10 +10,11 @@ from galloping import __version__
 from galloping.command_errors import OneLineErrors
 from galloping.summary.terminal import json_text, print_rows, show_progress
 
-PIECE, MOST_ROWS = 100_000, 1_000_000  # rows of a simulation that are held at a time; of a forecast
+ROWS_AT_ONCE = 100_000  # of a simulation
+MAX_FORECAST_ROWS = 1_000_000
 # New objects, after which Python looks for cycles of garbage among all: imports and figures make
 # hundreds of thousands and hardly any garbage, and the searches cost `identify` a few percent.
-COLLECTED = 100_000
+GARBAGE_THRESHOLD = 100_000
 REFUSED = 3  # exit code: the recordings give no model
 
 
@@ -30,7 +31,7 @@ def main() -> None:
     \b
     Shell completion: eval "$(_GALLOPING_COMPLETE=bash_source galloping)"
     """  # noqa: D301 (click reads the backspace)
-    gc.set_threshold(COLLECTED)
+    gc.set_threshold(GARBAGE_THRESHOLD)
 
 
 def _mapping_options(command):
@@ -303,10 +304,10 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     recording, time = field.recordings[-1], None
     if duration:
         samples = max(duration / recording.step, 2.0)
-        if samples > MOST_ROWS:
+        if samples > MAX_FORECAST_ROWS:
             step = f"{recording.step:g} s, that of {file}"
             raise ValueError(
-                f"--duration {duration:g}: must be {MOST_ROWS:,} steps of {step}, or less"
+                f"--duration {duration:g}: must be {MAX_FORECAST_ROWS:,} steps of {step}, or less"
             )
         time = recording.time[-1] + recording.step * np.arange(1, round(samples) + 1)
     with show_progress():
@@ -415,7 +416,7 @@ def _simulate_rows(path, model, state, rate: float, last: int, inputs) -> Iterat
     limit = escape_distance(state)
     names, first = ("time_s", *model.states), 0
     while True:
-        until = min(first + PIECE, last)
+        until = min(first + ROWS_AT_ONCE, last)
         times = np.arange(first, until + 1) / rate
         trajectory = simulator(model, state, times, inputs, limit)
         rows = np.column_stack([trajectory.time, trajectory.states])[int(first > 0) :]

@@ -25,7 +25,7 @@ FAULTS = {
     "model_type": "is not a section",
 }
 
-MOST_LINES = 20
+MAX_PROBLEMS = 20
 
 
 def load(mapping: dict) -> Settings:
@@ -47,7 +47,7 @@ def load(mapping: dict) -> Settings:
         if location[-1:] == ("[key]",)
         or not any(location[: len(name)] == name for name in bad_names)
     )
-    shown = list(lines)[:MOST_LINES]
+    shown = list(lines)[:MAX_PROBLEMS]
     if more := len(lines) - len(shown):
         shown.append(f"configuration: and {more} more problems")
     raise ConfigurationError("\n".join(shown))

@@ -149,7 +149,7 @@ WINDOW_SAMPLES = 10  # fewer show no amplitude
 MAX_INTERVALS = 10_000_000  # a slip in a power of ten should not fill the memory
 
 SWEPT = one_of(tuple(PARAMETERS))
-MOST_VALUES = 1000  # of a sweep
+MAX_SWEEP_VALUES = 1000
 
 
 class SimulationSection(keys("simulation")):
@@ -277,10 +277,10 @@ class SweepSection(keys("sweep", parameter=SWEPT, second=SWEPT)):
     def _a_range(cls, values: tuple | None) -> tuple | None:
         if values is not None:
             first, last, step = values
-            if not (first < last and 1 - 1e-9 <= (last - first) / step <= MOST_VALUES):
+            if not (first < last and 1 - 1e-9 <= (last - first) / step <= MAX_SWEEP_VALUES):
                 raise make_error(
                     f"{show(values)} is not a range: must be a first and a larger last value, and "
-                    f"a step that gives 2 to {MOST_VALUES} values"
+                    f"a step that gives 2 to {MAX_SWEEP_VALUES} values"
                 )
         return values
 

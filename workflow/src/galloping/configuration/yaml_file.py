@@ -7,8 +7,8 @@ from yaml.nodes import MappingNode, Node
 
 from galloping.fields import show
 
-MOST_LEVELS, MOST_VALUES = 20, 100_000
-ENDLESS = f"lists or sections are nested without end; must be at most {MOST_LEVELS} levels deep"
+MAX_LEVELS, MAX_VALUES = 20, 100_000
+ENDLESS = f"lists or sections are nested without end; must be at most {MAX_LEVELS} levels deep"
 
 
 class ConfigurationError(ValueError):
@@ -48,13 +48,13 @@ def read(path: str | Path) -> dict:
 def refuse_endless(content: object) -> None:
     """Raise ConfigurationError if lists and dicts are nested without end or hold too much.
 
-    At most MOST_LEVELS levels and MOST_VALUES values are allowed. With YAML's anchors a short file
+    At most MAX_LEVELS levels and MAX_VALUES values are allowed. With YAML's anchors a short file
     can contain itself, or a list of 10^9 items.
     """
     level, values, depth = [content], 0, 0
     while level:
         depth, values = depth + 1, values + len(level)
-        if depth > MOST_LEVELS or values > MOST_VALUES:
+        if depth > MAX_LEVELS or values > MAX_VALUES:
             raise ConfigurationError(ENDLESS)
         inner: list[object] = []
         for value in level:

@@ -16,8 +16,8 @@ from galloping.storage import PARTIAL
 
 MARK = ".running"  # in the results folder: the process that works there, empty if none does
 RESULTS_VARIABLE = "GALLOPING_RESULTS"  # in the environment of all that a run starts
-FULL = 1 << 20  # bytes: with less, Snakemake cannot even keep its records
-PATIENCE = 5.0  # s
+MIN_FREE_SPACE = 1 << 20  # bytes: with less, Snakemake cannot even keep its records
+TIME_TO_END = 5.0  # s
 
 
 # Of the results and of the working folder; a test holds them against the rules.
@@ -91,7 +91,7 @@ def check_disk(results: str) -> None:
     for place in filter(Path.exists, (Path.cwd(), Path.cwd() / results)):
         if not os.access(place, os.W_OK):
             raise Obstacle(f"{place} is read-only: make it writable and run again.")
-        if shutil.disk_usage(place).free < FULL:
+        if shutil.disk_usage(place).free < MIN_FREE_SPACE:
             raise Obstacle(f"The disk of {place} is full: free some space and run again.")
 
 
@@ -143,7 +143,7 @@ def end_orphans(results: str) -> int:
         for process in left:
             with suppress(psutil.NoSuchProcess):
                 end(process)
-        psutil.wait_procs(left, timeout=PATIENCE)
+        psutil.wait_procs(left, timeout=TIME_TO_END)
     return len(left)
 
 

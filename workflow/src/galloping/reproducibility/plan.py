@@ -43,8 +43,8 @@ from galloping.storage import read_json
 
 SNAKEFILE = Path(__file__).parents[3] / "Snakefile"
 CONFIGURATION = "config/config.yaml"
-START = 1.5  # s that a job takes to start, of which receipts do not tell
-MOST = 3  # edits and rules that are told one by one
+JOB_START = 1.5  # s that a job takes to start, of which receipts do not tell
+MAX_LISTED = 3  # edits and rules that are named one by one
 
 
 @dataclass(frozen=True)
@@ -192,11 +192,11 @@ def outlook(plan: Plan, known: Mapping[str, Receipt], cores: int | None) -> Iter
     report = known.get(f"{plan.results}/report.html")  # holds the settings of the last whole run
     before = report.settings.get("study", {}).get("study") if report else None
     if edits := list(_describe_edits(before or plan.settings, plan.settings)):
-        yield f"Edited since they last ran: {list_first(edits, MOST)}."
+        yield f"Edited since they last ran: {list_first(edits, MAX_LISTED)}."
     runs = ((job, known[path]) for job in jobs for path in job.outputs if path in known)
     codes = {job.rule for job, old in runs if old.settings.get("code") != job.settings.get("code")}
     if codes:
-        yield f"Code or libraries changed behind: {list_first(sorted(codes), MOST)}."
+        yield f"Code or libraries changed behind: {list_first(sorted(codes), MAX_LISTED)}."
 
 
 def duration_in_words(seconds: float) -> str:
@@ -216,7 +216,7 @@ def _expected_duration(
         of_rule.setdefault(receipt.rule, []).append(receipt.seconds)
     earlier = [[known[path].seconds for path in job.outputs if path in known] for job in jobs]
     times = [
-        START + fmean(seconds or of_rule[job.rule])
+        JOB_START + fmean(seconds or of_rule[job.rule])
         for job, seconds in zip(jobs, earlier, strict=True)
         if seconds or job.rule in of_rule
     ]
