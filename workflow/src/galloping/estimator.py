@@ -286,18 +286,18 @@ class MaximumLikelihood:
 
         absent: whether absent terms have rows too. See `IdentifiedModel.to_frame`.
         """
-        return self._fitted(refused=True).to_frame(absent)
+        return self._fitted(allow_refused=True).to_frame(absent)
 
     def print(self, **options: Any) -> None:
         """Print the equations and the status of the fitted model.
 
         options: of the built-in function `print`.
         """
-        print(self._fitted(refused=True), **options)
+        print(self._fitted(allow_refused=True), **options)
 
     def get_feature_names(self) -> list[str]:
         """Return the names of the candidate terms, in the order of the columns of `coef_`."""
-        return list(self._fitted(refused=True).model.term_names)
+        return list(self._fitted(allow_refused=True).model.term_names)
 
     # --- what scikit-learn expects of an estimator ---
 
@@ -331,14 +331,11 @@ class MaximumLikelihood:
 
     # --- parts ---
 
-    def _fitted(self, refused: bool = False) -> IdentifiedModel:
-        """Return the fitted model.
-
-        Raises NotFittedError before `fit`, and ValueError if there is no model unless `refused`.
-        """
+    def _fitted(self, allow_refused: bool = False) -> IdentifiedModel:
+        """Return the fitted model; raise NotFittedError before `fit`, ValueError if refused."""
         if not hasattr(self, "model_"):
             raise NotFittedError(f"this {type(self).__name__} is not fitted yet: call fit first")
-        if self.model_.status == "refused" and not refused:
+        if self.model_.status == "refused" and not allow_refused:
             raise ValueError(f"there is no model: {self.model_.reason}")
         return self.model_
 

@@ -98,12 +98,11 @@ def sort_keys(mapping: dict, files: Sequence[dict]) -> dict:
 
 
 def _describe_fault(mapping: dict, fault: ErrorDetails) -> str:
-    """Format one fault that pydantic found as one line."""
     kind, location = fault["type"], fault["loc"]
     if kind in ("extra_forbidden", "invalid_key"):
-        return _unknown_key(location)
+        return _describe_unknown_key(location)
     if location[-1:] == ("[key]",):
-        return _bad_name(location[:-1])
+        return _describe_bad_name(location[:-1])
     if kind == "missing":  # an item of a list of fixed length
         location = location[:-1]
     path, value = _locate_value(mapping, location, default=fault["input"])
@@ -129,7 +128,7 @@ def _describe_fault(mapping: dict, fault: ErrorDetails) -> str:
     return f"{_join_keys(path) or 'configuration'}: {show(value)} {what}; {must} {allowed(limits)}"
 
 
-def _unknown_key(location: tuple) -> str:
+def _describe_unknown_key(location: tuple) -> str:
     *parents, key = location
     if new := RENAMED.get(".".join([*_anonymise(parents), str(key)])):
         return f"{_join_keys(location)}: unknown key; is now {new}"
@@ -157,8 +156,7 @@ def _anonymise(path: Iterable) -> list[str]:
     return keys
 
 
-def _bad_name(location: tuple) -> str:
-    """Find the invalid name that the user chose in a mapping of names."""
+def _describe_bad_name(location: tuple) -> str:
     *parents, name = location
     node = _find_node(parents)
     if options := names(node):
