@@ -60,7 +60,7 @@ class PlannedJob:
     outputs: tuple[str, ...]
 
     def has_made(self, receipt: Receipt, known: Mapping[str, Receipt]) -> bool:
-        """Decide whether a receipt has this job's rule, settings with the code, and inputs."""
+        """Decide whether this job, as planned, made a file, and from the present inputs."""
         planned = self.rule, self.settings, set(self.inputs)
         is_planned = (receipt.rule, receipt.settings, receipt.inputs.keys()) == planned
         return is_planned and is_consistent(receipt, known)
