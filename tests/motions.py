@@ -5,7 +5,7 @@ from dataclasses import replace
 import field_files as files
 import numpy as np
 from ambient import two_modes
-from scipy.integrate import solve_ivp
+from integrators import moved
 from scipy.interpolate import CubicSpline
 
 from galloping import Recording
@@ -13,12 +13,6 @@ from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Input
 
 STATES = ("q", "dq")
-
-
-def moved(rates, start, time, **options):
-    """States (n, n_states) of dx/dt = rates(t, x), at times (n,)."""
-    given = {"rtol": 1e-10, "atol": 1e-12} | options
-    return solve_ivp(rates, (time[0], time[-1]), start, t_eval=time, **given).y.T
 
 
 def noisy(states, noise, seed, measured=(0,)):

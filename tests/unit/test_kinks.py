@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from integrators import moved_with_derivatives
 
 from galloping import Input, PolynomialModel, parse_model, simulate
 from galloping.evaluation.bounds import sensitivities
-from galloping.model.polynomial import design_matrix
 
 FRICTION = "q = dq; dq = -4 q - 0.9 sign(dq)"
 SMOOTH = {
@@ -52,23 +51,12 @@ def differences(model, free, start, time, inputs=None):
 @pytest.mark.parametrize("name", SMOOTH)
 def test_smooth_functions_agree_with_another_integrator(name):
     text, start = SMOOTH[name]
-    model, n = parse_model(text), len(start)
+    model = parse_model(text)
     free = np.argwhere(model.support)
-
-    def rates(_, both):
-        x, moved = both[:n], both[n:].reshape(n, -1)
-        change = model.jacobian(x[np.newaxis])[0] @ moved
-        change[free[:, 0], np.arange(len(free))] += design_matrix(x[np.newaxis], model.terms)[
-            0, free[:, 1]
-        ]
-        return np.append(model(x[np.newaxis])[0], change)
-
-    both = np.append(start, np.eye(n, len(free) + n, len(free)))
-    other = solve_ivp(rates, (0, TIME[-1]), both, "DOP853", TIME, rtol=1e-12, atol=1e-14).y.T
     states, moved = sensitivities(model, free, start, TIME)
-    assert states == pytest.approx(other[:, :n], abs=1e-9)
-    size = np.abs(other[:, n:]).max()
-    assert moved.reshape(len(TIME), -1) == pytest.approx(other[:, n:], abs=1e-9 * size)
+    others = moved_with_derivatives(model, free, start, TIME, rtol=1e-12, atol=1e-14)
+    assert states == pytest.approx(others[0], abs=1e-9)
+    assert moved == pytest.approx(others[1], abs=1e-9 * np.abs(others[1]).max())
 
 
 @pytest.mark.parametrize("name", KINKED)

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from integrators import moved_with_derivatives
 from lines import CASES, RESONANT, START, edited
-from scipy.integrate import solve_ivp
 
 from galloping.evaluation.bounds import sensitivities
 from galloping.evaluation.motion import steady_amplitude
 from galloping.line.galerkin import coefficients, make_model
-from galloping.model.polynomial import PolynomialModel, design_matrix
+from galloping.model.polynomial import PolynomialModel
 from galloping.trajectory.simulation import Simulator, time_grid
 from galloping.trajectory.taylor import Ending, solve
 
@@ -39,20 +39,10 @@ def test_printed_motion_on_any_grid(name):
 def test_states_and_derivatives_of_another_integrator(name):
     line = make_model(coefficients(VARIANTS[name]))
     free, time = np.argwhere(line.support)[:6], time_grid(20, 10)
-
-    def rates(_, both):
-        x, moved = both[:4], both[4:].reshape(4, -1)
-        change = line.jacobian(x[np.newaxis])[0] @ moved
-        theta = design_matrix(x[np.newaxis], line.terms)[0]
-        change[free[:, 0], np.arange(len(free))] += theta[free[:, 1]]
-        return np.append(line(x[np.newaxis])[0], change)
-
     states, moved = sensitivities(line, free, START, time)
-    start = np.append(START, np.eye(4, len(free) + 4, len(free)))
-    other = solve_ivp(rates, (0, 20), start, "DOP853", time, rtol=3e-14, atol=1e-16).y.T
-    sizes = np.abs(other).max(axis=0)
-    assert states == pytest.approx(other[:, :4], rel=0, abs=1e-11)
-    assert np.abs((moved.reshape(len(time), -1) - other[:, 4:]) / sizes[4:]).max() < 1e-11
+    others = moved_with_derivatives(line, free, START, time, rtol=3e-14, atol=1e-16)
+    assert states == pytest.approx(others[0], rel=0, abs=1e-11)
+    assert np.abs((moved - others[1]) / np.abs(others[1]).max(axis=0)).max() < 1e-11
 
 
 def test_units_change_nothing():

@@ -33,6 +33,15 @@ VAN_DER_POL_TERMS = ((1, 0), (0, 1), (2, 1))
 VAN_DER_POL = family(VAN_DER_POL_TERMS, lambda mu: [[0, 1, 0], [-1, mu, -mu]])
 
 
+def van_der_pol(mu, late):
+    """States (n, 2) at times (n,), of a motion that began long before, at time zero."""
+    rates = VAN_DER_POL.model(mu)
+    return solve_ivp(
+        lambda _, x: rates(x[np.newaxis])[0], (0, late[-1]), [2, 0], t_eval=late, rtol=1e-9,
+        atol=1e-9,
+    ).y.T  # fmt: skip
+
+
 # periods: Amore, arXiv 2111.12198 (2021) and the sources there; amplitude at 1: Hairer, Norsett and
 # Wanner, Solving Ordinary Differential Equations I, sec. II.4
 @pytest.mark.parametrize(
@@ -41,11 +50,9 @@ VAN_DER_POL = family(VAN_DER_POL_TERMS, lambda mu: [[0, 1, 0], [-1, mu, -mu]])
      (10, 19.07836957, 2.014285)],
 )  # fmt: skip
 def test_period_and_multiplier_of_van_der_pol(mu, period, amplitude):
-    model, late = VAN_DER_POL.model(0.5), np.linspace(60, 100, 2001)
-    motion = solve_ivp(
-        lambda _, x: model(x[np.newaxis])[0], (0, 100), [2, 0], t_eval=late, rtol=1e-9, atol=1e-9
-    )
-    _, up = from_motion(VAN_DER_POL, 0.5, late, motion.y.T, Range(0.1, mu, longest=0.5))
+    late = np.linspace(60, 100, 2001)
+    motion = van_der_pol(0.5, late)
+    _, up = from_motion(VAN_DER_POL, 0.5, late, motion, Range(0.1, mu, longest=0.5))
     assert up.complete
     point = up.points[-1]
     assert point.solution.period == pytest.approx(period, rel=2e-9)
@@ -64,12 +71,7 @@ def test_turns_that_samples_pass_too_far_from_its_end_make_no_longer_period():
     """Seven and a half samples in a period: but every second turn is sampled at other places."""
     period = 6.66328685932313
     time = np.arange(60) * period / 7.5 + 60.0
-    model = VAN_DER_POL.model(1.0)
-    motion = solve_ivp(
-        lambda _, x: model(x[np.newaxis])[0], (0, time[-1]), [2, 0], t_eval=time, rtol=1e-9,
-        atol=1e-9,
-    )  # fmt: skip
-    found = cycle_from_motion(VAN_DER_POL, 1.0, time, motion.y.T, 0.5)
+    found = cycle_from_motion(VAN_DER_POL, 1.0, time, van_der_pol(1.0, time), 0.5)
     assert found.solution.period == pytest.approx(period, rel=2e-9)
 
 

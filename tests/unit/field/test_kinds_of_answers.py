@@ -25,10 +25,16 @@ def identified(recording):
     return maximum_likelihood(recording, TERMS)
 
 
-def test_a_limit_cycle_is_found():
-    """At any size and frequency, as test_units_of_motion says of all numbers."""
+@pytest.fixture(scope="module")
+def growing():
+    """A recording of a growing motion, and the model found from it."""
     recording = motions.growing()
-    found = identified(recording)
+    return recording, identified(recording)
+
+
+def test_a_limit_cycle_is_found(growing):
+    """At any size and frequency, as test_units_of_motion says of all numbers."""
+    recording, found = growing
     known = dynamics(found, recording)
     assert known.kind == "cycle"
     assert known.half_range["q"].value == pytest.approx(2.0, rel=2e-3)
@@ -39,15 +45,15 @@ def test_a_limit_cycle_is_found():
     assert cycle.stable and cycle.half_range["q"].value == pytest.approx(2.0, rel=2e-3)
 
 
-def test_of_a_motion_that_has_died_out_nothing_but_noise_is_left_to_forecast():
+def test_of_a_motion_that_has_died_out_nothing_but_noise_is_left_to_forecast(growing):
     """1 Hz, 3 % of critical: after 30 s a 300th of the release is left, a tenth of the noise."""
     time = np.arange(2000) / 50
     states = motions.moved(lambda t, x: [x[1], -39.5 * x[0] - 0.38 * x[1]], (0.05, 0.0), time)
     recording = motions.of_displacement(time, states, 0.0014)
     trial = summarise(identified(recording), recording).held_out
     assert trial.is_noise[0] and trial.missed[0] < 0.2
-    live = motions.growing()
-    assert not summarise(identified(live), live).held_out.is_noise[0]
+    live, found = growing
+    assert not summarise(found, live).held_out.is_noise[0]
 
 
 def test_random_forces_are_not_missed_but_held_in_a_band():
@@ -57,21 +63,26 @@ def test_random_forces_are_not_missed_but_held_in_a_band():
     assert found.is_forced and told and all(np.isnan(one.missed_percent) for one in told)
 
 
-def pendulum(start, duration, noise, seed=1):
-    """q'' = -100 sin q - 0.04 q', rad."""
-    time = np.arange(round(100 * duration)) / 100
+@pytest.fixture(scope="module")
+def pendulum():
+    """A recording, its model and their summary: q'' = -100 sin q - 0.04 q', from 60 to 41 degrees,
+    with noise of half a degree.
+    """
+    time = np.arange(2000) / 100
     states = motions.moved(
-        lambda t, x: [x[1], -100 * np.sin(x[0]) - 0.04 * x[1]], (start, 0.0), time
+        lambda t, x: [x[1], -100 * np.sin(x[0]) - 0.04 * x[1]], (np.pi / 3, 0.0), time
     )
-    return motions.of_displacement(time, states, noise, seed)
-
-
-def test_small_motions_that_were_not_recorded_are_told_with_what_further_terms_would_change():
-    """From 60 to 41 degrees, noise of half a degree: the cubic is that of these angles."""
-    recording = pendulum(np.pi / 3, 20.0, np.radians(0.5))
+    recording = motions.of_displacement(time, states, np.radians(0.5))
     found = identified(recording)
+    return recording, found, summarise(found, recording)
+
+
+def test_small_motions_that_were_not_recorded_are_told_with_what_further_terms_would_change(
+    pendulum,
+):
+    """The cubic is that of the recorded angles."""
+    recording, found, summary = pendulum
     assert found.status == "ok"
-    summary = summarise(found, recording)
     true, small = 10.0 / (2.0 * np.pi), summary.dynamics.frequencies["q"]
     alone = dynamics(replace(found, extrapolation_shift=np.zeros(3),
                              extrapolation_covariance=np.zeros((3, 3))), recording)  # fmt: skip
@@ -98,9 +109,8 @@ def test_of_a_motion_that_was_small_as_well_further_terms_change_little():
     assert further[linear] < 2.0 * errors[linear]
 
 
-def test_what_terms_of_the_next_degree_change_is_stored_with_the_model(tmp_path):
-    recording = pendulum(np.pi / 3, 20.0, np.radians(0.5))
-    found = summarise(identified(recording), recording).found
+def test_what_terms_of_the_next_degree_change_is_stored_with_the_model(pendulum, tmp_path):
+    found = pendulum[2].found
     found.save(tmp_path / "model.json")
     assert IdentifiedModel.load(tmp_path / "model.json") == found
     assert found.recorded("q") == pytest.approx((-1.06, 1.06), abs=0.03)

@@ -37,25 +37,34 @@ def tried(field):
 
 
 @pytest.fixture(scope="module")
-def field(tmp_path_factory):
+def path(tmp_path_factory):
+    """A file of the resonant line, with two samples in a window."""
     _, motion = simulate("internal_resonance")
     path = tmp_path_factory.mktemp("field") / "a.csv"
-    return read(recorded(path, motion.time[::20], motion.states[::20]))
+    return recorded(path, motion.time[::20], motion.states[::20])
 
 
-def test_a_known_noise_replaces_the_estimate_and_a_wrong_one_is_named(tmp_path):
+@pytest.fixture(scope="module")
+def field(path):
+    return read(path)
+
+
+@pytest.fixture(scope="module")
+def identified(field):
+    return maximum_likelihood(list(field.recordings), TERMS)
+
+
+def test_a_known_noise_replaces_the_estimate_and_a_wrong_one_is_named(path, identified):
     _, motion = simulate("internal_resonance")
-    time, states = motion.time[::20], motion.states[::20]  # two samples in a window
-    path = recorded(tmp_path / "a.csv", time, states)
-    v, w = 0.05 * states[:, :2].std(axis=0)
+    v, w = 0.05 * motion.states[::20, :2].std(axis=0)
 
     def told(*noises):
         channels = [{"column": q, "measures": q, "noise": noise}
                     for q, noise in zip(STATES[:2], noises, strict=True)]  # fmt: skip
         return maximum_likelihood(list(read(path, channels=channels).recordings), TERMS)
 
-    free, known, wrong = told(None, None), told(f"{1e3 * v} mm", w), told(v / 5, w / 5)
-    assert np.isnan(free.chi2) and known.chi2 == pytest.approx(1.0, abs=0.1)
+    known, wrong = told(f"{1e3 * v} mm", w), told(v / 5, w / 5)
+    assert np.isnan(identified.chi2) and known.chi2 == pytest.approx(1.0, abs=0.1)
     assert known.sigma[0, :2] == pytest.approx([v, w])
     assert wrong.status == "approximate" and wrong.has_finding(Code.NOISE_EXCEEDS_KNOWN)
 
@@ -80,8 +89,7 @@ def test_long_recordings_are_identified_from_their_liveliest_and_largest_stretch
     assert len(excerpts([long] * 20)) == 20
 
 
-def test_advice_ranks_recordings_by_what_they_tell_of_the_weakest_term(field):
-    identified = maximum_likelihood(list(field.recordings), TERMS)
+def test_advice_ranks_recordings_by_what_they_tell_of_the_weakest_term(field, identified):
     told = advice(identified, field.recordings[0], longest_period(field.recordings))
     errors = list(told.options.values())
     assert errors == sorted(errors) and max(errors) < told.standard_error

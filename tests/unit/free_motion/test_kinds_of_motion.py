@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from ambient import two_modes
-from scipy.integrate import solve_ivp
+from integrators import moved
 from swings import noisy, sensed, small_motions, swing
 
 from galloping import (
@@ -119,10 +119,10 @@ def test_damping_that_no_model_follows_is_told_by_its_envelope():
 
 def test_parts_of_a_decay_that_agree_by_chance_have_their_own_errors():
     time = np.arange(1200) / 20.0
-    states = solve_ivp(
+    states = moved(
         lambda t, x: [x[1], -x[0] - 0.1 * x[1] - 0.5 * x[0] ** 3 + 0.4 * np.sin(1.7 * t)],
-        (0.0, 60.0), [1.0, 0.0], t_eval=time, rtol=1e-10, atol=1e-12,
-    ).y.T  # fmt: skip
+        (1.0, 0.0), time,
+    )  # fmt: skip
     noise = np.random.default_rng(5).standard_normal(states.shape)
     recording = Recording(time, ("q", "dq"), states + 0.05 * states.std(axis=0) * noise)
     found = maximum_likelihood(recording, LIBRARY)
@@ -136,10 +136,9 @@ def test_parts_of_a_decay_that_agree_by_chance_have_their_own_errors():
 
 def test_the_term_that_a_library_lacks_is_named_beside_the_envelope():
     time, stiffness = np.arange(4000) / 100.0, 4.0 * np.pi**2
-    states = solve_ivp(
-        lambda _, x: [x[1], -stiffness * x[0] - 0.05 * abs(x[1]) * x[1]],
-        (0.0, 40.0), [1.0, 0.0], t_eval=time, rtol=1e-9, atol=1e-9,
-    ).y.T  # fmt: skip
+    states = moved(
+        lambda _, x: [x[1], -stiffness * x[0] - 0.05 * abs(x[1]) * x[1]], (1.0, 0.0), time
+    )
     found = identified(noisy(states[:, 0], 1, 0.003), time=time)
     assert codes(found) == [Code.TERM_MISSING, Code.NOT_EXPONENTIAL]
     assert found.findings[0].data["term"].startswith("|dq| dq")
@@ -163,10 +162,9 @@ def test_a_linear_model_is_within_the_bounds_of_its_coefficients():
 
 def test_a_nonlinear_decay_keeps_its_terms_beside_a_further_mode():
     time, stiffness = np.arange(2000) / 50.0, 4.0 * np.pi**2
-    states = solve_ivp(
-        lambda _, x: [x[1], -stiffness * (x[0] + 0.2 * x[0] ** 3) - 0.1 * x[1]],
-        (0.0, 40.0), [1.0, 0.0], t_eval=time, rtol=1e-9, atol=1e-9,
-    ).y.T  # fmt: skip
+    states = moved(
+        lambda _, x: [x[1], -stiffness * (x[0] + 0.2 * x[0] ** 3) - 0.1 * x[1]], (1.0, 0.0), time
+    )
     found = identified(noisy(states[:, 0] + swing(time, 2.37, 0.005, 0.03), 7, 0.003), time=time)
     terms = {found.model.terms[j] for i, j in np.argwhere(found.support)}
     assert found.status == "ok" and terms == {(1, 0), (0, 1), (3, 0)}

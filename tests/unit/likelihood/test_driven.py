@@ -42,6 +42,13 @@ def recorded(model, inputs, time=TIME, **measured):
     return galloping.measure(model, motion, **about)
 
 
+@pytest.fixture(scope="module")
+def in_gusts():
+    """A recording of the line in gusts, and the model found from it."""
+    recording = recorded(LINE, {"U": GUSTS})
+    return recording, galloping.maximum_likelihood(recording, WIND_LIBRARY)
+
+
 @pytest.mark.parametrize("protocol", ["state", "displacement"])
 def test_a_driven_oscillator_is_found_at_the_bound(protocol):
     true, errors = DUFFING.on_library(CUBIC), []
@@ -60,8 +67,8 @@ def test_a_driven_oscillator_is_found_at_the_bound(protocol):
     assert np.sqrt(np.mean(np.square(errors))) < 1.3
 
 
-def test_a_line_in_gusts_holds_at_other_winds():
-    found = galloping.maximum_likelihood(recorded(LINE, {"U": GUSTS}), WIND_LIBRARY)
+def test_a_line_in_gusts_holds_at_other_winds(in_gusts):
+    _, found = in_gusts
     assert_found(found, LINE)
     assert found.recorded("U") == pytest.approx(np.quantile(GUSTS.values, (0.05, 0.95)))
     for speed in (10.0, 12.0, 14.0):
@@ -74,8 +81,8 @@ def test_a_line_in_gusts_holds_at_other_winds():
         assert amplitude == pytest.approx(right, rel=0.05)
 
 
-def test_inputs_that_no_term_names_change_nothing():
-    recording = recorded(LINE, {"U": GUSTS})
+def test_inputs_that_no_term_names_change_nothing(in_gusts):
+    recording, _ = in_gusts
     terms = galloping.polynomial_library(2, 3)
     alone = galloping.maximum_likelihood(replace(recording, inputs={}), terms)
     assert galloping.maximum_likelihood(recording, terms) == alone
@@ -178,10 +185,9 @@ def test_terms_are_sought_where_they_are_allowed():
     assert np.isnan(found.detection_limits[1, ~allowed[1]]).all()
 
 
-def test_the_error_of_an_input_is_in_the_intervals():
+def test_the_error_of_an_input_is_in_the_intervals(in_gusts):
     """A factor on the wind is one on each coefficient, to the power of the wind in its term."""
-    recording = recorded(LINE, {"U": GUSTS})
-    sure = galloping.maximum_likelihood(recording, WIND_LIBRARY)
+    recording, sure = in_gusts
     given = {"U": replace(GUSTS, error=0.02)}
     unsure = galloping.maximum_likelihood(replace(recording, inputs=given), WIND_LIBRARY)
     assert unsure.model == sure.model
@@ -193,18 +199,17 @@ def test_the_error_of_an_input_is_in_the_intervals():
         assert unsure.standard_errors[place] == pytest.approx(whole, rel=1e-9)
 
 
-@pytest.mark.parametrize("delay", [-0.3, 0.3, 2.0])
-def test_an_input_that_comes_late_is_named(delay):
+def test_an_input_that_comes_late_is_named():
     """As of an anemometer that stands aside."""
-    aside = {"U": Input(TIME + delay, GUSTS.values)}
-    time = TIME[10:-10]
-    recording = recorded(LINE, {"U": GUSTS}, time=time, level=0.01)
+    recording = recorded(LINE, {"U": GUSTS}, time=TIME[10:-10], level=0.01)
     assert galloping.maximum_likelihood(recording, WIND_LIBRARY).status == "ok"
-    found = galloping.maximum_likelihood(replace(recording, inputs=aside), WIND_LIBRARY)
-    assert found.status == "approximate"
-    (late,) = (each for each in found.findings if each.subject == "U" and "delay" in each.code)
-    assert late.code == Code.INPUT_DELAYED_BY
-    assert late.data["delay_s"] == pytest.approx(delay, abs=0.1)
+    for delay in (-0.3, 0.3, 2.0):
+        aside = {"U": Input(TIME + delay, GUSTS.values)}
+        found = galloping.maximum_likelihood(replace(recording, inputs=aside), WIND_LIBRARY)
+        assert found.status == "approximate"
+        (late,) = (each for each in found.findings if each.subject == "U" and "delay" in each.code)
+        assert late.code == Code.INPUT_DELAYED_BY
+        assert late.data["delay_s"] == pytest.approx(delay, abs=0.1)
 
 
 def test_recordings_share_their_inputs_by_name():
