@@ -1,6 +1,7 @@
 """What many tests share."""
 
 import os
+import sys
 from pathlib import Path
 
 import hypothesis
@@ -15,6 +16,7 @@ SLOW = (
 )
 ROOT = Path(__file__).parents[1]
 os.environ["PYTHONPATH"] = str(ROOT / "workflow" / "src")  # for the processes that tests start
+sys.path += [str(ROOT / "workflow" / "scripts"), str(ROOT / "docs")]  # scripts are in no package
 hypothesis.settings.register_profile("study", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("study")
 

@@ -3,12 +3,11 @@
 import argparse
 import shutil
 import subprocess
-import sys
 from dataclasses import asdict
-from importlib import import_module
 from pathlib import Path
 
 import pytest
+import run_study
 from studies import Study, run, script
 
 from galloping.configuration.load import load, plain
@@ -19,8 +18,6 @@ from galloping.reproducibility.receipts import inspect as find_deviations
 from galloping.storage import write_json, write_text
 
 ROOT = Path(__file__).parents[2]
-sys.path.append(str(ROOT / "workflow" / "scripts"))
-run_study = import_module("run_study")
 
 
 def make_report(settings):

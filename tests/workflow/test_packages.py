@@ -4,10 +4,12 @@ import ast
 import re
 import sys
 import tomllib
-from importlib import import_module, metadata
+from importlib import metadata
 from pathlib import Path
 
+import check_wheels
 import pytest
+import write_environment
 import yaml
 from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
@@ -16,8 +18,6 @@ from studies import run
 
 ROOT = Path(__file__).parents[2]
 SOURCE, SCRIPTS = ROOT / "workflow" / "src" / "galloping", ROOT / "workflow" / "scripts"
-sys.path.append(str(SCRIPTS))
-check_wheels, write_environment = map(import_module, ("check_wheels", "write_environment"))
 PYPROJECT = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
 PROJECT = tomllib.loads(PYPROJECT)["project"]
 OWN = {

@@ -1,21 +1,17 @@
 """The pages of docs/: numbers and pictures from results, links, length, what their code prints."""
 
 import re
-import sys
 from functools import partial
 from pathlib import Path
 
 import pytest
+from draw_examples import PICTURES, draw
+from from_results import BLOCK, BLOCKS, with_tables
 from matplotlib.testing.compare import compare_images
 from studies import run
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-sys.path.insert(0, str(DOCS))  # its scripts belong to no package
-
-from draw_examples import PICTURES, draw  # noqa: E402
-from from_results import BLOCK, BLOCKS, with_tables  # noqa: E402
-
 PAGES = sorted(DOCS.glob("*.md"))
 LINKED = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "config").glob("*.md")), *PAGES]
 MOST_WORDS = 900  # of prose; tables, code and formulas are looked up

@@ -2,11 +2,10 @@
 
 import re
 import shutil
-import sys
-from importlib import import_module
 from pathlib import Path
 from pkgutil import resolve_name
 
+import draw_rules
 import pytest
 from studies import script
 
@@ -15,9 +14,6 @@ from galloping.report.data_dictionary import captions, columns
 from galloping.reproducibility.plan import PlannedJob
 
 ROOT = Path(__file__).parents[2]
-sys.path.append(str(ROOT / "workflow" / "scripts"))
-draw_rules = import_module("draw_rules")
-
 TRIALS = ", ".join(f"{kind}: {{kind: {kind}}}" for kind in KINDS)
 LINES = "internal_resonance: null, non_resonant: null"
 TRIALS_ALONE = f"{{cases: {{{LINES}}}, trials: {{{TRIALS}}}}}"

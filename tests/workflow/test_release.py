@@ -3,19 +3,17 @@
 import re
 import shutil
 import subprocess
-import sys
 import tomllib
 import venv
-from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
+import check_wheels
 import pytest
+import release
 import yaml
 
 ROOT = Path(__file__).parents[2]
-sys.path.append(str(ROOT / "workflow" / "scripts"))
-release, check_wheels = map(import_module, ("release", "check_wheels"))
 NAMED = (
     "pyproject.toml",
     "CITATION.cff",
