@@ -115,10 +115,8 @@ def test_clearance_and_measures():
     motion = settle(simulator(), line_family(RESONANT, "wind_speed").model(12.0), START)
     told = rows.clearance_rows("line", RESONANT, {12.0: motion}, (0.0, 8.0), 3.0)
     assert [row["orbit"] for row in told] == ["Davison", "Toye", "CIGRE 322", "cycle"]
-    assert (
-        told[-1]["height_m"] == pytest.approx(2 * 1.305, abs=2e-3)
-        and told[-1]["is_clearance_sufficient"]
-    )
+    assert told[-1]["height_m"] == pytest.approx(2 * 1.305, abs=2e-3)
+    assert told[-1]["is_clearance_sufficient"]
     growing = motion.states * np.linspace(1.0, 2.0, len(motion.states))[:, np.newaxis]
     irregular = replace(motion, kind="irregular", states=growing)
     *_, last = rows.clearance_rows("line", RESONANT, {12.0: irregular}, (0.0, 8.0), 3.0)
