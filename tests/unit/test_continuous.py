@@ -1,9 +1,12 @@
 """The continuous line against independent numbers, a second integrator and conservation laws."""
 
+from functools import cache
+
 import numpy as np
 import pytest
+from integrators import moved
 from lines import RESONANT
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import quad
 from scipy.signal import welch
 
 from galloping.configuration.load import load, plain
@@ -19,6 +22,13 @@ TIME = np.arange(30001) / 100
 BARE = {"reading": "custom", "vertical": [0.0, 0.0, 0.0], "horizontal": [0.0, 0.0, 0.0]}
 
 
+@cache
+def released(modes, aerodynamic="small_angle"):
+    """The line, and its states at TIME after a release of 0.1 m in both directions."""
+    line = continuous_line(RESONANT, modes, aerodynamic=aerodynamic)
+    return line, simulate(line, displaced_state(line, (0.1, 0.1)), TIME)
+
+
 @pytest.mark.parametrize(
     ("modes", "aerodynamic", "frequency", "v", "w"),
     [
@@ -31,9 +41,8 @@ BARE = {"reading": "custom", "vertical": [0.0, 0.0, 0.0], "horizontal": [0.0, 0.
     ],
 )
 def test_line_on_more_and_more_modes(modes, aerodynamic, frequency, v, w):
-    line = continuous_line(RESONANT, modes, aerodynamic=aerodynamic)
+    line, states = released(modes, aerodynamic)
     assert continuous.natural_modes(line)[0][0, 0] == pytest.approx(frequency, abs=6e-5)
-    states = simulate(line, displaced_state(line, (0.1, 0.1)), TIME)
     middle = sensor_readings(line, states[20000:], [0.5])[:, 0, :2]
     assert np.ptp(middle, axis=0) / 2 == pytest.approx([v, w], abs=6e-4)
 
@@ -54,12 +63,12 @@ def test_second_integrator_confirms():
     def wind(t):
         return line.speed * (1 + 0.1 * np.sin(0.3 * t))
 
-    other = solve_ivp(
-        lambda t, x: line.rates(x, wind(t)), time[[0, -1]], start,
-        method="DOP853", rtol=1e-9, atol=1e-10, t_eval=time[[-1]],
-    )  # fmt: skip
+    def rates(t, x):
+        return line.rates(x, wind(t))
+
+    _, end = moved(rates, start, time[[0, -1]], method="DOP853", rtol=1e-9, atol=1e-10)
     states = simulate(line, start, time, wind(time))
-    assert np.abs(states[-1] - other.y[:, -1]).max() < 1e-4 * np.abs(states).max()
+    assert np.abs(states[-1] - end).max() < 1e-4 * np.abs(states).max()
 
 
 def test_eigenvalues_at_rest_in_the_wind():
@@ -85,8 +94,7 @@ def test_energy_is_kept_without_wind_and_damping():
 
 
 def test_antisymmetric_mode_gallops_once_disturbed():
-    line = continuous_line(RESONANT, 9)
-    quiet = simulate(line, displaced_state(line, (0.1, 0.1)), TIME)
+    line, quiet = released(9)
     disturbed = simulate(line, displaced_state(line, (0.1, 0.1), antisymmetric=0.01), TIME)
     assert np.abs(quiet[:, 1]).max() < 1e-6
     assert np.ptp(disturbed[25000:, 1]) > 10 * np.ptp(disturbed[:2500, 1])

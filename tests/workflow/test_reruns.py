@@ -271,9 +271,14 @@ def pending(before: list[dict], after: list[dict]) -> dict[str, bool]:
 
 
 @pytest.fixture(scope="module")
-def edited(copied):
+def before(copied):
+    """The plan of the study as it is."""
+    return copied()
+
+
+@pytest.fixture(scope="module")
+def edited(copied, before):
     """Makes edits in a copy of the repository; returns all outputs that it asks for then."""
-    before = copied()
 
     def outputs(*edits):
         after = copied(*edits)
@@ -421,10 +426,10 @@ def test_what_runs_nothing_runs_nothing(study, tmp_path):
 
 
 @pytest.mark.xdist_group("reruns")
-def test_the_tutorial_shows_what_its_edit_runs_again(copied):
+def test_the_tutorial_shows_what_its_edit_runs_again(copied, before):
     page = PAGE.parents[1].joinpath("docs", "tutorial_study.md").read_text(encoding="utf-8")
     edit = page.split("# mine.yaml\n")[1].partition("```")[0]
-    before, after = copied(), copied(settings(edit))
+    after = copied(settings(edit))
     runs = pending(before, after)
     jobs = sum(any(runs[path] for path in job["outputs"]) for job in after)
     assert f"\n{jobs} of {len(after)} jobs will run, " in page

@@ -1,5 +1,7 @@
 """Any oscillator: the same motion in other units of length and time is answered alike."""
 
+from functools import cache
+
 import motions
 import numpy as np
 import pytest
@@ -11,9 +13,12 @@ UNITS = ((1e-6, 1e-6), (1e6, 1e5), (3.3, 1e-3))  # what lengths and times are mu
 FAST = (motions.growing, motions.decaying)
 
 
-def identified(recording):
+@cache
+def identified(kind, length=1.0, time=1.0):
+    """A recording of a kind in other units, and the model found from it."""
+    recording = motions.in_other_units(kind(), length, time)
     count = len(recording.states) + len(recording.inputs)
-    return maximum_likelihood(recording, polynomial_library(count, 3))
+    return recording, maximum_likelihood(recording, polynomial_library(count, 3))
 
 
 def coefficients(found, length, time):
@@ -60,22 +65,27 @@ def numbers(summary, assessment, length, time):
     return found
 
 
-def answers(recording, length=1.0, time=1.0):
+@cache
+def answers(kind, length=1.0, time=1.0):
     """Numbers and codes of what a recording is answered, in the units of the first one."""
-    own = motions.in_other_units(recording, length, time)
-    found = identified(own)
+    own, found = identified(kind, length, time)
     summary = summarise(found, own)
     assessment = assess(summary.found, mean_inputs(found.model.inputs, [own]))
     return numbers(summary, assessment, length, time), (found.status, found.codes)
 
 
-@pytest.mark.parametrize("kind", motions.QUICK, ids=lambda kind: kind.__name__)
+def of(kind, *values, more="", marks=()):
+    """Parameters of a test, in the process that keeps what a kind is answered."""
+    group = pytest.mark.xdist_group(kind.__name__)
+    return pytest.param(kind, *values, id=kind.__name__ + more, marks=[group, *marks])
+
+
+@pytest.mark.parametrize("kind", [of(kind) for kind in motions.QUICK])
 def test_a_model_is_the_same_in_all_units(kind):
-    recording = kind()
-    first = identified(recording)
+    _, first = identified(kind)
     expected = coefficients(first, 1.0, 1.0)
     for length, time in UNITS:
-        other = identified(motions.in_other_units(recording, length, time))
+        _, other = identified(kind, length, time)
         assert other.status == first.status and other.codes == first.codes
         found = coefficients(other, length, time)
         np.testing.assert_allclose(found, expected, rtol=1e-6, equal_nan=True)
@@ -84,18 +94,17 @@ def test_a_model_is_the_same_in_all_units(kind):
 
 @pytest.mark.parametrize(
     ("kind", "units"),
-    [pytest.param(kind, UNITS[:1], id=kind.__name__) for kind in FAST]
+    [of(kind, UNITS[:1]) for kind in FAST]
     + [
-        pytest.param(kind, units, id=f"{kind.__name__} in more", marks=pytest.mark.slow)
+        of(kind, units, more=" in more", marks=[pytest.mark.slow])
         for kinds, units in ((motions.QUICK, UNITS), (motions.SLOW, UNITS[:1]))
         for kind in kinds
     ],
 )
 def test_what_a_recording_is_answered_is_the_same_in_all_units(kind, units):
-    recording = kind()
-    expected, told = answers(recording)
+    expected, told = answers(kind)
     for length, time in units:
-        found, other = answers(recording, length, time)
+        found, other = answers(kind, length, time)
         assert other == told
         assert found.keys() == expected.keys()
         for name, value in expected.items():
