@@ -97,13 +97,8 @@ class Study:
 def copy_repository(root: Path, folder: Path) -> None:
     """What is or will be tracked by git, of the results only the published ones, and what numba
     compiled of it."""
-    listed = subprocess.run(
-        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
-        cwd=root,
-        stdout=subprocess.PIPE,
-        text=True,
-        check=True,
-    ).stdout
+    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.check_output(command, cwd=root, text=True)
     compiled = (root / "workflow" / "src").rglob("*.nb[ci]")
     for name in [*filter(None, listed.split("\0")), *(c.relative_to(root) for c in compiled)]:
         source = root / name

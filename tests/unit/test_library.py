@@ -5,8 +5,6 @@ import copy
 import doctest
 import math
 import pickle
-import subprocess
-import sys
 import tomllib
 from dataclasses import replace
 from importlib import import_module
@@ -19,6 +17,7 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 from sklearn.utils import Tags
+from studies import run
 
 import galloping
 from galloping import Recording
@@ -58,7 +57,8 @@ def test_the_library_has_one_version_and_needs_no_package_of_the_study():
         "import galloping; [getattr(galloping, name) for name in galloping.__all__]; "
         "galloping.MaximumLikelihood().get_params()"
     )
-    subprocess.run([sys.executable, "-c", code], check=True)
+    done = run(ROOT, "-c", code)
+    assert done.returncode == 0, done.stdout
 
 
 def test_lists_arrays_and_frames_are_the_same_recording():

@@ -152,11 +152,8 @@ def test_ranking():
     assert (as_is["vertical_amplitude_m"], as_is["horizontal_amplitude_m"]) == pytest.approx(
         CHECKS[12], abs=1e-3
     )
-    assert (
-        as_is["vertical_amplitude_m_low"]
-        < as_is["vertical_amplitude_m"]
-        < as_is["vertical_amplitude_m_high"]
-    )
+    low, high = as_is["vertical_amplitude_m_low"], as_is["vertical_amplitude_m_high"]
+    assert low < as_is["vertical_amplitude_m"] < high
     assert 3 < as_is["clearance_m"] < 8
     lost = with_measure(
         parts, RESONANT, NOTHING, replace(design, wind=25.0), simulator(), draws[:0]
