@@ -4,14 +4,13 @@ import ast
 import doctest
 import inspect
 import json
-import os
-import subprocess
 import sys
 from dataclasses import MISSING, fields
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from studies import run
 
 import galloping
 
@@ -59,9 +58,5 @@ def test_scripts_of_users_pass(checker, tmp_path):
         "extraPaths": [str(SOURCE)],
     }
     (tmp_path / "pyrightconfig.json").write_text(json.dumps(configured))
-    done = subprocess.run(
-        [sys.executable, "-m", checker, *CHECKERS[checker]],
-        cwd=tmp_path, env=os.environ | {"MYPYPATH": str(SOURCE)}, check=False, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-    )  # fmt: skip
+    done = run(tmp_path, "-m", checker, *CHECKERS[checker], MYPYPATH=str(SOURCE))
     assert done.returncode == 0, done.stdout

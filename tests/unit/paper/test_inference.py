@@ -20,6 +20,7 @@ from galloping.paper import agreement, draws, unknowns
 from galloping.paper.agreement import GROUPS, NUMBERS, PRINTED, cell_of, log_likelihoods
 from galloping.paper.draws import Amounts
 from galloping.paper.quick import QuickStudy, identify_coefficients
+from galloping.paper.unknowns import FIRST_READING
 from galloping.tables import inference as tables
 from galloping.trials import paper_inference
 
@@ -30,7 +31,7 @@ KNOWN = dict(zip(unknowns.NAMES, (10.0, 0.0059, 0.0054, 0.53, 0.66, 0.109, 0.001
 
 @pytest.fixture(scope="module")
 def moved():
-    return draws.line_motion(unknowns.FIRST_READING.case_at(KNOWN, RESONANT), 300, 100)
+    return draws.line_motion(FIRST_READING.case_at(KNOWN, RESONANT), 300, 100)
 
 
 @pytest.mark.parametrize(
@@ -52,7 +53,7 @@ def test_quick_motions_are_those_of_the_simulator(moved):
     amounts, method = Amounts(levels=(0.03,), points=(10000,)), unknowns.MethodReading(0.0017)
     quick = QuickStudy(*moved, amounts).draw_scores(method, 12, np.random.default_rng(1))
     exact = draws.paper_draws(
-        unknowns.FIRST_READING.case_at(KNOWN, RESONANT), draws=12, seed=1, name=("x",),
+        FIRST_READING.case_at(KNOWN, RESONANT), draws=12, seed=1, name=("x",),
         threshold=0.0017, path_length=30, kinematics="known", degree=3, amounts=amounts,
     )  # fmt: skip
     for column in ("r2_q_w", "amplitude_error_q_v_percent", "mean_error_cubic_percent"):
@@ -67,14 +68,10 @@ def test_quick_motions_are_those_of_the_simulator(moved):
 
 def draw_values(values, count, rng):
     """What draws at a setting of the first reading give for each claim."""
-    motion, line = draws.line_motion(unknowns.FIRST_READING.case_at(values, RESONANT), 300, 100)
+    motion, line = draws.line_motion(FIRST_READING.case_at(values, RESONANT), 300, 100)
     study = QuickStudy(motion, line, paper_inference.AMOUNTS)
-    scores = study.draw_scores(
-        unknowns.FIRST_READING.method_at(values),
-        count,
-        rng,
-        unmoved_levels=agreement.UNMOVED_LEVELS,
-    )
+    method = FIRST_READING.method_at(values)
+    scores = study.draw_scores(method, count, rng, unmoved_levels=agreement.UNMOVED_LEVELS)
     return agreement.scores_by_claim(scores)
 
 
@@ -141,24 +138,14 @@ def test_importance_sampling_integrates_a_likelihood_that_is_known():
 
 @pytest.fixture(scope="module")
 def tried():
-    rows = paper_inference.trial(
-        1,
-        unknowns.FIRST_READING.name,
-        [0],
-        {},
-        pilot_rounds=(3,),
-        pilot_draws=4,
-        settings=4,
-        draws=9,
-        climb=3,
-    )
-    return pd.DataFrame(rows)
+    extent = {"pilot_rounds": (3,), "pilot_draws": 4, "settings": 4, "draws": 9, "climb": 3}
+    return pd.DataFrame(paper_inference.trial(1, FIRST_READING.name, [0], {}, **extent))
 
 
 def test_a_run_keeps_its_conditions_and_judges_its_best(tried):
     settings = tried[tried["stage"] == "tried"]
     assert len(settings) == 4 and (settings["proposed"] > 4).all()
-    assert (settings["attack"] <= unknowns.FIRST_READING.attack_limit).all()
+    assert (settings["attack"] <= FIRST_READING.attack_limit).all()
     assert (settings["change"] < paper_inference.MOST_CHANGE).all()
     for unknown in unknowns.UNKNOWNS:
         assert settings[unknown.name].between(unknown.low, unknown.high).all()
@@ -172,7 +159,7 @@ def test_tables_and_figure(tried):
     other[["log_weight", "noise 0.05"]] -= 10.0
     parts = {"readings/one": tried, "readings/two": other}
     readings = tables.paper_readings(parts)
-    assert readings["reading"].to_list() == [unknowns.FIRST_READING.name, "sine"]
+    assert readings["reading"].to_list() == [FIRST_READING.name, "sine"]
     assert readings["verdict"].to_list() == ["first", "ruled out as tried"]
     assert readings["log10_bayes_factor"].iloc[1] == pytest.approx(-10 / np.log(10))
     assert readings["worst_claims"].iloc[1] == "noise 0.05"
@@ -212,8 +199,8 @@ def test_the_default_study_is_as_probable_as_the_best_setting_that_was_found(roo
     case = study["cases"]["internal_resonance"]
     own = {u.name: reduce(getitem, u.path, case) for u in unknowns.UNKNOWNS if u.path}
     own["threshold"] = study["identification"]["paper"]["threshold"]
-    row = paper_inference.estimate(unknowns.FIRST_READING, own, 200, np.random.default_rng(2))
+    row = paper_inference.estimate(FIRST_READING, own, 200, np.random.default_rng(2))
     readings = pd.read_csv(root / "results" / "reference" / "paper" / "paper_readings.csv")
-    best = readings.set_index("reading").loc[unknowns.FIRST_READING.name]
+    best = readings.set_index("reading").loc[FIRST_READING.name]
     assert row["log_likelihood"] > best["log_likelihood"] - 1.0
-    assert row["attack"] <= unknowns.FIRST_READING.attack_limit
+    assert row["attack"] <= FIRST_READING.attack_limit
