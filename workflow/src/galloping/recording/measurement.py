@@ -4,7 +4,7 @@ A protocol consists of the noise on each state and on each state's derivative: t
 from it, the Cramér-Rao bound (`bounds`) and the applicable methods (`identification.registry`).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,29 +37,39 @@ class Noise:
 class Protocol:
     """Measurement setup: which states or derivatives are measured, and with what noise.
 
-    noise: from the noise level, the scale (2, n_states) of each state and of each rate, and the
-    velocity of each displacement (`velocity_pairs`) to a `Noise`. meaning: in the words of the
+    measures: DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE or RATES. meaning: in the words of the
     settings. by_default: whether a study has it that names none.
     """
 
     name: str
-    noise: Callable[[float, np.ndarray, Mapping[int, int]], Noise]
+    measures: str
     meaning: str
     by_default: bool = True
 
     @property
-    def measures(self) -> str:
-        """What the setup measures: DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE or RATES."""
-        noise = self.noise(1.0, np.ones((2, 2)), {0: 1})
-        if np.any(np.isfinite(noise.rates)):
-            return RATES if np.any(noise.states) else DERIVATIVES
-        return ALL_STATES if np.all(np.isfinite(noise.states)) else DISPLACEMENTS_ALONE
-
-    @property
     def is_scaled(self) -> bool:
         """Whether the standard deviation of the noise scales with the size of the motion."""
-        one, other = (self.noise(1.0, np.full((2, 2), size), {0: 1}) for size in (1.0, 2.0))
-        return bool(np.any(one.states != other.states) or np.any(one.rates != other.rates))
+        return self.measures != DERIVATIVES
+
+    def noise(self, level: float, scale: np.ndarray, pairs: Mapping[int, int]) -> Noise:
+        """Return the standard deviations of the noise at a noise level.
+
+        scale: (2, n_states), of each state and of each rate. pairs: index of the velocity of each
+        displacement, as `velocity_pairs` returns. Noise of derivatives is absolute, and on every
+        rate (Brunton et al. 2016).
+        """
+        states, rates = np.full(scale.shape, np.inf)
+        if self.measures == DERIVATIVES:
+            states[:], rates[:] = 0.0, level
+        elif self.measures == ALL_STATES:
+            states = level * scale[0]
+        elif self.measures == DISPLACEMENTS_ALONE:
+            measured = list(pairs)
+            states[measured] = level * scale[0, measured]
+        else:
+            measured = list(pairs.values())
+            rates[measured] = level * scale[1, measured]
+        return Noise(states, rates)
 
     def noise_unit(self, relative: bool) -> str:
         """Return the unit of the noise level, IN_DEVIATIONS if that is the size of the motion.
@@ -79,39 +89,12 @@ class Protocol:
         return f"{noise}, {self.noise_unit(relative)}"
 
 
-def _noise_of_derivatives(level: float, scale: np.ndarray, _: Mapping[int, int]) -> Noise:
-    """Make absolute noise on every rate (Brunton et al. 2016)."""
-    return Noise(np.zeros(scale.shape[1]), np.full(scale.shape[1], level))
-
-
-def _noise_of_states(level: float, scale: np.ndarray, _: Mapping[int, int]) -> Noise:
-    return Noise(level * scale[0], np.full(scale.shape[1], np.inf))
-
-
-def _noise_of_displacements(level: float, scale: np.ndarray, pairs: Mapping[int, int]) -> Noise:
-    """Make noise on the displacements, which alone are measured."""
-    return Noise(_only(list(pairs), level * scale[0]), np.full(scale.shape[1], np.inf))
-
-
-def _noise_of_accelerations(level: float, scale: np.ndarray, pairs: Mapping[int, int]) -> Noise:
-    """Make noise on the rates of the velocities, which alone are measured."""
-    rates = _only(list(pairs.values()), level * scale[1])
-    return Noise(np.full(scale.shape[1], np.inf), rates)
-
-
-def _only(measured: Sequence[int], sigma: np.ndarray) -> np.ndarray:
-    """Replace the standard deviations (n_states,) of channels that are not measured by infinity."""
-    return np.where(np.isin(np.arange(len(sigma)), measured), sigma, np.inf)
-
-
 PROTOCOLS = (
-    Protocol("derivative", _noise_of_derivatives, "exact states with noisy derivatives"),
-    Protocol("state", _noise_of_states, "noisy states"),
-    Protocol("displacement", _noise_of_displacements, "noisy displacements without velocities"),
+    Protocol("derivative", DERIVATIVES, "exact states with noisy derivatives"),
+    Protocol("state", ALL_STATES, "noisy states"),
+    Protocol("displacement", DISPLACEMENTS_ALONE, "noisy displacements without velocities"),
     # of the methods only `maximum_likelihood` can use it
-    Protocol(
-        "acceleration", _noise_of_accelerations, "noisy accelerations alone", by_default=False
-    ),
+    Protocol("acceleration", RATES, "noisy accelerations alone", by_default=False),
 )
 BY_NAME = {protocol.name: protocol for protocol in PROTOCOLS}
 
@@ -161,16 +144,16 @@ def noises_of(
     protocol: its name; raises KeyError if it is unknown, and ValueError if it measures
     displacements or accelerations and no state is a velocity.
     """
-    described, found = BY_NAME[protocol], []
+    setup, noises = BY_NAME[protocol], []
     for motion in motions:
         pairs = velocity_pairs(motion.names)
-        if not pairs and described.measures in (DISPLACEMENTS_ALONE, RATES):
+        if not pairs and setup.measures in (DISPLACEMENTS_ALONE, RATES):
             raise ValueError(
                 f"protocol: {protocol!r}; must be derivative or state, since none of the states "
                 f"{', '.join(motion.names)} is a velocity dX of another"
             )
-        found.append(described.noise(level, channel_scale(motion, relative), pairs))
-    return found
+        noises.append(setup.noise(level, channel_scale(motion, relative), pairs))
+    return noises
 
 
 def _add_noise(exact: np.ndarray, sigma: np.ndarray, rng: np.random.Generator) -> np.ndarray:
