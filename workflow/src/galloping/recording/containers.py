@@ -73,8 +73,7 @@ class Table:
         The message begins with `what`.
         """
         if name not in self.columns:
-            there = ", ".join(self.columns)
-            raise ValueError(f"{what}: no column {name!r}; must be one of {there:.60}")
+            raise ValueError(f"{what}: no column {name!r}; must be one of {[*self.columns]!r:.60}")
         return self.columns.pop(name)
 
     def pop_times(self, t: Any = None) -> Any:
@@ -93,17 +92,17 @@ class Table:
 
         names: of the requested columns or, if any is missing, new names of all.
         """
-        meant = tuple(self.columns if names is None else names)
-        chosen = meant if set(meant) <= set(self.columns) else tuple(self.columns)
-        if len(chosen) != len(meant):
+        names = tuple(self.columns if names is None else names)
+        chosen = names if set(names) <= set(self.columns) else tuple(self.columns)
+        if len(chosen) != len(names):
             have = f"{len(self.columns)} columns, {', '.join(self.columns):.60}"
-            raise ValueError(f"{self.what}: has {have}; must be {', '.join(meant):.60}")
+            raise ValueError(f"{self.what}: has {have}; must be {', '.join(names):.60}")
         if not chosen:
             raise ValueError(f"{self.what}: has no columns")
         values = [as_floats(f"{self.what}: {n}", self.columns[n], (None,)) for n in chosen]
         if len({*map(len, values)}) > 1:
             raise ValueError(f"{self.what}: columns differ in length")
-        return meant, np.column_stack(values)
+        return names, np.column_stack(values)
 
 
 def _as_names(u: object) -> list[str] | None:
@@ -130,9 +129,8 @@ def split_samples(
     times = table.pop_times(t)
     if isinstance(t, str) or t is None:
         t = times
-    driving: Any = u
     if columns := _as_names(u):
-        driving = {name: table.pop("u", name) for name in columns}
+        u = {name: table.pop("u", name) for name in columns}
     names, values = table.matrix(states)
     if t is not None and count_dimensions("t", t) == 0:
         step = float(as_finite("t", t, ()))
@@ -141,7 +139,7 @@ def split_samples(
         t = step * np.arange(len(values))
     if t is not None:
         t = as_floats("t", as_seconds("t", t), (len(values),))
-    return t, names, values, driving
+    return t, names, values, u
 
 
 def make_recordings(
@@ -168,22 +166,19 @@ def make_recordings(
     """
     if not is_several(x):
         return [_make_recording(x, t, u, x_dot, states, inputs, between)]
-    found = []
-    parts: dict[str, Any] = {"x_dot": x_dot} if _as_names(u) else {"u": u, "x_dot": x_dot}
-    for name, part in parts.items():
-        if part is not None and (not isinstance(part, list | tuple) or len(part) != len(x)):
+    driving: Any = [u] * len(x) if u is None or _as_names(u) else u
+    rates: Any = [None] * len(x) if x_dot is None else x_dot
+    for name, part in (("u", driving), ("x_dot", rates)):
+        if not isinstance(part, list | tuple) or len(part) != len(x):
             raise ValueError(f"{name}: must be a list of {len(x)}, one for each recording of x")
     times = t if isinstance(t, list | tuple) and len(t) == len(x) else [t] * len(x)
-    for k, one in enumerate(x):
-        own = {name: None if part is None else part[k] for name, part in parts.items()}
-        driving = own.get("u", u)
+    recordings = []
+    for k, parts in enumerate(zip(x, times, driving, rates, strict=True)):
         try:
-            found.append(
-                _make_recording(one, times[k], driving, own["x_dot"], states, inputs, between)
-            )
+            recordings.append(_make_recording(*parts, states, inputs, between))
         except ValueError as error:
             raise ValueError(f"recording {k}: {error}") from None
-    return found
+    return recordings
 
 
 def _make_recording(
@@ -237,13 +232,15 @@ def make_inputs(
         table.pop_times()
         own, values = table.matrix(names)
         columns = dict(zip(own, values.T, strict=True))
-    found: dict[str, Any] = {}
+    inputs: dict[str, Any] = {}
     for name, values in columns.items():
-        if isinstance(values, Input) or count_dimensions(f"u: {name}", values) == 0:
-            found[name] = values if isinstance(values, Input) else float(values)
-            continue
-        try:
-            found[name] = Input(time, values, between)
-        except ValueError as error:
-            raise ValueError(f"u: {name}: {str(error).removeprefix('input: ')}") from None
-    return found
+        if isinstance(values, Input):
+            inputs[name] = values
+        elif count_dimensions(f"u: {name}", values) == 0:
+            inputs[name] = float(values)
+        else:
+            try:
+                inputs[name] = Input(time, values, between)
+            except ValueError as error:
+                raise ValueError(f"u: {name}: {str(error).removeprefix('input: ')}") from None
+    return inputs

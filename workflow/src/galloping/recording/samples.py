@@ -495,33 +495,23 @@ class Recording(Immutable):
         ValueError
             If a column is missing, or contains something else than numbers.
         """
-        names = list(frame)
-        column = "t" if time is None else time
-        times = frame[column] if column in names else None
-        if time is None and times is None:
-            times = index_of_times(frame)
-        if times is None:
-            raise ValueError(f"recording: no column {column!r}; must be one of {names!r:.60}")
+        from galloping.recording.containers import Table, make_inputs  # which imports this module
+
+        table = Table.of("recording", frame)
         if isinstance(inputs, str):
             raise ValueError(f"recording: inputs: {inputs!r:.60}; must be a list of names")
+        names, column = list(table.columns), "t" if time is None else time
         for name in inputs:
             if name not in names or name == column:
                 raise ValueError(f"recording: inputs: no column {name!r}; there is {names!r:.60}")
-        states = [name for name in names if name != column and name not in inputs]
-        columns = {
-            name: as_floats(f"recording: column {name!r}", frame[name], (None,))
-            for name in (*states, *inputs)
-        }
-        if len({len(times), *map(len, columns.values())}) > 1:
+        times = table.pop_times() if time is None else table.pop("recording", time)
+        if times is None:
+            raise ValueError(f"recording: no column {column!r}; must be one of {names!r:.60}")
+        driving = {name: table.columns.pop(name) for name in inputs}
+        states, values = table.matrix()
+        if len({len(times), len(values), *map(len, driving.values())}) > 1:
             raise ValueError("recording: columns differ in length")
-        values = np.array([columns[name] for name in states]).T.reshape(len(times), len(states))
-        own = {}
-        for name in inputs:
-            try:
-                own[name] = Input(times, columns[name], between)
-            except ValueError as error:
-                raise ValueError(f"recording: column {name!r}: {error}") from None
-        return cls(times, states, values, inputs=own)
+        return cls(times, states, values, inputs=make_inputs(driving, times, between=between))
 
     def __getitem__(self, rows: slice) -> "Recording":
         """Return the samples of a slice, such as `recording[:100]`, two or more."""
