@@ -92,8 +92,7 @@ def inspect_recording(series: "Series", mapping: "ColumnMapping") -> dict:
         place = {"measures": channel.measures, "position_m": channel.position}
         report["channels"][channel.column] = place | described
         report["problems"] += [
-            _make_problem(row, Finding.of(code, channel.column, **data))
-            for row, code, data in problems
+            _make_problem(row, code, channel.column, **data) for row, code, data in problems
         ]
     report["problems"] += _too_short(series, mapping, report)
     report["problems"] += _shown_twice(series, mapping, report["channels"])
@@ -102,10 +101,11 @@ def inspect_recording(series: "Series", mapping: "ColumnMapping") -> dict:
     return report
 
 
-def _make_problem(row: int, finding: Finding) -> dict:
+def _make_problem(row: int, code: Code, column: str, **data: Any) -> dict:
+    finding = Finding.of(code, column, **data)
     about = finding.as_dict()
     return {
-        "column": finding.subject, "row": int(row), "code": about["code"], "data": about["data"],
+        "column": column, "row": int(row), "code": about["code"], "data": about["data"],
         "what": sentence_of(finding),
     }  # fmt: skip
 
@@ -131,7 +131,7 @@ def _too_short(series: "Series", mapping: "ColumnMapping", report: dict) -> list
         if len(periods) and periods[0] < least and channel.column not in moved:
             few[channel.column] = known, values, frequencies[0]
     return [
-        _make_problem(series.rows[known][0], Finding.of(Code.FEW_PERIODS, column, periods=PERIODS))
+        _make_problem(series.rows[known][0], Code.FEW_PERIODS, column, periods=PERIODS)
         for column, (known, values, frequency) in few.items()
         if not enough or _is_recurrent(series.time[known], values[known], frequency)
     ]
@@ -154,12 +154,12 @@ def _shown_twice(series: "Series", mapping: "ColumnMapping", channels: dict) -> 
 
     Some combination of the two channels then varies no more than their noise (total least squares).
     """
-    step, found = float(np.median(np.diff(series.time))), []
+    step, problems = float(np.median(np.diff(series.time))), []
     for (i, one), (j, other) in combinations(enumerate(mapping.channels), 2):
-        about = channels[one.column], channels[other.column]
-        fastest = max(f for each in about for f in (*each["dominant_frequencies_hz"], 0.0))
-        noises = np.array([each["noise"] for each in about])
-        motions = np.array([each["standard_deviation"] for each in about])
+        both = channels[one.column], channels[other.column]
+        fastest = max(f for each in both for f in (*each["dominant_frequencies_hz"], 0.0))
+        noises = np.array([each["noise"] for each in both])
+        motions = np.array([each["standard_deviation"] for each in both])
         known = np.isfinite(series.values[:, [i, j]]).all(axis=1)
         if (
             one.measures.lstrip("d") == other.measures.lstrip("d")
@@ -173,16 +173,15 @@ def _shown_twice(series: "Series", mapping: "ColumnMapping", channels: dict) -> 
         least, across = np.linalg.eigh(pair)
         if least[0] < SAME:
             times = abs(across[1, 1] / across[0, 1] * noises[1] / noises[0])
-            same = {"other": one.column, "times": times}
-            found.append(
-                _make_problem(series.rows[0], Finding.of(Code.SHOWN_TWICE, other.column, **same))
-            )
-    return found
+            about = {"other": one.column, "times": times}
+            problems.append(_make_problem(series.rows[0], Code.SHOWN_TWICE, other.column, **about))
+    return problems
 
 
 def _mixed_up(series: "Series", mapping: "ColumnMapping", channels: dict) -> list[dict]:
     """List problems of channels whose sign, or whose order, is most likely wrong."""
-    found, by_measure = [], {one.measures: k for k, one in enumerate(mapping.channels)}
+    problems, first = [], series.rows[0]
+    by_measure = {one.measures: k for k, one in enumerate(mapping.channels)}
     for measures, k in by_measure.items():
         column, against = mapping.channels[k].column, by_measure.get(measures.removeprefix("dd"))
         across = by_measure.get(measures.removesuffix("w") + "v")
@@ -191,17 +190,16 @@ def _mixed_up(series: "Series", mapping: "ColumnMapping", channels: dict) -> lis
             pair = pair[np.isfinite(pair).all(axis=1)]
             if len(pair) > DIFFERENT and np.corrcoef(pair.T)[0, 1] > WITH:
                 other = mapping.channels[against].column
-                wrong = Finding.of(Code.SIGN_UNLIKELY, column, other=other)
-                found.append(_make_problem(series.rows[0], wrong))
+                problems.append(_make_problem(first, Code.SIGN_UNLIKELY, column, other=other))
         if measures.endswith("q_w") and across is not None:
             other = mapping.channels[across].column
             times = channels[column]["standard_deviation"] / max(
                 channels[other]["standard_deviation"], np.finfo(float).tiny
             )
             if times > SIDEWAYS:
-                swapped = Finding.of(Code.COLUMNS_SWAPPED, column, other=other, times=times)
-                found.append(_make_problem(series.rows[0], swapped))
-    return found
+                about = {"other": other, "times": times}
+                problems.append(_make_problem(first, Code.COLUMNS_SWAPPED, column, **about))
+    return problems
 
 
 def estimate_noise(values: np.ndarray) -> float:
@@ -289,7 +287,7 @@ def _inspect_channel(
     }
     means = np.array([part.mean() for part in thirds])
     drifts = np.ptp(means) > max(motion, 10 * sigma)
-    moves, by = _find_mean_shift(t, y) if drifts else (0, 0.0)
+    moves, shift = _find_mean_shift(t, y) if drifts else (0, 0.0)
     problems, shown = [], "" if unit == "1" else unit
     coarse = len(peaks) > 0 and frequency[peaks[0]] * step > (1.0 + TIME_ROUNDING) / PER_PERIOD
     if outliers.any():
@@ -299,9 +297,9 @@ def _inspect_channel(
     if flat.any():
         at = int(np.argmax(flat))
         problems.append((row[at], Code.CLIPPED, {"at": y[at]}))
-    elif (jumps := _find_jump(t, y, turn / step)) is not None:
-        at, by = jumps
-        problems.append((row[at], Code.CHANNEL_JUMPS, {"change": by, "unit": shown}))
+    elif (jump := _find_jump(t, y, turn / step)) is not None:
+        at, change = jump
+        problems.append((row[at], Code.CHANNEL_JUMPS, {"change": change, "unit": shown}))
     if (missed := 1.0 - sampled_time(t) / sampled_time(time)) > MISSED:
         last = row[after[0] - 1] if len(after) else row[-1]
         problems.append((last, Code.SAMPLES_MISSING, {"share": missed}))
@@ -313,7 +311,7 @@ def _inspect_channel(
     if coarse:
         problems.append((row[0], Code.SAMPLED_COARSELY, {"samples": PER_PERIOD}))
     if moves:
-        problems.append((row[moves], Code.MEAN_MOVES, {"change": by, "unit": shown}))
+        problems.append((row[moves], Code.MEAN_MOVES, {"change": shift, "unit": shown}))
     elif drifts:
         problems.append((row[0], Code.MEAN_DRIFTS, {}))
     problems += [(rows[0], *unlikely) for unlikely in _find_unlikely(described, unit, t, y)]
@@ -396,17 +394,17 @@ def _find_unlikely(
     if unit not in RANGES:
         return []
     (least, most), size = RANGES[unit], described["highest"] - described["lowest"]
-    said = []
+    unlikely = []
     if not least <= size <= most:
         about = {"size": size, "least": least, "most": most, "unit": unit}
-        said.append((Code.UNIT_UNLIKELY, about))
+        unlikely.append((Code.UNIT_UNLIKELY, about))
     slowest, fastest = FREQUENCIES
     dominant = described["dominant_frequencies_hz"]
     likely = any(slowest <= frequency <= fastest for frequency in dominant)
     if dominant and not likely and _is_recurrent(time, values, dominant[0]):
         about = {"frequency_hz": dominant[0], "least": slowest, "most": fastest}
-        said.append((Code.TIME_UNIT_UNLIKELY, about))
-    return said
+        unlikely.append((Code.TIME_UNIT_UNLIKELY, about))
+    return unlikely
 
 
 def _of_input(series: "Series", column: "InputColumn") -> dict:
