@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pandas as pd
 from scipy.integrate import solve_ivp
-from scipy.signal import cont2discrete
+from scipy.signal import StateSpace, dlsim
 
 from galloping.behaviour.dynamics import Value
 from galloping.configuration.kinds import EXAMPLES
@@ -80,12 +80,8 @@ class Oscillation:
 
         force: (n,) accelerations. step: s. start: displacement at first, at rest.
         """
-        system = self.rates, np.array([[0.0], [1.0]]), np.eye(2), np.zeros((2, 1))
-        transition, response, *_ = cont2discrete(system, step)
-        states = np.empty((len(force), 2))
-        states[0] = start, 0.0
-        for k in range(1, len(force)):
-            states[k] = transition @ states[k - 1] + response[:, 0] * force[k - 1]
+        system = StateSpace(self.rates, [[0.0], [1.0]], [[1.0, 0.0]], 0.0).to_discrete(step)
+        _, _, states = dlsim(system, force, x0=(start, 0.0))
         return states[:, 0]
 
 
