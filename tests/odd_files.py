@@ -18,7 +18,7 @@ import pandas as pd
 from scipy.io import netcdf_file, savemat
 
 from galloping.identification.observations import Code
-from galloping.readers.file_table import LARGEST
+from galloping.readers.array_files import LARGEST
 
 TIME = np.arange(1000) / 25.0
 V, W = np.sin(2.6 * TIME), 0.5 * np.cos(2.6 * TIME)

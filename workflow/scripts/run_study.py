@@ -20,6 +20,7 @@ from pathlib import Path
 
 from galloping.configuration.load import load_files, plain
 from galloping.configuration.settings import Settings
+from galloping.fields import list_first
 from galloping.reproducibility.job import failures
 from galloping.reproducibility.lock import (
     Killed,
@@ -35,7 +36,6 @@ from galloping.reproducibility.lock import (
 from galloping.reproducibility.receipts import (
     Receipt,
     inspect,
-    list_first,
     receipt_path,
     receipts,
     remember,

@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
@@ -29,6 +30,12 @@ def show(value: object) -> str:
         case _:
             text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def list_first(items: Sequence[str], most: int = 1) -> str:
+    """List the first items as text, such as the files of a message, and count the others."""
+    more = f" and {len(items) - most} more" if len(items) > most else ""
+    return ", ".join(items[:most]) + more
 
 
 def make_error(text: str, *below: str) -> PydanticCustomError:

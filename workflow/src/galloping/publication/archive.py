@@ -22,11 +22,11 @@ from pydantic import TypeAdapter, ValidationError
 
 from galloping.configuration.load import load, plain
 from galloping.configuration.yaml_file import ConfigurationError, read
+from galloping.fields import list_first
 from galloping.reproducibility.plan import Plan
 from galloping.reproducibility.receipts import (
     Receipt,
     digest,
-    list_first,
     read_receipt,
     receipt_path,
     receipts,

@@ -12,6 +12,7 @@ from rocrate.model.contextentity import ContextEntity
 from rocrate.model.entity import Entity
 from rocrate.rocrate import ROCrate
 
+from galloping.fields import list_first
 from galloping.publication.archive import (
     CONFIGURATION,
     RECEIPTS,
@@ -24,7 +25,7 @@ from galloping.report.data_dictionary import captions
 from galloping.report.page import made_by
 from galloping.reproducibility.digest import Commit, commit, environment
 from galloping.reproducibility.plan import Plan
-from galloping.reproducibility.receipts import digest, list_first, receipts
+from galloping.reproducibility.receipts import digest, receipts
 from galloping.reproducibility.repair import Audit, audit
 from galloping.storage import partial_prefix, write_json, write_text
 

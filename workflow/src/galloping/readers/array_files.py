@@ -29,11 +29,6 @@ class StoredArray:
     load: Callable[[], np.ndarray]
 
     @property
-    def size(self) -> int:
-        """Number of elements of the array."""
-        return prod(self.shape)
-
-    @property
     def is_vector(self) -> bool:
         """Whether the array is a vector, or a scalar, of numbers, times or text."""
         return sum(n != 1 for n in self.shape) <= 1 and self.kind in "fiubMmUO"
@@ -54,7 +49,7 @@ def _parquet(path: Path) -> Iterator[StoredArray]:
 
     with parquet.ParquetFile(path) as file:
         rows, schema = file.metadata.num_rows, file.schema_arrow
-    check_size(rows * len(schema))
+    check_size(8 * rows * len(schema), "arrays")
     # of text each word is read once, however many rows repeat it
     texts = [field.name for field in schema if types.is_string(field.type)]
 
@@ -80,14 +75,14 @@ def _hdf5(path: Path) -> Iterator[StoredArray]:
     import h5py
 
     with h5py.File(path, "r") as file:
-        found = []
-        file.visititems(lambda name, item: found.append((name, item)))
-        for name, item in found:
+        items: dict[str, Any] = {}
+        file.visititems(items.__setitem__)
+        for name, item in items.items():
             is_char = item.attrs.get("MATLAB_class") == b"char"
             if not isinstance(item, h5py.Dataset) or name.startswith("#") or is_char:
                 continue
-            told = np.ravel(item.attrs.get("units", item.attrs.get("unit", "")))
-            unit = next(iter(told), "")
+            units = np.ravel(item.attrs.get("units", item.attrs.get("unit", "")))
+            unit = next(iter(units), "")
             unit = unit.decode() if isinstance(unit, bytes) else str(unit)
             text = h5py.check_string_dtype(item.dtype) and item.ndim == 1
             load = item.asstr().__getitem__ if text else partial(_read_dataset, item)
@@ -96,7 +91,7 @@ def _hdf5(path: Path) -> Iterator[StoredArray]:
 
 
 def _read_dataset(item: Any, place: tuple) -> np.ndarray:
-    return _unpacked(item[place], item.attrs.get)
+    return _unpack(item[place], item.attrs.get)
 
 
 def _netcdf(path: Path) -> Iterator[StoredArray]:
@@ -104,27 +99,29 @@ def _netcdf(path: Path) -> Iterator[StoredArray]:
 
     with netcdf_file(path, "r", mmap=False) as file:
         for name, variable in file.variables.items():
-            own = variable.data.astype(variable.data.dtype.newbyteorder("="))  # as pandas wants it
-            about = partial(getattr, variable)
-            unit = about("units", b"").decode() or None
-            load = partial(_unpacked, own, about)
-            yield StoredArray(name, own.shape, own.dtype.kind, unit, load)
+            data = variable.data
+            native = data.astype(data.dtype.newbyteorder("="))  # as pandas needs it
+            attribute = partial(getattr, variable)
+            unit = attribute("units", b"").decode() or None
+            load = partial(_unpack, native, attribute)
+            yield StoredArray(name, native.shape, native.dtype.kind, unit, load)
 
 
-def _unpacked(values: Any, about: Callable[[str, Any], Any]) -> np.ndarray:
+def _unpack(values: Any, attribute: Callable[[str, Any], Any]) -> np.ndarray:
     """Convert an array by its attributes, as NetCDF defines them: missing values, scale, offset.
 
-    about: returns an attribute by name, or the default.
+    attribute: returns an attribute by name, or the default.
     """
-    gone = np.ravel([*np.ravel(about("_FillValue", [])), *np.ravel(about("missing_value", []))])
-    scale = float(np.ravel(about("scale_factor", 1.0))[0])
-    offset = float(np.ravel(about("add_offset", 0.0))[0])
+    names = "_FillValue", "missing_value"
+    codes = np.ravel([code for name in names for code in np.ravel(attribute(name, []))])
+    scale = float(np.ravel(attribute("scale_factor", 1.0))[0])
+    offset = float(np.ravel(attribute("add_offset", 0.0))[0])
     values = np.asarray(values)
     if values.dtype.kind not in "iuf":
         return values
-    if values.dtype.kind == "f" and gone.dtype.kind in "iuf":
-        gone = gone.astype(values.dtype)  # rounded as they are
-    missing = np.isin(values, gone)
+    if values.dtype.kind == "f" and codes.dtype.kind in "iuf":
+        codes = codes.astype(values.dtype)  # rounded as they are
+    missing = np.isin(values, codes)
     if not missing.any() and (scale, offset) == (1.0, 0.0):
         return values
     return np.where(missing, np.nan, scale * values + offset)
@@ -134,18 +131,19 @@ def _matlab(path: Path) -> Iterator[StoredArray]:
     from scipy.io import loadmat, whosmat
 
     check_elements(path, LARGEST)
-    check_size(sum(prod(shape) for _, shape, _ in whosmat(path)))
+    check_size(8 * sum(prod(shape) for _, shape, _ in whosmat(path)), "arrays")
     for name, value in loadmat(path).items():
         if not name.startswith("__"):
             array = np.asarray(value)
             yield StoredArray(name, array.shape, array.dtype.kind, None, partial(np.asarray, array))
 
 
-def check_size(elements: int) -> None:
-    """Raise FileError if a number of array elements needs more than 2 GiB of memory."""
-    if 8 * elements > LARGEST:
+def check_size(n_bytes: int, contents: str = "") -> None:
+    """Raise FileError if a file, or its contents, need more than 2 GiB of memory."""
+    if n_bytes > LARGEST:
+        of_contents = f" of {contents}" if contents else ""
         raise FileError(
-            f"{8e-9 * elements:.1f} GB of arrays are more than {LARGEST / 1e9:.1f} GB; cut it in "
+            f"{n_bytes / 1e9:.1f} GB{of_contents} are more than {LARGEST / 1e9:.1f} GB; cut it in "
             "pieces"
         )
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from decimal import Decimal
+from math import prod
 from numbers import Number, Real
 from pathlib import Path
 from typing import TypeVar
@@ -16,8 +17,9 @@ from zipfile import ZipFile
 import numpy as np
 import pandas as pd
 
-from galloping.readers import FileError, enumerated
-from galloping.readers.array_files import LARGEST, READERS, arrays_in, check_size
+from galloping.fields import list_first
+from galloping.readers import MOST_NAMES, FileError
+from galloping.readers.array_files import READERS, arrays_in, check_size
 from galloping.readers.columns import DATED
 from galloping.readers.layout import DECIMAL_COMMA, SAY_DECIMAL, THOUSANDS
 from galloping.readers.text_table import read_text
@@ -66,10 +68,12 @@ class FileTable:
             f"{name!r:.{LONGEST}}" + (f" [{unit:.{LONGEST}}]" if (unit := self.unit(name)) else "")
             for name in self.columns
         ]
-        others = _shapes(self.others)
+        others = _list_shapes(self.others)
         others += [f"{name:.{LONGEST}} = {value:g}" for name, value in self.scalars.items()]
-        more = f"; each must be a vector of its own, unlike {enumerated(others)}" if others else ""
-        return enumerated(columns) + more
+        text = list_first(columns, MOST_NAMES)
+        if others:
+            text += f"; each must be a vector of its own, unlike {list_first(others, MOST_NAMES)}"
+        return text
 
     def column(self, name: str) -> np.ndarray:
         """Return a column by its name; raise FileError if it is missing or ambiguous.
@@ -91,7 +95,7 @@ class FileTable:
         return self.units.get(split_header(name)[0], "")
 
     def convert(
-        self, name: str, said: str | None, convert: Callable[[str], Converted]
+        self, name: str, specified: str | None, convert: Callable[[str], Converted]
     ) -> Converted:
         """Apply a function, such as a conversion to SI, to the unit of a column.
 
@@ -101,18 +105,18 @@ class FileTable:
         """
         own = self.unit(name).split(" since ")[0]
         try:
-            if not said and is_scaled(own):  # as `50 mm`, which may be the range of a sensor
+            if not specified and is_scaled(own):  # as `50 mm`, which may be the range of a sensor
                 raise UnitError(f"unit {own!r:.60} is a number of units; say what one count is")
-            found = convert(said or own)
+            converted = convert(specified or own)
         except UnitError as error:
             raise FileError(f"{self.at(name)}: {error}") from error
         with suppress(UnitError):
-            if said not in (None, "1") and own and convert(own) != found:
+            if specified not in (None, "1") and own and convert(own) != converted:
                 raise FileError(
-                    f"{self.at(name)} is in {own} by the file and in {said} by the mapping; must "
-                    "be the same"
+                    f"{self.at(name)} is in {own} by the file and in {specified} by the mapping; "
+                    "must be the same"
                 )
-        return found
+        return converted
 
     def kind(self, name: str) -> str:
         """Return the kind of a column's first cell: `number`, `date` or `text`."""
@@ -201,10 +205,7 @@ def _check_file(path: Path, suffix: str) -> None:
     size = path.stat().st_size
     if size == 0:
         raise FileError("the file is empty")
-    if size > LARGEST:
-        raise FileError(
-            f"{size / 1e9:.1f} GB are more than {LARGEST / 1e9:.1f} GB; cut it in pieces"
-        )
+    check_size(size)
 
 
 def _make_table(
@@ -249,7 +250,7 @@ def _read_sheet(path: Path, decimal: str | None) -> tuple[bytes, tuple[str, ...]
     decimal: of texts.
     """
 
-    def written(cell: object) -> object:
+    def as_text(cell: object) -> object:
         if isinstance(cell, str):
             cell = printable(cell)
             if decimal == "," and DECIMAL_COMMA.fullmatch(cell):
@@ -263,78 +264,72 @@ def _read_sheet(path: Path, decimal: str | None) -> tuple[bytes, tuple[str, ...]
             "Excel files need openpyxl: pip install openpyxl, or save it as CSV"
         ) from None
     with ZipFile(path) as parts:
-        check_size(sum(part.file_size for part in parts.infolist()) // 8)
+        check_size(sum(part.file_size for part in parts.infolist()), "arrays")
     with warnings.catch_warnings(action="ignore"):  # of openpyxl, on styles and the like
         book = load_workbook(path, read_only=True, data_only=True)
         sheets = {sheet.title: _cells_of(sheet) for sheet in book.worksheets}
     book.close()
     name = max(sheets, key=lambda title: len(sheets[title]))
     text = io.StringIO()
-    csv.writer(text).writerows([[written(cell) for cell in row] for row in sheets[name]])
+    csv.writer(text).writerows([[as_text(cell) for cell in row] for row in sheets[name]])
     notes = (f"of {len(sheets)} sheets the longest, {name!r}, was read",)
     return text.getvalue().encode(), notes if len(sheets) > 1 else ()
 
 
 def _cells_of(sheet) -> list[tuple]:
     """Read the rows of a sheet, without empty ones at the end; FileError for too many cells."""
-    rows, count, filled = [], 0, 0
+    rows, count = [], 0
     for row in sheet.iter_rows(values_only=True):
         count += len(row)
         if count > MOST_CELLS:
             raise FileError(f"sheet {sheet.title!r} has more than {MOST_CELLS} cells")
         rows.append(row)
-        if any(cell is not None for cell in row):
-            filled = len(rows)
-    return rows[:filled]
+    while rows and all(cell is None for cell in rows[-1]):
+        rows.pop()
+    return rows
 
 
 def _read_arrays(path: Path, suffix: str) -> FileTable:
     """Read the vectors in a file of arrays, and list its other contents."""
     vectors, others, scalars, loaded = [], {}, {}, 0
     for one in arrays_in(path, suffix):
-        values = None
         if one.is_vector:
-            loaded += one.size
-            check_size(loaded)
+            loaded += 8 * prod(one.shape)
+            check_size(loaded, "arrays")
             values = np.ravel(one.load())
             if values.dtype.kind == "O" and hasattr(next(iter(values), None), "isoformat"):
                 values = np.array([str(time) for time in values], object)  # of a day
-            if not _is_plain(values):
-                values = None
-        if values is None:
-            is_complex = one.kind == "c"
-            others[printable(one.name)] = " x ".join(map(str, one.shape)) + ", complex" * is_complex
-        else:
-            vectors.append((one.name, values, one.unit))
+            if _is_plain(values):
+                vectors.append((one.name, values, one.unit))
+                continue
+        is_complex = one.kind == "c"
+        others[printable(one.name)] = " x ".join(map(str, one.shape)) + ", complex" * is_complex
     if max((len(values) for _, values, _ in vectors), default=0) > 1:
         single = {name: values[0] for name, values, _ in vectors if len(values) == 1}
         vectors = [each for each in vectors if len(each[1]) > 1]
         scalars = {
             printable(n): float(x) for n, x in single.items() if isinstance(x, Real | Decimal)
         }
-    held = enumerated(_shapes(others))
+    contents = list_first(_list_shapes(others), MOST_NAMES)
     if not vectors:
         more = "; save the fields of a structure by save -struct" if suffix == ".mat" else ""
         raise FileError(
             "no column; each must be a vector of its own, and the file holds "
-            f"{held or 'nothing'}{more}"
+            f"{contents or 'nothing'}{more}"
         )
-    notes = (f"no columns of numbers or text, left out: {held}",) if held else ()
+    notes = (f"no columns of numbers or text, left out: {contents}",) if contents else ()
     return _make_table(path, vectors, 1, notes, scalars, others)
 
 
-def _shapes(arrays: Mapping[str, str]) -> list[str]:
-    """List arrays with their shapes."""
+def _list_shapes(arrays: Mapping[str, str]) -> list[str]:
     return [f"{name:.{LONGEST}} ({shape})" for name, shape in arrays.items()]
 
 
 def _is_plain(values: np.ndarray) -> bool:
     """Decide whether a vector begins with a number or a text, and has no excessively long texts."""
-    if values.dtype.kind == "O":
-        texts = (len(x) for x in values.tolist() if isinstance(x, str))
-        if sum(texts) > MOST_TEXT:
-            return False
-    return all(isinstance(x, str | Number | None) for x in values[:1].tolist())
+    length = sum(len(x) for x in values if isinstance(x, str)) if values.dtype.kind == "O" else 0
+    is_plain = all(isinstance(x, str | Number | None) for x in values[:1].tolist())
+    return is_plain and length <= MOST_TEXT
 
 
 def _described_units(path: Path, own: Mapping[str, str]) -> dict[str, str]:
@@ -344,15 +339,16 @@ def _described_units(path: Path, own: Mapping[str, str]) -> dict[str, str]:
         return {}
     try:
         resources = json.loads(description.read_text(encoding="utf-8"))["resources"]
-        found = {
+        units = {
             field["name"]: str(field["unit"])
-            for of in resources
-            if of.get("path") == path.name
-            for field in of.get("schema", {}).get("fields", [])
+            for resource in resources
+            if resource.get("path") == path.name
+            for field in resource.get("schema", {}).get("fields", [])
             if "unit" in field
         }
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise FileError(f"{description}: not a data package: {error}") from error
-    if differ := [name for name, unit in found.items() if own.get(name, unit) != unit]:
-        raise FileError(f"column {differ[0]!r} has another unit in {description.name}")
-    return found
+    for name, unit in units.items():
+        if own.get(name, unit) != unit:
+            raise FileError(f"column {name!r} has another unit in {description.name}")
+    return units

@@ -27,9 +27,11 @@ def unit_in_name(name: str, wanted: str) -> str:
 
     wanted: the SI unit of the quantity.
     """
-    last = re.findall(r"[^\s_()（）]+", name)[1:][-1:]
-    spelt = (each for word in last for each in (word, word.casefold()))
-    return next((each for each in spelt if is_same_quantity(each, wanted)), "")
+    for word in re.findall(r"[^\s_()（）]+", name)[1:][-1:]:
+        for unit in (word, word.casefold()):
+            if is_same_quantity(unit, wanted):
+                return unit
+    return ""
 
 
 def likely_time_unit(times: np.ndarray) -> str:
@@ -47,8 +49,8 @@ def likely_time_unit(times: np.ndarray) -> str:
             return unit
     if any(low <= first <= high for low, high in IN_DAYS) and step * 86_400.0 <= STEPS[1]:
         return "d"
-    fitting = (unit for unit, size in TIME_UNITS.items() if STEPS[0] <= step * size <= STEPS[1])
-    return next(fitting, "s")
+    plausible = (unit for unit, size in TIME_UNITS.items() if STEPS[0] <= step * size <= STEPS[1])
+    return next(plausible, "s")
 
 
 def likely_unit(order: int, values: np.ndarray, alike: Iterable[np.ndarray] = ()) -> str:
@@ -60,7 +62,8 @@ def likely_unit(order: int, values: np.ndarray, alike: Iterable[np.ndarray] = ()
     if order == 1:
         return "m/s"
     if order == 0:
-        return "m" if _measure_spread(values) <= LARGEST else "mm"
+        known = values[np.isfinite(values)]
+        return "mm" if len(known) and np.ptp(known) > LARGEST else "m"
     for one in (values, *alike):
         mean = abs(np.nanmean(one)) if np.isfinite(one).any() else 0.0
         unit = min(GRAVITIES, key=lambda unit: abs(mean * GRAVITIES[unit] / STANDARD_GRAVITY - 1.0))
@@ -72,11 +75,6 @@ def likely_unit(order: int, values: np.ndarray, alike: Iterable[np.ndarray] = ()
 def likely_input_unit(name: str) -> str:
     """Guess the unit of an input from its name: of a wind m/s, else `1` (no conversion)."""
     return (unit_in_name(name, "m/s") or "m/s") if words_of(name) & WINDS else "1"
-
-
-def _measure_spread(values: np.ndarray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.ptp(known)) if len(known) else 0.0
 
 
 def measure_option(target: str, column: str, unit: str = "") -> str:

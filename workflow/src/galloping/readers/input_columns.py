@@ -24,19 +24,19 @@ def read_inputs(
     else smooth, and has the other kinds as its alternatives. Raises FileError if a column has fewer
     than two samples.
     """
-    found = {}
-    for column, own in zip(columns, values.T, strict=True):
-        known = np.flatnonzero(np.isfinite(own))
+    inputs = {}
+    for column, samples in zip(columns, values.T, strict=True):
+        known = samples[np.isfinite(samples)]
         if len(known) < 2:
             raise FileError(f"{table.at(column.column)} has {len(known)} samples")
-        kinds = {kind: _input_of(column, time, own, kind) for kind in BETWEEN}
-        likely = column.between or ("zero" if _is_staircase(own[known]) else "cubic")
+        kinds = {kind: _make_input(column, time, samples, kind) for kind in BETWEEN}
+        likely = column.between or ("zero" if _is_staircase(known) else "cubic")
         others = () if column.between else tuple(kinds[kind] for kind in BETWEEN if kind != likely)
-        found[column.name] = replace(kinds[likely], alternatives=others)
-    return found
+        inputs[column.name] = replace(kinds[likely], alternatives=others)
+    return inputs
 
 
-def _input_of(column: InputColumn, time: np.ndarray, values: np.ndarray, between: str) -> Input:
+def _make_input(column: InputColumn, time: np.ndarray, values: np.ndarray, between: str) -> Input:
     """Make an input with one kind of interpolation. values: (n,), NaN if missing."""
     known = np.flatnonzero(np.isfinite(values))
     if between != "zero" and held_rows(values[known]) > 1:
@@ -66,7 +66,6 @@ def held_rows(values: np.ndarray) -> int:
     It is 1 if values (n,) are not constant for a fixed number of rows.
     """
     runs = np.diff(np.flatnonzero(np.append(True, np.diff(values) != 0)))
-    if len(runs) < HELD or np.median(runs) < HELD:
+    if len(runs) < HELD or (usual := np.median(runs)) < HELD:
         return 1
-    regular = runs % np.median(runs) == 0
-    return int(np.median(runs)) if regular.mean() > 0.9 else 1
+    return int(usual) if np.mean(runs % usual == 0) > 0.9 else 1

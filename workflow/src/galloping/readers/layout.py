@@ -6,7 +6,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from galloping.readers import FileError, enumerated
+from galloping.fields import list_first
+from galloping.readers import MOST_NAMES, FileError
 from galloping.readers.columns import is_time, measured_quantity
 from galloping.readers.units import is_unit, split_header
 
@@ -330,7 +331,7 @@ def _find_header(
     known = {k: _count_known(row) for k, row in text.items()}
     best = max(text, key=lambda k: (known[k] > 1, differs(text[k]), known[k], k))
     if len(text) > 1 and not differs(text[best]) and known[best] < 2:
-        rows = enumerated([str(starts[k] + 1) for k in text])
+        rows = list_first([str(starts[k] + 1) for k in text], MOST_NAMES)
         raise FileError(
             f"rows {rows} look like names of columns, and each has cells that are alike; keep one "
             "of them, with a name of its own for each column"

@@ -327,7 +327,7 @@ def mapping_of(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, st
     driving = [input_of(text, options["between"]) for text in options["inputs"]]
     by_column, for_all = _split_units(options["units"])
     found = propose_mapping(file, options, [one["column"] for one in driving])
-    found.check_time(file)
+    found.check_sure(file, [found.clock])
     given = options["states"].split(",") if options["states"] else []
     states, channels, said = _choose_channels(
         file, found, [name.strip() for name in given], channels

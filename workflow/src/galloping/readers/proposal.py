@@ -33,7 +33,7 @@ from galloping.readers.units import (
 
 ROWS = 2000  # of a text file, that its columns are told from
 APART = 0.01  # of their length, by which the times of two clocks may differ
-UP, ACROSS = ({letter, f"d{letter}", f"a{letter}", f"acc{letter}"} for letter in "zy")
+AXES = [{axis, f"d{axis}", f"a{axis}", f"acc{axis}"} for axis in "zy"]  # upward, then across
 RATES = {"fs", "fsamp", "rate", "samplerate", "samplingrate", "framerate", "fps", "hz"}
 INTERVALS = {"dt", "ts", "interval"}  # s, between samples
 
@@ -51,9 +51,7 @@ class Doubt:
     lacks_unit: bool = False
 
     def __str__(self) -> str:
-        return "; ".join(
-            [self.cause] * bool(self.cause) + ["the file says no unit"] * self.lacks_unit
-        )
+        return "; ".join(filter(None, [self.cause, "the file says no unit" * self.lacks_unit]))
 
 
 @dataclass(frozen=True)
@@ -81,14 +79,11 @@ class Proposal:
         """Names of the states of a span that the proposed channels measure."""
         return states_of(channel["measures"] for channel in self.channels)
 
-    def check_time(self, file: str) -> None:
-        """Raise ValueError if the column of times is only guessed."""
-        self._check(file, [self.clock] if self.clock else [])
-
-    def _check(self, file: str, columns: Iterable[str]) -> None:
+    def check_sure(self, file: str, columns: Iterable[str | None]) -> None:
+        """Raise ValueError if the interpretation of one of the columns is only guessed."""
         for column in columns:
-            doubt = self.doubts.get(column, Doubt())
-            if doubt.cause:
+            doubt = self.doubts.get(column or "")
+            if doubt and doubt.cause:
                 raise ValueError(f"{file}: {doubt.cause}; {doubt.remedy}")
 
     def sure_channels(self, file: str) -> list[dict]:
@@ -99,16 +94,16 @@ class Proposal:
                 f"acceleration; it has {self.content}; say what is measured, such as "
                 "--measure 'q_v=COLUMN [mm]'"
             )
-        self._check(file, [each["column"] for each in self.channels])
+        self.check_sure(file, [each["column"] for each in self.channels])
         return self.channels
 
     def __str__(self) -> str:
-        read = [
+        parts = [
             f"{channel['column']!r} is read as the {meaning(channel['measures'])} "
             f"{channel['measures']}"
             for channel in self.channels
         ]
-        return ", ".join(read + ([f"{self.clock!r} as the time"] if self.clock else []))
+        return ", ".join(parts + ([f"{self.clock!r} as the time"] if self.clock else []))
 
     def _unused(self) -> list[str]:
         used = {self.clock, *(channel["column"] for channel in self.channels)}
@@ -125,9 +120,9 @@ class Proposal:
         def line(keys: dict, more: str = "") -> str:
             doubt = self.doubts.get(keys["column"], Doubt())
             keys = keys | ({"unit": None} if doubt.lacks_unit else {})
-            said = ", ".join(filter(None, [more, str(doubt) and f"CHECK: {doubt}"]))
+            comment = ", ".join(filter(None, [more, str(doubt) and f"CHECK: {doubt}"]))
             pairs = (f"{key}: {json.dumps(keys[key], ensure_ascii=False)}" for key in keys)
-            return f"{{{', '.join(pairs)}}}" + (f"  # {said}" if said else "")
+            return f"{{{', '.join(pairs)}}}" + (f"  # {comment}" if comment else "")
 
         return "\n".join(
             [
@@ -154,8 +149,8 @@ def states_of(targets: Iterable[str]) -> list[str]:
     Displacements come before velocities.
     """
     stems = {name.lstrip("d") for name in targets}
-    own = [stem for stem in DIRECTION if stem in stems]
-    return own + [f"d{stem}" for stem in own]
+    displacements = [stem for stem in DIRECTION if stem in stems]
+    return displacements + [f"d{stem}" for stem in displacements]
 
 
 def propose(
@@ -177,15 +172,15 @@ def propose(
     doubts: dict[str, Doubt] = {}
     clock = find_clock(table, time, doubts, rate, f"name it with --time, or {_say_rate(table)}")
 
-    def said(name: str) -> str:
+    def unit_beside_file(name: str) -> str:
         return units.get(name) or (for_all if name != clock else "") or unit_suffix(name)
 
     def unit_of(name: str) -> str:
-        return units.get(name) or table.unit(name) or said(name)
+        return units.get(name) or table.unit(name) or unit_beside_file(name)
 
-    def written(name: str, **measured: str) -> dict:
-        unit = {"unit": said(name)} if said(name) and not table.unit(name) else {}
-        return {"column": name, **measured, **unit}
+    def as_entry(name: str, **measured: str) -> dict:
+        unit = "" if table.unit(name) else unit_beside_file(name)
+        return {"column": name, **measured} | ({"unit": unit} if unit else {})
 
     length = len(table.columns[clock]) if clock else max(map(len, table.columns.values()))
     others = [
@@ -196,7 +191,7 @@ def propose(
     ]
     order = {name: derivative_order(name, unit_of(name)) for name in others}
     channels = [
-        written(name, measures=measured)
+        as_entry(name, measures=measured)
         for name in others
         if (measured := measured_quantity(name, unit_of(name)))
         if not is_no_direction(name, [n for n in others if order[n] == order[name]], table.columns)
@@ -213,10 +208,10 @@ def propose(
             channels.append({"column": name, "measures": measured})
             doubts[name] = _contradiction(name, measured, unit_of(name))
     if not channels:
-        sure = [name for name in others if name not in table.unclear]
-        for measured, name in _guess(table, sure, unit_of).items():
-            channels.append(written(name, measures=measured))
-            unit = "" if table.unit(name) else unit_of(name) or _likely(table, name, sure)
+        clear = [name for name in others if name not in table.unclear]
+        for measured, name in _guess_channels(table, clear, unit_of).items():
+            channels.append(as_entry(name, measures=measured))
+            unit = "" if table.unit(name) else unit_of(name) or _guess_unit(table, name, clear)
             doubts[name] = Doubt(
                 f"the name of column {name!r} does not say what it measures, which could only be "
                 "guessed from its place among the columns",
@@ -224,16 +219,14 @@ def propose(
                 f"mapping that `galloping inspect {table.path} --write-map map.yaml` writes",
             )
     for name in (clock, *(each["column"] for each in channels)):
-        if name is None or unit_of(name) or (name == clock and not _needs_unit(table, name, rate)):
+        if name is None or unit_of(name):
+            continue
+        if name == clock and (rate is not None or table.kind(name) != "number"):
             continue
         doubt = doubts.get(name, Doubt())
         doubts[name] = Doubt(doubt.cause, doubt.remedy, lacks_unit=True)
-    times = written(clock) if clock else None
+    times = as_entry(clock) if clock else None
     return Proposal(tuple(table.columns), table.content, times, channels, doubts)
-
-
-def _needs_unit(table: FileTable, clock: str, rate: float | None) -> bool:
-    return table.kind(clock) == "number" and rate is None
 
 
 def _contradiction(name: str, measured: str, unit: str) -> Doubt:
@@ -248,14 +241,15 @@ def _contradiction(name: str, measured: str, unit: str) -> Doubt:
     )
 
 
-def _guess(table: FileTable, names: Iterable[str], unit_of) -> dict[str, str]:
+def _guess_channels(table: FileTable, names: Iterable[str], unit_of) -> dict[str, str]:
     """Guess which columns measure the motion, the vertical one first: by their axes and order.
 
     A constant column is no motion.
     """
+    by_axis = sorted(names, key=lambda name: [words_of(name).isdisjoint(axis) for axis in AXES])
     likely = [
         (name, order)
-        for name in sorted(names, key=_by_axis)
+        for name in by_axis
         if table.kind(name) == "number" and not is_beside_motion(name) and not is_count(name)
         if (order := derivative_order(name, unit_of(name))) is not None
         if len(pd.unique(table.columns[name])) > 1
@@ -265,17 +259,11 @@ def _guess(table: FileTable, names: Iterable[str], unit_of) -> dict[str, str]:
     }
 
 
-def _likely(table: FileTable, name: str, others: Iterable[str]) -> str:
-    """Guess the unit of a column without one."""
+def _guess_unit(table: FileTable, name: str, others: Iterable[str]) -> str:
     order = derivative_order(name, "") or 0
     alike = [each for each in others if derivative_order(each, "") == order and each != name]
     numbers = [table.numbers(each) for each in (name, *alike) if table.kind(each) == "number"]
     return unit_in_name(name, ORDERS[order]) or likely_unit(order, numbers[0], numbers[1:])
-
-
-def _by_axis(name: str) -> tuple[bool, bool]:
-    """Return a sort key: names with an upward axis z, then with another axis y, then others."""
-    return not words_of(name) & UP, not words_of(name) & ACROSS
 
 
 def find_clock(

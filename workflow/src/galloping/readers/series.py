@@ -10,9 +10,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from galloping.arrays import finest_step
+from galloping.fields import list_first
 from galloping.identification.inputs import FEWEST
 from galloping.passes import passing
-from galloping.readers import FileError, enumerated
+from galloping.readers import MOST_NAMES, FileError
 from galloping.readers.angles import unwrap_angle
 from galloping.readers.columns import measured_quantity, quantity_by_name_alone
 from galloping.readers.file_table import LONGEST, FileTable, read_table
@@ -85,9 +86,9 @@ class Series:
     @property
     def unused_note(self) -> str:
         """Note that lists the ignored columns of the file, '' if there are none."""
-        left = enumerated([f"{name:.{LONGEST}}" for name in self.unused])
+        names = list_first([f"{name:.{LONGEST}}" for name in self.unused], MOST_NAMES)
         more = "to use a wind among them, add --input U=COLUMN"
-        return f"columns that are not used: {left}; {more}" if left else ""
+        return f"columns that are not used: {names}; {more}" if names else ""
 
 
 def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
@@ -156,7 +157,7 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     for measures in dict.fromkeys(channel.measures for channel in mapping.channels):
         group = [channel for channel in mapping.channels if channel.measures == measures]
         if len(group) > 1 and all(channel.position is None for channel in group):
-            names = enumerated([repr(channel.column) for channel in group])
+            names = list_first([repr(channel.column) for channel in group], MOST_NAMES)
             notes.append(f"columns {names} are averaged as {measures}: they have no position")
     rows = np.arange(len(time)) + table.first_row
     time, values, rows, more = put_in_order(table, time, np.column_stack(columns), rows)

@@ -40,8 +40,12 @@ SCALED = re.compile(r"(\d+\.?\d*(?:[eE][-+]?\d{1,3})?|\.\d+)\s*([^\W\d].*|[°%].
 OF_TIME = "t"  # in round brackets no tonne: `x (t)` is a function of time
 PIXELS = {"px", "pix", "pixel", "pixels"}
 DIRECTION = {"q_v": "vertical", "q_w": "horizontal"}
-KIND = ("displacement", "velocity", "acceleration")
-ORDERS = ("m", "m/s", "m/s^2")  # the units of these
+ORDERS = ("m", "m/s", "m/s^2")  # the units of displacements, velocities and accelerations
+QUANTITIES = {  # of a span: meaning and unit
+    "d" * order + stem: (f"{direction} {kind}", ORDERS[order])
+    for stem, direction in DIRECTION.items()
+    for order, kind in enumerate(("displacement", "velocity", "acceleration"))
+}
 # What most columns are in: the value in SI and the powers of m and s. pint is asked about all
 # else; it takes a quarter of a second to load.
 USUAL = {
@@ -180,8 +184,7 @@ def split_header(header: str) -> tuple[str, str]:
     of displacements, accelerations and times, and `v (mm) left`.
     """
     header = header.strip()
-    match = WITH_UNIT.fullmatch(header)
-    if match:
+    if match := WITH_UNIT.fullmatch(header):
         unit = (match["unit"] or match["round"] or "").strip()
         if match["unit"] is not None or (unit != OF_TIME and is_unit(unit)):
             return match["bare"], unit
@@ -221,9 +224,7 @@ def meaning(target: str) -> str:
 
     Returns '' if a span has no such quantity.
     """
-    stem = target.lstrip("d")
-    order = len(target) - len(stem)
-    return f"{DIRECTION[stem]} {KIND[order]}" if stem in DIRECTION and order < len(KIND) else ""
+    return QUANTITIES.get(target, ("", "1"))[0]
 
 
 def is_span(states: Iterable[str]) -> bool:
@@ -233,9 +234,7 @@ def is_span(states: Iterable[str]) -> bool:
 
 def state_unit(name: str) -> str:
     """Return the SI unit of a state by its name: m for `q_v`, m/s for `dq_v`, `1` if unknown."""
-    stem = name.lstrip("d")
-    order = len(name) - len(stem)
-    return ORDERS[order] if stem in DIRECTION and order < len(ORDERS) else "1"
+    return QUANTITIES.get(name, ("", "1"))[1]
 
 
 def plain_unit(name: str) -> str:

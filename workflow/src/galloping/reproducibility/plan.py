@@ -31,12 +31,12 @@ from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 from snakemake_interface_executor_plugins.settings import CommonSettings
 
 from galloping.configuration.load import load_files, plain
+from galloping.fields import list_first
 from galloping.reproducibility.receipts import (
     SUFFIX,
     Receipt,
     as_written,
     is_consistent,
-    list_first,
     receipt_path,
 )
 from galloping.storage import read_json

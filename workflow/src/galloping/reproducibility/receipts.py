@@ -8,7 +8,7 @@ results are moved; receipts move with the results and show an edited, damaged or
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -45,12 +45,6 @@ class Receipt:
     seconds: float
     finished: str = ""
     kept: bool = True
-
-
-def list_first(items: Sequence[str], most: int = 1) -> str:
-    """List the first items as text, such as the files of a message, and count the others."""
-    more = f" and {len(items) - most} more" if len(items) > most else ""
-    return ", ".join(items[:most]) + more
 
 
 def digest(path: str | Path) -> str:
