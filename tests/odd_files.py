@@ -509,6 +509,8 @@ REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
         t=[f"{46053.5 + t / 86400:.12f}" for t in TIME]), (), ("--unit time=d",)),
     "since_1970.csv": (lines("time,vertical [m],horizontal [m]", t=1.7e12 + 1e3 * TIME), (),
         ("--unit time=ms",)),
+    "hours_without_colons.csv": (lines("time,vertical [m],horizontal [m]",
+        t=dated("%H%M%S.%f", STAMPS + pd.Timedelta("45s"))), (), ("column 'time'", "HHMMSS")),
     "millimetres.csv": (lines("time [s],vertical,horizontal [m]", v=500 * V), (),
         ("--unit vertical=mm",)),
     "input.csv": (table("t [s],y [m],input", TIME, V, W), ("--states", "y", "--input", "u=input"),

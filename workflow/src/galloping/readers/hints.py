@@ -34,6 +34,19 @@ def unit_in_name(name: str, wanted: str) -> str:
     return ""
 
 
+def is_clock_reading(times: np.ndarray) -> bool:
+    """Decide whether numbers are times of a day, HHMMSS, which jump by 40 after each minute.
+
+    times: (n,).
+    """
+    times = times[np.isfinite(times)]
+    minutes, seconds = np.divmod(times, 100.0)
+    hours, minutes = np.divmod(minutes, 100.0)
+    elapsed = np.diff(3600.0 * hours + 60.0 * minutes + seconds)
+    is_time = np.all((hours >= 0) & (hours < 24) & (minutes < 60) & (seconds < 60))
+    return bool(is_time and np.diff(times).max(initial=0) > elapsed.max(initial=0) + 39.0)
+
+
 def likely_time_unit(times: np.ndarray) -> str:
     """Guess the unit of times from the size of their values and steps.
 

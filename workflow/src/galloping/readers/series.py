@@ -18,6 +18,7 @@ from galloping.readers.angles import unwrap_angle
 from galloping.readers.columns import measured_quantity, quantity_by_name_alone
 from galloping.readers.file_table import LONGEST, FileTable, read_table
 from galloping.readers.hints import (
+    is_clock_reading,
     likely_input_unit,
     likely_time_unit,
     likely_unit,
@@ -319,8 +320,13 @@ def _check_units(table: FileTable, mapping: ColumnMapping, of_time: bool) -> Non
     bare: list[tuple[str, str]] = []
     if of_time and mapping.time and lacks(mapping.time):
         name = mapping.time.column
-        likely = unit_in_name(name, "s") or likely_time_unit(table.numbers(name))
-        bare.append((name, likely))
+        times = table.numbers(name)
+        if is_clock_reading(times):
+            raise FileError(
+                f"{table.at(name)} has no unit, and its numbers look like times of a day, HHMMSS; "
+                "write them with colons, such as 12:30:00"
+            )
+        bare.append((name, unit_in_name(name, "s") or likely_time_unit(times)))
     for one in filter(lacks, mapping.channels):
         si = state_unit(one.measures)
         alike = [each.column for each in mapping.channels if state_unit(each.measures) == si]
