@@ -3,7 +3,9 @@
 import csv
 import io
 import json
+import struct
 import warnings
+import zlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -12,7 +14,7 @@ from math import prod
 from numbers import Number, Real
 from pathlib import Path
 from typing import TypeVar
-from zipfile import ZipFile
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 import pandas as pd
@@ -30,6 +32,11 @@ TEXT, SHEET = (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm"), ".xlsx"  # of fi
 MOST_CELLS = 50_000_000  # of a sheet of Excel
 MOST_TEXT = 100_000_000  # characters of a column
 LONGEST = 60  # characters of a name in a message
+DAMAGE = (  # what the libraries raise for a damaged file; SciPy's reader an UnboundLocalError, too
+    ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, OSError, RuntimeError,
+    SyntaxError, TypeError, UnboundLocalError, ValueError,
+    BadZipFile, csv.Error, struct.error, zlib.error,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -188,7 +195,7 @@ def read_table(
         raise FileError(f"{path}: {error}") from error
     except PermissionError:
         raise
-    except Exception as error:  # libraries raise many kinds where a file is damaged
+    except DAMAGE as error:
         kind = "text table" if suffix in TEXT else f"{suffix[1:]} file"
         raise FileError(f"{path}: cannot be read: damaged, cut off, or no {kind}") from error
     return table

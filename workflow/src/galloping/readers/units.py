@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
+from tokenize import TokenError
 from types import MappingProxyType
 from typing import Any
 
@@ -52,6 +53,10 @@ USUAL = {
     "1": (1.0, 0, 0), "s": (1.0, 0, 1), "mm": (1e-3, 1, 0), "m": (1.0, 1, 0), "m/s": (1.0, 1, -1),
     "m/s^2": (1.0, 1, -2),
 }  # fmt: skip
+# What pint raises for a text that is no unit: its UndefinedUnitError is an AttributeError.
+PARSER_ERRORS = (
+    ArithmeticError, AssertionError, AttributeError, TokenError, TypeError, ValueError,
+)  # fmt: skip
 
 
 class UnitError(ValueError):
@@ -76,15 +81,15 @@ def _parse_unit(text: str):
     if len(text) > LONGEST or (text and not EXPRESSION.fullmatch(text)):
         raise ValueError("no product of units")
     try:
-        return _with_usual_prefixes(text)
+        return _parse_with_usual_prefixes(text)
     except (pint.UndefinedUnitError, TypeError, ValueError):
         other = text.lower() if len(text) > 2 else text
         for pattern, spelling in SPELLINGS:
             other = re.sub(pattern, spelling, other)
-        return _with_usual_prefixes(other)
+        return _parse_with_usual_prefixes(other)
 
 
-def _with_usual_prefixes(text: str):
+def _parse_with_usual_prefixes(text: str):
     """Parse a unit. Raises UndefinedUnitError for a prefix that the unit is not written with."""
     import pint
 
@@ -124,7 +129,7 @@ def factor(unit: str, wanted: str) -> float:
         raise _unknown(unit, "mm, m/s^2 or g_n") from error
     except pint.DimensionalityError as error:
         raise UnitError(f"unit {unit!r} does not measure {wanted}") from error
-    except Exception as error:  # pint's parser raises many kinds
+    except PARSER_ERRORS as error:
         raise UnitError(f"unit {unit!r:.60} cannot be read") from error
 
 
@@ -172,7 +177,7 @@ def is_unit(text: str) -> bool:
         return False
     try:
         return bool(_parse_unit(text)._units)
-    except Exception:  # pint's parser raises many kinds
+    except PARSER_ERRORS:
         return False
 
 
@@ -260,7 +265,7 @@ def input_si(unit: str) -> tuple[float, str]:
             return 1.0, name
         coherent = _without_prefixes(own.units)
         base = own.to(coherent)
-    except Exception as error:  # pint's parser raises many kinds
+    except PARSER_ERRORS as error:
         raise _unknown(unit, "m/s, N or 1, which takes the numbers as they are") from error
     if base.magnitude == 1.0 and size == 1.0:
         return 1.0, unit
@@ -325,6 +330,6 @@ def _unit_symbols(unit: str) -> dict[str, int]:
         return dict(zip("ms", USUAL[unit][1:], strict=True))
     try:
         parsed = _parse_unit(unit)
-    except Exception:  # pint's parser raises many kinds; of a model of another version
+    except PARSER_ERRORS:  # of a model of another version
         return {unit: 1}
     return {_make_registry().get_symbol(name): power for name, power in parsed._units.items()}
