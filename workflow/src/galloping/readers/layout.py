@@ -102,7 +102,7 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
               for k in passed[:1]]  # fmt: skip
     units: list[str | None] = [None] * columns
     if units_row is not None and units_row != header:
-        units = list(_read_units(fitted[units_row]))
+        units = _read_units(fitted[units_row])
     line = starts[first] + 1 if first < len(starts) else len(lines) + 1
     return Layout(separator, decimal, names, units, first, line, tuple(notes))
 
@@ -179,8 +179,8 @@ def _find_decimal(cells: Iterable[str]) -> str:
     """Find the decimal mark: a comma if some cells can mean nothing else, and none a point."""
     cells = list(cells)
     commas = [cell for cell in cells if DECIMAL_COMMA.fullmatch(cell)]
-    told = any(not THOUSANDS.fullmatch(cell) for cell in commas)
-    return "," if told and not any(map(DECIMAL_POINT.fullmatch, cells)) else "."
+    is_decimal = not all(map(THOUSANDS.fullmatch, commas))
+    return "," if is_decimal and not any(map(DECIMAL_POINT.fullmatch, cells)) else "."
 
 
 def _is_number(cell: str, decimal: str | None) -> bool:

@@ -186,14 +186,10 @@ class ColumnMapping(_Section):
         return self.model_copy(update={"inputs": inputs})
 
     @property
-    def clocks(self) -> tuple[TimeColumn, ...]:
-        """The column of times as a tuple, which is empty if there is none."""
-        return (self.time,) if self.time else ()
-
-    @property
     def columns(self) -> tuple[TimeColumn | Channel | InputColumn, ...]:
         """All columns that are read: times, channels and inputs."""
-        return (*self.clocks, *self.channels, *self.inputs)
+        times = (self.time,) if self.time else ()
+        return (*times, *self.channels, *self.inputs)
 
     @property
     def input_names(self) -> tuple[str, ...]:
@@ -326,43 +322,38 @@ def mapping_of(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, st
     channels = [channel_of(text) for text in options["measures"]]
     driving = [input_of(text, options["between"]) for text in options["inputs"]]
     by_column, for_all = _split_units(options["units"])
-    found = propose_mapping(file, options, [one["column"] for one in driving])
-    found.check_sure(file, [found.clock])
-    given = options["states"].split(",") if options["states"] else []
-    states, channels, said = _choose_channels(
-        file, found, [name.strip() for name in given], channels
-    )
+    proposal = propose_mapping(file, options, [one["column"] for one in driving])
+    proposal.check_sure(file, [proposal.clock])
+    states = [name.strip() for name in options["states"].split(",")] if options["states"] else []
+    states, channels, reading = _choose_channels(file, proposal, states, channels)
     if not states:
         raise MappingError("--states: name the states of the system, such as x,y,z")
     if for_all:
         channels = [{"unit": for_all, **channel} for channel in channels]
-    clocks = [dict(found.time)] if found.time else []
-    _set_columns("unit", by_column, [*clocks, *channels, *driving])
+    time = dict(proposal.time) if proposal.time else None
+    _set_columns("unit", by_column, [*([time] if time else []), *channels, *driving])
     _set_columns("noise", _by_column(options["noises"]), channels)
     _set_columns("delay", _by_column(options["delays"]), [*channels, *driving])
-    content: dict[str, Any] = {"states": states, "channels": channels, "inputs": driving}
-    content["time"] = clocks[0] if clocks else None
-    return validate_mapping(
-        content | {key: options[key] for key in ("decimal", "span", "rate")}
-    ), said
+    content = {"time": time, "states": states, "channels": channels, "inputs": driving}
+    content |= {key: options[key] for key in ("decimal", "span", "rate")}
+    return validate_mapping(content), reading
 
 
 def _choose_channels(
-    file: str, found: Proposal, states: Sequence[str], channels: list[dict]
-) -> tuple[Sequence[str], list[dict], str]:
+    file: str, proposal: Proposal, states: list[str], channels: list[dict]
+) -> tuple[list[str], list[dict], str]:
     """Choose states and channels, and describe how columns are read by their names alone.
 
-    found: proposal by the names of the columns. states, channels: those that the command names.
-    Raises ValueError if names of columns must determine the channels, and do not.
+    proposal: by the names of the columns. states, channels: those that the command names. Raises
+    ValueError if names of columns must determine the channels, and do not.
     """
     if channels:
         return states or states_of(one["measures"] for one in channels), channels, ""
-    own = [name for name in states if name in found.columns]
-    if own and all(name in own or name[1:] in own for name in states):
-        return states, [{"column": name, "measures": name} for name in own], ""
+    named = [name for name in states if name in proposal.columns]
+    if named and all(name in named or name[1:] in named for name in states):
+        return states, [{"column": name, "measures": name} for name in named], ""
     if set(states) <= set(states_of(("q_v", "q_w"))):
-        sure = found.sure_channels(file)
-        return states or found.states, sure, f"{file}: {found}"
+        return states or proposal.states, proposal.sure_channels(file), f"{file}: {proposal}"
     return states, [{"column": name, "measures": name} for name in states], ""
 
 
@@ -372,8 +363,8 @@ def _set_columns(key: str, values: Mapping[str, str], columns: Sequence[dict]) -
     Raises MappingError for the name of none of the columns.
     """
     for column, value in values.items():
-        meant = [one for one in columns if one["column"] == column]
-        if not meant:
+        named = [one for one in columns if one["column"] == column]
+        if not named:
             raise MappingError(f"--{key}: no column {column!r} is measured")
-        for one in meant:
+        for one in named:
             one[key] = value

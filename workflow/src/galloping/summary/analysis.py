@@ -36,12 +36,11 @@ from galloping.summary.csv_rows import MODEL_COLUMNS, forecast_rows, model_rows
 from galloping.summary.numbers import compute_numbers
 from galloping.summary.summarise import METHODS, Summary, longest_period, summarise_with
 from galloping.summary.terminal import SEARCHED, json_text
-from galloping.summary.wording import escape_markdown, render_summary
+from galloping.summary.wording import BETWEEN_IN_WORDS, escape_markdown, render_summary
 
 FAULTS = (  # of channels, for which there may be no model
     Code.CLIPPED, Code.CHANNEL_JUMPS, Code.MEAN_MOVES, Code.MOSTLY_NOISE, Code.SHOWN_TWICE,
 )  # fmt: skip
-IN_WORDS = {"zero": "held", "linear": "linear", "cubic": "smooth"}
 
 
 @dataclass(frozen=True)
@@ -71,8 +70,8 @@ class Field:
                 if one["between"] != kinds.get(one["name"], one["between"]):
                     one["between"] = kinds[one["name"]]
                     report["notes"].append(
-                        f"input {one['name']} is {IN_WORDS[one['between']]} between its samples, "
-                        "as the motion shows"
+                        f"input {one['name']} is {BETWEEN_IN_WORDS[one['between']]} between its "
+                        "samples, as the motion shows"
                     )
         series = tuple(
             replace(

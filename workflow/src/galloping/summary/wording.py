@@ -57,6 +57,7 @@ IN_SHORT = {  # by status
     "refused": "no model can be trusted",
     "unjudged": "the method does not assess its model",
 }
+BETWEEN_IN_WORDS = {"zero": "held", "linear": "linear", "cubic": "smooth"}  # samples of an input
 TECHNICAL = "## Technical part"
 PARTS_DIFFER = Code.PARTS_DIFFER, Code.FREQUENCY_CHANGES, Code.DAMPING_CHANGES
 UNITS = Code.UNIT_UNLIKELY, Code.TIME_UNIT_UNLIKELY
@@ -185,6 +186,7 @@ def _conditions(found: IdentifiedModel, units: Mapping[str, str]) -> str:
 def _template(name: str) -> Template:
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {
+        "between_in_words": BETWEEN_IN_WORDS.get,
         "bullets": lambda lines: "\n".join(f"- {line}" for line in lines),
         "cells": lambda of: " | ".join(_cells(of)),
         "digits": lambda number, state="": f"{number:.3g} {plain_unit(state)}".strip(),
