@@ -5,7 +5,6 @@ import pytest
 from field_files import run
 from odd_files import ROWS, V, W, table, written
 
-from galloping.readers.angles import unwrap_angle
 from galloping.readers.columns import (
     is_beside_motion,
     is_time,
@@ -14,6 +13,7 @@ from galloping.readers.columns import (
 )
 from galloping.readers.file_table import printable
 from galloping.readers.hints import likely_time_unit, likely_unit
+from galloping.readers.series import unwrap_angle
 from galloping.readers.units import UnitError, factor, input_si, is_unit, split_header
 
 TIME = np.arange(2000) / 50.0

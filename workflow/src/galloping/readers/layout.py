@@ -96,10 +96,9 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
     else:
         names = candidates[header]
         first = header + 1 if first is None else first
-    used = {header, units_row}
-    passed = [starts[k] + 1 for k in plain if k < first and k not in used]
-    notes += [f"rows before the data were left out: {len(passed)}, from row {k} on"
-              for k in passed[:1]]  # fmt: skip
+    passed = [starts[k] + 1 for k in plain if k < first and k not in (header, units_row)]
+    if passed:
+        notes.append(f"rows before the data were left out: {len(passed)}, from row {passed[0]} on")
     units: list[str | None] = [None] * columns
     if units_row is not None and units_row != header:
         units = _read_units(fitted[units_row])

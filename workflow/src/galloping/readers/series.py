@@ -14,7 +14,6 @@ from galloping.fields import list_first
 from galloping.identification.inputs import FEWEST
 from galloping.passes import passing
 from galloping.readers import MOST_NAMES, FileError
-from galloping.readers.angles import unwrap_angle
 from galloping.readers.columns import measured_quantity, quantity_by_name_alone
 from galloping.readers.file_table import LONGEST, FileTable, read_table
 from galloping.readers.hints import (
@@ -51,6 +50,7 @@ TOGETHER = 0.9  # of such a run, in which all others rest as well
 SLOW = 0.35  # of the usual speed, at which a motion comes to rest, or begins
 SAME = 1e-9  # less than full correlation, of two channels that are one
 ALIKE, VARIED = 20, 5  # rows of a block, and values in it, that no two recordings share by chance
+WRAP = 4.0  # times the largest other step of an angle, that a step over the end of a turn may be
 TURNS = {"rad": (2.0 * np.pi,), "1": (360.0, 2.0 * np.pi)}  # of an angle, by the unit of a column
 HINTS = {  # where a column is missing, by what it is of
     TimeColumn: "--time names the column of the times (time: in a mapping)",
@@ -199,6 +199,32 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
         table.path, time, start, values, rows, (*notes, *more), noise, inputs, units, unused,
         of_motion, origin,
     )  # fmt: skip
+
+
+def unwrap_angle(values: np.ndarray, turn: float) -> tuple[np.ndarray, int]:
+    """Remove the jumps of a full turn from samples of an angle, and count these jumps.
+
+    Jumps are removed if all samples are within one turn and reach both of its ends, and if the
+    steps over the end, minus a turn, are like the others. The angle of a valve that opens by more
+    than half a turn does not wrap. values: (n,) NaN where missing. turn: a full turn in the unit of
+    the values. Returns the angle without jumps, (n,), shifted by whole turns so that its median is
+    within half a turn of zero, or the values if they do not wrap; and the number of jumps that were
+    removed.
+    """
+    known = np.isfinite(values)
+    angle = values[known]
+    steps = np.abs(np.diff(angle))
+    jumps = steps > turn / 2.0
+    if not jumps.any() or jumps.all() or np.ptp(angle) > turn * (1.0 + 1e-9):
+        return values, 0
+    largest = steps[~jumps].max()
+    over = np.abs(turn - steps[jumps]).max()
+    if turn - np.ptp(angle) > 2.0 * largest or over > WRAP * largest:
+        return values, 0
+    unwrapped = np.unwrap(angle, period=turn)
+    continuous = values.copy()
+    continuous[known] = unwrapped - turn * np.round(np.median(unwrapped) / turn)
+    return continuous, int(jumps.sum())
 
 
 def _check_distinct(table: FileTable, mapping: ColumnMapping, values: np.ndarray) -> None:

@@ -345,26 +345,21 @@ def _force_densities(
 
 
 def _held_out(of: "ScoredForecast", is_forced: bool) -> HeldOutScores:
-    ahead, numbers = of.forecast, []
-    each = zip(
-        ahead.names, of.skill, of.missed, of.held, of.is_noise, ahead.chance, of.factors,
-        strict=True,
-    )  # fmt: skip
-    for name, skill, missed, held, is_noise, chance, factor in each:
-        if np.isfinite(held):
-            numbers.append(
-                HeldOutChannel(
-                    name,
-                    nan if is_forced else float(100.0 * missed),
-                    bool(is_noise),
-                    nan if is_noise else float(skill),
-                    float(100.0 * held),
-                    float(100.0 * chance),
-                    float(factor),
-                )
-            )
+    ahead = of.forecast
+    channels = tuple(
+        HeldOutChannel(
+            ahead.names[k],
+            nan if is_forced else float(100.0 * of.missed[k]),
+            bool(of.is_noise[k]),
+            nan if of.is_noise[k] else float(of.skill[k]),
+            float(100.0 * of.held[k]),
+            float(100.0 * ahead.chance[k]),
+            float(of.factors[k]),
+        )
+        for k in np.flatnonzero(np.isfinite(of.held))
+    )
     first, last = float(ahead.time[0]), float(ahead.time[-1])
-    return HeldOutScores(last - first, last, of.index < -1, of.useful, tuple(numbers))
+    return HeldOutScores(last - first, last, of.index < -1, of.useful, channels)
 
 
 def _count_stretches(recordings: Sequence[Recording], found: IdentifiedModel) -> tuple[int, float]:

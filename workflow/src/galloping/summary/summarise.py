@@ -122,9 +122,7 @@ class Summary(Immutable):
     def __str__(self) -> str:
         return render_summary(self, compute_numbers(self))
 
-    def _repr_markdown_(self) -> str:
-        """Format the summary for notebooks."""
-        return str(self)
+    _repr_markdown_ = __str__  # for notebooks
 
     def __repr__(self) -> str:
         return f"Summary of {self.found!r}"

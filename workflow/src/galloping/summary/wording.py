@@ -104,11 +104,6 @@ def render_summary(of: "Summary", told: SummaryNumbers, reports: Sequence[dict] 
         "odd": any(p["code"] in UNITS for report in reports for p in report["problems"]),
         "repeats": found.has_finding(Code.MOTION_REPEATS),
         "rested": found.has_finding(Code.RELEASED, Code.CAME_TO_REST),
-        "keeps": known is not None and is_undamped(known),
-        "dies_out_undamped": known is not None
-        and known.kind == "rest"
-        and is_linearly_undamped(known),
-        "blind": known is not None and is_damping_undetermined(found, known),
         "mixed": found.has_finding(*PARTS_DIFFER),
         "margins": _margins(known, of.recordings, found) if found.is_forced and known else [],
         "meanings": [
@@ -194,7 +189,6 @@ def _template(name: str) -> Template:
         "escape": escape_markdown,
         "extent": extent_in_words,
         "growth": _growth,
-        "is_number": isfinite,
         "listed": listed,
         "meaning": meaning,
         "missed": _missed,
@@ -208,7 +202,12 @@ def _template(name: str) -> Template:
         "whole": lambda number: f"{number:.0f}",
         "words": in_words,
     }
-    environment.tests["is_finite"] = isfinite
+    environment.tests |= {
+        "damping_undetermined": is_damping_undetermined,
+        "finite": isfinite,
+        "linearly_undamped": is_linearly_undamped,
+        "undamped": is_undamped,
+    }
     text = files(__package__).joinpath(f"{name}.jinja").read_text(encoding="utf-8")
     return environment.from_string(text)
 
@@ -265,16 +264,16 @@ def extent_in_words(of: RecordedMotion) -> str:
 
 def _said(of: Value, unit: str, factor: float = 1.0) -> str:
     """Format a value times a factor with its interval, if any, to the digits that it determines."""
-    told = Estimate.of(of, unit, factor)
-    if isnan(told.low):
-        return f"{told.value:.4g} {unit}".rstrip()
-    return in_words(told)
+    estimate = Estimate.of(of, unit, factor)
+    if isnan(estimate.low):
+        return f"{estimate.value:.4g} {unit}".rstrip()
+    return in_words(estimate)
 
 
 def _damping_cells(of: Estimate) -> str:
     """Format a net damping that may be zero, with the interval of undetected damping."""
-    told = " | ".join(_cells(of))
-    return told if abs(of.value) >= 100.0 * ROUNDING else "none found | " + told.partition(" | ")[2]
+    value, interval = _cells(of)
+    return f"{value if abs(of.value) >= 100.0 * ROUNDING else 'none found'} | {interval}"
 
 
 # --- words ---
@@ -323,12 +322,11 @@ def _of_small(
 
 
 def _doubling(time: Estimate) -> str:
-    if not (
-        isfinite(time.low) and isfinite(time.high)
-    ):  # as far as is told, motions may not grow at all
-        own, least = (float(f"{number:.2g}") for number in (time.value, min(time.low, time.high)))
-        return f"{own:g} s (at least {least:g} s)"
-    return in_words(time)
+    if isfinite(time.low) and isfinite(time.high):
+        return in_words(time)
+    # the motion may not grow at all
+    value, least = (float(f"{number:.2g}") for number in (time.value, min(time.low, time.high)))
+    return f"{value:g} s (at least {least:g} s)"
 
 
 def _beyond_recorded(told: SummaryNumbers) -> list[str]:
@@ -355,19 +353,16 @@ def _margins(
 ) -> list[str]:
     """Describe whether modes under random forces also gallop."""
     states, length = found.model.states, sum(np.ptp(one.time) for one in recordings)
-    return [
-        f"{_name(name)}{' motion' * (name in states)} "
-        + _margin(
-            damping,
-            2.0 * np.pi * known.frequencies[name].value * length,
-            all(
-                _is_of_one_size(one.values[:, states.index(name)])
-                for one in recordings
-                if name in states
-            ),
+    margins = []
+    for name, damping in known.damping.items():
+        is_state = name in states
+        is_of_one_size = not is_state or all(
+            _is_of_one_size(one.values[:, states.index(name)]) for one in recordings
         )
-        for name, damping in known.damping.items()
-    ]
+        turned = 2.0 * np.pi * known.frequencies[name].value * length
+        margin = _margin(damping, turned, is_of_one_size)
+        margins.append(f"{_name(name)}{' motion' * is_state} {margin}")
+    return margins
 
 
 def _is_of_one_size(values: np.ndarray) -> bool:
