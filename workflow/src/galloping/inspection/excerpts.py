@@ -39,8 +39,8 @@ def excerpts(recordings: list[Recording]) -> list[Recording]:
     except ValueError:
         return recordings
     each = max(STRETCHES // len(recordings), 1)
-    found = [piece for recording in recordings for piece in _choose_pieces(recording, each, period)]
-    return found if sum(len(piece.time) for piece in found) >= FEWEST else recordings
+    parts = [piece for recording in recordings for piece in _choose_pieces(recording, each, period)]
+    return parts if sum(len(piece.time) for piece in parts) >= FEWEST else recordings
 
 
 def identify_excerpts(
@@ -73,13 +73,13 @@ def identify_excerpts(
         names = ("prior", "coefficients", "allowed")
         about = {"prior": PRIOR} | {name: options[name] for name in names if name in options}
         problem = validated_problem(recordings, terms, *question, **about)
-        if found := identify_if_ambient(problem, recordings):
-            return found
-    found = method(stretches, terms, *question, **options)
-    if found.is_forced:
+        if identified := identify_if_ambient(problem, recordings):
+            return identified
+    identified = method(stretches, terms, *question, **options)
+    if identified.is_forced:
         every = method(recordings, terms, *question, **options, forced=())
-        return every if every.status == "ok" or found.status != "ok" else found
-    return found
+        return every if every.status == "ok" or identified.status != "ok" else identified
+    return identified
 
 
 def _choose_pieces(recording: Recording, count: int, period: float) -> list[Recording]:

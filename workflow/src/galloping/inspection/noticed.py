@@ -25,8 +25,8 @@ def sentences_of(
     findings = list(findings)
     units = {each.subject: _name_and_unit(each.subject) for each in findings}
     yield from (meaning for meaning, _ in explain(findings, False, units=units))
-    told = set(of_model)
-    names = dict.fromkeys(mode.name for mode in further if mode.name in told)
+    listed = set(of_model)
+    names = dict.fromkeys(mode.name for mode in further if mode.name in listed)
     if names:
         yield (
             f"The recording also contains {', and '.join(names)}. The equations do not include it; "

@@ -331,11 +331,11 @@ def find_outliers(time: np.ndarray, values: np.ndarray, frequencies: np.ndarray)
     turn = 2.0 * np.pi * step * frequencies.max(initial=0.0)
     bend = (np.cos(turn / 2.0) - np.cos(1.5 * turn)) / 2.0  # of its range, from such a median
     apart = OUTLIER * scale + np.ptp(values) * max(bend, 0.05)
-    found = np.abs(values - median_filter(values, NEIGHBOURS)) > apart
+    is_outlier = np.abs(values - median_filter(values, NEIGHBOURS)) > apart
     after = np.flatnonzero(np.diff(time) > REPORTED_GAP * step) + 1
     ends = np.concatenate([[0, len(time)], after])  # where a median has no neighbours on one side
-    found[np.add.outer((-2, -1, 0, 1), ends) % len(time)] = False
-    return found
+    is_outlier[np.add.outer((-2, -1, 0, 1), ends) % len(time)] = False
+    return is_outlier
 
 
 def _find_jump(time: np.ndarray, values: np.ndarray, omega: float) -> tuple[int, float] | None:
@@ -370,10 +370,10 @@ def _find_mean_shift(time: np.ndarray, values: np.ndarray) -> tuple[int, float]:
     There is none if a line in time fits nearly as well.
     """
     count, whole = np.arange(1, len(values)), values - values.mean()
-    told = np.cumsum(whole)[:-1] ** 2 * len(values) / (count * (len(values) - count))
-    at, squares = int(np.argmax(told)) + 1, whole @ whole
+    explained = np.cumsum(whole)[:-1] ** 2 * len(values) / (count * (len(values) - count))
+    at, squares = int(np.argmax(explained)) + 1, whole @ whole
     line = Legendre.fit(time, whole, 1)(time) - whole
-    if squares - told[at - 1] > 0.5 * (line @ line):
+    if squares - explained[at - 1] > 0.5 * (line @ line):
         return 0, 0.0
     return at, float(values[at:].mean() - values[:at].mean())
 

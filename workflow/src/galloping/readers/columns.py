@@ -92,28 +92,31 @@ def measured_quantity(header: str, unit: str = "") -> str:
     none. Returns '' if name and unit do not determine a direction and a kind of motion, or
     contradict each other.
     """
-    name, own = split_header(header)
-    unit = own or unit
+    name, own_unit = split_header(header)
+    unit = own_unit or unit
     if state := STATE.fullmatch(name):
         return f"{state[1].lower()}q_{state[2].lower()}"
-    axis, kinds, least = _direction_and_kinds(header, unit)
-    told = [k for k, si in enumerate(ORDERS) if is_same_quantity(unit, si)]
-    if not axis or len(kinds) > 1 or (unit and not told) or (kinds and told and kinds != told):
+    axis, kinds, word = _direction_and_kinds(header, unit)
+    orders = [k for k, si in enumerate(ORDERS) if is_same_quantity(unit, si)]
+    is_contradicted = kinds and orders and kinds != orders
+    if not axis or len(kinds) > 1 or (unit and not orders) or is_contradicted:
         return ""
-    if not kinds and ((least in SHORT and told == [1]) or (least in SHORT - LETTERS and not told)):
+    if not kinds and (
+        (word in SHORT and orders == [1]) or (word in SHORT - LETTERS and not orders)
+    ):
         return ""
-    return "d" * (kinds or told or [0])[0] + "q_" + axis
+    return "d" * (kinds or orders or [0])[0] + "q_" + axis
 
 
 def quantity_by_name_alone(header: str, unit: str = "") -> str:
     """Return the motion that a column's name indicates if its unit contradicts that, else ''."""
-    name, own = split_header(header)
-    axis, kinds, least = _direction_and_kinds(name, "")
+    name, own_unit = split_header(header)
+    axis, kinds, word = _direction_and_kinds(name, "")
     if (
-        not (own or unit)
+        not (own_unit or unit)
         or measured_quantity(header, unit)
         or not axis
-        or (least in SHORT and not kinds)
+        or (word in SHORT and not kinds)
     ):
         return ""
     return measured_quantity(name)
@@ -148,12 +151,12 @@ def _direction_and_kinds(header: str, unit: str) -> tuple[str, list[int], str]:
     weakest word for the direction: a letter, a short word, or '' for a plain one.
     """
     words = words_of(header)
-    found = [axis for axis, (stems, whole) in DIRECTIONS.items() if _has_word(words, stems, whole)]
-    if len(found) != 1 or _has_word(words, *OTHERS):
+    axes = [axis for axis, (stems, whole) in DIRECTIONS.items() if _has_word(words, stems, whole)]
+    if len(axes) != 1 or _has_word(words, *OTHERS):
         return "", [], ""
-    stems, whole = DIRECTIONS[found[0]]
+    stems, whole = DIRECTIONS[axes[0]]
     is_plain = _has_word(words, stems, whole - SHORT)
-    least = "" if is_plain else min(words & whole, key=lambda word: (word in LETTERS, word))
+    weakest = "" if is_plain else min(words & whole, key=lambda word: (word in LETTERS, word))
     has_kind = {word for word in words if len(word) > 1 or not unit}  # A may number a sensor
     kinds = [order for order, kind in enumerate(KINDS) if _has_word(has_kind, *kind)]
-    return found[0], kinds, least
+    return axes[0], kinds, weakest

@@ -151,7 +151,7 @@ def _find_separator(
     It is the mark with which most rows have the same number of cells, most cells are numbers, and
     the first whole row is a header. `csv.Sniffer` would choose decimal commas.
     """
-    found = []
+    candidates = []
     for place, separator in enumerate(MARKS):
         if separator is not None and separator == decimal:
             continue
@@ -165,13 +165,13 @@ def _find_separator(
                 len(_without_end(row)) in (columns, columns + 1) and not _is_data(row, decimal)
                 for row in split
             )
-            found.append((round(-2 * share), not headed, place, separator, columns))
-    if not found:
+            candidates.append((round(-2 * share), not headed, place, separator, columns))
+    if not candidates:
         raise FileError(
             f"row {plain[-1] + 1}: {rows[plain[-1]]!r:.60} is one column, or rows differ; columns "
             "must be parted by commas (without decimal commas), semicolons, tabs or blanks"
         )
-    return min(found, key=lambda each: each[:3])[3:]
+    return min(candidates, key=lambda each: each[:3])[3:]
 
 
 def _find_decimal(cells: Iterable[str]) -> str:
@@ -220,9 +220,9 @@ def _find_first_row(
                 runs[-1].append(k)
             elif runs[-1]:
                 runs.append([])
-        found = next((run for run in runs if len(run) >= ENOUGH_ROWS), None)
-        if found:
-            return found[0]
+        long_run = next((run for run in runs if len(run) >= ENOUGH_ROWS), None)
+        if long_run:
+            return long_run[0]
         longest.append(max(runs, key=len))
     return longest[0][0] if longest[0] else None
 
@@ -271,13 +271,13 @@ def _find_units(fitted: Mapping[int, list[str]], cells: Mapping[int, list[str]])
     def is_units(k: int) -> bool:
         if UNITS_LABEL.fullmatch(cells[k][0]):
             return True
-        said = [bare for cell in fitted[k] if (bare := cell.strip("[]()"))]
+        filled = [bare for cell in fitted[k] if (bare := cell.strip("[]()"))]
         if any(split_header(cell)[1] and not is_unit(cell) for cell in fitted[k]):
             return False
-        if said and said[0] in OF_TIMES:
+        if filled and filled[0] in OF_TIMES:
             return True
-        units = sum(is_unit(cell) or cell.casefold() in OF_LOGGER for cell in said)
-        return _count_known(fitted[k]) < len(said) <= 2 * units
+        n_units = sum(is_unit(cell) or cell.casefold() in OF_LOGGER for cell in filled)
+        return _count_known(fitted[k]) < len(filled) <= 2 * n_units
 
     return next((k for k in sorted(fitted, reverse=True) if is_units(k)), None)
 

@@ -268,7 +268,7 @@ def _guess_unit(table: FileTable, name: str, others: Iterable[str]) -> str:
 
 def find_clock(
     table: FileTable,
-    said: str | None,
+    specified: str | None,
     doubts: dict[str, Doubt],
     rate: float | None = None,
     remedy: str = "name it with --time, or add one",
@@ -278,27 +278,27 @@ def find_clock(
     Of several it is the one with most distinct times. A guess is noted in `doubts`. Raises
     ValueError if there is none, or if two have different clocks.
     """
-    if said is not None:
-        table.column(said)
-        return split_header(said)[0]
+    if specified is not None:
+        table.column(specified)
+        return split_header(specified)[0]
     if rate is not None:
         counts = (name for name in table.columns if is_count(name) and _counts(table, name))
         return next(counts, None)
-    found = [
+    clocks = [
         name
         for name in table.columns
         if is_time(name)
         or is_same_quantity(table.unit(name), "s")
         or (name not in table.unclear and table.kind(name) == "date")
     ]
-    if not found:
-        found = [name for name in table.columns if _increases(table, name)][:1]
-        if found:
-            doubts[found[0]] = _guessed_clock(table, found[0])
-    if not found:
+    if not clocks:
+        clocks = [name for name in table.columns if _increases(table, name)][:1]
+        if clocks:
+            doubts[clocks[0]] = _guessed_clock(table, clocks[0])
+    if not clocks:
         raise ValueError(f"{table.path}: no column of times; it has {table.content}; {remedy}")
-    clock = max(found, key=lambda name: len(pd.unique(table.columns[name])))
-    _check_clocks(table, clock, found)
+    clock = max(clocks, key=lambda name: len(pd.unique(table.columns[name])))
+    _check_clocks(table, clock, clocks)
     return clock
 
 
@@ -310,15 +310,15 @@ def _check_clocks(table: FileTable, clock: str, names: Iterable[str]) -> None:
     """
     if not _increases(table, clock):
         return
-    own, unit = table.columns[clock].astype(float), table.unit(clock)
+    clock_times, unit = table.columns[clock].astype(float), table.unit(clock)
     for name in names:
         if table.unit(name) != unit or not _increases(table, name):
             continue
         times, how = table.columns[name].astype(float), ""
-        span, late = np.ptp(times), abs(times[0] - own[0])
-        if abs(span - np.ptp(own)) > APART * span:
-            how = f"run apart, over {np.ptp(own):.6g} and {span:.6g}" if unit else ""
-        elif np.median(np.diff(own)) < late < span and words_of(name) & words_of(clock):
+        span, late = np.ptp(times), abs(times[0] - clock_times[0])
+        if abs(span - np.ptp(clock_times)) > APART * span:
+            how = f"run apart, over {np.ptp(clock_times):.6g} and {span:.6g}" if unit else ""
+        elif np.median(np.diff(clock_times)) < late < span and words_of(name) & words_of(clock):
             how = f"begin {late:.6g} apart"
         if how:
             raise ValueError(

@@ -65,17 +65,17 @@ def split_recording(recording: Recording, period: float) -> list[Recording]:
     driven = np.full(len(recording.time), True)
     for one in recording.inputs.values():
         driven = driven & one.covered(recording.time)
-    told = driven & ~_find_silent(recording, SILENT * period)
-    rows = np.flatnonzero(measured & told)
+    is_known = driven & ~_find_silent(recording, SILENT * period)
+    rows = np.flatnonzero(measured & is_known)
     apart = np.diff(recording.time[rows]) > period
-    apart |= np.diff(np.cumsum(~told)[rows]) > 0
+    apart |= np.diff(np.cumsum(~is_known)[rows]) > 0
     parts = np.split(rows, np.flatnonzero(apart) + 1)
     long = [
         slice(int(part[0]), int(part[-1]) + 1)
         for part in parts
         if len(part) >= FEWEST and np.ptp(recording.time[part]) >= LEAST * period
     ]
-    if driven.all() and ((told.all() and len(parts) == 1) or not long):
+    if driven.all() and ((is_known.all() and len(parts) == 1) or not long):
         is_whole = not len(rows) or rows[-1] - rows[0] + 1 == len(recording.time)
         return [recording if is_whole else recording[rows[0] : rows[-1] + 1]]
     if not long:
@@ -83,7 +83,7 @@ def split_recording(recording: Recording, period: float) -> list[Recording]:
             f"inputs: {', '.join(recording.inputs)}: nowhere are all known for {LEAST} periods "
             f"of {period:.3g} s in which the motion is measured"
         )
-    return [recording[own] for own in long]
+    return [recording[part] for part in long]
 
 
 def _find_silent(recording: Recording, longest: float) -> np.ndarray:

@@ -271,16 +271,17 @@ def _find_stuck(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
     """
     held = [_find_held(values) for values in columns]
     together = np.all(held, axis=0) & (len(held) > 1)
-    found = []
-    for values, own in zip(columns, held, strict=True):
-        stuck, edges = own.copy(), np.flatnonzero(np.diff(np.r_[False, own, False].astype(int)))
+    stuck_samples = []
+    for values, repeats in zip(columns, held, strict=True):
+        stuck = repeats.copy()
+        edges = np.flatnonzero(np.diff(np.r_[False, repeats, False].astype(int)))
         for first, end in edges.reshape(-1, 2):
             alone = not together[first:end].mean() > TOGETHER
             first_of_all = first <= 1 and len(held) == 1
             if not alone or first_of_all or _is_slow(values, int(first) - 1, int(end)):
                 stuck[first:end] = False
-        found.append(stuck)
-    return found
+        stuck_samples.append(stuck)
+    return stuck_samples
 
 
 def _find_held(values: np.ndarray) -> np.ndarray:
@@ -333,8 +334,8 @@ def _without_codes(values: np.ndarray, of_file: np.dtype) -> tuple[np.ndarray, d
     if not used.any() or not len(others):
         return values, {}
     used &= np.abs(known - (others[0] + others[-1]) / 2) > 1.5 * np.ptp(others)
-    found = dict(zip(known[used].tolist(), counts[used].tolist(), strict=True))
-    return np.where(np.isin(values, known[used]), np.nan, values), found
+    counts_by_code = dict(zip(known[used].tolist(), counts[used].tolist(), strict=True))
+    return np.where(np.isin(values, known[used]), np.nan, values), counts_by_code
 
 
 def _check_units(table: FileTable, mapping: ColumnMapping, of_time: bool) -> None:

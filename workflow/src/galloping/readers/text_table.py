@@ -146,8 +146,8 @@ def _without_words(cells: pd.Series, decimal: str) -> tuple[pd.Series, dict[str,
 def _describe_uneven(error: Exception, layout: Layout) -> str:
     """Describe the error of pandas for the first row that has more cells than the header."""
     cells = f"the header {len(layout.header)}"
-    if found := re.search(r"in line (\d+), saw (\d+)", str(error)):
-        return f"row {found[1]} has {found[2]} cells, {cells}"
-    if found := re.search(r"EOF inside string starting at row (\d+)", str(error)):
-        return f"row {int(found[1]) + 1}: a quotation mark is not closed"
+    if match := re.search(r"in line (\d+), saw (\d+)", str(error)):
+        return f"row {match[1]} has {match[2]} cells, {cells}"
+    if match := re.search(r"EOF inside string starting at row (\d+)", str(error)):
+        return f"row {int(match[1]) + 1}: a quotation mark is not closed"
     return f"row {layout.line} has more cells than {cells}"

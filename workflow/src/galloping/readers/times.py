@@ -41,23 +41,23 @@ def find_instants(
     if pd.to_numeric(text, errors="coerce").notna().sum() >= text.notna().sum() / 2:
         return None
     first = text.dropna()[:1]
-    found = [pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")]
+    dates = [pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")]
     if not text.str.contains(ZONE).any():
-        found[0] = found[0].dt.tz_localize(None)
-    if found[0].isna().all():
+        dates[0] = dates[0].dt.tz_localize(None)
+    if dates[0].isna().all():
         forms = [form for form in FORMS
                  if pd.to_datetime(first, format=form, errors="coerce").notna().all()]  # fmt: skip
-        found += [pd.to_datetime(text, format=form, errors="coerce") for form in forms]
-    most = max(stamps.notna().sum() for stamps in found)
-    found = [stamps for stamps in found if stamps.notna().sum() == most]
-    strange = np.flatnonzero(text.notna() & found[0].isna())
+        dates += [pd.to_datetime(text, format=form, errors="coerce") for form in forms]
+    n_most = max(stamps.notna().sum() for stamps in dates)
+    dates = [stamps for stamps in dates if stamps.notna().sum() == n_most]
+    strange = np.flatnonzero(text.notna() & dates[0].isna())
     if len(strange):
         what = "is neither a number nor a time, such as 2026-01-31T12:00:00.04"
         raise table.fault(int(strange[0]), name, what)
-    if any(not (stamps - stamps.min()).equals(found[0] - found[0].min()) for stamps in found):
+    if any(not (stamps - stamps.min()).equals(dates[0] - dates[0].min()) for stamps in dates):
         raise table.fault(0, name, "may be day or month first; write dates as 2026-01-31")
-    stamps = pd.DatetimeIndex(found[0])
-    if any(not stamps.equals(pd.DatetimeIndex(other)) for other in found):  # the day is unknown
+    stamps = pd.DatetimeIndex(dates[0])
+    if any(not stamps.equals(pd.DatetimeIndex(other)) for other in dates):  # the day is unknown
         stamps -= pd.Timestamp(UNDATED + 200, 1, 1) - pd.Timestamp(UNDATED, 1, 1)
     if ":" in first.iloc[0][:3]:  # without a date: they go on after midnight
         days = np.cumsum(np.diff(stamps, prepend=stamps[:1]) < -pd.Timedelta(hours=12))

@@ -55,7 +55,7 @@ USUAL = {
 }  # fmt: skip
 # What pint raises for a text that is no unit: its UndefinedUnitError is an AttributeError.
 PARSER_ERRORS = (
-    ArithmeticError, AssertionError, AttributeError, TokenError, TypeError, ValueError,
+    ArithmeticError, AssertionError, AttributeError, LookupError, TokenError, TypeError, ValueError,
 )  # fmt: skip
 
 

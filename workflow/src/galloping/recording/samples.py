@@ -169,17 +169,17 @@ class Input(Immutable):
     def __call__(self, time: ArrayLike) -> NDArray[np.float64]:
         """Evaluate the input at those times, (n,), NaN in gaps."""
         time = np.asarray(time, float)
-        found = np.full(time.shape, np.nan)
+        evaluated = np.full(time.shape, np.nan)
         for k, (at, values) in enumerate(self._pieces):
             inside = self._is_within(at, time)
             moments = np.clip(time[inside], at[0], at[-1])
             if self.between == "zero":
-                found[inside] = values[np.searchsorted(at, moments, side="right") - 1]
+                evaluated[inside] = values[np.searchsorted(at, moments, side="right") - 1]
             elif self.between == "linear":
-                found[inside] = np.interp(moments, at, values)
+                evaluated[inside] = np.interp(moments, at, values)
             else:
-                found[inside] = self._splines[k](moments)
-        return found
+                evaluated[inside] = self._splines[k](moments)
+        return evaluated
 
     def last_sample(self, time: ArrayLike) -> NDArray[np.float64]:
         """Return the last sample at or before each time, NaN if it is missing."""
@@ -192,7 +192,7 @@ class Input(Immutable):
         Parts of an interval in gaps do not count. NaN at times that are not covered themselves.
         """
         time = np.asarray(time, float)
-        found = np.full(time.shape, np.nan)
+        means = np.full(time.shape, np.nan)
         for k, (at, values) in enumerate(self._pieces):
             inside = self._is_within(at, time)
             ends = np.clip(time[inside] + width * np.array([[-0.5], [0.5]]), at[0], at[-1])
@@ -206,8 +206,8 @@ class Input(Immutable):
                 integral += values[place] * since
                 if self.between == "linear":
                     integral += 0.5 * (np.diff(values) / np.diff(at))[place] * since**2
-            found[inside] = np.diff(integral, axis=0)[0] / np.diff(ends, axis=0)[0]
-        return found
+            means[inside] = np.diff(integral, axis=0)[0] / np.diff(ends, axis=0)[0]
+        return means
 
 
 def index_of_times(frame: object) -> Any:
@@ -259,9 +259,9 @@ def fit_windows(
     components of their own motion beyond that degree. Times of a window that an input does not
     cover have its nearest value.
     """
-    found = np.zeros((windows, degree + 1, len(factors)))
+    polynomials = np.zeros((windows, degree + 1, len(factors)))
     if not factors:
-        return found
+        return polynomials
     edges = start + step * np.arange(windows + 1)
     knots = [one.time[(one.time > edges[0]) & (one.time < edges[-1])] for one in inputs]
     breaks = np.unique(np.concatenate([edges, *knots]))
@@ -277,8 +277,8 @@ def fit_windows(
     for k, factor in enumerate(factors):
         values = np.prod(held ** np.array(factor, float)[:, None, None], axis=0)
         moments = np.einsum("sp,spd->sd", values, weighted)
-        found[:, :, k] = np.add.reduceat(moments, first) @ powers_of_legendre(degree)
-    return found
+        polynomials[:, :, k] = np.add.reduceat(moments, first) @ powers_of_legendre(degree)
+    return polynomials
 
 
 def fit_errors(
@@ -297,14 +297,14 @@ def fit_errors(
     place = (np.arange(POINTS) + 0.5) / POINTS
     time = start + step * (np.arange(windows)[:, None] + place)
     held = np.stack([evaluate_extended(one, time) for one in inputs])
-    found = []
+    errors = []
     for k, factor in enumerate(factors):
         values = np.prod(held ** np.array(factor, float)[:, None, None], axis=0)
         rest = values - powers[:, :, k] @ place ** np.arange(n_powers)[:, None]
         once = np.cumsum(rest, axis=1) * step / POINTS
         twice = np.cumsum(once, axis=1) * step / POINTS
-        found.append([np.sqrt(np.mean(each**2)) for each in (rest, once, twice)])
-    return np.array(found).T.reshape(3, len(factors))
+        errors.append([np.sqrt(np.mean(each**2)) for each in (rest, once, twice)])
+    return np.array(errors).T.reshape(3, len(factors))
 
 
 def evaluate_extended(one: Input, time: np.ndarray) -> np.ndarray:
@@ -570,13 +570,13 @@ def typical_inputs(names: Sequence[str], recordings: Sequence[Recording]) -> dic
     It is the mean or, for an input that is held between its samples, the sample nearest to the
     mean, since it never had another value.
     """
-    found = mean_inputs(names, recordings)
-    for name, mean in found.items():
+    typical = mean_inputs(names, recordings)
+    for name, mean in typical.items():
         inputs = [one.inputs[name] for one in recordings]
         if all(one.between == "zero" for one in inputs):
             values = np.concatenate([one.values[np.isfinite(one.values)] for one in inputs])
-            found[name] = float(values[np.argmin(np.abs(values - mean))])
-    return found
+            typical[name] = float(values[np.argmin(np.abs(values - mean))])
+    return typical
 
 
 def mean_inputs(names: Sequence[str], recordings: Sequence[Recording]) -> dict[str, float]:

@@ -281,9 +281,9 @@ def write_outputs(
     write_rows(folder / "model.csv", model_rows(identified, inputs), list(MODEL_COLUMNS))
     write_rows(folder / "forecast.csv", ahead, list(tables["forecast.csv"]))
     write_json(folder / "datapackage.json", _describe_package(tables))
-    told = compute_numbers(of, field.reports, beside)
-    write_text(folder / "summary.json", json_text(asdict(told), indent=2) + "\n")
-    write_text(folder / "summary.md", render_summary(of, told, field.reports))
+    numbers = compute_numbers(of, field.reports, beside)
+    write_text(folder / "summary.json", json_text(asdict(numbers), indent=2) + "\n")
+    write_text(folder / "summary.md", render_summary(of, numbers, field.reports))
 
 
 def _describe_package(tables: Mapping[str, Mapping[str, str]]) -> dict:

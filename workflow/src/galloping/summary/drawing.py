@@ -48,8 +48,8 @@ def draw_quality(
     for of_file, report in zip(series, reports, strict=True):
         gaps = [(gap["from_s"], gap["from_s"] + gap["length_s"])
                 for gap in report["sampling"]["gaps"]]  # fmt: skip
-        told = report["channels"].values()
-        fastest = max((f for one in told for f in one["dominant_frequencies_hz"]), default=np.inf)
+        peaks = [f for one in report["channels"].values() for f in one["dominant_frequencies_hz"]]
+        fastest = max(peaks, default=np.inf)
         for channel, values in zip(mapping.channels, of_file.values.T, strict=True):
             dominant = report["channels"][channel.column]["dominant_frequencies_hz"]
             title, label = _title(channel.column, report), _with_unit(channel.measures)
@@ -130,14 +130,14 @@ def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
     frequency, power = welch(filled, 1.0 / step, nperseg=long, axis=0)
     power /= np.isfinite(grid).mean(axis=0)
     shown = frequency > 0
-    fine, told = model_spectra(found, recording, np.random.default_rng(0))
+    fine, densities = model_spectra(found, recording, np.random.default_rng(0))
     figure, (row,) = parts.panels(0.5 + ROW, columns=len(channels.names), sharex=True)
     for k, (axes, name) in enumerate(zip(row, channels.names, strict=True)):
         parts.letter(axes, k, meaning(name) or name)
         axes.semilogy(
             frequency[shown], power[shown, k], ".", ms=2.5, color=TRUE, label="samples"
         )  # fmt: skip
-        axes.semilogy(fine, told[:, k], color=MODEL, label="model in random forces")
+        axes.semilogy(fine, densities[:, k], color=MODEL, label="model in random forces")
         unit = state_unit(name).replace("^2", "²")
         unit = f"({unit})" if "/" in unit else unit
         axes.set(xlabel="frequency, Hz", ylabel=f"spectrum, {unit}²/Hz")

@@ -38,27 +38,27 @@ def read_model_inputs(
     times. kinds: interpolation of inputs. Columns have the names of the inputs, with their units.
     Raises ValueError if an input is missing, and for files that cannot be read.
     """
-    found = _read_held(at, names)
-    left = [name for name in names if name not in found]
+    driving = _read_held(at, names)
+    missing = [name for name in names if name not in driving]
     if path is not None:
-        if not left:
+        if not missing:
             raise ValueError(f"--inputs {path}: the model needs no inputs from a file")
         clock = time or find_clock(read_table(path, None, None, ROWS), None, {}) or ""
         inputs = tuple(
             InputColumn.model_validate({"column": name, "between": kinds.get(name)})
-            for name in left
+            for name in missing
         )
         mapping = ColumnMapping.model_construct(
             time=TimeColumn(column=clock), channels=(), inputs=inputs
         )
-        found |= read_series(path, mapping).inputs
-    elif left:
-        name = left[0]
+        driving |= read_series(path, mapping).inputs
+    elif missing:
+        name = missing[0]
         raise ValueError(
             f"{model}: is driven by {name}; say what it is, held (--at {name}=VALUE) or in a file "
             "(--inputs FILE)"
         )
-    return found
+    return driving
 
 
 def inputs_after(
@@ -78,16 +78,16 @@ def inputs_after(
                 f"{recording.path}: the model is driven by {name}; say its column, --input {name}"
                 "=COLUMN (inputs: in a mapping)"
             )
-    found = _read_held(at, names)
-    left = [name for name in names if name not in found]
-    if path is None or not left:
-        return found
+    driving = _read_held(at, names)
+    missing = [name for name in names if name not in driving]
+    if path is None or not missing:
+        return driving
     if mapping.rate and not mapping.time:
         raise ValueError(
             f"{path}: is on no clock with {recording.path}, the times of which are its rows; say "
             "which column counts samples, --time"
         )
-    others = {"channels": (), "inputs": tuple(columns[name] for name in left)}
+    others = {"channels": (), "inputs": tuple(columns[name] for name in missing)}
     series = read_series(path, mapping.model_copy(update=others))
     if bool(series.start) != bool(recording.start):
         raise ValueError(
@@ -100,7 +100,7 @@ def inputs_after(
             f"{recording.path}; must be one clock"
         )
     shift = series.origin - recording.origin
-    return found | {
+    return driving | {
         name: replace(one, time=one.time + shift) for name, one in series.inputs.items()
     }
 
@@ -126,12 +126,12 @@ def usual_sampling(
 
 
 def _read_held(at: Sequence[str], names: Sequence[str]) -> dict[str, Input | float]:
-    found: dict[str, Input | float] = {}
+    constants: dict[str, Input | float] = {}
     for name, value in parse_input_values(at, names).items():
         if isinstance(value, np.ndarray):
             raise ValueError(f"--at {name}: a range is of `galloping assess`; must be one value")
-        found[name] = value
-    return found
+        constants[name] = value
+    return constants
 
 
 def parse_input_values(
@@ -141,15 +141,15 @@ def parse_input_values(
 
     Raises ValueError if a text has another form or names no input.
     """
-    found: dict[str, float | np.ndarray] = {}
+    values_by_input: dict[str, float | np.ndarray] = {}
     for text in texts:
-        name, _, said = (part.strip() for part in text.partition("="))
+        name, _, numbers = (part.strip() for part in text.partition("="))
         if name not in inputs:
             has = f"has the inputs {', '.join(inputs)}"
             none = "has no inputs; identify it with an input, such as --input U=COLUMN"
             raise ValueError(f"--at {text}: the model {has if inputs else none}")
         try:
-            values = [float(part) for part in said.split(":")]
+            values = [float(part) for part in numbers.split(":")]
         except ValueError:
             values = []
         low, high, *step = [*values, *values] if len(values) == 1 else values or [np.nan] * 4
@@ -160,10 +160,10 @@ def parse_input_values(
                 f"{name}=8:16 or {name}=8:16:0.5"
             )
         if low == high:
-            found[name] = low
+            values_by_input[name] = low
             continue
         count = int((high - low) / step[0] + ROUNDING) + 1 if step[0] > 0 else 0
         if not 2 <= count <= MOST_VALUES:
             raise ValueError(f"--at {text}: must be 2 to {MOST_VALUES} values")
-        found[name] = low + step[0] * np.arange(count)
-    return found
+        values_by_input[name] = low + step[0] * np.arange(count)
+    return values_by_input

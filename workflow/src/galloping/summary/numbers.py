@@ -334,14 +334,14 @@ def _force_densities(
 
     The spectra are at the frequency of the coordinate of each force.
     """
-    states, forces, said = found.model.states, Forces.from_model(found), {}
+    states, forces, densities = found.model.states, Forces.from_model(found), {}
     for i, velocity in velocity_pairs(states).items():
         frequency = known.frequencies[states[i]].value if known else nan
         density = forces.density(2.0 * pi * frequency)[velocity, velocity]
         if density > 0.0:
             unit = f"{plain_unit('d' + states[velocity]).replace('^2', '²')} per √Hz".lstrip()
-            said[states[i]] = Estimate(float(np.sqrt(2.0 * density)), unit=unit)
-    return said, tuple(float(1.0 / forces.rates[i]) for i in forces.places)
+            densities[states[i]] = Estimate(float(np.sqrt(2.0 * density)), unit=unit)
+    return densities, tuple(float(1.0 / forces.rates[i]) for i in forces.places)
 
 
 def _held_out(of: "ScoredForecast", is_forced: bool) -> HeldOutScores:

@@ -290,8 +290,8 @@ def _compute_dynamics(
     """Compute the dynamics of a model from the parts of recordings that it was identified from."""
     at = typical_inputs(found.model.inputs, given)
     around, rng = Surroundings.of(given), np.random.default_rng(seed)
-    said = of_line.dynamics(found.at(at) if at else found, around, rng)
-    return replace(said, at=at) if said and at else said
+    properties = of_line.dynamics(found.at(at) if at else found, around, rng)
+    return replace(properties, at=at) if properties and at else properties
 
 
 @one_thread
@@ -431,19 +431,21 @@ def motions_beside(
     """
     time, model = recording.time, identified.model
     follow = Following(identified, without_outliers(recording))
-    told = in_random_forces.filter_states(identified, recording) if identified.is_forced else None
+    filtered = (
+        in_random_forces.filter_states(identified, recording) if identified.is_forced else None
+    )
     motions = []
     for share in (0.0, 0.5, 1.0):
         passing("beside the samples")
         begin = time[0] + share * max(np.ptp(time) - length, 0.0)
         rows = slice(*first_from(time, (begin, begin + length)))
-        own = time[rows]
-        if len(own) < 2:
+        times = time[rows]
+        if len(times) < 2:
             continue
-        if told is not None:
-            motions.append((own, follow.shown(model, told[rows], own)))
+        if filtered is not None:
+            motions.append((times, follow.shown(model, filtered[rows], times)))
         elif (start := follow.begin(rows)) is not None:
-            smooth = np.linspace(own[0], own[-1], POINTS)
+            smooth = np.linspace(times[0], times[-1], POINTS)
             motions.append((smooth, follow.motion(model, start, smooth)))
     return motions
 

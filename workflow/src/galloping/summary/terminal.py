@@ -73,8 +73,8 @@ class _Lines:
         left, most = passed * (1.0 - share) / share, self._slow * more
         if not math.isinf(most):
             left = min(left, most) if share > SEARCHED else math.sqrt(min(left, most) * most)
-        told = f"{left:.0f} s left" + ("" if math.isinf(most) else f", {most:.0f} s at most")
-        click.echo(f"{passed:.0f} s: {what}; about {share:.0%} done, {told}", err=True)
+        remaining = f"{left:.0f} s left" + ("" if math.isinf(most) else f", {most:.0f} s at most")
+        click.echo(f"{passed:.0f} s: {what}; about {share:.0%} done, {remaining}", err=True)
 
 
 def json_text(content: object, **options: Any) -> str:

@@ -68,10 +68,10 @@ STEADY = 12.0  # such factors, that the interval of a damping holds
 MOST_PROBLEMS = 5  # of samples, that are told before the technical part
 
 
-def render_summary(of: "Summary", told: SummaryNumbers, reports: Sequence[dict] = ()) -> str:
+def render_summary(of: "Summary", numbers: SummaryNumbers, reports: Sequence[dict] = ()) -> str:
     """Render the text of summary.md: results, their reliability, advice and technical details.
 
-    told: the numbers collected from the summary. reports: of `quality`, if the recordings come from
+    numbers: those collected from the summary. reports: of `quality`, if the recordings come from
     files.
     """
     found, known = of.found, of.dynamics
@@ -87,8 +87,8 @@ def render_summary(of: "Summary", told: SummaryNumbers, reports: Sequence[dict] 
     further = [one.name for one in found.further_modes]
     line = "the line" if of_span else "the system"
     values = {
-        "of": of, "found": found, "known": known, "told": told, "trial": of.held_out, "ends": ENDS,
-        "technical": TECHNICAL, "most_problems": MOST_PROBLEMS,
+        "of": of, "found": found, "known": known, "numbers": numbers, "trial": of.held_out,
+        "ends": ENDS, "technical": TECHNICAL, "most_problems": MOST_PROBLEMS,
         "refused": found.status == "refused",
         "in_short": IN_SHORT[found.status],
         "winds": _recorded_range(found) if may_be_wind(found, units) else "",
@@ -115,8 +115,8 @@ def render_summary(of: "Summary", told: SummaryNumbers, reports: Sequence[dict] 
         "helps": what_helps(of, reports),
         "described": [re.sub(r"\n\s*", "\n  - ", escape_markdown(text)) for text in described],
         "unused": escape_markdown(listed(unused)) if unused else "",
-        "small": _of_small(known, told.system, further) if known and told.system else {},
-        "beyond": _beyond_recorded(told),
+        "small": _of_small(known, numbers.system, further) if known and numbers.system else {},
+        "beyond": _beyond_recorded(numbers),
         "degrees": _further_degrees(found),
         "noticed": list(
             sentences_of(found.findings, found.further_modes, known.damping if known else ())
@@ -329,12 +329,12 @@ def _doubling(time: Estimate) -> str:
     return f"{value:g} s (at least {least:g} s)"
 
 
-def _beyond_recorded(told: SummaryNumbers) -> list[str]:
+def _beyond_recorded(numbers: SummaryNumbers) -> list[str]:
     """Describe how far a limit cycle exceeds the recorded motion, by coordinate, if it does."""
-    half = {one.name: (one.high - one.low) / 2.0 for one in told.recorded}
+    half = {one.name: (one.high - one.low) / 2.0 for one in numbers.recorded}
     return [
         f"{value.value / half[name]:.2g} times the recorded {_name(name)} amplitude"
-        for name, value in (told.system.limit_cycle if told.system else {}).items()
+        for name, value in (numbers.system.limit_cycle if numbers.system else {}).items()
         if half.get(name) and value.value > BEYOND_RECORDED * half[name]
     ]
 
@@ -404,5 +404,5 @@ def _missed(channels: Sequence[HeldOutChannel]) -> str:
 
 def _motion_of(name: str) -> str:
     """Return `the vertical motion` for q_v; for other systems the state."""
-    said = meaning(name).replace("displacement", "motion")
-    return f"the {said}" if said else name
+    words = meaning(name).replace("displacement", "motion")
+    return f"the {words}" if words else name
