@@ -73,7 +73,8 @@ class Table:
         The message begins with `what`.
         """
         if name not in self.columns:
-            raise ValueError(f"{what}: no column {name!r}; must be one of {[*self.columns]!r:.60}")
+            there = ", ".join(self.columns)
+            raise ValueError(f"{what}: no column {name!r}; must be one of {there:.60}")
         return self.columns.pop(name)
 
     def pop_times(self, t: Any = None) -> Any:

@@ -495,23 +495,27 @@ class Recording(Immutable):
         ValueError
             If a column is missing, or contains something else than numbers.
         """
-        from galloping.recording.containers import Table, make_inputs  # which imports this module
+        from galloping.recording.containers import Table  # which imports this module
 
         table = Table.of("recording", frame)
-        if isinstance(inputs, str):
-            raise ValueError(f"recording: inputs: {inputs!r:.60}; must be a list of names")
-        names, column = list(table.columns), "t" if time is None else time
-        for name in inputs:
-            if name not in names or name == column:
-                raise ValueError(f"recording: inputs: no column {name!r}; there is {names!r:.60}")
-        times = table.pop_times() if time is None else table.pop("recording", time)
+        names, column = list(table.columns), "t" if time is None else str(time)
+        times = table.pop_times() if time is None else table.columns.pop(column, None)
         if times is None:
             raise ValueError(f"recording: no column {column!r}; must be one of {names!r:.60}")
-        driving = {name: table.columns.pop(name) for name in inputs}
+        if isinstance(inputs, str):
+            raise ValueError(f"recording: inputs: {inputs!r:.60}; must be a list of names")
+        driving = {}
+        for name in dict.fromkeys(inputs):
+            if name not in table.columns:
+                raise ValueError(f"recording: inputs: no column {name!r}; there is {names!r:.60}")
+            try:
+                driving[name] = Input(times, table.columns.pop(name), between)
+            except ValueError as error:
+                raise ValueError(f"recording: column {name!r}: {error}") from None
         states, values = table.matrix()
-        if len({len(times), len(values), *map(len, driving.values())}) > 1:
+        if len(times) != len(values):
             raise ValueError("recording: columns differ in length")
-        return cls(times, states, values, inputs=make_inputs(driving, times, between=between))
+        return cls(times, states, values, inputs=driving)
 
     def __getitem__(self, rows: slice) -> "Recording":
         """Return the samples of a slice, such as `recording[:100]`, two or more."""
