@@ -218,22 +218,18 @@ def spectrum(time: np.ndarray, values: np.ndarray, step: float) -> tuple[np.ndar
     Short gaps are interpolated linearly; the powers of parts between long gaps are added.
     """
     signals = []
-    own = float(np.median(np.diff(time)))
-    for piece in split_at_gaps(time, max(REPORTED_GAP * own, APART * sampled_time(time))):
-        first, last = time[piece][[0, -1]]
+    usual = float(np.median(np.diff(time)))
+    longest = max(REPORTED_GAP * usual, APART * sampled_time(time))
+    edges = [0, *(np.flatnonzero(np.diff(time) > longest) + 1), len(time)]
+    for begin, end in pairwise(edges):
+        first, last = time[begin], time[end - 1]
         grid = first + step * np.arange(round_up((last - first) / step))
-        signal = np.interp(grid, time[piece], values[piece])
+        signal = np.interp(grid, time[begin:end], values[begin:end])
         if len(signal):
             signals.append((signal - signal.mean()) * np.hanning(len(signal)))
     count = max(map(len, signals))
     power = np.sum([np.abs(np.fft.rfft(signal, count)) ** 2 for signal in signals], axis=0)
     return np.fft.rfftfreq(count, step), power / max(power.sum(), np.finfo(float).tiny)
-
-
-def split_at_gaps(time: np.ndarray, longest: float) -> list[slice]:
-    """Divide sampling times into slices, at gaps that are longer than a limit in s."""
-    edges = [0, *(np.flatnonzero(np.diff(time) > longest) + 1), len(time)]
-    return [slice(int(a), int(b)) for a, b in pairwise(edges)]
 
 
 def sampled_time(time: np.ndarray, step: float | None = None) -> float:

@@ -162,7 +162,7 @@ def _find_separator(
             cells = [cell for row in last if len(row) == columns for cell in row if cell]
             share = sum(_is_number(cell, decimal) for cell in cells) / max(len(cells), 1)
             headed = any(
-                len(_without_end(row)) in (columns, columns + 1) and not _is_data(row, decimal)
+                len(_drop_empty_end(row)) in (columns, columns + 1) and not _is_data(row, decimal)
                 for row in split
             )
             candidates.append((round(-2 * share), not headed, place, separator, columns))
@@ -236,7 +236,7 @@ def _fit(
     the rows do not have are left out. empty: whether each column has no samples. is_numbered:
     whether the first column numbers the rows; R gives it no name.
     """
-    kept = _without_end(row)
+    kept = _drop_empty_end(row)
     if len(kept) == columns + 1 and _is_label(kept[0]):
         kept = kept[1:]
     elif len(kept) == columns + 1 and kept[-1].casefold() in REMARKS:
@@ -249,8 +249,7 @@ def _fit(
     return ["", *kept] if short == 1 and is_numbered else None
 
 
-def _without_end(row: Sequence[str]) -> list[str]:
-    """Remove empty cells at the end of a row."""
+def _drop_empty_end(row: Sequence[str]) -> list[str]:
     kept = list(row)
     while kept and not kept[-1]:
         kept.pop()

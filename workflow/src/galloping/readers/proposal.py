@@ -206,7 +206,7 @@ def propose(
     for name in others:
         if measured := quantity_by_name_alone(name, unit_of(name)):
             channels.append({"column": name, "measures": measured})
-            doubts[name] = _contradiction(name, measured, unit_of(name))
+            doubts[name] = _doubt_unit_against_name(name, measured, unit_of(name))
     if not channels:
         clear = [name for name in others if name not in table.unclear]
         for measured, name in _guess_channels(table, clear, unit_of).items():
@@ -229,8 +229,7 @@ def propose(
     return Proposal(tuple(table.columns), table.content, times, channels, doubts)
 
 
-def _contradiction(name: str, measured: str, unit: str) -> Doubt:
-    """Make the doubt of a column whose unit contradicts its name."""
+def _doubt_unit_against_name(name: str, measured: str, unit: str) -> Doubt:
     wanted, why = state_unit(measured), "a pixel is no length"
     if not is_pixel(unit):
         why = f"unit {unit!r} measures something else" if is_unit(unit) else f"{unit!r} is no unit"

@@ -95,10 +95,10 @@ def _find_silent(recording: Recording, longest: float) -> np.ndarray:
     time, silent = recording.time, np.zeros(len(recording.time), bool)
     pairs = velocity_pairs(recording.states)
     for i in set(range(len(recording.states))) - set(pairs.values()):
-        own = [i, pairs[i]] if i in pairs else [i]
-        sampled = np.isfinite(recording.values[:, own]).any(axis=1)
+        indices = [i, pairs[i]] if i in pairs else [i]
+        sampled = np.isfinite(recording.values[:, indices]).any(axis=1)
         if not sampled.any() and recording.rates is not None:
-            sampled = np.isfinite(recording.rates[:, own]).any(axis=1)
+            sampled = np.isfinite(recording.rates[:, indices]).any(axis=1)
         if sampled.any():
             ends = np.r_[time[0], time[sampled], time[-1]]
             before = np.clip(np.searchsorted(ends, time, side="right") - 1, 0, len(ends) - 2)
@@ -145,9 +145,9 @@ def _align_channels(series: Series, mapping: ColumnMapping) -> tuple[np.ndarray,
     moved = [tick * np.round((series.time - c.delay) / tick) for c in mapping.channels]
     time = np.unique(np.concatenate(moved))
     columns = []
-    for own, values in zip(moved, series.values.T, strict=True):
+    for moments, values in zip(moved, series.values.T, strict=True):
         column = np.full(len(time), np.nan)
-        column[np.searchsorted(time, own)] = values
+        column[np.searchsorted(time, moments)] = values
         columns.append(column)
     return time, columns
 

@@ -327,8 +327,8 @@ def powers_of_legendre(degree: int) -> NDArray[np.float64]:
     """
     rows = np.zeros((degree + 1, degree + 1))
     for k in range(degree + 1):
-        own = Legendre.basis(k, domain=[0, 1]).convert(kind=np.polynomial.Polynomial).coef
-        rows[k, : len(own)] = own
+        powers = Legendre.basis(k, domain=[0, 1]).convert(kind=np.polynomial.Polynomial).coef
+        rows[k, : len(powers)] = powers
     return rows
 
 

@@ -71,7 +71,7 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
         sigma / np.sqrt(thin),
     )
     ranked = []
-    for name, option in _list_options(first, identified, recording).items():
+    for name, option in _list_further_recordings(first, identified, recording).items():
         try:
             total = before + information(model, free, option)
         except ValueError:  # by this model the motion would not stay bounded
@@ -89,10 +89,9 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
     )
 
 
-def _list_options(
+def _list_further_recordings(
     first: Experiment, identified: IdentifiedModel, recording: Recording
 ) -> dict[str, Experiment]:
-    """List recordings that could be made, by description."""
     states = identified.model.states
     pairs = velocity_pairs(states)
     around = Surroundings.of([recording])

@@ -260,13 +260,14 @@ def check_inputs_informative(
 
 
 def write_outputs(
-    folder: Path, field: Field, of: Summary, beside: tuple[str, Dynamics | None] | None = None
+    folder: Path, field: Field, summary: Summary, beside: tuple[str, Dynamics | None] | None = None
 ) -> None:
     """Write the model, its tables, the data-quality reports and the summary to a folder.
 
     beside: as of `compute_numbers`.
     """
-    identified, states, inputs = of.found, of.found.model.states, dict(field.series[0].units)
+    identified, inputs = summary.found, dict(field.series[0].units)
+    states = identified.model.states
     write_json(folder / "quality.json", list(field.reports))
     identified.save(
         folder / "model.json",
@@ -277,13 +278,13 @@ def write_outputs(
     channels = Sensed.by(field.recordings[-1]).names
     units = {f"{s}{end}": state_unit(s) for s in channels for end in ("", "_low", "_high")}
     tables = {"model.csv": MODEL_COLUMNS, "forecast.csv": {"time_s": "s", **units}}
-    ahead = [row for part in of.forecasts for row in forecast_rows(part)]
+    ahead = [row for part in summary.forecasts for row in forecast_rows(part)]
     write_rows(folder / "model.csv", model_rows(identified, inputs), list(MODEL_COLUMNS))
     write_rows(folder / "forecast.csv", ahead, list(tables["forecast.csv"]))
     write_json(folder / "datapackage.json", _describe_package(tables))
-    numbers = compute_numbers(of, field.reports, beside)
+    numbers = compute_numbers(summary, field.reports, beside)
     write_text(folder / "summary.json", json_text(asdict(numbers), indent=2) + "\n")
-    write_text(folder / "summary.md", render_summary(of, numbers, field.reports))
+    write_text(folder / "summary.md", render_summary(summary, numbers, field.reports))
 
 
 def _describe_package(tables: Mapping[str, Mapping[str, str]]) -> dict:
@@ -295,15 +296,15 @@ def _describe_package(tables: Mapping[str, Mapping[str, str]]) -> dict:
     return {"name": "galloping", "resources": resources}
 
 
-def write_figures(folder: Path, field: Field, of: Summary) -> None:
+def write_figures(folder: Path, field: Field, summary: Summary) -> None:
     """Draw data quality, model fit and forecast, and write the figures as SVG and PNG."""
     from galloping.figures.style import write_figure
     from galloping.summary import drawing  # matplotlib
 
     drawn = {
         "quality": lambda: drawing.draw_quality(field.series, field.reports, field.mapping),
-        "fit": of.draw_fit,
-        "forecast": of.draw_forecast,
+        "fit": summary.draw_fit,
+        "forecast": summary.draw_forecast,
     }
     for name, draw in drawn.items():
         passing(f"draw {name}")

@@ -163,33 +163,34 @@ def draw_forecast(
             what = "held out" if begin <= time[-1] else "after the recording"
             parts.letter(axes, column, what)
         _samples(axes, time, samples[column][:, k], (begin - length / 2, begin + length))
-        own = ahead.time < begin + length
-        axes.plot(ahead.time[own], ahead.median[own, k], color=MODEL, lw=0.6, zorder=3,
+        is_shown = ahead.time < begin + length
+        axes.plot(ahead.time[is_shown], ahead.median[is_shown, k], color=MODEL, lw=0.6, zorder=3,
                   label="forecast, median")  # fmt: skip
-        low, high = ahead.low[own, k], ahead.high[own, k]
-        parts.band(axes, ahead.time[own], low, high, "90 % of samples", ec=EDGE, lw=0.4)
+        low, high = ahead.low[is_shown, k], ahead.high[is_shown, k]
+        parts.band(axes, ahead.time[is_shown], low, high, "90 % of samples", ec=EDGE, lw=0.4)
         axes.axvline(begin, **MARK, label="begin of the forecast")
     parts.legend(figure)
     return figure
 
 
-def draw_assessment(of: Assessment, units: Mapping[str, str]) -> Figure:
+def draw_assessment(assessment: Assessment, units: Mapping[str, str]) -> Figure:
     """Plot limit-cycle amplitudes against an input, with 95 % intervals and the galloping onset.
 
-    of: along a range. units: of inputs, by name.
+    assessment: along a range. units: of inputs, by name.
     """
-    cycles = [(c.at[of.along], cycle) for c in of.conditions for cycle in c.cycles]
+    name = assessment.along
+    cycles = [(c.at[name], cycle) for c in assessment.conditions for cycle in c.cycles]
     if not cycles:
-        return parts.make_empty_figure(f"no limit cycle in this range of {of.along}")
+        return parts.make_empty_figure(f"no limit cycle in this range of {name}")
     states = list(cycles[0][1].half_range)
     figure, (row,) = parts.panels(0.6 + 2.2, columns=len(states), sharex=True)
     for k, (axes, state) in enumerate(zip(row, states, strict=True)):
         parts.letter(axes, k, meaning(state) or state)
-        for onset in of.onsets:
+        for onset in assessment.onsets:
             axes.axvline(onset.value.value, **MARK, label="onset")
-            ends = np.clip((onset.value.low, onset.value.high), *of.span)
+            ends = np.clip((onset.value.low, onset.value.high), *assessment.span)
             axes.axvspan(*ends, color=SHADE, lw=0, zorder=0, label="onset, 95 %")
-        for chain in _chains(of):
+        for chain in _chains(assessment):
             x = [at for at, _ in chain]
             values = [cycle.half_range[state] for _, cycle in chain]
             y, low, high = np.array([(v.value, v.low, v.high) for v in values]).T
@@ -199,20 +200,20 @@ def draw_assessment(of: Assessment, units: Mapping[str, str]) -> Figure:
                 x, y, color=MODEL, lw=0.6, marker="o", ms=3, ls="-" if stable else "--", **look
             )
             parts.band(axes, x, low, high, "95 % interval", ec=EDGE, lw=0.4)
-        unit = units.get(of.along, "")
-        axes.set(xlabel=f"{of.along}, {unit}" if unit else of.along, xlim=of.span,
+        unit = units.get(name, "")
+        axes.set(xlabel=f"{name}, {unit}" if unit else name, xlim=assessment.span,
                  ylabel=f"half range of {_with_unit(state)}")  # fmt: skip
         axes.set_ylim(bottom=0.0)
     parts.legend(figure)
     return figure
 
 
-def _chains(of: Assessment) -> list[list[tuple[float, Cycle]]]:
+def _chains(assessment: Assessment) -> list[list[tuple[float, Cycle]]]:
     """Connect each limit cycle to the nearest one at the previous value of an input."""
     chains: list[list[tuple[float, Cycle]]] = []
     before = np.nan
-    for condition in of.conditions:
-        now, open_ = condition.at[of.along], [c for c in chains if c[-1][0] == before]
+    for condition in assessment.conditions:
+        now, open_ = condition.at[assessment.along], [c for c in chains if c[-1][0] == before]
         for cycle in condition.cycles:
             alike = [c for c in open_ if c[-1][1].stable == cycle.stable]
             if alike:

@@ -24,20 +24,21 @@ WIND, PLACES = HELPS["wind"], HELPS["places"]
 KNOWN = 0.01  # standard error of a coefficient that no further recording needs to tell better
 
 
-def what_helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
+def what_helps(summary: "Summary", reports: Sequence[dict]) -> list[str]:
     """List advice on how to improve an identified model, the most useful first."""
+    found = summary.found
     problems = [finding_of(problem) for report in reports for problem in report["problems"]]
-    span, units = is_span(of.found.model.states), units_in(reports)
+    span, units = is_span(found.model.states), units_in(reports)
     helps = [more for _, more in meanings_and_advice(problems, span) if more]
-    if of.found.status == "refused" and (alone := _alone(reports)):
+    if found.status == "refused" and (alone := _alone(reports)):
         helps.insert(0, f"a model without {alone}, which has no motion of its own (`--states`)")
-    if len({"q_v", "q_w"}.intersection(of.found.model.states)) == 1:
+    if len({"q_v", "q_w"}.intersection(found.model.states)) == 1:
         helps.append(
             "a sensor in the other direction: vertical and horizontal motion drive each other"
         )
-    for _, more in meanings_and_advice(of.found.findings, span):
+    for _, more in meanings_and_advice(found.findings, span):
         helps += [more] if more and more not in " ".join(helps) else []
-    advice = of.advice
+    advice = summary.advice
     if advice and advice.options and advice.standard_error > KNOWN * abs(advice.coefficient):
         name, error = next(iter(advice.options.items()))
         helps.append(
@@ -46,13 +47,13 @@ def what_helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
             f"{relative_error_text(advice.standard_error, advice.coefficient)} to "
             f"{relative_error_text(error, advice.coefficient)}"
         )
-    if of.found.status == "approximate" and PLACES not in helps:
+    if found.status == "approximate" and PLACES not in helps:
         helps.append(f"{PLACES}; a longer recording with the same sensors does not help, since "
                      "the unexplained motion does not average out")  # fmt: skip
-    if not of.found.model.inputs and WIND not in " ".join(helps):
+    if not found.model.inputs and WIND not in " ".join(helps):
         helps.append(f"{WIND}, in gusts or at several mean wind speeds: a steady wind does "
                      "not show the wind speed from which the line gallops")  # fmt: skip
-    if of.found.model.inputs or not span:  # which were recorded; no wind drives other systems
+    if found.model.inputs or not span:  # which were recorded; no wind drives other systems
         helps = [each for each in helps if WIND not in each]
     if span and _both_directions(reports):
         helps = [each.replace("; " + HELPS["directions"], "") for each in helps]
@@ -62,13 +63,13 @@ def what_helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
             for each in helps
             if PLACES not in each
         ]
-    for name in of.found.model.inputs:
-        if ends := of.found.recorded(name):
+    for name in found.model.inputs:
+        if ends := found.recorded(name):
             unit = shown_units(units).get(name, "")
             beyond = f"below {ends[0]:.3g} or above {ends[1]:.3g} {unit}".rstrip()
             known = (
                 "; or the structural damping, measured in calm (`--known`)"
-                if may_be_wind(of.found, units)
+                if may_be_wind(found, units)
                 else ""
             )
             helps.append(f"recordings with {name} {beyond}, if the model is used there{known}")

@@ -175,14 +175,16 @@ class SummaryNumbers:
 
 
 def compute_numbers(
-    of: "Summary", reports: Sequence[dict] = (), beside: tuple[str, Dynamics | None] | None = None
+    summary: "Summary",
+    reports: Sequence[dict] = (),
+    beside: tuple[str, Dynamics | None] | None = None,
 ) -> SummaryNumbers:
     """Collect all numbers of the summary of an identified model.
 
     reports: of `quality`, if the recordings come from files. beside: a name, and the system's known
     properties by that name.
     """
-    found, known, units = of.found, of.dynamics, units_in(reports)
+    found, known, units = summary.found, summary.dynamics, units_in(reports)
     below = float(found.diagnostics.get("below", nan))
     placed = {
         column["measures"]
@@ -190,9 +192,9 @@ def compute_numbers(
         for column in report["channels"].values()
         if column["position_m"] is not None
     }
-    recorded = tuple(_describe_recorded(of.recordings, below, placed))
+    recorded = tuple(_describe_recorded(summary.recordings, below, placed))
     strengths, lasting = _force_densities(found, known) if found.is_forced else ({}, ())
-    count, share = _count_stretches(of.recordings, found)
+    count, share = _count_stretches(summary.recordings, found)
     is_refused = found.status == "refused"
     return SummaryNumbers(
         status=found.status,
@@ -203,17 +205,17 @@ def compute_numbers(
         system=_estimate_system(known, found, units) if known else None,
         random_forces=strengths,
         force_durations_s=lasting,
-        forecast=_held_out(of.held_out, found.is_forced) if of.held_out else None,
-        no_forecast=of.untried,
+        forecast=_held_out(summary.held_out, found.is_forced) if summary.held_out else None,
+        no_forecast=summary.untried,
         stretches=count,
         stretches_percent=share,
-        absent_terms=() if is_refused else tuple(_list_absent(found, of.recordings, units)),
+        absent_terms=() if is_refused else tuple(_list_absent(found, summary.recordings, units)),
         scales={
             name.removeprefix("scale_"): float(value)
             for name, value in found.diagnostics.items()
             if name.startswith("scale_")
         },
-        further_recording=of.advice,
+        further_recording=summary.advice,
         compared=(beside[0], _estimate_system(beside[1], None, units))
         if beside and beside[1]
         else None,
@@ -290,12 +292,13 @@ def _describe_recorded(
     which the motion of its mode follows.
     """
     channels: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
-    for own in recordings:
-        sensed = Sensed.by(own)
-        for name, values in zip(sensed.names, sensed.samples(without_outliers(own)).T, strict=True):
+    for recording in recordings:
+        sensed = Sensed.by(recording)
+        samples = sensed.samples(without_outliers(recording))
+        for name, values in zip(sensed.names, samples.T, strict=True):
             known, parts = np.isfinite(values), channels.setdefault(name, [])
             if np.count_nonzero(known) > 1:
-                parts.append((own.time[known], values[known]))
+                parts.append((recording.time[known], values[known]))
     for name, parts in channels.items():
         if parts:
             every = np.concatenate([values for _, values in parts])
@@ -316,8 +319,8 @@ def _describe_columns(
     columns: dict[tuple[str, str], list[tuple[str, float, float]]] = {}
     for report in reports:
         for name, column in report["channels"].items():
-            own = report["file"], column["lowest"], column["highest"]
-            columns.setdefault((name, column["measures"]), []).append(own)
+            extent = report["file"], column["lowest"], column["highest"]
+            columns.setdefault((name, column["measures"]), []).append(extent)
     for (name, state), each in columns.items():
         files, lowest, highest = zip(*each, strict=True)
         low, high, one = min(lowest), max(highest), states.get(state)
@@ -344,22 +347,22 @@ def _force_densities(
     return densities, tuple(float(1.0 / forces.rates[i]) for i in forces.places)
 
 
-def _held_out(of: "ScoredForecast", is_forced: bool) -> HeldOutScores:
-    ahead = of.forecast
+def _held_out(scored: "ScoredForecast", is_forced: bool) -> HeldOutScores:
+    ahead = scored.forecast
     channels = tuple(
         HeldOutChannel(
             ahead.names[k],
-            nan if is_forced else float(100.0 * of.missed[k]),
-            bool(of.is_noise[k]),
-            nan if of.is_noise[k] else float(of.skill[k]),
-            float(100.0 * of.held[k]),
+            nan if is_forced else float(100.0 * scored.missed[k]),
+            bool(scored.is_noise[k]),
+            nan if scored.is_noise[k] else float(scored.skill[k]),
+            float(100.0 * scored.held[k]),
             float(100.0 * ahead.chance[k]),
-            float(of.factors[k]),
+            float(scored.factors[k]),
         )
-        for k in np.flatnonzero(np.isfinite(of.held))
+        for k in np.flatnonzero(np.isfinite(scored.held))
     )
     first, last = float(ahead.time[0]), float(ahead.time[-1])
-    return HeldOutScores(last - first, last, of.index < -1, of.useful, channels)
+    return HeldOutScores(last - first, last, scored.index < -1, scored.useful, channels)
 
 
 def _count_stretches(recordings: Sequence[Recording], found: IdentifiedModel) -> tuple[int, float]:

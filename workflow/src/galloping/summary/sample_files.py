@@ -237,24 +237,6 @@ def _record_force(
     return SampleFile(columns, DISPLACEMENT | FORCE, mode, mode.equation(" + F"), library)
 
 
-def simulate_step_of_a_force(rng: np.random.Generator) -> SampleFile:
-    """Simulate a recording of an oscillator's response to one step of a recorded force."""
-    return _record_force(rng, np.where(np.arange(1500) >= 200, 2.0, 0.0))
-
-
-def simulate_held_force(rng: np.random.Generator) -> SampleFile:
-    """Simulate a recording of an oscillator under a recorded, piecewise constant random force."""
-    return _record_force(rng, 6.0 * rng.standard_normal(1500))
-
-
-def simulate_force_of_two_values(rng: np.random.Generator) -> SampleFile:
-    """Simulate a recording of an oscillator under a recorded square-wave force.
-
-    The library has powers of the force.
-    """
-    return _record_force(rng, 2.0 * (np.arange(2000) // 150 % 2), library="")
-
-
 FILES: Mapping[str, Callable[[np.random.Generator], SampleFile]] = {
     "limit cycle in micrometres": partial(simulate_limit_cycle, length="um"),
     "limit cycle in minutes": partial(simulate_limit_cycle, clock="min"),
@@ -268,9 +250,11 @@ FILES: Mapping[str, Callable[[np.random.Generator], SampleFile]] = {
     "angle that wraps": simulate_wrapped_angle,
     "two modes to rest": simulate_two_modes,
     "unmeasured machine": simulate_unmeasured_machine,
-    "step of a force": simulate_step_of_a_force,
-    "held force": simulate_held_force,
-    "force of two values": simulate_force_of_two_values,
+    "step of a force": lambda rng: _record_force(rng, np.where(np.arange(1500) >= 200, 2.0, 0.0)),
+    "held force": lambda rng: _record_force(rng, 6.0 * rng.standard_normal(1500)),
+    "force of two values": lambda rng: _record_force(  # the library has its powers
+        rng, 2.0 * (np.arange(2000) // 150 % 2), library=""
+    ),
 }
 
 

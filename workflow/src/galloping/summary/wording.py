@@ -68,27 +68,30 @@ STEADY = 12.0  # such factors, that the interval of a damping holds
 MOST_PROBLEMS = 5  # of samples, that are told before the technical part
 
 
-def render_summary(of: "Summary", numbers: SummaryNumbers, reports: Sequence[dict] = ()) -> str:
+def render_summary(
+    summary: "Summary", numbers: SummaryNumbers, reports: Sequence[dict] = ()
+) -> str:
     """Render the text of summary.md: results, their reliability, advice and technical details.
 
     numbers: those collected from the summary. reports: of `quality`, if the recordings come from
     files.
     """
-    found, known = of.found, of.dynamics
+    found, known, last = summary.found, summary.dynamics, summary.recordings[-1]
     problems = [
         escape_markdown(f"{report['file']}, from row {p['row']} on: {p['what']}")
         for report in reports
         for p in report["problems"]
     ]
-    described = [*map(report_text, reports)] or [*map(repr, of.recordings)]
+    described = [*map(report_text, reports)] or [*map(repr, summary.recordings)]
     unused = [f"{name!r} of {report['file']}" for report in reports
               for name in report.get("unused_motion", ())]  # fmt: skip
     of_span, units = is_span(found.model.states), units_in(reports)
     further = [one.name for one in found.further_modes]
     line = "the line" if of_span else "the system"
     values = {
-        "of": of, "found": found, "known": known, "numbers": numbers, "trial": of.held_out,
-        "ends": ENDS, "technical": TECHNICAL, "most_problems": MOST_PROBLEMS,
+        "summary": summary, "found": found, "known": known, "numbers": numbers,
+        "trial": summary.held_out, "ends": ENDS, "technical": TECHNICAL,
+        "most_problems": MOST_PROBLEMS,
         "refused": found.status == "refused",
         "in_short": IN_SHORT[found.status],
         "winds": _recorded_range(found) if may_be_wind(found, units) else "",
@@ -99,20 +102,20 @@ def render_summary(of: "Summary", numbers: SummaryNumbers, reports: Sequence[dic
         "line": line,
         "gallop": "gallop" if of_span else "sustain oscillations by itself",
         "gallops": "gallops" if of_span else "sustains oscillations by itself",
-        "exact": [n for n in found.model.inputs if not of.recordings[-1].inputs[n].error],
-        "held": [n for n in found.model.inputs if of.recordings[-1].inputs[n].between == "zero"],
+        "exact": [name for name in found.model.inputs if not last.inputs[name].error],
+        "held": [name for name in found.model.inputs if last.inputs[name].between == "zero"],
         "odd": any(p["code"] in UNITS for report in reports for p in report["problems"]),
         "repeats": found.has_finding(Code.MOTION_REPEATS),
         "rested": found.has_finding(Code.RELEASED, Code.CAME_TO_REST),
         "mixed": found.has_finding(*PARTS_DIFFER),
-        "margins": _margins(known, of.recordings, found) if found.is_forced and known else [],
+        "margins": _margins(known, summary.recordings, found) if found.is_forced and known else [],
         "meanings": [
             re.sub("(?<=[Tt])he line", line[1:], why)
             for why, _ in meanings_and_advice(found.findings, of_span)
             if why
         ],
         "problems": problems,
-        "helps": what_helps(of, reports),
+        "helps": what_helps(summary, reports),
         "described": [re.sub(r"\n\s*", "\n  - ", escape_markdown(text)) for text in described],
         "unused": escape_markdown(listed(unused)) if unused else "",
         "small": _of_small(known, numbers.system, further) if known and numbers.system else {},
@@ -142,21 +145,23 @@ def report_text(report: dict) -> str:
     return _template("quality.txt").render(report=report).rstrip()
 
 
-def assessment_text(of: "Assessment", units: Mapping[str, str], *, is_detailed: bool = True) -> str:
+def assessment_text(
+    assessment: "Assessment", units: Mapping[str, str], *, is_detailed: bool = True
+) -> str:
     """Format as text the galloping onset, and growth and limit cycles at each input value.
 
     units: of inputs, by name. is_detailed: whether equilibria, modes and unstable limit cycles
     follow.
     """
-    values = {"of": of, "units": shown_units(units), "is_detailed": is_detailed}
+    values = {"assessment": assessment, "units": shown_units(units), "is_detailed": is_detailed}
     return _template("assessment.txt").render(values).rstrip()
 
 
-def _growth(of: "Condition") -> str:
+def _growth(condition: "Condition") -> str:
     """Describe whether small motions about the equilibrium nearest to the motion grow."""
-    if not of.equilibria:
+    if not condition.equilibria:
         return "no equilibrium near the motion"
-    dampings = [mode.damping for mode in of.equilibria[0].modes]
+    dampings = [mode.damping for mode in condition.equilibria[0].modes]
     if any(one.value < 0.0 and not one.high > 0.0 for one in dampings):
         return "small motions grow"
     may = any(one.value <= 0.0 or one.low < 0.0 for one in dampings)
@@ -183,7 +188,7 @@ def _template(name: str) -> Template:
     environment.filters |= {
         "between_in_words": BETWEEN_IN_WORDS.get,
         "bullets": lambda lines: "\n".join(f"- {line}" for line in lines),
-        "cells": lambda of: " | ".join(_cells(of)),
+        "cells": lambda estimate: " | ".join(_cells(estimate)),
         "digits": lambda number, state="": f"{number:.3g} {plain_unit(state)}".strip(),
         "end": lambda kind: ENDS.get(kind.partition(":")[0], RUNS_AWAY),
         "escape": escape_markdown,
@@ -193,7 +198,7 @@ def _template(name: str) -> Template:
         "meaning": meaning,
         "missed": _missed,
         "name": _name,
-        "relative_error": lambda error, of: relative_error_text(error, of.coefficient),
+        "relative_error": lambda error, advice: relative_error_text(error, advice.coefficient),
         "said": _said,
         "sentence": lambda text: text[:1].upper() + text[1:],
         "short": lambda number, unit="": f"{number:.3g} {unit}".rstrip(),
@@ -215,15 +220,15 @@ def _template(name: str) -> Template:
 # --- numbers ---
 
 
-def in_words(of: Estimate) -> str:
+def in_words(estimate: Estimate) -> str:
     """Format a value and its interval as text, with the digits that the interval justifies."""
-    number, interval = _cells(of)
+    number, interval = _cells(estimate)
     return number + (f" ({interval})" if interval else "")
 
 
-def _cells(of: Estimate) -> tuple[str, str]:
+def _cells(estimate: Estimate) -> tuple[str, str]:
     """Format a value with its unit, and its interval."""
-    value, low, high, unit = of.value, of.low, of.high, of.unit
+    value, low, high, unit = estimate.value, estimate.low, estimate.high, estimate.unit
     if isinf(value):
         return f"{value:g} {unit}".strip(), "interval unknown"
     if isnan(low) or isnan(high):
@@ -255,25 +260,25 @@ def _at_place(numbers: Sequence[float], place: int) -> list[str]:
     return [f"{head}e{power:+03d}" if float(head) else "0" for head in heads]
 
 
-def extent_in_words(of: RecordedMotion) -> str:
+def extent_in_words(motion: RecordedMotion) -> str:
     """Format a recorded range as text of three significant digits, such as `-0.95 to 1.09 m`."""
-    largest = float(f"{max(abs(of.low), abs(of.high)):.3g}")
+    largest = float(f"{max(abs(motion.low), abs(motion.high)):.3g}")
     place = floor(log10(largest)) - 2 if largest else 0
-    return f"{' to '.join(_at_place((of.low, of.high), place))} {of.unit}".rstrip()
+    return f"{' to '.join(_at_place((motion.low, motion.high), place))} {motion.unit}".rstrip()
 
 
-def _said(of: Value, unit: str, factor: float = 1.0) -> str:
+def _said(quantity: Value, unit: str, factor: float = 1.0) -> str:
     """Format a value times a factor with its interval, if any, to the digits that it determines."""
-    estimate = Estimate.of(of, unit, factor)
+    estimate = Estimate.of(quantity, unit, factor)
     if isnan(estimate.low):
         return f"{estimate.value:.4g} {unit}".rstrip()
     return in_words(estimate)
 
 
-def _damping_cells(of: Estimate) -> str:
+def _damping_cells(damping: Estimate) -> str:
     """Format a net damping that may be zero, with the interval of undetected damping."""
-    value, interval = _cells(of)
-    return f"{value if abs(of.value) >= 100.0 * ROUNDING else 'none found'} | {interval}"
+    value, interval = _cells(damping)
+    return f"{value if abs(damping.value) >= 100.0 * ROUNDING else 'none found'} | {interval}"
 
 
 # --- words ---
