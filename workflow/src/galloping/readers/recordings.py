@@ -26,22 +26,21 @@ def make_recording(series: Series, mapping: ColumnMapping) -> Recording:
     if any(channel.delay for channel in mapping.channels):
         time, columns = _align_channels(series, mapping)
     n = len(mapping.states)
-    values, rates = np.full((2, len(time), n), np.nan)
-    offsets, scales = np.zeros(n, bool), np.zeros(n, bool)
-    noise = np.full((2, n), np.nan)
+    # of the states, then of their rates
+    measured, noise = np.full((2, len(time), n), np.nan), np.full((2, n), np.nan)
+    unknown = np.zeros((2, n), bool)
     for measures in dict.fromkeys(channel.measures for channel in mapping.channels):
         group = [k for k, channel in enumerate(mapping.channels) if channel.measures == measures]
         channels = [mapping.channels[k] for k in group]
         state, is_rate = mapping.target(channels[0])
         weights = _mode_weights(channels, mapping.span)
-        combined = (
-            np.column_stack(_interpolate_together(time, [columns[k] for k in group])) @ weights
-        )
-        (rates if is_rate else values)[:, state] = combined
+        together = np.column_stack(_interpolate_together(time, [columns[k] for k in group]))
+        measured[int(is_rate), :, state] = together @ weights
         noise[int(is_rate), state] = np.linalg.norm(weights * series.noise[group])
-        (offsets if is_rate else scales)[state] |= any(
+        unknown[int(is_rate), state] = any(
             (channel.offset if is_rate else channel.scale) == "unknown" for channel in channels
         )
+    (values, rates), (scales, offsets) = measured, unknown
     return Recording(
         time, mapping.states, values,
         rates=rates if np.isfinite(rates).any() else None,

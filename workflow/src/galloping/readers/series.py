@@ -165,6 +165,8 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     n_channels = len(mapping.channels)
     inputs = read_inputs(table, mapping.inputs, time, values[:, n_channels:])
     values = values[:, :n_channels]
+    if len(time) < FEWEST and n_channels:
+        raise FileError(f"{table.path}: {len(time)} rows are fewer than the {FEWEST} needed")
     for channel, column in zip(mapping.channels, values.T, strict=True):
         if (repeats := _find_repeats(column)).any():
             column[repeats] = np.nan
@@ -172,9 +174,6 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
                 f"column {channel.column!r} repeats each sample of a slower sensor: "
                 f"{repeats.sum()} repetitions were left out"
             )
-    if len(time) < FEWEST and n_channels:
-        raise FileError(f"{table.path}: {len(time)} rows are fewer than the {FEWEST} needed")
-    for channel, column in zip(mapping.channels, values.T, strict=True):
         known = column[np.isfinite(column)]
         if len(known) < FEWEST:
             raise FileError(

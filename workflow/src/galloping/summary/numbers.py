@@ -247,18 +247,16 @@ def _estimate_system(
     hidden = found is not None and (
         found.has_finding(Code.MOTION_REPEATS) or is_damping_undetermined(found, known)
     )
-    small = [] if hidden else [
-        name for name, value in known.frequencies.items() if np.isfinite(value.value)
-    ]  # fmt: skip
-    lasts = {} if is_undamped(known) else known.half_range
-    period = known.period if lasts else None
+    oscillating = [name for name, value in known.frequencies.items() if np.isfinite(value.value)]
+    half_range = {} if is_undamped(known) else known.half_range
+    period = known.period if half_range else None
     shown = shown_units(units)
     return SystemEstimates(
         {name: Estimate(value, unit=shown.get(name, "")) for name, value in known.at.items()},
         {name: Estimate.of(value, plain_unit(name)) for name, value in known.rest.items()},
-        tuple(_small_motion(known, name) for name in small),
+        () if hidden else tuple(_small_motion(known, name) for name in oscillating),
         known.kind,
-        {name: Estimate.of(value, plain_unit(name)) for name, value in lasts.items()},
+        {name: Estimate.of(value, plain_unit(name)) for name, value in half_range.items()},
         Estimate.of(period, "s") if period else None,
     )
 
