@@ -16,9 +16,9 @@ from galloping.identification.observations import (
     Severity,
     as_warnings,
     finding_kinds,
+    status_of,
 )
 from galloping.identification.sentences import explain, reason_of, sentence_of
-from galloping.identification.status import status_of
 from galloping.summary.helps import HELPS
 
 SOURCE = Path(galloping.__file__).parent

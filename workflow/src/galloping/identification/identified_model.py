@@ -12,18 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import Immutable, as_increasing, checked_state
-from galloping.identification.observations import Code, Finding
+from galloping.identification.observations import STATUSES, Code, Finding, status_of
 from galloping.identification.oscillations import EnvelopePart, FurtherMode, Resonance
 from galloping.identification.sentences import reason_of
-from galloping.identification.status import STATUSES, status_of
 from galloping.model.functions import from_plain, n_exponents, term_to_plain
 from galloping.model.intervals import NORMAL_95
-from galloping.model.polynomial import (
-    Bound,
-    Exponents,
-    PolynomialModel,
-    merge_inputs,
-)
+from galloping.model.polynomial import Bound, Exponents, PolynomialModel, merge_inputs
 from galloping.recording.samples import Input
 from galloping.storage import read_json, write_json
 
@@ -41,7 +35,7 @@ RANGE = ("_low", "_high")  # suffixes of a name in diagnostics: recorded range o
 LITTLE_TOLD = 0.8
 LONGEST_NAME = 100  # most characters in the name of a state or an input in a file
 MOST_POWER = 64  # largest absolute value of an exponent in a term of a file
-UNSTATED: Any = None  # an array that is not given: it becomes NaN, or zero for random forces
+UNSTATED: Any = None  # an array that is not given: it becomes NaN, zero for forces, or empty
 BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
 
 
@@ -118,11 +112,11 @@ class IdentifiedModel(Immutable):
     standard_errors: NDArray[np.float64] = UNSTATED
     unconditional_errors: NDArray[np.float64] = UNSTATED
     detection_limits: NDArray[np.float64] = UNSTATED
-    covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    covariance: NDArray[np.float64] = UNSTATED
     rivals: NDArray[np.float64] = UNSTATED
     rival_share: float = 0.0
-    extrapolation_shift: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    extrapolation_covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    extrapolation_shift: NDArray[np.float64] = UNSTATED
+    extrapolation_covariance: NDArray[np.float64] = UNSTATED
     initial_states: NDArray[np.float64] = UNSTATED
     sigma: NDArray[np.float64] = UNSTATED
     thresholds: NDArray[np.float64] = UNSTATED
@@ -207,15 +201,8 @@ class IdentifiedModel(Immutable):
     def recorded(self, name: str) -> tuple[float, ...]:
         """Return the lower and upper end of the recorded range of an input or a state.
 
-        Parameters
-        ----------
-        name : str
-
-        Returns
-        -------
-        tuple of float
-            For an input, the range of nine tenths of its samples. For a state, in the model of a
-            `Summary`, the range of all its samples. Empty if unknown.
+        For an input, the range of nine tenths of its samples. For a state, in the model of a
+        `Summary`, the range of all its samples. Empty if unknown.
         """
         ends = tuple(f"{name}{end}" for end in RANGE)
         return tuple(float(self.diagnostics[end]) for end in ends if end in self.diagnostics)
@@ -240,34 +227,30 @@ class IdentifiedModel(Immutable):
         """
         model = self.model.at(values)
         _, merge = merge_inputs(self.model, values)
-        old, kept = np.argwhere(self.support), dict[str, Any](model=model)
-        new = replace(self, model=model).support
-        places = np.argwhere(new)
-        same = places[:, :1] == old[:, 0]
-        slope = np.where(same, merge[old[:, 1]][:, places[:, 1]].T, 0.0)
+        support = replace(self, model=model).support
+        old, new = np.argwhere(self.support), np.argwhere(support)
+        same = new[:, :1] == old[:, 0]
+        slope = np.where(same, merge[old[:, 1]][:, new[:, 1]].T, 0.0)
+        merged: dict[str, Any] = {name: np.full(support.shape, np.nan) for name in BY_TERM}
+        merged["rivals"] = self.rivals @ merge
         if len(self.covariance):
-            kept["covariance"] = slope @ self.covariance @ slope.T
+            merged["covariance"] = slope @ self.covariance @ slope.T
+            merged["standard_errors"][tuple(new.T)] = np.sqrt(np.diag(merged["covariance"]))
         if len(self.extrapolation_shift):
-            kept["extrapolation_shift"] = slope @ self.extrapolation_shift
-            kept["extrapolation_covariance"] = slope @ self.extrapolation_covariance @ slope.T
-        kept["rivals"] = self.rivals @ merge
-        shape = model.coefficients.shape
-        kept |= {name: np.full(shape, np.nan) for name in BY_TERM}
-        at = tuple(places.T)
-        if len(self.covariance):
-            kept["standard_errors"][at] = np.sqrt(np.diag(kept["covariance"]))
+            merged["extrapolation_shift"] = slope @ self.extrapolation_shift
+            merged["extrapolation_covariance"] = slope @ self.extrapolation_covariance @ slope.T
         with np.errstate(invalid="ignore", divide="ignore"):
             wider = np.fmax(self.unconditional_errors / self.standard_errors, 1.0)
-        for k, (i, j) in enumerate(places):
+        for k, (i, j) in enumerate(new):
             ratio = np.max(wider[tuple(old[slope[k] != 0].T)], initial=1.0)
-            kept["unconditional_errors"][i, j] = ratio * kept["standard_errors"][i, j]
+            merged["unconditional_errors"][i, j] = ratio * merged["standard_errors"][i, j]
         for name in ("unconditional_errors", "detection_limits"):
             limits = getattr(self, name)
             absent = np.sqrt(np.nan_to_num(limits, posinf=0.0) ** 2 @ merge**2)
             absent[np.isinf(limits) @ (merge != 0.0)] = np.inf
-            stated = ~new & (absent > 0.0)
-            kept[name][stated] = absent[stated]
-        return replace(self, **kept)
+            stated = ~support & (absent > 0.0)
+            merged[name][stated] = absent[stated]
+        return replace(self, model=model, **merged)
 
     def equations(self) -> tuple[str, ...]:
         """Return the equation of each state as text, with standard errors if they are known."""
@@ -394,12 +377,12 @@ class IdentifiedModel(Immutable):
 
     def to_plain(self) -> dict[str, object]:
         """Convert the model to plain values for JSON; NaN and infinite numbers become text."""
-        of = self.model
-        terms = [term_to_plain(term) for term in of.terms]
-        content: dict[str, Any] = {"states": of.states, "inputs": of.inputs, "terms": terms}
-        own = {"coefficients": of.coefficients} | self._held()
-        del own["model"], own["bounds"]
-        content |= {name: _as_plain(value) for name, value in own.items()}
+        model = self.model
+        terms = [term_to_plain(term) for term in model.terms]
+        content: dict[str, Any] = {"states": model.states, "inputs": model.inputs, "terms": terms}
+        values = {"coefficients": model.coefficients} | self._held()
+        del values["model"], values["bounds"]
+        content |= {name: _as_plain(value) for name, value in values.items()}
         content["reason"] = self.reason
         content["bounds"] = [
             [i, term_to_plain(term), *map(_as_plain, ends)] for i, term, *ends in self.bounds
@@ -417,17 +400,15 @@ class IdentifiedModel(Immutable):
         powers = [term[: n_exponents(term)] for term in terms]
         if not terms or any(type(e) is not int or abs(e) > MOST_POWER for e in chain(*powers)):
             raise ValueError(f"terms: must be whole exponents up to {MOST_POWER}")
-        if any(e < 0 for own in powers for e in own[: len(states)]):
+        if any(e < 0 for exponents in powers for e in exponents[: len(states)]):
             raise ValueError("terms: exponents of states must be 0 or more")
-        model = PolynomialModel(states, terms, _as_array(content["coefficients"]), inputs)
-        status, shapes = content["status"], _array_shapes(*model.coefficients.shape)
-        shapes["covariance"] = (len(content["covariance"]),) * 2
-        beyond = len(content["extrapolation_shift"])
-        shapes |= {
-            "extrapolation_shift": (beyond,), "extrapolation_covariance": (beyond, beyond)
-        }  # fmt: skip
-        if status != "refused" and not np.all(np.isfinite(model.coefficients)):
+        coefficients, status = np.array(content["coefficients"], float), content["status"]
+        model = PolynomialModel(states, terms, coefficients, inputs)
+        if status != "refused" and not np.all(np.isfinite(coefficients)):
             raise ValueError(f"coefficients: not all are finite, and the status is {status!r}")
+        shapes = _array_shapes(
+            len(states), len(terms), len(content["covariance"]), len(content["extrapolation_shift"])
+        )
         return cls(
             model=model,
             status=status,
@@ -446,7 +427,10 @@ class IdentifiedModel(Immutable):
                 for i, term, least, most in content.get("bounds", ())
             ),
             resonances=_parse_records(Resonance, content["resonances"]),
-            **{name: _as_array(content[name]).reshape(shape) for name, shape in shapes.items()},
+            **{
+                name: np.array(content[name], float).reshape(shape)
+                for name, shape in shapes.items()
+            },
         )
 
     def save(self, path: str | os.PathLike, **about: object) -> None:
@@ -494,19 +478,27 @@ def _parse_names(content: Iterable[Any]) -> tuple[str, ...]:
 def _parse_records(kind: type, contents: Sequence[Mapping[str, Any]]) -> tuple:
     """Parse objects of numbers and names, as `_as_plain` has written them."""
 
-    def value(name: str, plain: Any) -> Any:
+    def parse_value(name: str, plain: Any) -> Any:
         if name in ("recording", "state"):
             return plain
         return tuple(map(float, plain)) if isinstance(plain, list) else float(plain)
 
-    return tuple(kind(**{name: value(name, own) for name, own in one.items()}) for one in contents)
+    return tuple(
+        kind(**{name: parse_value(name, plain) for name, plain in each.items()})
+        for each in contents
+    )
 
 
-def _array_shapes(states: int, terms: int) -> dict[str, tuple[int, ...]]:
+def _array_shapes(
+    states: int, terms: int, support: int = 0, extrapolated: int = 0
+) -> dict[str, tuple[int, ...]]:
     """Return the shape of each array of a model, by name; -1 for any length."""
     square = (states, states)
     return dict.fromkeys(BY_TERM, (states, terms)) | {
-        "rivals": (-1, states, terms), "initial_states": (-1, states), "sigma": (-1, states),
+        "covariance": (support, support), "rivals": (-1, states, terms),
+        "extrapolation_shift": (extrapolated,),
+        "extrapolation_covariance": (extrapolated, extrapolated),
+        "initial_states": (-1, states), "sigma": (-1, states),
         "thresholds": (states,), "forces": square, "slow_forces": square,
     }  # fmt: skip
 
@@ -516,7 +508,7 @@ def _as_plain(value: Any) -> Any:
     if isinstance(value, Finding):
         return value.as_dict()
     if isinstance(value, FurtherMode | Resonance | EnvelopePart):
-        return {name: _as_plain(each) for name, each in asdict(value).items()}
+        value = asdict(value)
     if isinstance(value, Mapping):
         return {name: _as_plain(each) for name, each in value.items()}
     if isinstance(value, str | int):
@@ -528,7 +520,3 @@ def _as_plain(value: Any) -> Any:
     if np.ndim(value):
         return [_as_plain(each) for each in value]
     return float(value) if np.isfinite(value) else str(float(value))
-
-
-def _as_array(lists: object) -> NDArray[np.float64]:
-    return np.array(lists, dtype=float)

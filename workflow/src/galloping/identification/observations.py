@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cache
 from importlib.resources import files
+from math import isfinite
 
 from galloping.arrays import Immutable
 
@@ -147,10 +148,7 @@ class Code(StrEnum):
 
 @dataclass(frozen=True)
 class Kind:
-    """Properties common to all findings with the same code: severity, data keys and texts.
-
-    They are a row of `findings.csv`.
-    """
+    """Properties of all findings with the same code, a row of `findings.csv`."""
 
     severity: Severity
     keys: frozenset[str]
@@ -217,7 +215,7 @@ class Finding(Immutable):
     def as_dict(self) -> dict[str, object]:
         """Convert the finding to a dict of plain values; NaN and infinite numbers become text."""
         data = {
-            name: str(value) if value in (float("inf"), -float("inf")) or value != value else value
+            name: value if isinstance(value, str) or isfinite(value) else str(value)
             for name, value in self.data.items()
         }
         return {
@@ -238,3 +236,25 @@ def as_warnings(findings: Iterable[Finding]) -> tuple[Finding, ...]:
         replace(each, severity=Severity.WARNING) if each.severity == Severity.FAULT else each
         for each in findings
     )
+
+
+STATUSES = ("ok", "not identifiable", "approximate", "refused", "unjudged")
+
+
+def status_of(findings: Iterable[Finding]) -> str:
+    """Derive the status of a model, such as `ok` or `refused`, from all its findings.
+
+    The status is 'refused' after a fault, and 'approximate' if the model is inexact. After a
+    warning it is 'not identifiable', or 'approximate' if random forces move the system. Else it is
+    'ok'.
+    """
+    findings = list(findings)
+    severities = {each.severity for each in findings}
+    if Severity.FAULT in severities:
+        return "refused"
+    if Severity.INEXACT in severities:
+        return "approximate"
+    if Severity.WARNING in severities:
+        is_forced = any(each.code == Code.RANDOM_FORCES for each in findings)
+        return "approximate" if is_forced else "not identifiable"
+    return "ok"

@@ -5,8 +5,6 @@ from collections.abc import Iterable, Mapping
 
 from galloping.identification.observations import Code, Finding, finding_kinds
 
-PLACES = {code: place for place, code in enumerate(Code)}  # order of codes, most important first
-
 
 def sentence_of(finding: Finding) -> str:
     """Return a finding as one technical sentence; '' if it does not affect the model's status."""
@@ -33,7 +31,7 @@ def explain(
     Returns pairs of meaning and advice, either of which may be ''. The last row, that the model is
     inadequate, is used if there is no other.
     """
-    side, told = 0 if is_span else 1, dict[tuple[str, str], None]()
+    side, texts = 0 if is_span else 1, list[tuple[str, str]]()
     for finding in _sort_by_weight(findings) if is_verdict else findings:
         kind = finding_kinds()[finding.code]
         if bool(kind.sentence) != is_verdict:
@@ -41,12 +39,11 @@ def explain(
         name, unit = (units or {}).get(finding.subject, (finding.subject, ""))
         values = _template_values(finding) | {"name": name, "unit": finding.data.get("unit", unit)}
         values |= words or {}
-        told[
-            _fill_template(kind.meaning, side, values), _fill_template(kind.advice, side, values)
-        ] = None
+        meaning = _fill_template(kind.meaning, side, values)
+        texts.append((meaning, _fill_template(kind.advice, side, values)))
+    distinct = [pair for pair in dict.fromkeys(texts) if any(pair)]
     least = finding_kinds()[Code.RESIDUAL_POWER].meaning
-    said = [pair for pair in told if any(pair)]
-    return [pair for pair in said if pair[0] != least] or said
+    return [pair for pair in distinct if pair[0] != least] or distinct
 
 
 def _fill_template(template: str, side: int, values: Mapping[str, object]) -> str:
@@ -63,7 +60,8 @@ class _Unknown:
 
 
 def _sort_by_weight(findings: Iterable[Finding]) -> list[Finding]:
-    return sorted(findings, key=lambda finding: PLACES[finding.code])
+    codes = list(Code)  # the most important first
+    return sorted(findings, key=lambda finding: codes.index(finding.code))
 
 
 def _template_values(finding: Finding) -> dict[str, object]:

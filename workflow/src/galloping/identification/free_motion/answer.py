@@ -23,11 +23,10 @@ from galloping.identification.free_motion.linearity import SIGNIFICANT
 from galloping.identification.free_motion.rest import Moving, moving_recordings
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NoModel, attempt
-from galloping.identification.observations import Code, Finding
+from galloping.identification.observations import Code, Finding, status_of
 from galloping.identification.oscillations import EnvelopePart, FurtherMode
 from galloping.identification.preparation.smoothing import unmeasured_displacements
 from galloping.identification.problem import Problem
-from galloping.identification.status import status_of
 from galloping.model.polynomial import linear_term, velocity_pairs
 from galloping.recording.samples import Recording
 

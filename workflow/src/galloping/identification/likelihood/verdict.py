@@ -10,7 +10,7 @@ from scipy.special import chdtri
 
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.repetition import FollowedRecording, is_periodic
-from galloping.identification.observations import Code, Finding, as_warnings
+from galloping.identification.observations import Code, Finding, as_warnings, status_of
 from galloping.identification.oscillations import FurtherMode
 from galloping.identification.plausible import (
     MISS_RATE,
@@ -29,7 +29,6 @@ from galloping.identification.selection import (
     solve_support,
     whiten,
 )
-from galloping.identification.status import status_of
 from galloping.model.intervals import draw_normal
 
 # Largest total weight, under an `ok`, of plausible supports that lack a selected term. At most one

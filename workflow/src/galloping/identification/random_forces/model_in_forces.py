@@ -12,7 +12,7 @@ from scipy.special import chdtri
 
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NoModel, attempt
-from galloping.identification.observations import Code, Finding
+from galloping.identification.observations import Code, Finding, status_of
 from galloping.identification.oscillations import MOST_DAMPING
 from galloping.identification.plausible import detection_limits
 from galloping.identification.preparation.rate_channels import estimate_scales, with_scales
@@ -32,7 +32,6 @@ from galloping.identification.random_forces.forced_problem import (
 )
 from galloping.identification.random_forces.start import shortest_velocity_period, typical_step
 from galloping.identification.selection import added_deviation, select_support, solve_support
-from galloping.identification.status import status_of
 from galloping.identification.work import is_exhausted
 from galloping.recording.samples import Recording
 
