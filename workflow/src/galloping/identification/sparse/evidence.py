@@ -32,9 +32,8 @@ from galloping.recording.samples import Recording
 
 DEGREE = 7  # degree of splines; it truncates less than rounding in noise-free 100 Hz recordings
 KNOT_EVERY = (128, 96, 64, 48, 32, 24, 16, 12, 8, 4, 2)  # samples between knots, smooth to rough
-# ON_GRID: largest distance of a sample from a uniform grid, in steps. MOST_MISSING: grid points for
-# each sample, at most.
-ON_GRID, MOST_MISSING = 1e-3, 100
+ON_GRID = 1e-3  # largest distance of a sample from a uniform grid, in steps
+MOST_MISSING = 100  # most grid points for each sample
 ENOUGH = 1.05  # the scan stops once every channel's score exceeds this many times its best
 
 
@@ -112,15 +111,11 @@ def _clamped_knots(time: np.ndarray, every: int) -> np.ndarray:
 
 @lru_cache(maxsize=len(KNOT_EVERY))  # replicates mostly share their times
 def _spline_basis(time: bytes, every: int) -> tuple[csr_array, np.ndarray]:
-    """Compute B-splines at the times, (n, p), and the Cholesky factor of their normal equations.
-
-    The factor is banded.
-    """
+    """Compute B-splines at the times, (n, p), and the Cholesky bands of their normal equations."""
     instants = np.frombuffer(time)
     # no sample is outside; to check this would cost as much as the matrix
-    design = BSpline.design_matrix(
-        instants, _clamped_knots(instants, every), DEGREE, extrapolate=True
-    )
+    knots = _clamped_knots(instants, every)
+    design = BSpline.design_matrix(instants, knots, DEGREE, extrapolate=True)
     gram = design.T @ design
     bands = [np.pad(gram.diagonal(k), (k, 0)) for k in range(DEGREE, -1, -1)]
     return design, cholesky_banded(np.stack(bands))
@@ -177,12 +172,11 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Reg
 
 def _check_complete(recordings: Sequence[Recording]) -> None:
     for recording in recordings:
-        read: dict[str, np.ndarray | None] = {"state": recording.values}
-        if recording.exact:
-            read["derivative"] = recording.rates
-        for what, samples in read.items():
-            if samples is None or not np.all(np.isfinite(samples)):
-                raise IdentificationError(Code.INCOMPLETE_SAMPLES, what)
+        if not np.all(np.isfinite(recording.values)):
+            raise IdentificationError(Code.INCOMPLETE_SAMPLES, "state")
+        rates = recording.rates if recording.exact else None
+        if rates is not None and not np.all(np.isfinite(rates)):
+            raise IdentificationError(Code.INCOMPLETE_SAMPLES, "derivative")
 
 
 def reduce_weakly(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regressions:
@@ -196,8 +190,6 @@ def reduce_weakly(recordings: Sequence[Recording], terms: tuple[Exponents, ...])
     _check_complete(recordings)
     tried = tried_filters(recordings, terms, weak_form_filters)
     if not tried:
-        raise IdentificationError(
-            Code.RECORDING_SHORT, samples=sum(len(one.time) for one in recordings)
-        )
-    chosen = best_filter(tried).reduced
-    return Regressions(chosen, tuple(tried))
+        samples = sum(len(one.time) for one in recordings)
+        raise IdentificationError(Code.RECORDING_SHORT, samples=samples)
+    return Regressions(best_filter(tried).reduced, tuple(tried))

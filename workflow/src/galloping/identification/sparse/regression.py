@@ -47,19 +47,13 @@ class ReducedRegression:
     held_out: np.ndarray | None = None
 
     def model(self, coefficients: np.ndarray, thresholds: np.ndarray = UNSTATED) -> IdentifiedModel:
-        """Make the identified model, with the status `unjudged`, of given coefficients.
-
-        coefficients: (n_states, n_terms).
-        """
+        """Make the model, with the status `unjudged`, of coefficients (n_states, n_terms)."""
         model = PolynomialModel(self.states, self.terms, coefficients)
         return IdentifiedModel(model, "unjudged", thresholds=thresholds)
 
     @property
     def products(self) -> np.ndarray:
-        """Inner products of all library and target columns within each block of rows.
-
-        Shaped as `held_out`.
-        """
+        """Inner products of library and target columns of each block, shaped as `held_out`."""
         factors = np.hstack([self.library, self.targets])
         factors = factors.reshape(-1, factors.shape[1], factors.shape[1])
         return factors.mT @ factors
@@ -92,16 +86,12 @@ class Scaled:
     """
 
     def __init__(self, library: np.ndarray, targets: np.ndarray) -> None:
-        self.lengths, self.scale = (
-            check_nonzero(np.linalg.norm(each, axis=0)) for each in (library, targets)
-        )
+        self.lengths = check_nonzero(np.linalg.norm(library, axis=0))
+        self.scale = check_nonzero(np.linalg.norm(targets, axis=0))
         self.library, self.targets = library / self.lengths, targets / self.scale
 
     def unscale(self, shares: np.ndarray) -> np.ndarray:
-        """Convert coefficients of the scaled columns to coefficients of the original columns.
-
-        Both are (m, p).
-        """
+        """Convert coefficients (m, p) of scaled columns to coefficients of original columns."""
         return shares * self.scale[:, np.newaxis] / self.lengths
 
 
@@ -154,10 +144,7 @@ class HeldOutErrors:
 
     @property
     def best(self) -> np.ndarray:
-        """Lowest cross-validation error of all candidate models, for each state derivative.
-
-        Shape (m,).
-        """
+        """Lowest cross-validation error of the models of each state derivative, (m,)."""
         return self.errors.sum(axis=0).min(axis=1)
 
     def choose_sparsest(self) -> np.ndarray:
@@ -181,8 +168,7 @@ def judge_path(
 ) -> HeldOutErrors:
     """Compute the cross-validation errors of the candidate models that a method generates.
 
-    products, held_out: (n_blocks, n_terms + n_states, n_terms + n_states), as of
-    `ReducedRegression`.
+    products, held_out: those of a `ReducedRegression`. path: of the method.
     """
     p = products.shape[1] - n_states
     fold = np.arange(len(products)) % FOLDS

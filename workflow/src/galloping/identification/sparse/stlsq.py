@@ -93,19 +93,15 @@ def models_along(path: np.ndarray, grams: np.ndarray, moments: np.ndarray) -> np
 def choose_thresholds(
     problem: ReducedRegression, threshold: float | None, path_length: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Choose the STLSQ threshold and ridge of each equation, by cross-validation or EBIC.
-
-    The arguments are those of `fit_normalised`.
-    """
+    """Choose the STLSQ threshold and ridge of each equation, as `fit_normalised` describes."""
     path, ridges = threshold_path(path_length), np.zeros(len(problem.states))
     if threshold is not None:
         return np.full(len(ridges), threshold), ridges
     if problem.held_out is None:
-        scaled = Scaled(*problem.triangle)
-        candidates = np.tile(path, (len(ridges), 1))
-        return _scan_thresholds(
-            scaled.library, scaled.targets, candidates, problem.observations
-        ), ridges
+        scaled, candidates = Scaled(*problem.triangle), np.tile(path, (len(ridges), 1))
+        observations = problem.observations
+        chosen = _scan_thresholds(scaled.library, scaled.targets, candidates, observations)
+        return chosen, ridges
     judged = judge_path(
         problem.products, problem.held_out, len(problem.states), partial(models_along, path)
     )
@@ -161,11 +157,9 @@ def fit_ensemble(
     scaled = Scaled(problem.library, problem.targets)
     thresholds, _ = choose_thresholds(problem, threshold, path_length)
     size = len(scaled.lengths) + len(scaled.scale)  # rows of a block
-    targets = (
-        _mix_rows(scaled.targets, size) / thresholds
-    )  # in units of their threshold, as in `fit`
-    medians = bagged_medians(_mix_rows(scaled.library, size), targets, models, rng)
-    medians = medians * thresholds[:, np.newaxis]
+    library = _mix_rows(scaled.library, size)
+    targets = _mix_rows(scaled.targets, size) / thresholds  # in these units, as in `fit`
+    medians = bagged_medians(library, targets, models, rng) * thresholds[:, np.newaxis]
     support = (np.abs(medians) >= NEGLIGIBLE)[:, np.newaxis]
     shares = refit(scaled.library, scaled.targets, support)[:, 0]
     return problem.model(scaled.unscale(shares), thresholds)

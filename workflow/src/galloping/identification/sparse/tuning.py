@@ -80,10 +80,9 @@ def savitzky_golay(window: int, order: int, step: float) -> tuple[np.ndarray, np
     half = window // 2
     impulse = np.zeros((4 * half + 1, 1))
     impulse[2 * half] = 1
-    answered = slice(half, 3 * half + 1)  # where no window is cut by an end
-    smoother = ps.SmoothedFiniteDifference(
-        smoother_kws={"window_length": window, "polyorder": order}
-    )
+    uncut = slice(half, 3 * half + 1)  # where no window is cut by an end
+    options = {"window_length": window, "polyorder": order}
+    smoother = ps.SmoothedFiniteDifference(smoother_kws=options)
     smoother(impulse, t=1.0)
     slope = ps.SINDyDerivative(
         kind="savitzky_golay", left=half, right=half, order=order, iwindow=True,
@@ -91,7 +90,7 @@ def savitzky_golay(window: int, order: int, step: float) -> tuple[np.ndarray, np
     )  # fmt: skip
     # in half windows as unit of time: well conditioned
     slopes = np.asarray(slope(impulse, t=1 / half)) / half
-    return np.asarray(smoother.smoothed_x_)[answered, 0], slopes[answered, 0] / step
+    return np.asarray(smoother.smoothed_x_)[uncut, 0], slopes[uncut, 0] / step
 
 
 @lru_cache(maxsize=64)
@@ -102,7 +101,7 @@ def weak_form(half: int, order: int, step: float) -> tuple[np.ndarray, np.ndarra
     two kernels (2 half + 1,): WeakPDELibrary's weights of one test function, which are the same at
     any place.
     """
-    drawn_from = np.random.get_state()
+    random_state = np.random.get_state()
     # the cell holds these 2 half + 1 samples wherever its centre is drawn
     library = ps.WeakPDELibrary(
         function_library=ps.PolynomialLibrary(degree=1),
@@ -111,7 +110,7 @@ def weak_form(half: int, order: int, step: float) -> tuple[np.ndarray, np.ndarra
         H_xt=step * (half + 0.5),
         p=order,
     )
-    np.random.set_state(drawn_from)
+    np.random.set_state(random_state)
     return library.fullweights0[0][::-1], -library.fulltweights[0][::-1]
 
 
@@ -184,7 +183,7 @@ def tried_filters(
     applied: `smoothing_filters` or `weak_form_filters`. Empty if derivatives were measured, samples
     are not equally spaced, or the stretches of a recording are too short to be held out.
     """
-    if not all(not r.exact and r.is_uniform for r in recordings):
+    if any(each.exact or not each.is_uniform for each in recordings):
         return []
     period = min(map(_shortest_line_period, recordings))
     frames = [_Frame(recording, period, terms) for recording in recordings]
@@ -216,7 +215,6 @@ def weak_form_filters(frame: _Frame) -> Iterator[TriedFilter]:
 
 
 def _join_filters(parts: Sequence[TriedFilter]) -> TriedFilter:
-    """Join filters of several recordings."""
     return replace(
         parts[0],
         products=np.concatenate([part.products for part in parts]),
