@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import compress
+from itertools import compress, pairwise
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -63,12 +63,9 @@ class Problem:
 
     @cached_property
     def candidates(self) -> np.ndarray:
-        """Index pairs (equation, term) of all coefficients to identify.
-
-        Shape (n_candidates, 2), by equation and then by term.
-        """
-        pairs = [(i, j) for i in self.unknown for j in range(len(self.terms))]
-        return np.array([pair for pair in pairs if self.open[pair]], int).reshape(-1, 2)
+        """Index pairs (equation, term) of all coefficients to identify, (n_candidates, 2)."""
+        is_unknown = np.isin(np.arange(len(self.states)), self.unknown)
+        return np.argwhere(self.open & is_unknown[:, None])
 
     @cached_property
     def state_exponents(self) -> np.ndarray:
@@ -92,11 +89,11 @@ class Problem:
 
     @cached_property
     def term_complexity(self) -> np.ndarray:
-        """Complexity of each candidate term, from -1 for a constant to 2, for its prior odds.
+        """Complexity of each candidate term, for its prior odds, (n_candidates,).
 
-        Shape (n_candidates,). -1 for a constant, 0 for a linear term, 1 for a nonlinear one, 2 for
-        a constant in the equation of a velocity, whose displacement is measured from the
-        equilibrium. A function of inputs alone counts as a constant.
+        -1 for a constant, 0 for a linear term, 1 for a nonlinear one, 2 for a constant in the
+        equation of a velocity, whose displacement is measured from the equilibrium. A function of
+        inputs alone counts as a constant.
         """
         return np.where(
             self.degrees == 0, np.where(self.is_velocity_equation, 2, -1), self.degrees > 1
@@ -104,10 +101,7 @@ class Problem:
 
     @property
     def prior_prices(self) -> np.ndarray:
-        """Penalty of each candidate term by its prior odds, zero without a prior.
-
-        Those of `Prior.prices`, (n_candidates,).
-        """
+        """Penalty of each candidate term by its prior odds, as of `Prior.prices`; else zero."""
         if self.prior is None:
             return np.zeros(len(self.candidates))
         powers = exponent_matrix(self.terms, len(self.names))[:, len(self.states) :]
@@ -132,29 +126,22 @@ class Problem:
     def change_terms(
         self, change: Callable[[np.ndarray], np.ndarray], terms: Sequence[Exponents]
     ) -> Self:
-        """Return the problem with another list of terms and its coefficient arrays converted.
-
-        change: from an array by the terms, (n_states, n_terms), to an array by the other terms.
-        """
+        """Return the problem with other terms, its (n_states, n_terms) arrays changed likewise."""
         by_term = ("known", "open", "expected", "precision")
         values: dict[str, Any] = {name: change(getattr(self, name)) for name in by_term}
         return replace(self, terms=tuple(terms), **values)
 
-    def drop_terms(self, left_out: Callable[[Exponents], bool]) -> Self:
+    def drop_terms(self, is_dropped: Callable[[Exponents], bool]) -> Self:
         """Return the problem without those terms for which a function returns True."""
-        kept = np.array([not left_out(term) for term in self.terms])
+        kept = np.array([not is_dropped(term) for term in self.terms])
         if kept.all():
             return self
         return self.change_terms(lambda values: values[:, kept], list(compress(self.terms, kept)))
 
     def candidate_names(self, candidates: Sequence[int] | np.ndarray) -> str:
-        """Return the names of given candidate terms, with their equations, as one text.
-
-        It is '' without candidates.
-        """
-        return " with ".join(
-            self.coefficient_name(i, j) for i, j in self.candidates[list(candidates)]
-        )
+        """Return the names of given candidates, with their equations, as one text; '' if none."""
+        pairs = self.candidates[list(candidates)]
+        return " with ".join(self.coefficient_name(i, j) for i, j in pairs)
 
     def coefficient_name(self, equation: int, term: int) -> str:
         """Return the name of a term in an equation as text, such as `x^2 in d(y)/dt`."""
@@ -172,17 +159,8 @@ class Problem:
         """
         n, m = len(self.states), len(self.names)
         names = [(i, *self.terms[j][:n], *self.terms[j][m:]) for i, j in self.candidates]
-        found = set(compress(names, support))
-        return np.array([name in found for name in names])
-
-    def integrator_signals(self, states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-        """Stack the states and the monomials of inputs that occur in terms, for the integrator.
-
-        Returns (n, n_states + n_factors). inputs: (n, n_inputs).
-        """
-        if not self.inputs:
-            return states
-        return np.hstack([states, design_matrix(inputs, self.tables.factors)])
+        selected = set(compress(names, support))
+        return np.array([name in selected for name in names])
 
     def input_factors(
         self, recordings: Sequence[Recording], first: np.ndarray, step: float
@@ -192,28 +170,27 @@ class Problem:
         first: (n_recordings + 1,) first window of each recording. As `fit_windows`, one
         recording after the other.
         """
-        degree, powers = 3, []  # in time; with 4 or more, jagged inputs need quarter-length windows
-        for one, count in zip(recordings, np.diff(first), strict=True):
-            inputs = [one.inputs[name] for name in self.inputs]
-            powers.append(
-                fit_windows(inputs, self.tables.factors, one.time[0], step, count, degree)
-            )
+        degree = 3  # in time; with 4 or more, jagged inputs need quarter-length windows
+        powers = [
+            fit_windows([one.inputs[name] for name in self.inputs], self.tables.factors,
+                        one.time[0], step, count, degree)
+            for one, count in zip(recordings, np.diff(first), strict=True)
+        ]  # fmt: skip
         return np.concatenate(powers)
 
     def inputs_left_out(
         self, recordings: Sequence[Recording], first: np.ndarray, step: float, powers: np.ndarray
     ) -> np.ndarray:
-        """Compute how far the polynomials of `input_factors` deviate from the inputs.
+        """Compute the largest `fit_errors` of the polynomials of `input_factors`, (3, n_factors).
 
-        The errors are those of `fit_errors`, the largest of all recordings, (3,
-        n_factors). powers: of `input_factors`.
+        powers: of `input_factors`.
         """
-        found = [
-            fit_errors([one.inputs[name] for name in self.inputs], self.tables.factors, one.time[0],
-                     step, powers[a:b])
-            for one, a, b in zip(recordings, first[:-1], first[1:], strict=True)
+        errors = [
+            fit_errors([one.inputs[name] for name in self.inputs], self.tables.factors,
+                       one.time[0], step, powers[a:b])
+            for one, (a, b) in zip(recordings, pairwise(first), strict=True)
         ]  # fmt: skip
-        return np.max(found, axis=0)
+        return np.max(errors, axis=0)
 
     def with_prior(
         self, information: np.ndarray, right: np.ndarray, about: np.ndarray | float = 0.0
@@ -223,7 +200,7 @@ class Problem:
         The equations are (n, n) and (n,), of the candidates. about: (n,) coefficients at which
         `right` is measured, zero by default.
         """
-        precision, mean = (self.candidate_values(own) for own in (self.precision, self.expected))
+        precision, mean = map(self.candidate_values, (self.precision, self.expected))
         return information + np.diag(precision), right + precision * (mean - about)
 
     def candidate_values(self, values: np.ndarray, pairs: np.ndarray | None = None) -> np.ndarray:
@@ -235,10 +212,7 @@ class Problem:
 
     @cached_property
     def coefficient_bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper bound of each candidate coefficient, infinite without a bound.
-
-        Both are (n_candidates,).
-        """
+        """Bounds of the candidate coefficients, two (n_candidates,), infinite without a bound."""
         lower, upper = np.full((2, len(self.candidates)), [[-np.inf], [np.inf]])
         places = {(i, self.terms[j]): k for k, (i, j) in enumerate(self.candidates)}
         for equation, term, least, most in self.bounds:
@@ -273,24 +247,23 @@ class Problem:
         coefficient would be beyond its bounds is left out, unless the bounds exclude zero: then the
         term is always present.
         """
-        apart = self.selection_offset()[among]
+        offset = self.selection_offset()[among]
         if not self.bounds:
-            return select_support(information, right, starts, price, about + apart)
+            return select_support(information, right, starts, price, about + offset)
         lower, upper = (ends[among] for ends in self.coefficient_bounds)
-        must, out = (lower > 0.0) | (upper < 0.0), np.zeros(len(right), bool)
-        root = np.sqrt(np.where(must & (apart == 0.0), np.diag(information), 0.0))
-        apart = apart + np.divide(1e4, root, out=np.zeros(len(root)), where=root > 0.0)
+        is_required, is_excluded = (lower > 0.0) | (upper < 0.0), np.zeros(len(right), bool)
+        root = np.sqrt(np.where(is_required & (offset == 0.0), np.diag(information), 0.0))
+        offset = offset + np.divide(1e4, root, out=np.zeros(len(root)), where=root > 0.0)
         about = np.broadcast_to(about, right.shape)
         while True:
-            tried = [own & ~out for own in starts]
-            support = select_support(
-                information, right, tried, price, about + np.where(out, 0.0, apart)
-            )
+            moved = about + np.where(is_excluded, 0.0, offset)
+            allowed = [start & ~is_excluded for start in starts]
+            support = select_support(information, right, allowed, price, moved)
             change, _ = solve_support(information, right, support)
-            k, _ = _farthest_out(about + change, support & ~must, lower, upper)
+            k, _ = _farthest_out(about + change, support & ~is_required, lower, upper)
             if k < 0:
-                return support | must
-            out[k] = True
+                return support | is_required
+            is_excluded[k] = True
             right = right + information[:, k] * about[k]
             information, about = information.copy(), about.copy()
             information[k] = information[:, k] = right[k] = about[k] = 0.0
@@ -304,31 +277,28 @@ class Problem:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Fit the coefficients of given terms by least squares within their bounds.
 
-        chi^2 of a support is minimised as by `selection.solve_support`. about: (n,) coefficients at
-        which `right` is measured. Returns how far the best coefficients are from these (n,), and
-        their covariance (n_support, n_support) without bounds.
+        As `selection.solve_support`. about: (n,) coefficients at which `right` is measured. Returns
+        how far the best coefficients are from these (n,), and their covariance (n_support,
+        n_support) without bounds.
         """
         change, covariance = solve_support(information, right, support)
-        free, put = support.copy(), np.zeros(len(right))
+        free, fixed = support.copy(), np.zeros(len(right))
         while self.bounds:
             k, value = _farthest_out(about + change, free, *self.coefficient_bounds)
             if k < 0:
                 break
-            free[k], put[k] = False, value - np.broadcast_to(about, right.shape)[k]
-            change, _ = solve_support(information, right - information @ put, free)
-        return np.where(free, change, put), covariance
+            free[k], fixed[k] = False, value - np.broadcast_to(about, right.shape)[k]
+            change, _ = solve_support(information, right - information @ fixed, free)
+        return np.where(free, change, fixed), covariance
 
     def model_covariance(self, covariance: np.ndarray, support: np.ndarray) -> np.ndarray:
-        """Extend the covariance of fitted coefficients by fixed coefficients, of zero variance.
-
-        covariance: (n_support, n_support) of the supported candidates. Fixed terms have no
-        variance.
-        """
+        """Extend the covariance of the supported candidates by fixed terms, of zero variance."""
         places = np.full(self.known.shape, -1)
         places[tuple(self.candidates[support].T)] = np.arange(len(covariance))
         rows = list(self.unknown)
-        own = places[rows][(places[rows] >= 0) | (self.known[rows] != 0.0)]
-        return np.pad(covariance, ((0, 1), (0, 1)))[np.ix_(own, own)]  # index -1: zero variance
+        present = places[rows][(places[rows] >= 0) | (self.known[rows] != 0.0)]
+        # the index -1 of fixed terms is the padding, zero
+        return np.pad(covariance, ((0, 1), (0, 1)))[np.ix_(present, present)]
 
     def on_library(self, values: np.ndarray, fixed: float = np.nan) -> np.ndarray:
         """Arrange values of the candidates in an (n_states, n_terms) array, NaN elsewhere.
@@ -342,10 +312,7 @@ class Problem:
         return full
 
     def coefficients(self, free: np.ndarray) -> np.ndarray:
-        """Combine fitted and known coefficients in the matrix C, (n_states, n_terms).
-
-        free: (n_candidates,) coefficients of the candidates.
-        """
+        """Combine coefficients of the candidates and known ones in C, (n_states, n_terms)."""
         full = self.known.copy()
         full[tuple(self.candidates.T)] = free
         return full
@@ -353,8 +320,7 @@ class Problem:
     def term_prices(self, penalty: float, largest: np.ndarray) -> Price:
         """Compute the penalty of each candidate term from prior odds and the number of samples.
 
-        penalty: 2 ln N of N samples. largest: (n_candidates,) of the function
-        `largest_coefficients`.
+        penalty: 2 ln N of N samples. largest: (n_candidates,), of `largest_coefficients`.
         """
         least = self.least_prices(penalty)
         if self.prior is None:
@@ -377,16 +343,12 @@ class Problem:
     def compile_system(self, free: np.ndarray, pairs: np.ndarray) -> System:
         """Compile the equations and their derivatives by coefficients, for the integrator.
 
-        free: (n_candidates,) the candidates' coefficients. pairs: (n, 2) coefficients, equation and
-        term, by which there are derivatives.
+        free: (n_candidates,) coefficients. pairs: (n, 2) those (equation, term) of the derivatives.
         """
         return compile_system(self.tables, self.coefficients(free), pairs)
 
     def model(self, free: np.ndarray) -> PolynomialModel:
-        """Make the model that has the given coefficients of the candidate terms.
-
-        free: (n_candidates,) coefficients.
-        """
+        """Make the model with given coefficients of the candidate terms, (n_candidates,)."""
         return PolynomialModel(self.states, self.terms, self.coefficients(free), self.inputs)
 
 
@@ -431,14 +393,15 @@ def make_problem(
         if unit not in index:
             raise ValueError(f"the library lacks {states[velocity]}, the derivative of {states[i]}")
         rows[i, index[unit]] = 1.0
-    given = [states.index(name) for name in known_states] if known is not None else []
+    given: list[int] = []
     if known is not None:
+        given = [states.index(name) for name in known_states]
         rows[given] = known.on_library(terms).coefficients[given]
     unknown = tuple(i for i in range(len(states)) if i not in {*pairs, *given})
     if not unknown:
         every = ", ".join(states)
         raise ValueError(f"the equations of {every} are all known; none is left to find")
-    where = np.ones(rows.shape, bool) if allowed is None else np.array(allowed, bool)
+    is_open = np.ones(rows.shape, bool) if allowed is None else np.array(allowed, bool)
     expected, precision = np.zeros((2, *rows.shape))
     bounds: list[Bound] = []
     for one in coefficients:
@@ -446,29 +409,29 @@ def make_problem(
             sought = ", ".join(states[i] for i in unknown)
             raise ValueError(f"coefficients: {one.state!r}; must be an unknown equation: {sought}")
         names = states + inputs
-        alike = n_exponents(one.term) == len(names)
-        name = term_name(one.term, names) if alike else one.term
+        has_name = n_exponents(one.term) == len(names)
+        name = term_name(one.term, names) if has_name else one.term
         if one.term not in index:
             raise ValueError(f"coefficients: {name}: not in the library")
         place = states.index(one.state), index[one.term]
-        if not where[place]:
+        if not is_open[place]:
             raise ValueError(f"coefficients: {name} of {one.state}: said twice, or not allowed")
         if one.is_bounded:
             bounds.append((place[0], one.term, float(one.lower), float(one.upper)))
         if one.deviation:
             expected[place], precision[place] = one.mean, one.deviation**-2.0
         elif one.mean is not None:
-            rows[place], where[place] = one.mean, False
+            rows[place], is_open[place] = one.mean, False
     for i, term, least, most in bounds:
         place = i, index[term]
-        about = expected[place] if precision[place] else rows[place]
-        if (precision[place] or not where[place]) and not least <= about <= most:
+        mean = expected[place] if precision[place] else rows[place]
+        if (precision[place] or not is_open[place]) and not least <= mean <= most:
             name = f"{term_name(term, states + inputs)} of {states[i]}"
-            raise ValueError(f"coefficients: {name}: {about:g} is out of its bounds")
-    if not where[list(unknown)].any():
+            raise ValueError(f"coefficients: {name}: {mean:g} is out of its bounds")
+    if not is_open[list(unknown)].any():
         raise ValueError("every coefficient is known; none is left to find")
     return Problem(
-        tuple(states), tuple(terms), rows, unknown, where, expected, precision, prior, inputs,
+        tuple(states), tuple(terms), rows, unknown, is_open, expected, precision, prior, inputs,
         tuple(bounds),
     )  # fmt: skip
 
@@ -481,10 +444,9 @@ def largest_coefficients(problem: Problem, values: np.ndarray, rates: np.ndarray
     """
 
     def root_mean_square(values: np.ndarray) -> np.ndarray:
-        """Compute the root mean square of each column."""
-        there = np.isfinite(values)
-        squares = np.sum(np.where(there, values, 0.0) ** 2, axis=0)
-        return np.sqrt(squares / np.maximum(there.sum(axis=0), 1))
+        known = np.isfinite(values)
+        squares = np.sum(np.where(known, values, 0.0) ** 2, axis=0)
+        return np.sqrt(squares / np.maximum(known.sum(axis=0), 1))
 
     of_terms = root_mean_square(design_matrix(values, problem.terms)) + np.finfo(float).tiny
     return root_mean_square(rates)[problem.candidates[:, 0]] / of_terms[problem.candidates[:, 1]]

@@ -6,14 +6,14 @@ decides, with all candidate terms, so that no nearly correct model is needed.
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from galloping.identification.inputs import segments_with_inputs
-from galloping.identification.no_model import NoModel, attempt
+from galloping.identification.no_model import NO_MODEL
 from galloping.identification.preparation.screening import prepare_recordings
 from galloping.identification.preparation.smoothing import Smooth
 from galloping.identification.preparation.weak_form import weak_fit
@@ -35,34 +35,31 @@ def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> di
     alternatives: its present interpolation, unless an alternative removes the share LEAST_FALL of
     the misfit beyond the noise, and more than the penalty of a term.
     """
-    undecided = [
-        name for name in problem.inputs if any(one.inputs[name].alternatives for one in recordings)
-    ]
-    chosen = {name: recordings[0].inputs[name].between for name in undecided}
-    if not undecided:
+    chosen = {
+        name: recordings[0].inputs[name].between
+        for name in problem.inputs
+        if any(one.inputs[name].alternatives for one in recordings)
+    }
+    if not chosen:
         return {}
-    used = attempt(partial(segments_with_inputs, list(recordings), problem.inputs))
-    if isinstance(used, NoModel):
+    try:
+        used = segments_with_inputs(list(recordings), problem.inputs)
+        cleaned, smoothed, _ = prepare_recordings(used)
+    except NO_MODEL:
         return chosen
-    start = attempt(partial(prepare_recordings, used))
-    if isinstance(start, NoModel):
-        return chosen
-    cleaned, smoothed, _ = start
     penalty = 2.0 * np.log(sum(one.samples for one in cleaned))
-    for name in undecided:
+    for name, present in chosen.items():
         fits = {}
         given = (each.between for one in recordings for each in one.inputs[name].alternatives)
-        for kind in dict.fromkeys((chosen[name], *given)):
+        for kind in dict.fromkeys((present, *given)):
             curves = [
                 _with_inputs(one, curve, problem, {**chosen, name: kind})
                 for one, curve in zip(used, smoothed, strict=True)
             ]
-            fit = attempt(partial(weak_fit, problem, curves, penalty))
-            if not isinstance(fit, NoModel):
-                fits[kind] = fit
-        now = fits.get(chosen[name])
-        best = min(fits, key=lambda kind: fits[kind].misfit, default=chosen[name])
-        if now is not None:
+            with suppress(*NO_MODEL):
+                fits[kind] = weak_fit(problem, curves, penalty)
+        best = min(fits, key=lambda kind: fits[kind].misfit, default=present)
+        if now := fits.get(present):
             least = max(penalty / now.rows, LEAST_FALL * (now.misfit - 1.0))
             if now.misfit - fits[best].misfit <= least:
                 continue
@@ -74,14 +71,14 @@ def held_inputs(problem: Problem, recordings: Sequence[Recording]) -> list[str]:
     """List inputs that the data show to be constant between samples, though specified otherwise."""
     if all(one.inputs[name].between == "zero" for one in recordings for name in problem.inputs):
         return []
-    asked = []
+    undecided = []
     for one in recordings:
         inputs = {
             name: replace(each, alternatives=(replace(each, between="zero", alternatives=()),))
             for name, each in one.inputs.items()
         }
-        asked.append(replace(one, inputs=inputs))
-    kinds = choose_interpolants(problem, asked)
+        undecided.append(replace(one, inputs=inputs))
+    kinds = choose_interpolants(problem, undecided)
     return [
         name for name, kind in kinds.items() if kind == "zero" != recordings[0].inputs[name].between
     ]
@@ -89,8 +86,8 @@ def held_inputs(problem: Problem, recordings: Sequence[Recording]) -> list[str]:
 
 def with_interpolation(one: Input, kind: str) -> Input:
     """Return an input with the given interpolation between its samples."""
-    found = {each.between: each for each in (*one.alternatives, one)}
-    return replace(found.get(kind, one), alternatives=())
+    interpolated = {each.between: each for each in (*one.alternatives, one)}
+    return replace(interpolated.get(kind, one), alternatives=())
 
 
 def with_interpolants(recording: Recording, kinds: Mapping[str, str]) -> Recording:

@@ -26,10 +26,7 @@ from galloping.recording.samples import Recording
 
 
 def stack_channels(recording: Recording) -> np.ndarray:
-    """Stack the samples of all states and of their measured time derivatives in one array.
-
-    Shape (n, 2 n_states), NaN where there are none.
-    """
+    """Stack the samples of states and then of their derivatives, (n, 2 n_states), NaN if none."""
     return np.hstack([recording.values, sampled_rates(recording)])
 
 
@@ -39,9 +36,9 @@ def channel_noise(recording: Recording, smoothed: Smooth) -> tuple[np.ndarray, n
     Returns the estimate, (2 n_states,), in the order of `stack_channels`, and the known noise, NaN
     if unknown.
     """
-    about = _robust_deviation(sampled_rates(recording) - _curve_slopes(recording, smoothed))
-    told, known = np.append(smoothed.noise, about), recording.known_noise
-    return told, np.full(len(told), np.nan) if known is None else known.ravel()
+    of_rates = _robust_deviation(sampled_rates(recording) - _curve_slopes(recording, smoothed))
+    estimate, known = np.append(smoothed.noise, of_rates), recording.known_noise
+    return estimate, np.full(len(estimate), np.nan) if known is None else known.ravel()
 
 
 def with_scales(recordings: list[Recording], period: float) -> list[Recording]:
@@ -58,21 +55,21 @@ def estimate_scales(recordings: list[Recording], scaled: list[Recording]) -> dic
 
     They are by name, such as `scale_X`. scaled: the recordings of `with_scales`.
     """
-    told: dict[str, list[float]] = {}
-    for recording, own in zip(recordings, scaled, strict=True):
-        if own is not recording:
-            for k in _unknown_scales(recording):
-                there = np.nan_to_num(own.values[:, k]) != 0.0
-                ratio = np.median(recording.values[there, k] / own.values[there, k])
-                told.setdefault(f"scale_{recording.states[k]}", []).append(float(ratio))
-    return {name: float(np.mean(values)) for name, values in told.items()}
+    scales: dict[str, list[float]] = {}
+    for given, divided in zip(recordings, scaled, strict=True):
+        for k in _unknown_scales(given):
+            present = np.nan_to_num(divided.values[:, k]) != 0.0
+            ratio = np.median(given.values[present, k] / divided.values[present, k])
+            scales.setdefault(f"scale_{given.states[k]}", []).append(float(ratio))
+    return {name: float(np.mean(values)) for name, values in scales.items()}
 
 
 def _unknown_scales(recording: Recording) -> list[int]:
     """List the indices of the values of unknown scale."""
-    scales = recording.unknown_scales
-    given = np.isfinite(recording.values).any(axis=0)
-    return [] if scales is None else np.flatnonzero(scales & given).tolist()
+    if recording.unknown_scales is None:
+        return []
+    is_measured = np.isfinite(recording.values).any(axis=0)
+    return np.flatnonzero(recording.unknown_scales & is_measured).tolist()
 
 
 def _curve_slopes(recording: Recording, smoothed: Smooth) -> np.ndarray:
@@ -84,9 +81,9 @@ def _curve_slopes(recording: Recording, smoothed: Smooth) -> np.ndarray:
 def _robust_deviation(values: np.ndarray) -> np.ndarray:
     """Compute the robust standard deviation of each column, NaN for one without values."""
     known = np.isfinite(values).any(axis=0)
+    distance = np.abs(values[:, known] - np.nanmedian(values[:, known], axis=0))
     deviation = np.full(values.shape[1], np.nan)
-    apart = np.abs(values[:, known] - np.nanmedian(values[:, known], axis=0))
-    deviation[known] = 1.4826 * np.nanmedian(apart, axis=0)
+    deviation[known] = 1.4826 * np.nanmedian(distance, axis=0)
     return deviation
 
 
@@ -103,14 +100,14 @@ def without_offsets(
     rates = without_stuck_channels(given.rates)
     difference = rates - _curve_slopes(recording, smoothed)
     ends = np.sort(np.append(smoothed.time[[0, -1]], smoothed.time[~smoothed.valid]))
-    apart = distance_to(ends, recording.time)
+    from_ends = distance_to(ends, recording.time)
     integrated = {k for pair in unmeasured_displacements(given).items() for k in pair}
     span = recording.time[-1] - recording.time[0]
     slow = legvander(2.0 * (recording.time - recording.time[0]) / span - 1.0, DRIFT_DEGREE)
     unknown = given.unknown_offsets
     for k in np.flatnonzero(np.isfinite(rates).any(axis=0)):
         # near the ends of stretches, slopes are inaccurate for a period, integrals for three
-        inside = apart > (3.0 if k in integrated else 1.0) * period * (1.0 + TIME_ROUNDING)
+        inside = from_ends > (3.0 if k in integrated else 1.0) * period * (1.0 + TIME_ROUNDING)
         if unknown is not None and unknown[k]:
             good = inside & np.isfinite(difference[:, k])
             if good.sum() <= 10 * (DRIFT_DEGREE + 1):
@@ -128,20 +125,20 @@ def without_offsets(
 def _with_scale(recording: Recording, period: float) -> Recording:
     """Apply `with_scales` to one recording; unchanged if no scale is unknown."""
     unknown = _unknown_scales(recording)
-    if not len(unknown):
+    if not unknown:
         return recording
     pairs, rates = velocity_pairs(recording.states), sampled_rates(recording)
     values = recording.values.copy()
     noise = None if recording.known_noise is None else recording.known_noise.copy()
     for k in unknown:
         velocity, order = (pairs[k], 2) if k in pairs else (k, 1)
-        own, other = _weak_integrals(
+        of_values, of_rates = _weak_integrals(
             recording.time, values[:, k], rates[:, velocity], order, period
         )
-        if len(own) < 20:  # 20 integrals determine a scale to a few percent
+        if len(of_values) < 20:  # 20 integrals determine a scale to a few percent
             rate = f"d{recording.states[velocity]}"
             raise IdentificationError(Code.SCALE_UNDETERMINED, recording.states[k], rate=rate)
-        scale = np.polyfit(other, own, 1)[0]  # the constant is the offset of the rate
+        scale = np.polyfit(of_rates, of_values, 1)[0]  # the constant is the offset of the rate
         values[:, k] /= scale
         if noise is not None:
             noise[0, k] /= abs(scale)
@@ -170,7 +167,7 @@ def _weak_integrals(
         t = time[inside]
         if len(t) > 8 and np.max(np.diff([centre - length, *t, centre + length])) < 2.5 * step:
             u = (t - centre) / length
-            both = shape(u) * values[inside], test(u) * rates[inside]
-            pairs.append([np.trapezoid(one, t) for one in both])
-    integrals = np.array(pairs).reshape(-1, 2)
-    return integrals[:, 0], integrals[:, 1]
+            integrands = shape(u) * values[inside], test(u) * rates[inside]
+            pairs.append([np.trapezoid(one, t) for one in integrands])
+    of_values, of_rates = np.array(pairs).reshape(-1, 2).T
+    return of_values, of_rates

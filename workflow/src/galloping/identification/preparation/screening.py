@@ -39,10 +39,9 @@ def prepare_recordings(
     whole = [with_integrals(recording) for recording in recordings]
     period = share * shortest_period(whole)
     pairs = [smooth_without_outliers(without_faults(one, period), period) for one in whole]
-    measured = [np.isfinite(given.values).any(axis=0) for given in recordings]
     cleaned = [  # without values of channels that were not given
-        replace(one, values=np.where(own, one.values, np.nan))
-        for (one, _), own in zip(pairs, measured, strict=True)
+        replace(one, values=np.where(np.isfinite(given.values).any(axis=0), one.values, np.nan))
+        for (one, _), given in zip(pairs, recordings, strict=True)
     ]
     return cleaned, [curve for _, curve in pairs], period
 
@@ -77,10 +76,10 @@ def find_saturated_values(values: np.ndarray) -> list[float]:
     values: (n,). An extreme counts if far more samples have it than the next value. With a coarse
     resolution many samples have each value.
     """
-    different, counts = np.unique(values, return_counts=True)
-    ends = ((0, 1), (-1, -2)) if len(different) > 1 else ()
+    distinct, counts = np.unique(values, return_counts=True)
+    ends = ((0, 1), (-1, -2)) if len(distinct) > 1 else ()
     # four times as often: with a coarsely resolved sine it is 2.4 times
-    return [float(different[end]) for end, beside in ends if counts[end] >= 4 * counts[beside]]
+    return [float(distinct[end]) for end, beside in ends if counts[end] >= 4 * counts[beside]]
 
 
 def smooth_without_outliers(recording: Recording, period: float) -> tuple[Recording, Smooth]:
@@ -92,7 +91,7 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
     samples within some four periods, as noise may vary with the signal. Raises IdentificationError
     if more than a tenth of the samples of a channel would be removed.
     """
-    before = np.isfinite(recording.values).sum(axis=0)
+    n_given = np.isfinite(recording.values).sum(axis=0)
     smoothed = smooth(recording, period)
     floor = np.maximum(
         1e-3 * np.ptp(smoothed.states, axis=0),  # accuracy while outliers pull the curve
@@ -112,10 +111,9 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
         if not far.any():
             return recording, smoothed
         recording = replace(recording, values=np.where(far, np.nan, recording.values))
-        left = np.isfinite(recording.values).sum(axis=0)
-        for name, was, now in zip(recording.states, before, left, strict=True):
-            if now < 0.9 * was:
-                raise IdentificationError(Code.OUTLIERS, name)
+        too_few = np.isfinite(recording.values).sum(axis=0) < 0.9 * n_given
+        if too_few.any():
+            raise IdentificationError(Code.OUTLIERS, recording.states[np.argmax(too_few)])
         smoothed = smooth(recording, period)
 
 

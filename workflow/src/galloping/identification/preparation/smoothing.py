@@ -36,10 +36,7 @@ DRIFT_DEGREE = 3  # degree in time of the offset and slow drift of a rate channe
 
 @cache
 def _spline_basis() -> np.ndarray:
-    """Compute the coefficient of u^k of the j-th B-spline that is nonzero on a span, (n, n).
-
-    n = SPLINE_DEGREE + 1.
-    """
+    """Compute the coefficient of u^k of the j-th B-spline that is nonzero on a span, (j, k)."""
     spline = BSpline.basis_element(np.arange(SPLINE_DEGREE + 2.0))
     spans = np.arange(SPLINE_DEGREE, -1.0, -1.0)  # the first nonzero spline is on its last span
     return np.column_stack(
@@ -84,8 +81,8 @@ def shortest_period(recordings: list[Recording]) -> float:
     highest = 0.0
     for recording, channel in product(recordings, range(len(recordings[0].states))):
         pieces = -(-len(recording.time) // 2**15)  # one grid is too coarse for more
-        both = (recording.time, recording.values[:, channel])
-        for time, values in zip(*(np.array_split(one, pieces) for one in both), strict=True):
+        signals = (recording.time, recording.values[:, channel])
+        for time, values in zip(*(np.array_split(one, pieces) for one in signals), strict=True):
             good = np.isfinite(values)
             if good.sum() < LEAST_SAMPLES:
                 continue
@@ -193,15 +190,15 @@ def _fit_curve(
         except np.linalg.LinAlgError as error:
             raise IdentificationError(Code.GAPS, recording.states[curve[0]]) from error
         for k in np.flatnonzero(count):
-            there = good[:, k]
-            gap = values[there, k] - _evaluate_spline(place[there], coefficients, k, spacing, basis)
-            residual[there, k] = gap
+            known = good[:, k]
+            curve_there = _evaluate_spline(place[known], coefficients, k, spacing, basis)
+            gap = residual[known, k] = values[known, k] - curve_there
             share = (pieces + SPLINE_DEGREE) / (count > 0).sum()
             # degrees of freedom are at least a fifth of the samples, as in `trajectory_fit`
             deviation[k] = np.sqrt(np.sum(gap**2) / max(count[k] - share, 0.2 * count[k]))
             noise[k] = max(deviation[k], 1e-9 * scale[k], np.finfo(float).tiny)
-    places = (grid - start) / spacing
-    fitted = [_evaluate_spline(places, coefficients, k, spacing, basis) for k in channels]
+    grid_place = (grid - start) / spacing
+    fitted = [_evaluate_spline(grid_place, coefficients, k, spacing, basis) for k in channels]
     frequency = 2.0 * np.pi / period
     counted = np.maximum(noise, 3e-4 * scale)  # the accuracy with the fewest knots
     weight = np.sum(count / duration / counted**2 * frequency ** (2 * channels))
@@ -216,14 +213,11 @@ def _is_near_samples(
     return distance_to(sampled, grid) <= within * (1.0 + TIME_ROUNDING)
 
 
-def distance_to(nearest: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Compute the distance from each time to the nearest of other times.
-
-    nearest: (m,) the other times, increasing. Returns (n,).
-    """
-    after = np.searchsorted(nearest, time)
-    to_next = nearest[np.minimum(after, len(nearest) - 1)] - time
-    return np.minimum(np.abs(to_next), np.abs(time - nearest[np.maximum(after - 1, 0)]))
+def distance_to(others: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Compute the distance from each time (n,) to the nearest of others (m,), increasing."""
+    after = np.searchsorted(others, time)
+    to_next = others[np.minimum(after, len(others) - 1)] - time
+    return np.minimum(np.abs(to_next), np.abs(time - others[np.maximum(after - 1, 0)]))
 
 
 def _is_away_from_gaps(
@@ -301,10 +295,7 @@ def _add_roughness(bands: np.ndarray, weight: float) -> None:
 
 
 def sampled_rates(recording: Recording) -> np.ndarray:
-    """Return the measured time derivatives of the states, NaN where there are none.
-
-    Shape (n, n_states).
-    """
+    """Return the measured time derivatives of the states, (n, n_states), NaN if there are none."""
     return np.full(recording.values.shape, np.nan) if recording.rates is None else recording.rates
 
 
@@ -325,10 +316,10 @@ def with_integrals(recording: Recording) -> Recording:
         return recording
     values, rates = recording.values.copy(), sampled_rates(recording)
     for x, v in missing.items():
-        sources = ((values[:, v], 1), (rates[:, x], 1), (rates[:, v], 2))
-        told = [(one, times) for one, times in sources if np.isfinite(one).sum() >= LEAST_SAMPLES]
-        if told:
-            values[:, x] = _integrate_channel(recording.time, *told[0])
+        for channel, times in ((values[:, v], 1), (rates[:, x], 1), (rates[:, v], 2)):
+            if np.isfinite(channel).sum() >= LEAST_SAMPLES:
+                values[:, x] = _integrate_channel(recording.time, channel, times)
+                break
     return replace(recording, values=values)
 
 

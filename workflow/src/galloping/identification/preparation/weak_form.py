@@ -44,13 +44,12 @@ def whitened_weak_form(
     n_states = len(problem.states)
     usable = np.all(sliding_window_view(smooth.valid, len(phi))[::TEST_STRIDE], axis=1)
     if problem.tables.n_kinks:
-        decided = (
-            _integrate_tests(_is_sign_hidden(problem, smooth)[:, None], phi)[:, 0] < 0.5 * phi.sum()
-        )
-        usable = usable & decided if np.any(usable & decided) else usable
+        hidden = _integrate_tests(_is_sign_hidden(problem, smooth)[:, None], phi)[:, 0]
+        decided = usable & (hidden < 0.5 * phi.sum())
+        usable = decided if np.any(decided) else usable
     # no rows for a known equation between a curve and its own derivative
-    told = {i for i in range(n_states) if smooth.derived[i] >= 0 or np.any(smooth.derived == i)}
-    keep = [i for i in range(n_states) if i in problem.unknown or i not in told]
+    shared = {i for i in range(n_states) if smooth.derived[i] >= 0 or np.any(smooth.derived == i)}
+    keep = [i for i in range(n_states) if i in problem.unknown or i not in shared]
     moments = _integrate_tests(smooth.states, slope)
     tested = _integrate_tests(design_matrix(smooth.values, problem.terms), phi)
     # columns first, as LAPACK needs them: for a long recording a copy would be the largest array
@@ -78,9 +77,9 @@ def _is_sign_hidden(problem: Problem, smooth: Smooth) -> np.ndarray:
     The argument is that of a function with a kink. Its sign is hidden at rest, for example: there
     discontinuous terms are noise, which linearised errors do not include.
     """
-    own = smooth.derived >= 0
-    pace = 2.0 * np.pi / (GRID_PER_PERIOD * (smooth.time[1] - smooth.time[0]))
-    sigma = np.where(own, pace * smooth.sigma[smooth.derived], smooth.sigma)
+    frequency = 2.0 * np.pi / (GRID_PER_PERIOD * (smooth.time[1] - smooth.time[0]))
+    of_derived = frequency * smooth.sigma[smooth.derived]
+    sigma = np.where(smooth.derived >= 0, of_derived, smooth.sigma)
     hidden = np.zeros(len(smooth.time))
     for weights, offset in problem.tables.arguments[: problem.tables.n_kinks]:
         noise = np.sqrt(np.sum((np.array(weights) * np.where(weights, sigma, 0.0)) ** 2))
@@ -147,7 +146,10 @@ def _noise_influence(
     point that the test function reaches. points: all grid points that the test functions reach.
     """
     n_states, (phi, slope) = smooth.states.shape[1], _test_function(smooth)
-    signals = problem.integrator_signals(smooth.states[points], smooth.inputs[points])
+    signals = smooth.states[points]
+    if problem.inputs:
+        factors = design_matrix(smooth.inputs[points], problem.tables.factors)
+        signals = np.hstack([signals, factors])
     theta = design_matrix(signals, problem.tables.monomials)
     by_states = problem.tables.jacobian(coefficients)
     jacobian = np.empty((len(theta), n_states, n_states))
@@ -190,8 +192,7 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
     The errors are linearised about the last fit. penalty: of a term in units of chi^2. Raises
     IdentificationError if the covariance of the rows is singular, or gaps leave no row.
     """
-    n = len(problem.candidates)
-    support = every = np.ones(n, bool)
+    support = every = np.ones(len(problem.candidates), bool)
     coefficients = None
     for _ in range(1 + 3):  # after three weightings, coefficients change by less than their errors
         passing("start from the weak form")
@@ -256,10 +257,7 @@ class Start:
 
     @property
     def largest(self) -> np.ndarray:
-        """Coefficient with which each term alone would be as large as the slope of the curves.
-
-        Those of `problem.largest_coefficients`, (n_candidates,).
-        """
+        """Coefficient with which each term alone would be as large as the slope of the curves."""
         rates = [np.gradient(one.states, one.time, axis=0)[one.valid] for one in self.smoothed]
         return largest_coefficients(self.problem, self._values, np.concatenate(rates))
 
@@ -284,16 +282,16 @@ def make_start(problem: Problem, recordings: list[Recording], share: float = 1.0
 
 def _check_functions(problem: Problem, smoothed: list[Smooth]) -> None:
     """Raise IdentificationError for a function of states that is not finite along the curves."""
-    for one, own in product(smoothed, problem.tables.functions):
-        states = one.states[one.valid]
-        argument = own.argument(states)
-        name = term_name((*linear_term(-1, len(problem.states)), own), problem.states)
-        if own.name == "inverse" and len(argument) and argument.min() <= 0.0 <= argument.max():
-            about = own.argument_text(problem.states)
-            raise IdentificationError(Code.TERM_INFINITE, name, argument=about)
+    for curves, function in product(smoothed, problem.tables.functions):
+        states = curves.states[curves.valid]
+        argument = function.argument(states)
+        name = term_name((*linear_term(-1, len(problem.states)), function), problem.states)
+        if function.name == "inverse" and len(argument) and argument.min() <= 0 <= argument.max():
+            text = function.argument_text(problem.states)
+            raise IdentificationError(Code.TERM_INFINITE, name, argument=text)
         with np.errstate(over="ignore"):
-            finite = np.isfinite(own(states)).all()
-        if not finite:
+            is_finite = np.isfinite(function(states)).all()
+        if not is_finite:
             raise IdentificationError(Code.TERM_OVERFLOWS, name)
 
 
@@ -306,7 +304,7 @@ def rough_fit(start: Start) -> WeakFit:
     stretches = [
         _most_informative_stretch(start.problem, one, start.period) for one in start.smoothed
     ]
-    if all(own is one for own, one in zip(stretches, start.smoothed, strict=True)):
+    if all(stretch is one for stretch, one in zip(stretches, start.smoothed, strict=True)):
         return start.fit
     return weak_fit(start.problem, stretches, start.penalty)
 
@@ -321,15 +319,15 @@ def _most_informative_stretch(problem: Problem, smooth: Smooth, period: float) -
     count = round_down((smooth.time[-1] - smooth.time[0]) / (1000 * period))
     if count < 2:
         return smooth
-    edges = np.linspace(0, len(smooth.time), count + 1).astype(int)
-    told, scale = [], np.std(smooth.states, axis=0) + np.finfo(float).tiny
+    scale = np.std(smooth.states, axis=0) + np.finfo(float).tiny
     scale = np.append(scale, np.ones(smooth.inputs.shape[1]))
-    for a, b in pairwise(edges):
-        theta = design_matrix(smooth.values[a:b][smooth.valid[a:b]] / scale, problem.terms)
-        told.append(np.linalg.slogdet(theta.T @ theta)[1])
-    best = int(np.argmax(told))
-    own = slice(edges[best], edges[best + 1])
-    cut = {name: getattr(smooth, name)[own] for name in ("time", "states", "valid", "inputs")}
+    edges = np.linspace(0, len(smooth.time), count + 1).astype(int)
+    stretches, diversity = [slice(a, b) for a, b in pairwise(edges)], []
+    for rows in stretches:
+        theta = design_matrix(smooth.values[rows][smooth.valid[rows]] / scale, problem.terms)
+        diversity.append(np.linalg.slogdet(theta.T @ theta)[1])
+    best = stretches[np.argmax(diversity)]
+    cut = {name: getattr(smooth, name)[best] for name in ("time", "states", "valid", "inputs")}
     return replace(smooth, **cut)
 
 
@@ -345,24 +343,25 @@ def delayed_inputs(start: Start) -> dict[str, float]:
     calibrated.
     """
     problem, n = start.problem, len(start.problem.candidates)
-    weighed, found = problem.coefficients(start.fit.free), {}
+    coefficients, delays = problem.coefficients(start.fit.free), {}
 
-    def misfit_of_delay(k: int, late: float) -> tuple[float, int]:
+    def misfit_of_delay(k: int, delay: float) -> tuple[float, int]:
         moved = []
         for recording, one in zip(start.recordings, start.smoothed, strict=True):
-            inputs, own = one.inputs.copy(), recording.inputs[problem.inputs[k]]
-            known = inputs_on_grid([own], one.time + late)[:, 0]
-            inputs[:, k] = np.where(np.isnan(known), evaluate_extended(own, one.time + late), known)
+            inputs, delayed = one.inputs.copy(), recording.inputs[problem.inputs[k]]
+            time = one.time + delay
+            known = inputs_on_grid([delayed], time)[:, 0]
+            inputs[:, k] = np.where(np.isnan(known), evaluate_extended(delayed, time), known)
             moved.append(replace(one, inputs=inputs))
-        information, right, total, rows = _normal_equations(problem, moved, weighed)
+        information, right, total, rows = _normal_equations(problem, moved, coefficients)
         return total - float(solve_support(information, right, np.ones(n, bool))[0] @ right), rows
 
     for k, name in enumerate(problem.inputs):
         (now, rows), best, step = misfit_of_delay(k, 0.0), 0.0, start.period / 2.0
         for reach in (8, 1, 1, 1, 1):
             tried = best + step * np.arange(-reach, reach + 1)
-            told = [misfit_of_delay(k, late)[0] for late in tried]
-            best, step = float(tried[np.argmin(told)]), step / 2.0
-        if now - min(told) > max(start.penalty, (now - rows + n) / 2.0):
-            found[name] = best
-    return found
+            misfits = [misfit_of_delay(k, delay)[0] for delay in tried]
+            best, step = float(tried[np.argmin(misfits)]), step / 2.0
+        if now - min(misfits) > max(start.penalty, (now - rows + n) / 2.0):
+            delays[name] = best
+    return delays
