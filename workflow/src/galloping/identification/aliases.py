@@ -6,7 +6,7 @@ and 2. No recording of these values distinguishes their terms, so only the simpl
 At other values the terms differ, which the rivals of the model show.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 
@@ -48,80 +48,80 @@ def remove_aliases(problem: Problem, recordings: Sequence[Recording]) -> Problem
     if not problem.inputs:
         return problem
     n, aliases = len(problem.states), []
-    powers = exponent_matrix(problem.terms, len(problem.names))[:, n:].tolist()
+    powers = exponent_matrix(problem.terms, len(problem.names))[:, n:]
     values = _distinct_input_values(problem, recordings)
     known = problem.precision > 0.0
     for equation, term, *_ in problem.bounds:
         known[equation, problem.terms.index(term)] = True
-    may_be = problem.open.copy()
+    is_open = problem.open.copy()
     for equation in problem.unknown:
         groups: dict[Exponents, list[int]] = {}
-        for place in np.flatnonzero(problem.open[equation]):
+        for place in np.flatnonzero(problem.open[equation]).tolist():
             term = problem.terms[place]
             of_states = (*term[:n], *term[len(problem.names) :])
-            groups.setdefault(of_states, []).append(int(place))
+            groups.setdefault(of_states, []).append(place)
         for group in groups.values():
-            factors = {j: tuple[int, ...](powers[j]) for j in group}
-            group.sort(key=lambda j: (not known[equation, j], *_complexity_key(factors[j])))
-            for j, combination in _find_combinations(group, [factors[j] for j in group], values):
+            group.sort(key=lambda j: (not known[equation, j], *_complexity_key(powers[j])))
+            for j, combination in _find_combinations(group, powers[group], values):
                 if not known[equation, j]:
-                    may_be[equation, j] = False
+                    is_open[equation, j] = False
                     simpler = {problem.terms[k]: c for k, c in combination.items()}
                     aliases.append(Alias(equation, problem.terms[j], simpler))
-    return replace(problem, open=may_be, aliases=tuple(aliases))
+    return replace(problem, open=is_open, aliases=tuple(aliases))
 
 
 def _distinct_input_values(problem: Problem, recordings: Sequence[Recording]) -> np.ndarray:
     """List the distinct combinations of recorded values of the inputs, (n, n_inputs)."""
-    found = []
+    recorded = []
     for one in recordings:
         inputs = [one.inputs[name] for name in problem.inputs]
         if any(each.between != "zero" for each in inputs):  # which move between their samples
             moments = np.unique(np.concatenate([one.time, *(each.time for each in inputs)]))
-            found.append(inputs_at_times(inputs, moments))
+            recorded.append(inputs_at_times(inputs, moments))
         elif len(inputs) == 1:
-            found.append(inputs[0].values[:, np.newaxis])
+            recorded.append(inputs[0].values[:, np.newaxis])
         else:
-            found.append(np.column_stack([each.last_sample(one.time) for each in inputs]))
-    values = np.concatenate(found)
+            recorded.append(np.column_stack([each.last_sample(one.time) for each in inputs]))
+    values = np.concatenate(recorded)
     values = np.unique(values[np.isfinite(values).all(axis=1)], axis=0)
     return values[:: max(-(-len(values) // MOST_VALUES), 1)]
 
 
-def _complexity_key(factor: tuple[int, ...]) -> tuple:
+def _complexity_key(powers: np.ndarray) -> tuple:
     """Return the sort key of a factor: powers, then inputs, multiplication before division."""
-    powers = [abs(e) for e in factor]
-    return sum(powers), np.count_nonzero(powers), sum(e < 0 for e in factor), factor[::-1]
+    return np.abs(powers).sum(), np.count_nonzero(powers), (powers < 0).sum(), *powers[::-1]
 
 
 def _find_combinations(
-    places: Sequence[int], factors: Sequence[tuple[int, ...]], values: np.ndarray
-) -> list[tuple[int, dict[int, float]]]:
-    """Find the factors that are combinations of earlier ones at all values, each with these.
+    places: Sequence[int], factors: np.ndarray, values: np.ndarray
+) -> Iterator[tuple[int, dict[int, float]]]:
+    """Yield the places of factors that are combinations of earlier ones at all values, with these.
 
-    A product with an infinite value, of a division by zero, is no combination.
+    factors: (n_places, n_inputs) powers. A product with an infinite value, of a division by zero,
+    is no combination.
     """
     kept: list[tuple[int, float]] = []
-    found, columns = [], np.empty((len(values), 0))
-    for place, factor in zip(places, factors, strict=True):
+    columns = np.empty((len(values), 0))
+    for place, powers in zip(places, factors.astype(float), strict=True):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            column = np.prod(values ** np.array(factor, float), axis=1)
+            column = np.prod(values**powers, axis=1)
         size = float(np.linalg.norm(column))
         if not isfinite(size) or size == 0.0:
             continue
         column = column / size
         combination = np.linalg.lstsq(columns, column, rcond=None)[0] if kept else np.empty(0)
         if np.linalg.norm(column - columns @ combination) < EXACT * np.sqrt(1 + len(kept)):
-            own = {
-                k: float(c * size / scale)
-                for (k, scale), c in zip(kept, combination, strict=True)
-                if abs(c) > EXACT
-            }
-            found.append((place, own))
+            yield (
+                place,
+                {
+                    k: float(c * size / scale)
+                    for (k, scale), c in zip(kept, combination, strict=True)
+                    if abs(c) > EXACT
+                },
+            )
         else:
             kept.append((place, size))
             columns = np.column_stack([columns, column])
-    return found
 
 
 def add_alias_rivals(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
@@ -158,19 +158,12 @@ def add_alias_rivals(problem: Problem, identified: IdentifiedModel) -> Identifie
     share = (others + identified.rival_share) / (others + 1.0)
     copies = round(len(rivals) * identified.rival_share / others)
     rivals += [identified.rivals[k % len(identified.rivals)] for k in range(copies)]
-    found = replace(identified, rivals=np.array(rivals), rival_share=share)
-    return found.with_findings(_exchange_finding(problem, identified, exchanges))
-
-
-def _exchange_finding(
-    problem: Problem, identified: IdentifiedModel, exchanges: Sequence[tuple[Alias, Exponents]]
-) -> Finding:
-    """Make the finding on terms that could be others."""
-    names = identified.model.names
     parts = dict.fromkeys(
-        f"{term_name(alias.term, names)} from {term_name(term, names)} in "
+        f"{term_name(alias.term, model.names)} from {term_name(term, model.names)} in "
         f"d({problem.states[alias.equation]})/dt"
         for alias, term in exchanges
     )
-    several = ", ".join(list(parts)[:SHOWN])
-    return Finding.of(Code.ALIASED_TERMS, ", ".join(problem.inputs), terms=several)
+    terms = ", ".join(list(parts)[:SHOWN])
+    finding = Finding.of(Code.ALIASED_TERMS, ", ".join(problem.inputs), terms=terms)
+    with_rivals = replace(identified, rivals=np.array(rivals), rival_share=share)
+    return with_rivals.with_findings(finding)

@@ -16,8 +16,7 @@ from galloping.recording.samples import Recording
 
 def prepend_path(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:
     """Prepend earlier search stages to the list of stages in the diagnostics of a model."""
-    own = identified.diagnostics.get("path")
-    stages = [*path, *([str(own)] if own else [])]
+    stages = filter(None, (*path, str(identified.diagnostics.get("path", ""))))
     return replace(identified, diagnostics={**identified.diagnostics, "path": ", ".join(stages)})
 
 
@@ -57,7 +56,6 @@ def expand_terms(problem: Problem, identified: IdentifiedModel) -> IdentifiedMod
     places = [problem.terms.index(term) for term in identified.model.terms]
 
     def spread_values(values: np.ndarray, elsewhere: float) -> np.ndarray:
-        """Expand values to (..., n_terms), `elsewhere` for the terms that were left out."""
         whole = np.full((*values.shape[:-1], len(problem.terms)), elsewhere)
         whole[..., places] = values
         return whole
@@ -81,31 +79,28 @@ def check_prior_conflict(problem: Problem, identified: IdentifiedModel) -> Ident
     The estimate is the mean of both, weighted by their precisions. Its distance from the prior mean
     has the variance of the prior, less the variance of the estimate.
     """
-    identified = replace(identified, bounds=problem.bounds)
-    found, mean = identified.model.coefficients, problem.expected
+    values, means = identified.model.coefficients, problem.expected
     with np.errstate(invalid="ignore", divide="ignore"):
         deviation = problem.precision**-0.5
         share = 1.0 - (identified.standard_errors / deviation) ** 2
         # errors of approximate models are wider than those of white noise: then the prior's alone
         share = np.where(share > 0.0, np.fmax(share, 1e-6), 1.0)
-        surprise = abs(found - mean) / (deviation * np.sqrt(share))
-    denied = [
+        surprise = abs(values - means) / (deviation * np.sqrt(share))
+    conflicts = [
         Finding.of(
             Code.PRIOR_CONTRADICTED, problem.states[i], term=problem.coefficient_name(i, j),
-            value=found[i, j], expected=mean[i, j], deviation=deviation[i, j],
+            value=values[i, j], expected=means[i, j], deviation=deviation[i, j],
         )
         for i, j in np.argwhere(surprise > MOST_SURPRISE)
     ]  # fmt: skip
     for i, term, least, most in problem.bounds:  # some models are fitted without bounds
         j = problem.terms.index(term)
-        if np.nan_to_num(found[i, j]) and not least <= found[i, j] <= most:
-            denied.append(
-                Finding.of(
-                    Code.BOUNDS_CONTRADICTED, problem.states[i],
-                    term=problem.coefficient_name(i, j), value=found[i, j], least=least, most=most,
-                )
-            )  # fmt: skip
-    return identified.with_findings(*denied)
+        if np.nan_to_num(values[i, j]) and not least <= values[i, j] <= most:
+            conflicts.append(Finding.of(
+                Code.BOUNDS_CONTRADICTED, problem.states[i], term=problem.coefficient_name(i, j),
+                value=values[i, j], least=least, most=most,
+            ))  # fmt: skip
+    return replace(identified, bounds=problem.bounds).with_findings(*conflicts)
 
 
 def add_input_errors(
@@ -133,20 +128,19 @@ def add_input_errors(
         values = np.concatenate([one.inputs[name](one.time) for one in used])
         ends = np.nanquantile(values, QUANTILES_90)
         sizes.append(float(np.sqrt(np.nanmean(values**2))))
-        about |= {f"{name}{end}": float(own) for end, own in zip(RANGE, ends, strict=True)}
+        about |= {f"{name}{end}": float(value) for end, value in zip(RANGE, ends, strict=True)}
         power = np.array([identified.model.terms[j][k] for _, j in places], float)
-        moved = error * power * identified.model.coefficients[at]
-        moved[identified.standard_errors[at] == 0.0] = 0.0  # fixed coefficients have no such error
-        added += np.outer(moved, moved)
+        shift = error * power * identified.model.coefficients[at]
+        shift[identified.standard_errors[at] == 0.0] = 0.0  # fixed coefficients have no such error
+        added += np.outer(shift, shift)
     wider: dict[str, Any] = {}
     if len(identified.covariance):
         wider["covariance"] = identified.covariance + added
     for name in ("standard_errors", "unconditional_errors"):
-        errors = np.array(getattr(identified, name))
-        errors[at] = np.hypot(errors[at], np.sqrt(np.diag(added)))
-        wider[name] = errors
-    untold = find_weakly_determined_input_terms(identified, sizes, about)
-    return replace(identified, diagnostics=about, **wider).with_findings(*untold)
+        wider[name] = getattr(identified, name).copy()
+        wider[name][at] = np.hypot(wider[name][at], np.sqrt(np.diag(added)))
+    findings = find_weakly_determined_input_terms(identified, sizes, about)
+    return replace(identified, diagnostics=about, **wider).with_findings(*findings)
 
 
 def find_weakly_determined_input_terms(
@@ -163,20 +157,20 @@ def find_weakly_determined_input_terms(
     of_states, of_inputs = np.hsplit(exponent_matrix(model.terms, len(model.names)), [n])
     plain = ~np.array([has_functions(term) for term in model.terms])
     powers = np.prod(np.array(sizes) ** of_inputs, axis=1)
-    found = np.where(identified.support, model.coefficients * powers, 0.0)
+    present = np.where(identified.support, model.coefficients * powers, 0.0)
     unseen = np.where(identified.support, 0.0, np.nan_to_num(identified.detection_limits * powers))
-    untold = []
+    names = []
     for k, state in enumerate(model.states):
         alike = np.all(of_states == np.eye(n)[k], axis=1) & plain
-        size, most = abs(found[:, alike]).sum(axis=1), unseen[:, alike].max(axis=1, initial=0.0)
-        untold += [
+        size, most = abs(present[:, alike]).sum(axis=1), unseen[:, alike].max(axis=1, initial=0.0)
+        names += [
             f"{state} in d({model.states[i]})/dt"
             for i in np.flatnonzero((size > 0.0) & (most > 0.25 * size))
         ]
     return [
         Finding.of(
             Code.INPUT_RANGE_SHORT, name, low=about[name + RANGE[0]], high=about[name + RANGE[1]],
-            terms=", ".join(untold),
+            terms=", ".join(names),
         )
-        for name in (model.inputs if untold else ())
+        for name in (model.inputs if names else ())
     ]  # fmt: skip

@@ -29,8 +29,8 @@ def checked_recordings(recordings: object) -> list[Recording]:
     if isinstance(recordings, Recording):
         recordings = [recordings]
     if not isinstance(recordings, list | tuple):
-        what = type(recordings).__name__
-        raise ValueError(f"recordings: a {what}; {wanted} (Recording.from_frame takes a DataFrame)")
+        kind = type(recordings).__name__
+        raise ValueError(f"recordings: a {kind}; {wanted} (Recording.from_frame takes a DataFrame)")
     if not recordings:
         raise ValueError(f"recordings: is empty; {wanted}")
     for i, recording in enumerate(recordings):
@@ -74,14 +74,14 @@ def validated_problem(
         raise ValueError(f"terms: {terms!r:.60}; {hint}")
     for term in terms:
         exponents = [e for e in term if not isinstance(e, Function)] if term else ()
-        sound = isinstance(term, tuple) and len(exponents) == n_exponents(terms[0])
-        sound = sound and len(exponents) in (n, n + len(inputs))
-        sound = sound and all(isinstance(e, Integral) for e in term[: len(exponents)])
-        functions = term[len(exponents) :] if sound else ()
-        sound = sound and all(
-            isinstance(own, Function) and len(own.weights) == n for own in functions
+        is_valid = (
+            isinstance(term, tuple)
+            and len(exponents) == n_exponents(terms[0])
+            and len(exponents) in (n, n + len(inputs))
+            and all(isinstance(e, Integral) for e in exponents)
+            and all(isinstance(f, Function) and len(f.weights) == n for f in term[len(exponents) :])
         )
-        if not sound or not all(e >= 0 for e in exponents[:n]):
+        if not is_valid or not all(e >= 0 for e in exponents[:n]):
             raise ValueError(f"terms: {term!r:.60}; {hint}")
         for name, exponent in zip(inputs, exponents[n:], strict=False):
             if exponent < 0 and any(one.inputs[name].has_zero(one.time) for one in recordings):
@@ -118,7 +118,7 @@ def segments_with_inputs(recordings: list[Recording], inputs: tuple[str, ...]) -
     The stretches are those of `Recording.driven`. Raises IdentificationError if the inputs are
     present during fewer than FEWEST consecutive samples.
     """
-    found = [piece for one in recordings for piece in one.driven(inputs, FEWEST)]
-    if not found:
+    stretches = [stretch for one in recordings for stretch in one.driven(inputs, FEWEST)]
+    if not stretches:
         raise IdentificationError(Code.INPUTS_MISSING, ", ".join(inputs), samples=FEWEST)
-    return found
+    return stretches

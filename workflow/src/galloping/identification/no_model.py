@@ -49,10 +49,7 @@ class NoModel:
 
 
 def attempt(search: Callable[[], Result]) -> Result | NoModel:
-    """Run a search for a model and return its result, or `NoModel` if the search fails.
-
-    A search fails with an error of NO_MODEL; other errors are raised.
-    """
+    """Run a search for a model and return its result, or `NoModel` for an error of NO_MODEL."""
     try:
         return search()
     except NO_MODEL as error:
@@ -60,10 +57,7 @@ def attempt(search: Callable[[], Result]) -> Result | NoModel:
 
 
 def as_finding(error: Exception) -> Finding:
-    """Convert the error of a failed search for a model to a finding.
-
-    The error is one of NO_MODEL.
-    """
+    """Convert the error of a failed search for a model, one of NO_MODEL, to a finding."""
     if isinstance(error, NoModelError):
         return error.finding
     lines = str(error).splitlines() or [type(error).__name__]

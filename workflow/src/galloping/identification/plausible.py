@@ -48,17 +48,17 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
     prices = np.full(len(support), 2.0 * gammaincinv(0.5, 0.9 ** (1.0 / absent)))
     most = 150  # supports that are weighed; with 60, 1 % of the intervals that hold with 150 fail
     known = {support.tobytes(): (-np.inf, support)}
-    looked_at: set[bytes] = set()
+    visited: set[bytes] = set()
     for _ in range(1 + 4):
-        left = [(value, key) for key, (value, _) in known.items() if key not in looked_at]
-        if not left:
+        unvisited = [(value, key) for key, (value, _) in known.items() if key not in visited]
+        if not unvisited:
             break
-        _, key = min(left)
-        looked_at.add(key)
-        around = known[key][1]
-        here = make_tableau(whitened, around)
-        rises, others = find_moves(here, around, prices, most)
-        values = here.chi2 + prices[here.kept].sum() + rises
+        _, key = min(unvisited)
+        visited.add(key)
+        centre = known[key][1]
+        fit = make_tableau(whitened, centre)
+        rises, others = find_moves(fit, centre, prices, most)
+        values = fit.chi2 + prices[fit.kept].sum() + rises
         for value, other in zip(values, others, strict=True):
             known.setdefault(other.tobytes(), (value, other))
     ranked = sorted(known.values(), key=lambda entry: entry[0])

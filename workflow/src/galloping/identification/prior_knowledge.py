@@ -71,10 +71,9 @@ class Prior:
                 raise ValueError(f"prior: {name}: {value!r:.60}; must be a number in (0, 1]")
 
     def prices(self, complexity: NDArray[np.int_], powers: NDArray[np.int_]) -> NDArray[np.float64]:
-        """Compute penalties of terms on chi^2, relative to the penalty of a linear term.
+        """Compute penalties (n,) of terms on chi^2, relative to the penalty of a linear term.
 
-        Returns (n,). complexity: (n,) of `Problem.term_complexity`. powers: (n,) number of powers
-        of inputs.
+        complexity: (n,) of `Problem.term_complexity`. powers: (n,) number of powers of inputs.
         """
         dearer = -2.0 * np.log(self.nonlinear) * complexity
         simple = np.where(complexity < 0, 2.0 * np.log(self.term / self.constant), dearer)

@@ -30,11 +30,11 @@ def solve_support(
     """
     kept = np.flatnonzero(support)
     whitened = whiten(information[np.ix_(kept, kept)], right[kept])
-    here = make_tableau(whitened, whitened.is_usable)
+    fit = make_tableau(whitened, whitened.is_usable)
     c, covariance = np.zeros(len(right)), np.zeros((len(kept), len(kept)))
-    unit = whitened.unit[here.kept]
-    c[kept[here.kept]] = here.coefficients * unit
-    covariance[np.ix_(here.kept, here.kept)] = here.covariance * unit[:, None] * unit
+    unit = whitened.unit[fit.kept]
+    c[kept[fit.kept]] = fit.coefficients * unit
+    covariance[np.ix_(fit.kept, fit.kept)] = fit.covariance * unit[:, None] * unit
     return c, covariance
 
 
@@ -51,19 +51,16 @@ class Price:
     most: np.ndarray
     width: np.ndarray
 
-    def scale_by(self, dear: float) -> Price:
-        """Return all penalties multiplied by the factor `dear`."""
-        return Price(dear * self.least, dear * self.most, self.width)
+    def scale_by(self, factor: float) -> Price:
+        """Return all penalties multiplied by a factor."""
+        return Price(factor * self.least, factor * self.most, self.width)
 
     def of_terms(self, terms: np.ndarray) -> Price:
         """Return the penalties of some terms, given by their indices."""
         return Price(self.least[terms], self.most[terms], self.width[terms])
 
     def with_errors(self, errors: np.ndarray, terms: np.ndarray) -> np.ndarray:
-        """Compute penalties of terms, which are larger for terms with smaller standard errors.
-
-        errors, terms: (m,) standard errors and indices of the terms. Returns (m,).
-        """
+        """Compute penalties of terms (m,), larger for terms with smaller standard errors (m,)."""
         wider = self.least[terms] + 2.0 * np.log(np.maximum(self.width[terms] / errors, 1.0))
         return np.minimum(wider, self.most[terms])
 
@@ -94,10 +91,9 @@ def select_support(
     support = min(ends.values(), key=lambda end: end[0])[1]
     if not isinstance(price, Price):
         return support
-    here = make_tableau(whitened, support)
-    errors = whitened.unit[here.kept] * np.sqrt(np.diag(here.covariance))
-    prices = least.copy()
-    prices[here.kept] = price.with_errors(errors, here.kept)
+    fit, prices = make_tableau(whitened, support), least.copy()
+    errors = whitened.unit[fit.kept] * np.sqrt(np.diag(fit.covariance))
+    prices[fit.kept] = price.with_errors(errors, fit.kept)
     return _remove_terms(whitened, support, prices)
 
 
@@ -229,7 +225,7 @@ def make_tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
 
 
 def find_moves(
-    here: Tableau, support: np.ndarray, prices: np.ndarray, most: int
+    fit: Tableau, support: np.ndarray, prices: np.ndarray, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the best small changes of a set of terms, and how each changes chi^2 plus penalties.
 
@@ -237,14 +233,14 @@ def find_moves(
     added, or one is exchanged for one or two, or two for one. Returns the rise of chi^2 plus
     `prices` (n,) with each, (m,), increasing, and the supports that they lead to, (m, n).
     """
-    kept, out = len(here.kept), len(here.out)
+    kept, out = len(fit.kept), len(fit.out)
     count_work(6e-8 * kept * out * (out + kept))  # moves of three terms
-    options = [here.rises(*move) for move in ((1, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 1))]
+    options = [fit.rises(*move) for move in ((1, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 1))]
     priced = [
         (rises + prices[enter].sum(axis=1) - prices[leave].sum(axis=1)[:, None]).ravel()
         for rises, leave, enter in options
     ]
-    rise, ends = np.concatenate(priced), np.cumsum([len(each) for each in priced])
+    rise, ends = np.concatenate(priced), np.cumsum(list(map(len, priced)))
     edge = np.partition(rise, most - 1)[most - 1] if most < len(rise) else np.inf
     best = np.flatnonzero(rise <= edge)
     best = best[np.argsort(rise[best], kind="stable")][:most]
@@ -267,11 +263,11 @@ def _descend_by_moves(
     """
     support = _remove_terms(whitened, support, prices)
     while support.tobytes() not in ends:
-        here = make_tableau(whitened, support)
-        value = here.chi2 + prices[here.kept].sum()
+        fit = make_tableau(whitened, support)
+        value = fit.chi2 + prices[fit.kept].sum()
         if is_exhausted():
             return value, support
-        rise, others = find_moves(here, support, prices, 1)
+        rise, others = find_moves(fit, support, prices, 1)
         if not len(rise) or rise[0] > -1e-6:  # a smaller fall of chi^2 may be rounding
             return value, support
         support = _remove_terms(whitened, others[0], prices)
@@ -281,15 +277,15 @@ def _descend_by_moves(
 def _remove_terms(whitened: Whitened, support: np.ndarray, prices: np.ndarray) -> np.ndarray:
     """Eliminate terms backward; the inverse is updated at each removal, then recomputed."""
     while True:
-        here = make_tableau(whitened, support)
-        c, inverse, price = here.coefficients, here.covariance, prices[here.kept]
+        fit = make_tableau(whitened, support)
+        c, inverse, price = fit.coefficients, fit.covariance, prices[fit.kept]
         left = np.ones(len(c), bool)
         while left.any():
             variance = np.diag(inverse)  # zero by rounding beside a nearly equal term
-            told = left & (variance > 0.0)
-            rise = np.divide(c**2, variance, out=np.full(len(c), np.inf), where=told)
-            worst = int(np.argmin(rise - price))
-            if rise[worst] - price[worst] >= 0.0:
+            known = left & (variance > 0.0)
+            excess = np.divide(c**2, variance, out=np.full(len(c), np.inf), where=known) - price
+            worst = int(np.argmin(excess))
+            if excess[worst] >= 0.0:
                 break
             column = inverse[:, worst] / inverse[worst, worst]
             c = c - column * c[worst]
@@ -298,7 +294,7 @@ def _remove_terms(whitened: Whitened, support: np.ndarray, prices: np.ndarray) -
         if left.all():
             return support
         support = np.zeros_like(support)
-        support[here.kept[left]] = True
+        support[fit.kept[left]] = True
 
 
 def added_deviation(information: np.ndarray, support: np.ndarray) -> np.ndarray:
@@ -307,9 +303,9 @@ def added_deviation(information: np.ndarray, support: np.ndarray) -> np.ndarray:
     Returns (n,). NaN within the support; infinite for a linear combination of the supported terms.
     """
     whitened = whiten(information, np.zeros(len(support)))
-    here = make_tableau(whitened, support)
+    fit = make_tableau(whitened, support)
     deviation = np.where(support, np.nan, np.inf)
-    deviation[here.out] = whitened.unit[here.out] / np.sqrt(np.diag(here.information))
+    deviation[fit.out] = whitened.unit[fit.out] / np.sqrt(np.diag(fit.information))
     return deviation
 
 
@@ -324,8 +320,5 @@ def mixture_information(information: np.ndarray, largest: np.ndarray) -> np.ndar
 
 
 def n_unidentifiable_directions(information: np.ndarray, largest: np.ndarray) -> int:
-    """Count independent combinations of terms that the data cannot distinguish from noise.
-
-    They are as large as the motion and change the fit by less than noise.
-    """
+    """Count combinations of terms as large as the motion that change the fit less than noise."""
     return int(np.sum(mixture_information(information, largest) < 1.0))

@@ -26,10 +26,9 @@ AFTER = 12.0  # s, allowance for forecasts, limit cycles and figures, which are 
 
 @dataclass
 class Work:
-    """Limit of the computing work of a search for a model, and the work done so far.
+    """Limit of the computing work of a search for a model, and the work done so far, in s.
 
-    most: s, limit of the search. spent: s, used. ended: whether anything was omitted for lack of
-    work. around: the work that this is a part of.
+    ended: whether anything was omitted for lack of work. around: the work that this is a part of.
     """
 
     most: float
@@ -42,11 +41,11 @@ class Work:
         """Remaining work in seconds of computing; negative if the limit was exceeded."""
         return self.most - self.spent
 
-    def downgrade_if_ended(self, found: IdentifiedModel) -> IdentifiedModel:
+    def downgrade_if_ended(self, identified: IdentifiedModel) -> IdentifiedModel:
         """Add a finding to a model if the work limit ended its search, so that it is not `ok`."""
-        if not self.ended or found.has_finding(Code.LIMIT_OF_WORK):
-            return found
-        return found.with_findings(Finding.of(Code.LIMIT_OF_WORK))
+        if not self.ended or identified.has_finding(Code.LIMIT_OF_WORK):
+            return identified
+        return identified.with_findings(Finding.of(Code.LIMIT_OF_WORK))
 
 
 _UNLIMITED = Work(float("inf"))
@@ -102,9 +101,9 @@ def count_work(seconds: float) -> None:
 
 
 def work_counted() -> tuple[float, float]:
-    """Return the computing work done so far and the most that may remain, both in seconds.
+    """Return the computing work done so far, and the most until all results are written, in s.
 
-    The latter is until all results are written. It is infinite without a limit.
+    The latter is infinite without a limit.
     """
     work: Work | None = _work.get()
     most, spent = _UNLIMITED.most, 0.0
@@ -116,5 +115,6 @@ def work_counted() -> tuple[float, float]:
 def is_exhausted() -> bool:
     """Decide whether the work limit is reached; if so, mark the search as ended early."""
     work = _work.get()
-    work.ended |= work.remaining <= 0.0
-    return work.remaining <= 0.0
+    exhausted = work.remaining <= 0.0
+    work.ended |= exhausted
+    return exhausted
