@@ -18,7 +18,7 @@ from galloping.identification.preparation.screening import prepare_recordings
 from galloping.identification.preparation.smoothing import Smooth
 from galloping.identification.preparation.weak_form import weak_fit
 from galloping.identification.problem import Problem
-from galloping.model.functions import Function
+from galloping.model.polynomial import exponent_matrix
 from galloping.recording.samples import Input, Recording, evaluate_extended
 
 # Another interpolation is chosen if it removes more than this share of the misfit beyond the noise.
@@ -114,6 +114,7 @@ def _with_inputs(
     count = (len(curve.time) - 1) * FINER + 2 * reach
     fine = curve.time[0] + step * (np.arange(count) - reach + 0.5)
     kernel = _cubic_kernel((np.arange(2 * reach) - reach + 0.5) / FINER) / FINER
+    is_divisor = np.any(exponent_matrix(problem.terms, len(problem.names)) < 0, axis=0)
     columns = []
     for k, name in enumerate(problem.inputs, start=len(problem.states)):
         one = recording.inputs[name]
@@ -121,9 +122,7 @@ def _with_inputs(
         means = one.mean_around(fine, step)
         means = np.where(np.isfinite(means), means, evaluate_extended(one, fine))
         values = sliding_window_view(means, 2 * reach)[::FINER] @ kernel
-        powers = (term[k] for term in problem.terms)
-        divides = any(not isinstance(power, Function) and power < 0 for power in powers)
-        columns.append(np.clip(values, means.min(), means.max()) if divides else values)
+        columns.append(np.clip(values, means.min(), means.max()) if is_divisor[k] else values)
     return replace(curve, inputs=np.column_stack(columns))
 
 
