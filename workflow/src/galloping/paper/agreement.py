@@ -31,9 +31,8 @@ STEADY_CHANGE = 0.01  # standard deviation of the relative change of a motion ca
 # What is printed of draws with noise. Bounds that others imply are left to the table of claims.
 PRINTED = tuple(c for c in CLAIMS if c.case == CASE and c.level > 0 and c.is_counted)
 NUMBERS = tuple(claim for claim in PRINTED if claim.is_number)
-GROUPS: dict[
-    str, str | tuple[str, ...]
-] = {  # what is left out together to be predicted, by what columns of scores begin with
+# What is left out together to be predicted, by what columns of scores begin with.
+GROUPS: dict[str, str | tuple[str, ...]] = {
     "coefficients": "mean_error",
     "amplitudes": "amplitude_error",
     "fits": "r2",
@@ -133,4 +132,9 @@ def log_steadiness(changes: np.ndarray) -> float:
 
     changes: relative changes of the amplitudes between the halves of the steady window.
     """
-    return float(-0.5 * np.sum(np.square(np.asarray(changes) / STEADY_CHANGE)))
+    return float(-0.5 * np.sum(np.square(changes / STEADY_CHANGE)))
+
+
+def effective_number(weights: np.ndarray | pd.Series) -> float:
+    """Compute the effective sample size of weights whose sum is 1 (L. Kish 1965)."""
+    return float(1 / np.sum(weights**2))

@@ -8,7 +8,7 @@ import pandas as pd
 
 from galloping.configuration.kinds import equal_effort
 from galloping.model.intervals import QUANTILES_90
-from galloping.paper.agreement import GROUPS, NUMBERS, PRINTED, group_of
+from galloping.paper.agreement import GROUPS, NUMBERS, PRINTED, effective_number, group_of
 from galloping.paper.unknowns import BY_NAME, FIRST_READING, NAMES, UNKNOWNS
 
 RULED_OUT, UNLIKELY = -2.0, -1.0  # powers of ten below the first reading
@@ -52,7 +52,7 @@ def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
         table.append({
             "reading": name, "changes": BY_NAME[name].kind, "settings_tried": len(of),
             "settings_proposed": int(of["proposed"].sum()),
-            "effective_settings": _effective_number(_normalise_weights(of["log_weight"])),
+            "effective_settings": effective_number(_normalise_weights(of["log_weight"])),
             "log10_bayes_factor": power, "standard_error": error,
             "verdict": "first" if name == FIRST_READING.name else _judge_reading(power, error),
             "worst_claims": losses.idxmin() if losses.min() < 0 else "",
@@ -86,11 +86,6 @@ def _log_evidence(tried: pd.DataFrame) -> tuple[float, float]:
     runs = tried.groupby("replicate")["proposed"].first()
     error = np.sqrt(np.sum(weights**2) / np.sum(weights) ** 2 - 1 / runs.sum())
     return float(top + np.log(weights.sum() / len(runs))), float(error)
-
-
-def _effective_number(weights: np.ndarray | pd.Series) -> float:
-    """Compute the effective sample size of weights whose sum is 1 (L. Kish 1965)."""
-    return float(1 / np.sum(weights**2))
 
 
 def _normalise_weights(log_weights: pd.Series) -> np.ndarray:
@@ -137,7 +132,7 @@ def region_table(samples: pd.DataFrame, readings: pd.DataFrame) -> pd.DataFrame:
     of `region_samples`; readings: of `paper_readings`.
     """
     tried = samples[samples["stage"] == "tried"]
-    effective = _effective_number(tried[f"weight_{ALL}"])
+    effective = effective_number(tried[f"weight_{ALL}"])
     best = tried.loc[tried[f"weight_{ALL}"].idxmax()]
     table = []
     for unknown in UNKNOWNS:
@@ -193,7 +188,7 @@ def predictions(samples: pd.DataFrame) -> pd.DataFrame:
         values = drawn[claim.name].to_numpy(float)
         for name, column in (("fitted", f"weight_{ALL}"), ("predicted", f"weight_{group}")):
             weights = drawn[column].to_numpy(float)
-            effective = _effective_number(settings[column])
+            effective = effective_number(settings[column])
             share = min(float(np.sum(weights * claim.is_met(values))), 1.0)  # but for rounding
             row |= {
                 f"{name}_share": share,

@@ -118,10 +118,10 @@ class Proposal:
 
         Weights are tempered if few settings count.
         """
-        power = 1.0
-        while effective_number(power * log_weights) < min(EFFECTIVE, len(points) / 2):
+        power, weights = 1.0, _normalise_weights(log_weights)
+        while agreement.effective_number(weights) < min(EFFECTIVE, len(points) / 2):
             power *= 0.8
-        weights = np.exp(power * log_weights - logsumexp(power * log_weights))
+            weights = _normalise_weights(power * log_weights)
         centre = weights @ points
         covariance = WIDENED * np.cov(points.T, aweights=weights, ddof=0)
         return cls(centre, covariance + 1e-3 * np.eye(len(centre)), uniform)
@@ -132,9 +132,8 @@ def _first_box() -> tuple[np.ndarray, np.ndarray]:
     return ends[:, 0], ends[:, 1]
 
 
-def effective_number(log_weights: np.ndarray) -> float:
-    """Compute the effective sample size of importance weights (L. Kish 1965)."""
-    return float(np.exp(2 * logsumexp(log_weights) - logsumexp(2 * log_weights)))
+def _normalise_weights(log_weights: np.ndarray) -> np.ndarray:
+    return np.exp(log_weights - logsumexp(log_weights))
 
 
 def trial(
@@ -216,11 +215,12 @@ def _judge_setting(
     reading: Reading, values: Mapping[str, float], draws: int, rng: np.random.Generator
 ) -> dict[str, float]:
     """Compute the likelihood of a setting from fresh draws."""
-    found = estimate(reading, {name: values[name] for name in NAMES}, draws, rng)
+    setting = {name: values[name] for name in NAMES}
+    found = estimate(reading, setting, draws, rng)
     if found is None:
         raise ValueError("the conditions of the reading exclude the setting")
     found.pop("draws")
-    return {**{name: values[name] for name in NAMES}, **found}
+    return setting | found
 
 
 def _climb_likelihood(
@@ -250,7 +250,6 @@ def _climb_likelihood(
 
 
 def _line_coefficients(reading: Reading, values: Mapping[str, float]) -> list[dict[str, float]]:
-    """Compute the coefficients of both of the paper's lines."""
     return [coefficients(_case_at(reading, values, name)) for name in (agreement.CASE, OTHER_CASE)]
 
 
@@ -337,9 +336,10 @@ def estimate(
     motion, line = _simulate_line(reading, values, agreement.CASE)
     if not _is_in_reach(motion):
         return None
-    changes = [steadiness(motion.states)[1]]
+    changes = [_amplitude_change(motion.states)]
     if reading.steady == BOTH_LINES:
-        changes.append(steadiness(_simulate_line(reading, values, OTHER_CASE)[0].states)[1])
+        other, _ = _simulate_line(reading, values, OTHER_CASE)
+        changes.append(_amplitude_change(other.states))
     attack = float(np.abs(motion.states[:, 2]).max() / values["wind_speed"])
     if attack > reading.attack_limit or (reading.steady and not max(changes) < MOST_CHANGE):
         return None
@@ -349,12 +349,9 @@ def estimate(
     scores = study.draw_scores(method, draws, rng, unmoved_levels=agreement.UNMOVED_LEVELS)
     claims = agreement.scores_by_claim(scores)
     factors = agreement.log_likelihoods(claims)
-    row: dict[str, Any] = {
-        "change": max(changes),
-        "attack": attack,
-        "log_likelihood": sum(factors.values()) + steady,
-        **factors,
-    }
+    log_likelihood = sum(factors.values()) + steady
+    row: dict[str, Any] = {"change": max(changes), "attack": attack}
+    row |= {"log_likelihood": log_likelihood, **factors}
     for group in agreement.GROUPS:
         others = agreement.log_likelihoods(claims, left_out=(group,))
         row[f"without_{group}"] = sum(others.values()) + steady
@@ -375,16 +372,13 @@ def _is_in_reach(motion: Motion) -> bool:
     return bool(np.abs(motion.states).sum(axis=1).max() < FARTHEST)
 
 
-def steadiness(states: np.ndarray) -> tuple[float, float]:
-    """Compute how steady a motion is: its smallest amplitude, and its largest amplitude change.
-
-    They are of both halves of the steady window, and between these.
-    """
+def _amplitude_change(states: np.ndarray) -> float:
+    """Compute the largest change of an amplitude between the halves of the steady window."""
     first, last = (round(t * AMOUNTS.sampling_rate) for t in AMOUNTS.steady_window)
     middle = (first + last) // 2
     early, late = (
-        steady_amplitude(states[rows, :2])
-        for rows in (slice(first, middle), slice(middle, last + 1))
+        steady_amplitude(states[first:middle, :2]),
+        steady_amplitude(states[middle : last + 1, :2]),
     )
     with np.errstate(divide="ignore", invalid="ignore"):
-        return float(min(early.min(), late.min())), float(np.max(np.abs(late / early - 1)))
+        return float(np.max(np.abs(late / early - 1)))
