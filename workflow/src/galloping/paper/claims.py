@@ -151,6 +151,7 @@ BEYOND_JUDGEMENT = tuple(claim for claim in _ROWS if claim.kind == BEYOND)
 UNDECIDED = "undecided"
 HELD = ("reproduced", "better", "met")  # verdicts of claims that hold
 HALF = 1 / 2  # of the draws
+SHARES = ("share_met", "share_met_low", "share_met_high")  # columns
 WIDE = 10.0  # an interval whose ends differ by this factor contains nearly any printed error
 
 
@@ -165,14 +166,9 @@ def judge(claim: Claim, scores: pd.DataFrame) -> dict:
     """
     values = claim.values(scores)
     if not len(values):
-        numbers = ("median", "low", "high", "ratio", "spread")
-        shares = ("share_met", "share_met_low", "share_met_high")
+        numbers = ("median", "low", "high", "ratio", "spread", *SHARES)
         reason = "the study lacks these recordings"
-        return dict.fromkeys(numbers + shares) | {
-            "replicates": 0,
-            "verdict": "not run",
-            "reason": reason,
-        }
+        return dict.fromkeys(numbers) | {"replicates": 0, "verdict": "not run", "reason": reason}
     median, low, high = median_and_interval(values.tolist())
     number = claim.is_number
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -185,8 +181,11 @@ def judge(claim: Claim, scores: pd.DataFrame) -> dict:
             **share_with_interval(claim.is_met(values), claim.is_exact),
         }
     if found["replicates"] == 1 and not claim.is_exact:
-        return {**found, "verdict": UNDECIDED, "reason": "the study has one realisation"}
-    verdict, reason = (_judge_number if number else _judge_bound)(claim, scores, values, found)
+        verdict, reason = UNDECIDED, "the study has one realisation"
+    elif number:
+        verdict, reason = _judge_number(claim, values, found)
+    else:
+        verdict, reason = _judge_bound(claim, scores, values, found)
     return {**found, "verdict": verdict, "reason": reason}
 
 
@@ -200,7 +199,7 @@ def share_with_interval(kept: np.ndarray, is_exact: bool = False) -> dict[str, f
     low, high = share, share
     if not is_exact:
         low, high = binomtest(int(np.sum(kept)), draws).proportion_ci(method="wilson")
-    return {"share_met": share, "share_met_low": low, "share_met_high": high, "replicates": draws}
+    return dict(zip(SHARES, (share, low, high), strict=True)) | {"replicates": draws}
 
 
 def verdict_of_share(share: Mapping[str, float]) -> str:
@@ -215,9 +214,7 @@ def verdict_of_share(share: Mapping[str, float]) -> str:
     return UNDECIDED
 
 
-def _judge_number(
-    claim: Claim, scores: pd.DataFrame, values: np.ndarray, found: dict
-) -> tuple[str, str]:
+def _judge_number(claim: Claim, values: np.ndarray, found: dict) -> tuple[str, str]:
     finite, printed = np.mean(np.isfinite(values)), claim.printed
     if finite < HALF:
         return UNDECIDED, f"only {format_percent(finite)} of the realisations give a number"
@@ -241,8 +238,8 @@ def _judge_bound(
     verdict = UNDECIDED if np.mean(np.isnan(values)) > HALF else verdict_of_share(found)
     if claim.is_exact:
         return verdict, "without noise there is a single value"
-    shares = [found[name] for name in ("share_met", "share_met_low", "share_met_high")]
-    text = "{} of the realisations ({} to {})".format(*map(format_percent, shares))
+    share, low, high = (format_percent(found[name]) for name in SHARES)
+    text = f"{share} of the realisations ({low} to {high})"
     missed = ~claim.is_met(values)
     if not np.any(missed):
         return verdict, text
@@ -255,10 +252,10 @@ def _judge_bound(
     causes = [
         f"{format_percent(np.mean(which))} {fault}" for fault, which in faults.items() if any(which)
     ]
-    if not causes:
-        text += "; the others have exactly the true terms, with coefficients that are off"
-        return verdict, text
-    return verdict, f"{text}; of the others {', '.join(causes)}"
+    if causes:
+        return verdict, f"{text}; of the others {', '.join(causes)}"
+    text += "; the others have exactly the true terms, with coefficients that are off"
+    return verdict, text
 
 
 def find_joint_draws(claims: Sequence[Claim], scores: pd.DataFrame) -> np.ndarray | None:

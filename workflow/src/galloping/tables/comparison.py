@@ -156,18 +156,10 @@ def _compare_presence(reference: pd.Index, found: pd.Index) -> Iterator[tuple]:
 
 def _merge_values(*sides: pd.DataFrame) -> pd.DataFrame:
     """Merge all values of rows and columns that both tables have, column by column."""
-    left, right = (
-        side.rename_axis("row")
-        .reset_index()
-        .melt("row", var_name="column", value_name=name.upper())
-        .rename(columns={name.upper(): name})
-        for side, name in zip(sides, ("reference", "this_run"), strict=True)
-    )
-    values = left.merge(right, on=["row", "column"])
-    first, second = (
-        pd.to_numeric(values[side], errors="coerce").to_numpy(float)
-        for side in ("reference", "this_run")
-    )
+    long = [side.rename_axis(index="row", columns="column").unstack() for side in sides]
+    keys = ("reference", "this_run")
+    values = pd.concat(long, axis=1, join="inner", keys=keys).reset_index()
+    first, second = (pd.to_numeric(values[key], errors="coerce").to_numpy(float) for key in keys)
     numbers = ~np.isnan(first) & ~np.isnan(second)
     with np.errstate(invalid="ignore"):  # infinity less infinity
         difference = np.where(first == second, 0.0, second - first)

@@ -12,16 +12,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from galloping.tables.trial_summaries import status_counts
+from galloping.tables.trial_summaries import status_counts, summarise_groups
 
 NAMED_BY = (  # columns that tell recordings of one stratum apart
     "case", "truth", "system", "protocol", "samples", "duration", "level", "replicate", "release",
 )  # fmt: skip
-JUDGED = (
-    "exact_support",
-    "ok_and_wrong",
-    "fault_diagnosed",
-)  # 1 or 0, empty where nothing is judged so
+# 1 or 0, empty where nothing is judged so
+JUDGED = ("exact_support", "ok_and_wrong", "fault_diagnosed")
 COLUMNS = (
     "stratum", "recording", "method", "status", *JUDGED, "coverage", "coefficients",
     "findings", "path", "work", "seconds",
@@ -94,10 +91,7 @@ def sum_up_strata(answers: pd.DataFrame) -> pd.DataFrame:
     without assessed recordings.
     """
     rows = pd.concat([answers, answers.assign(stratum=ALL)])
-    return pd.DataFrame(
-        dict(zip(("stratum", "method"), key, strict=True)) | _sum_up(own)
-        for key, own in rows.groupby(["stratum", "method"], sort=False)
-    )
+    return summarise_groups(rows, ["stratum", "method"], _sum_up, sort=False)
 
 
 def _sum_up(rows: pd.DataFrame) -> dict[str, float]:
@@ -119,12 +113,8 @@ def compare_measures(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
     sum of now - before over the pairs; standard_error of it; is_significant: whether the difference
     is more than SIGNIFICANT standard errors.
     """
-    both = (
-        _measure_answers(before)
-        .add_suffix(" before")
-        .join(_measure_answers(now), how="inner")
-        .reset_index()
-    )
+    earlier = _measure_answers(before).add_suffix(" before")
+    both = earlier.join(_measure_answers(now), how="inner").reset_index()
     rows = pd.concat([both, both.assign(stratum=ALL)])
     return pd.DataFrame(
         {"stratum": stratum, "method": method, "measure": measure, **_sum_differences(own, measure)}

@@ -16,6 +16,7 @@ from galloping.paper.claims import (
     BEYOND_JUDGEMENT,
     CLAIMS,
     HELD,
+    SHARES,
     Claim,
     find_joint_draws,
     judge,
@@ -75,15 +76,10 @@ def claims_table(
                 if pair == PAPER and draws and case in draws:
                     rows.append(_claim_row(claim, case, pair, draws[case]))
                     continue
-                own = _scores_of_pair(scores, pair)
+                own = scores[(scores["protocol"] == pair[0]) & (scores["method"] == pair[1])]
                 if claim.cell_kind in set(own["kind"]):  # else it cannot use them
                     rows.append(_claim_row(claim, case, pair, own[own["case"] == case]))
     return pd.DataFrame(rows, columns=COLUMNS)
-
-
-def _scores_of_pair(scores: pd.DataFrame, pair: tuple[str, str]) -> pd.DataFrame:
-    protocol, method = pair
-    return scores[(scores["protocol"] == protocol) & (scores["method"] == method)]
 
 
 def paper_table(
@@ -135,8 +131,7 @@ def _joint_rows(claims: Sequence[Claim], case: str, draws: pd.DataFrame) -> list
         if len(group) < 2 or (kept := find_joint_draws(group, draws)) is None:
             continue
         found = share_with_interval(kept)
-        share, low, high = (100 * found[key] for key in ("share_met", "share_met_low",
-                                                         "share_met_high"))  # fmt: skip
+        share, low, high = (100 * found[key] for key in SHARES)
         rows.append({
             "claim": f"all {len(group)} {name} at once", "role": JOINT, "case": case,
             "direction": "", **{NAMES.get(key, key): value for key, value in found.items()},
@@ -159,14 +154,10 @@ def _measure_motion(motion: Motion, window: tuple[float, float], wind: float) ->
         for a, b in ((start, middle), (middle, end))
     ]
     change = 100 * np.abs(halves[1] / halves[0] - 1)
-    found = {
-        f"{STEADY}_{state}_percent": [value]
-        for state, value in zip(motion.names, change, strict=False)
-    }
     attack = np.abs(motion.states[:, motion.names.index("dq_v")]).max() / wind
     return pd.DataFrame({
-        **found, ATTACK: [attack], "kind": NOISE, "level": 0.0, "missing": 0, "spurious": 0,
-        "motion": "ok",
+        **{f"{STEADY}_{motion.names[k]}_percent": [change[k]] for k in (0, 1)},
+        ATTACK: [attack], "kind": NOISE, "level": 0.0, "missing": 0, "spurious": 0, "motion": "ok",
     })  # fmt: skip
 
 
@@ -202,10 +193,10 @@ def variation_rows(
         if not opened.path:  # the threshold is of the method, not of the line
             is_own, other = value == plan["threshold"], {**plan, "threshold": value}
         else:  # the model and its release are the same to rounding
-            sides = (
+            ours, others = (
                 [*coefficients(each).values(), *initial_state(each)] for each in (case, varied)
             )
-            is_own = np.allclose(next(sides), next(sides), rtol=1e-8, atol=1e-12)
+            is_own = np.allclose(ours, others, rtol=1e-8, atol=1e-12)
         found = drawn
         if not is_own:
             found = paper_draws(varied, name=(name,), amounts=amounts, **other)
@@ -214,7 +205,6 @@ def variation_rows(
                  "winds": {name: varied["wind"]["speed"]}}  # fmt: skip
         table = claims_table(found, about, {name: found}, {name: [motion]})
         place = {"parameter": parameter, "unit": opened.unit, "value": value}
-        held = table["verdict"].isin(HELD)
-        table = table.assign(**place, is_default=is_own, is_reproduced=held)
-        tables.append(table[[*place, "is_default", "is_reproduced", *COLUMNS]])
+        place |= {"is_default": is_own, "is_reproduced": table["verdict"].isin(HELD)}
+        tables.append(table.assign(**place)[[*place, *COLUMNS]])
     return pd.concat(tables, ignore_index=True)

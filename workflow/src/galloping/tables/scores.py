@@ -14,6 +14,7 @@ from galloping.model.intervals import IDENTIFIABLE, median_and_interval
 from galloping.results import DISPLACEMENT_COLUMNS, NOISE, ORDERS, SUBSET
 
 CELL = ["case", "protocol", "level"]
+R2_COLUMNS = {state: f"r2_{state}" for state in DISPLACEMENT_COLUMNS}
 CHOSEN, ORACLE = "as chosen", "oracle"
 PEERS = (
     "case", "protocol", "level", "method", "setting", "mean_error_percent", "share_exact_support",
@@ -109,11 +110,8 @@ def noise_r2(scores: pd.DataFrame) -> pd.DataFrame:
 
     The groups are those of case, measurement setup, method, noise level and state.
     """
-    columns, keys = (
-        {state: f"r2_{state}" for state in DISPLACEMENT_COLUMNS},
-        [*CELL[:2], "method", "level"],
-    )
-    table = medians(of_kind(scores, NOISE), keys, columns, "state", "r2")
+    keys = ["case", "protocol", "method", "level"]
+    table = medians(of_kind(scores, NOISE), keys, R2_COLUMNS, "state", "r2")
     return table.rename(columns={"r2": "r2_median"})
 
 
@@ -125,9 +123,7 @@ def data_amount(scores: pd.DataFrame) -> pd.DataFrame:
     subsets, keys = of_kind(scores, SUBSET), ["case", "protocol", "method", "points"]
     columns = {state: f"amplitude_error_{state}_percent" for state in DISPLACEMENT_COLUMNS}
     amplitude = medians(subsets, keys, columns, "state", "amplitude_error_percent")
-    r2 = medians(
-        subsets, keys, {state: f"r2_{state}" for state in DISPLACEMENT_COLUMNS}, "state", "r2"
-    )
+    r2 = medians(subsets, keys, R2_COLUMNS, "state", "r2")
     return amplitude.merge(r2, on=[*keys, "state", "replicates", "failures"], validate="1:1")
 
 
@@ -229,11 +225,8 @@ def efficiency(scores: pd.DataFrame, identifiability: pd.DataFrame) -> pd.DataFr
         r2_q_v=("r2_q_v", "median"),
         r2_q_w=("r2_q_w", "median"),
         amplitude_error_percent=("amplitude", "median"),
-        failures=("motion", failures),
     )
     stated, holding = groups["intervals"].sum(), groups["intervals_covering"].sum()
-    coverage = 100 * holding / stated.where(stated > 0)
+    table = table.assign(coverage_95_percent=100 * holding / stated.where(stated > 0))
     weakest = identifiability.groupby(BOUNDED)[RATIO].min().rename(f"min_{RATIO}")
-    failed = table.pop("failures")
-    table = table.assign(coverage_95_percent=coverage).join(weakest).assign(failures=failed)
-    return table.reset_index()
+    return table.join(weakest).assign(failures=groups["motion"].agg(failures)).reset_index()

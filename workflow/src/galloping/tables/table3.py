@@ -101,11 +101,10 @@ def equations(
     for cell, fit in settings["fits"].items():
         first = identified[cell][fit["method"]][0]
         part = identified_terms(model.model, [first], terms).drop(columns=["low", "high", "found"])
-        errors = first.standard_errors
         stated = {
-            (equation, term_name(terms[j], STATES)): errors[row, j]
+            (equation, term_name(term, STATES)): first.standard_errors[row, j]
             for row, equation in EQUATIONS.items()
-            for j in range(len(terms) if errors is not None else 0)
+            for j, term in enumerate(terms)
         }
         keys = zip(part["equation"], part["term"], strict=True)
         part["standard_error"] = [stated.get(key, np.nan) for key in keys]

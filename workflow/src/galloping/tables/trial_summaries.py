@@ -61,7 +61,7 @@ def trust(fits: pd.DataFrame) -> pd.DataFrame:
     is_sure = fits["min_coefficient_over_bound"] > EVERY_TERM
     sure = fits[(fits["group"] == "random lines") & is_sure]
     rows = pd.concat([fits, sure.assign(case=f"every t > {EVERY_TERM:g}")])
-    return _summarise_groups(rows, ["group", "case", "protocol", "level"], _summarise_trust)
+    return summarise_groups(rows, ["group", "case", "protocol", "level"], _summarise_trust)
 
 
 def systems(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -71,7 +71,7 @@ def systems(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     the right terms.
     """
     keys = ["system", "states", "samples", "level", "method"]
-    return _summarise_groups(concatenate(parts), keys, _summarise_systems)
+    return summarise_groups(concatenate(parts), keys, _summarise_systems)
 
 
 def model_error(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -80,9 +80,8 @@ def model_error(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     There is a row for each truth, sensors and method. parts: fits of `galloping.trials.real_lines`,
     by trial and batch.
     """
-    return _summarise_groups(
-        concatenate(parts), ["truth", "sensors", "method"], _summarise_model_error
-    )
+    keys = ["truth", "sensors", "method"]
+    return summarise_groups(concatenate(parts), keys, _summarise_model_error)
 
 
 def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
@@ -96,7 +95,7 @@ def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
     fits = concatenate({name: part.assign(group=kinds[name]) for name, part in parts.items()})
     asked = fits.reindex(columns=["exact_support", "ok_and_wrong"]).astype(float)
     fits = fits.assign(**asked).fillna({"path": ""})
-    table = _summarise_groups(fits, ["group", "method", "path"], lambda own: {
+    table = summarise_groups(fits, ["group", "method", "path"], lambda own: {
         "fits": len(own), **status_counts(own), "seconds_median": own["seconds"].median(),
     })  # fmt: skip
     order = ["group", "method", "fits"]
@@ -110,7 +109,7 @@ def published_terms(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     `galloping.trials.published.exact_terms`.
     """
     keys = ["system", "duration", "level", "method"]
-    return _summarise_groups(concatenate(parts), keys, _summarise_exact_terms)
+    return summarise_groups(concatenate(parts), keys, _summarise_exact_terms)
 
 
 def published_intervals(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -119,17 +118,20 @@ def published_intervals(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     There is a row for each coefficient, number of samples and method. parts: fits of
     `galloping.trials.published.relaxation_intervals`.
     """
-    return _summarise_groups(
-        concatenate(parts), ["case", "samples", "method"], _summarise_intervals
-    )
+    keys = ["case", "samples", "method"]
+    return summarise_groups(concatenate(parts), keys, _summarise_intervals)
 
 
-def _summarise_groups(
-    fits: pd.DataFrame, keys: list[str], summary: Callable[[pd.DataFrame], dict[str, object]]
+def summarise_groups(
+    fits: pd.DataFrame,
+    keys: list[str],
+    summarise: Callable[[pd.DataFrame], Mapping[str, object]],
+    sort: bool = True,
 ) -> pd.DataFrame:
+    """Tabulate a summary of each group of fits, such as those of a method, after its keys."""
     return pd.DataFrame(
-        dict(zip(keys, names, strict=True)) | summary(group)
-        for names, group in fits.groupby(keys, sort=True)
+        {**dict(zip(keys, names, strict=True)), **summarise(group)}
+        for names, group in fits.groupby(keys, sort=sort)
     )
 
 
