@@ -62,23 +62,18 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
     dot = parts.key(ours, color=OURS, marker="o", ms=4, ls="-")
     share = parts.key("95 % interval of a share", color=OURS, ls="-", lw=1.0)
     parts.legend(figure, star, dot, share)
-    inside = (
-        (numbers["low"] <= numbers["printed"]) & (numbers["printed"] <= numbers["high"])
-    ).sum()
-    figure.set_label(
-        f"{inside} of {len(numbers)} printed errors lie within the 5 to 95 % range; a bound on R² "
-        f"is satisfied by {np.min(shares):.0f} to {np.max(shares):.0f} % of the realisations"
-        if len(numbers) and len(bounds)
-        else ""
-    )
+    if len(numbers) and len(bounds):
+        inside = numbers["printed"].between(numbers["low"], numbers["high"]).sum()
+        figure.set_label(
+            f"{inside} of {len(numbers)} printed errors lie within the 5 to 95 % range; a bound on "
+            f"R² is satisfied by {shares.min():.0f} to {shares.max():.0f} % of the realisations"
+        )
     return figure
 
 
 def _shorten_claim(name: str) -> str:
-    for long, short in (("mean error of ", ""), ("amplitude error", "amplitude"),
-                        (" (first abstract)", ", abstract")):  # fmt: skip
-        name = name.replace(long, short)
-    return parts.typeset(name)
+    name = name.replace("mean error of ", "").replace("amplitude error", "amplitude")
+    return parts.typeset(name.replace(" (first abstract)", ", abstract"))
 
 
 def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:

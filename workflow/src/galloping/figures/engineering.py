@@ -58,14 +58,10 @@ def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapp
         _draw_orbits_of_case(axes, settings["cases"][name], orbits[name], reach)
         axes.set_ylabel("" if k % columns else "vertical, m from rest")
     parts.legend(figure, columns=6, loc="outside lower center")
-    outside = {
-        name: wind
-        for name in names
-        if (wind := _first_outside(settings["cases"][name], orbits[name])) is not None
-    }
-    said = " and ".join(f"{wind:g} m/s ({spoken(name)})" for name, wind in outside.items())
-    if outside:
-        figure.set_label(f"The orbit leaves all design ellipses at {said}")
+    outside = {name: _first_outside(settings["cases"][name], orbits[name]) for name in names}
+    said = [f"{wind:g} m/s ({spoken(name)})" for name, wind in outside.items() if wind is not None]
+    if said:
+        figure.set_label(f"The orbit leaves all design ellipses at {' and '.join(said)}")
     elif all(set(orbits[name]) >= set(settings["winds"]) for name in names):
         figure.set_label("Every orbit stays within a design ellipse")
     return figure
@@ -131,16 +127,14 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
             reach = np.max(known, initial=least, where=np.isfinite(known))
             parts.rows(axes, labels)
             for place, value in enumerate(values):
-                is_known, text = np.isfinite(value[0]), _format_value(value[0])
-                if is_known:
+                text, end, color = _format_value(value[0]), 0.0, PAPER
+                if np.isfinite(value[0]):
                     text += " or never" if np.isposinf(value[2]) else ""
+                    end, color = np.nanmax(np.minimum(value, reach)), MODEL
                     limits = (-np.inf, reach)
                     parts.dot(axes, place, value, limits, MODEL, "o", 3.5, bar={"lw": 1.6})
-                axes.annotate(
-                    text, (np.nanmax(np.minimum(value, reach)) if is_known else 0.0, place),
-                    (5, 0), textcoords="offset points", va="center", size="small",
-                    color=MODEL if is_known else PAPER,
-                )  # fmt: skip
+                axes.annotate(text, (end, place), (5, 0), textcoords="offset points", va="center",
+                              size="small", color=color)  # fmt: skip
             axes.set(xlim=(-0.04 * reach, 1.4 * max(reach, 1e-3)))
         axes.axvline(limit, color=PAPER, lw=0.9, ls=(0, (4, 2)), label="clearance to keep")
     parts.legend(figure)
@@ -189,11 +183,11 @@ def write_animation(
 def write_still(path: str | os.PathLike, reason: str) -> None:
     """Write a GIF with a single frame that states why there is no motion to animate."""
     with styled(8):
-        _write_gif(path, parts.make_empty_figure(reason), lambda frame: (), range(1), [1])
+        _write_gif(path, parts.make_empty_figure(reason), lambda frame: None, range(1), [1])
 
 
 def _write_gif(
-    path: str | os.PathLike, figure: Figure, update: Callable[[int], tuple], frames: range,
+    path: str | os.PathLike, figure: Figure, update: Callable[[int], None], frames: range,
     durations: Sequence[float] | np.ndarray,
 ) -> None:  # fmt: skip
     """Write `frames` of a figure that `update` changes, with one common palette of few colours.
@@ -213,16 +207,14 @@ def _write_gif(
         images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
     with replacing(path) as partial:
         images[0].save(
-            partial,
-            "GIF",
-            save_all=True,
-            append_images=images[1:],
-            loop=0,
+            partial, "GIF", save_all=True, append_images=images[1:], loop=0,
             duration=[10 * int(each) for each in durations],
-        )
+        )  # fmt: skip
 
 
-def _prepare_scene(case: Mapping, states: np.ndarray, title: str) -> tuple:
+def _prepare_scene(
+    case: Mapping, states: np.ndarray, title: str
+) -> tuple[Figure, Callable[[int], None]]:
     line = Line.from_case(case)
     phi, psi = make_mode_shapes(case, line)
     s = positions(line.span)
@@ -248,11 +240,10 @@ def _prepare_scene(case: Mapping, states: np.ndarray, title: str) -> tuple:
     middle.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal",
                xlabel="downwind at mid-span, m", ylabel="vertical, m")  # fmt: skip
 
-    def update(frame: int) -> tuple:
+    def update(frame: int) -> None:
         v, w = states[frame, :2]
         side.set_ydata(rest + phi.shape * v)
         above.set_ydata(psi.shape * w)
         place.set_data([w], [v])
-        return side, above, place
 
     return figure, update

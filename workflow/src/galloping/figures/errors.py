@@ -66,8 +66,8 @@ class Quantity:
         """
         if self.is_r2:
             parts.prepare_r2(axes, self.label)
-            return
-        parts.prepare_log(axes, (limits[0] / 1.6, limits[1] * 1.6), self.label)
+        else:
+            parts.prepare_log(axes, (limits[0] / 1.6, limits[1] * 1.6), self.label)
 
     def say(self, value: float) -> str:
         """Format a value as text with its unit, or as 'no model' if it is not finite."""

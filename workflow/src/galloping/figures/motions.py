@@ -41,8 +41,7 @@ def draw_recovery(
     span = _last_window(true)
     for j, (axes, (state, name)) in enumerate(zip(upper, style.STATE_LABELS.items(), strict=True)):
         axes.plot(true.time, true.states[:, j], **TRUE_LINE, label="true")
-        label = "reconstructed"
-        axes.plot(motion.time, motion.representative[:, j], **MODEL_LINE, label=label)
+        axes.plot(motion.time, motion.representative[:, j], **MODEL_LINE, label="reconstructed")
         axes.set(xlim=span, ylabel=f"{name}, m")
         parts.letter(axes, j, f"{style.DIRECTIONS[state]}, {style.spoken(cases[0])}")
     upper[0].tick_params(labelbottom=False)
@@ -121,8 +120,7 @@ def _draw_history(axes: Axes, true: Motion, motion: Reconstruction) -> float:
     span = _last_window(true)
     inside, shown = ((each.time >= span[0]) & (each.time <= span[1]) for each in (true, motion))
     time, states = motion.time[shown], true.states[inside, 0]
-    curves = motion.representative, motion.low, motion.high
-    middle, low, high = (of[shown, 0] for of in curves)
+    middle, low, high = (c[shown, 0] for c in (motion.representative, motion.low, motion.high))
     parts.band(axes, time, low, high, "5th to 95th percentile")
     axes.plot(true.time[inside], states, **TRUE_LINE, label="true")
     axes.plot(time, middle, **MODEL_LINE, label="realisation with the median $R^2$")
@@ -211,17 +209,15 @@ def _draw_branches(
     irregular = simulated[simulated["kind"] == "irregular"]
     if len(irregular):
         ends = (irregular[f"{AMPLITUDES[direction]}_{end}_m"] for end in ("min", "max"))
-        label = "its range, not repeating"
-        axes.vlines(irregular["value"], *ends, color=style.PAPER, lw=1.2, label=label)
-    look: dict[str, Any] = {"ls": "", "ms": 3, "mfc": "white", "mec": style.PAPER, "mew": 0.8}
-    axes.plot(
-        simulated["value"], simulated[name], marker="o", label="long simulation", zorder=3, **look
-    )
+        axes.vlines(irregular["value"], *ends, color=style.PAPER, lw=1.2,
+                    label="its range, not repeating")  # fmt: skip
+    axes.plot(simulated["value"], simulated[name], ls="", marker="o", ms=3, mfc="white",
+              mec=style.PAPER, mew=0.8, zorder=3, label="long simulation")  # fmt: skip
     for kind, marker in MARKS.items():
         at = bifurcations[bifurcations["name"] == kind]
         if len(at):
-            look = {"ls": "", "ms": 5, "mfc": style.BAND, "mec": "k", "mew": 0.7, "zorder": 4}
-            axes.plot(at["value"], at[name], marker=marker, label=kind, **look)
+            axes.plot(at["value"], at[name], ls="", marker=marker, ms=5, mfc=style.BAND, mec="k",
+                      mew=0.7, zorder=4, label=kind)  # fmt: skip
 
 
 def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
@@ -232,12 +228,11 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
     table, such as 1000 for kN).
     """
     if len(table):  # without a map it has no such columns
-        over = {"x_parameter": "wind_speed", "y_parameter": "tension"}
-        turned = table.rename(
-            columns={"x": "y", "y": "x", "x_parameter": "y_parameter", "y_parameter": "x_parameter"}
-        )
-        table = parts.where(pd.concat([table, turned]), case=settings["case"], **over)
-        table = table.drop_duplicates(["x", "y"])
+        axes_swapped = {"x": "y", "y": "x", "x_parameter": "y_parameter",
+                        "y_parameter": "x_parameter"}  # fmt: skip
+        table = pd.concat([table, table.rename(columns=axes_swapped)])
+        table = parts.where(table, case=settings["case"], x_parameter="wind_speed",
+                            y_parameter="tension").drop_duplicates(["x", "y"])  # fmt: skip
     if table.empty:
         return parts.make_empty_figure("this study does not vary wind and tension together")
     table = table.assign(y=table["y"] / settings["y_scale"])

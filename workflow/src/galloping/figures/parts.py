@@ -85,7 +85,7 @@ def height(head: float, each: float, count: int) -> float:
 
 def case_grids(
     cases: Sequence[str], columns: int, head: float, each: float, sharex: bool = True
-) -> tuple[Figure, dict[str, np.ndarray]]:  # fmt: skip
+) -> tuple[Figure, dict[str, np.ndarray]]:
     """Create a figure with a titled row of panels for each simulated line.
 
     A case is a line in a wind. head, each: inches, besides the rows and of a row, as in `height`.
@@ -199,15 +199,14 @@ def series(
     alone.
     """
     style, look = method_style(method), line_look(method)
-    heights = np.asarray(values, float)
-    inside, low, high = np.clip(heights, *limits)
+    inside, low, high = np.clip(values, *limits)
     if not style.marker:
         dash = "_" if len(x) == 1 else ""  # a line needs two points
         axes.plot(x, inside, **look | {"markersize": 14}, marker=dash, zorder=4.5)
         return
     axes.vlines(x, low, high, color=style.color, lw=0.9)
     axes.plot(x, inside, **look, zorder=2 + style.weight)
-    points(axes, x, heights[0], limits, style.color, style.marker, look["markersize"])
+    points(axes, x, values[0], limits, style.color, style.marker, look["markersize"])
 
 
 def points(
@@ -333,9 +332,6 @@ def legend(
             named.setdefault(label, handle)
     if named.pop(BEYOND, None):
         named[BEYOND] = key(BEYOND, marker="v", mfc="white", mec="k", mew=0.7)
-    look: dict[str, Any] = {
-        "loc": loc, "ncols": columns, "columnspacing": 1.4, "handlelength": 2.4
-    } | options  # fmt: skip
+    look = {"loc": loc, "ncols": columns, "columnspacing": 1.4, "handlelength": 2.4} | options
     if named:
-        handles: list[Any] = list(named.values())
-        figure.legend(handles, list(named), **look)
+        figure.legend(list(named.values()), list(named), **look)

@@ -14,7 +14,7 @@ from urllib.parse import quote
 
 import pandas as pd
 from docutils.core import publish_parts
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from galloping.report.data_dictionary import meaning
@@ -49,8 +49,8 @@ class Item:
         """Title of the figure, from its SVG file or its label, with its number in the paper."""
         found = TITLE.search(self._svg_text)
         text = unescape(found[1]) if found else self.label
-        number = OF_PAPER.fullmatch(self.name)
         text = text[:1].upper() + text[1:]
+        number = OF_PAPER.fullmatch(self.name)
         return f"Figure {int(number[1])}. {text}" if number else text
 
     @property
@@ -76,9 +76,8 @@ class Item:
     @property
     def width(self) -> str:
         """Width of an SVG figure on the page as a CSS length; '' for other files."""
-        return (
-            f"{ENLARGED * self._width_in_points:.0f}px" if isfinite(self._width_in_points) else ""
-        )
+        points = self._width_in_points
+        return f"{ENLARGED * points:.0f}px" if isfinite(points) else ""
 
     @property
     def uri(self) -> Markup:
@@ -122,12 +121,10 @@ def render(page: Mapping) -> str:
     figures. versions: of Python and the libraries, by name.
     """
     environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    template = environment.from_string(
-        Path(__file__).with_name("page.html.jinja").read_text(encoding="utf-8")
-    )
-    return template.render(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    return environment.get_template("page.html.jinja").render(
         page=page,
         titles=PARTS,
         anchors={f"table-{item.name}" for item in page["tables"]},
