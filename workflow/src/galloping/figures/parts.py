@@ -332,6 +332,7 @@ def legend(
             named.setdefault(label, handle)
     if named.pop(BEYOND, None):
         named[BEYOND] = key(BEYOND, marker="v", mfc="white", mec="k", mew=0.7)
-    look = {"loc": loc, "ncols": columns, "columnspacing": 1.4, "handlelength": 2.4} | options
+    look: dict[str, Any] = {"loc": loc, "columnspacing": 1.4, "handlelength": 2.4} | options
     if named:
-        figure.legend(list(named.values()), list(named), **look)
+        handles: list[Any] = list(named.values())
+        figure.legend(handles, list(named), ncols=columns, **look)

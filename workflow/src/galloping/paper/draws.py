@@ -98,12 +98,8 @@ class DerivativeNoise(_Noise):
             if points <= n / 2:
                 gram, moments = self._products_of_rows(kept)
             else:
-                gram, moments = (
-                    a - b
-                    for a, b in zip(
-                        self._whole_products, self._products_of_rows(~kept), strict=True
-                    )
-                )
+                other_gram, other_moments = self._products_of_rows(~kept)
+                gram, moments = gram - other_gram, moments - other_moments
         sigma = level * self.unit
         shape = draws, len(sigma), p
         noise = rng.standard_normal(shape) @ np.linalg.cholesky(gram).T
@@ -152,9 +148,8 @@ class VelocityNoise(_Noise):
         lengths = self._column_lengths
         grams, moments, squares = (np.stack(each) for each in zip(*parts, strict=True))
         grams, moments = grams / lengths / lengths[:, np.newaxis], moments / lengths
-        explained = np.sum(
-            np.linalg.solve(grams, moments.swapaxes(1, 2)).swapaxes(1, 2) * moments, axis=2
-        )
+        combinations = np.linalg.solve(grams, moments.swapaxes(1, 2)).swapaxes(1, 2)
+        explained = np.sum(combinations * moments, axis=2)
         across = np.sqrt(np.maximum(squares - explained, 0))
         return Products(lengths, grams, moments, across, points)
 

@@ -62,12 +62,9 @@ class QuickStudy:
         cells, models = self.amounts.cells, []
         for _, level, points in cells:
             shared = count if points >= len(self.motion.time) else SHARING
-            models += [
-                identify_coefficients(
-                    noisy.draw(level, points, rng, min(shared, count - k)), method
-                )
-                for k in range(0, count, shared)
-            ]
+            for k in range(0, count, shared):
+                products = noisy.draw(level, points, rng, min(shared, count - k))
+                models.append(identify_coefficients(products, method))
         found = np.concatenate(models)
         if method.kinematics == KNOWN:
             rows = [row for row in range(found.shape[1]) if row not in score.DYNAMIC_ROWS]

@@ -39,21 +39,14 @@ UNKNOWNS = (
     Unknown("wind_speed", 1, 30, "m/s", "wind speed", ("wind", "speed")),
     Unknown("damping_vertical", 1e-4, 0.03, "1", "vertical damping", ("damping", "vertical")),
     Unknown("damping_horizontal", 1e-4, 0.03, "1", "horizontal damping", ("damping", "horizontal")),
-    Unknown(
-        "initial_vertical", 0.02, 3, "m", "initial vertical displacement", ("initial_state", "q_v")
-    ),
-    Unknown(
-        "initial_horizontal",
-        0.02,
-        3,
-        "m",
-        "initial horizontal displacement",
-        ("initial_state", "q_w"),
-    ),
+    Unknown("initial_vertical", 0.02, 3, "m", "initial vertical displacement",
+            ("initial_state", "q_v")),
+    Unknown("initial_horizontal", 0.02, 3, "m", "initial horizontal displacement",
+            ("initial_state", "q_w")),
     # one sub-conductor to more than the bundle's spacing
     Unknown("bundle_dimension", 0.0276, 0.6, "m", "bundle dimension", ("bundle", "dimension")),
     Unknown("threshold", 1e-4, 0.1, "1", "threshold", ()),
-)
+)  # fmt: skip
 NAMES = tuple(unknown.name for unknown in UNKNOWNS)
 LABELS = {unknown.name: unknown.label for unknown in UNKNOWNS}
 LOW, HIGH = (np.log([getattr(u, end) for u in UNKNOWNS]) for end in ("low", "high"))

@@ -13,11 +13,10 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from galloping.line.galerkin import STATES
 from galloping.model.intervals import decay_interval
 from galloping.model.modes import Modes
-from galloping.model.polynomial import polynomial_library
 from galloping.recording.samples import Recording
 from galloping.streams import make_generator
 from galloping.trials.attempts import identified_by
-from galloping.trials.real_lines import DEGREE, NOISE, start_row
+from galloping.trials.real_lines import NOISE, TERMS, start_row
 
 FREQUENCIES, DAMPING = (0.4, 1.0), (0.003, 0.02)  # Hz; ratio to critical
 DURATIONS, RATES = (300.0, 1200.0), (5.0, 25.0)  # s, Hz
@@ -121,15 +120,13 @@ def trial(
         motion = RandomMotion.drawn(make_generator(seed, "ambient", case, replicate))
         (true, _), bound = decays(motion.system, ()), motion.least_errors()
         for method, settings in methods.items():
-            terms, name = polynomial_library(len(STATES), DEGREE), ("ambient", case, str(replicate))
-            found, answer = identified_by({method: settings}, [motion.recording], terms, name)
+            name = ("ambient", case, str(replicate))
+            found, answer = identified_by({method: settings}, [motion.recording], TERMS, name)
             row = start_row(case, "displacements", replicate, seed, answer)
             if found.is_forced:
                 places = np.argwhere(found.support)
                 exponents: np.ndarray = np.array(found.model.terms)[places[:, 1]]
-                moved = [
-                    (i, np.flatnonzero(e)) for (i, _), e in zip(places, exponents, strict=True)
-                ]
+                moved = list(zip(places[:, 0], map(np.flatnonzero, exponents), strict=True))
                 said, slopes = decays(found.model.jacobian(np.zeros((1, 4)))[0], moved)
                 errors = np.sqrt(np.einsum("mi,ij,mj->m", slopes, found.covariance, slopes))
                 lasted, held = float(found.diagnostics["duration"]), []

@@ -91,9 +91,8 @@ def fits(
     for attempt in attempts:
         true, name = attempt.true, list(map(str, attempt.columns.values()))
         for method, settings in methods.items():
-            result, answer = identified_by(
-                {method: settings}, [attempt.recording], true.terms, name
-            )
+            recordings = [attempt.recording]
+            result, answer = identified_by({method: settings}, recordings, true.terms, name)
             row = against_truth(true, result)
             weakest, error = np.nan, np.nan
             if attempt.deviations is not None and np.any(np.isfinite(attempt.deviations)):
@@ -208,12 +207,10 @@ def against_truth(true: PolynomialModel, result: IdentifiedModel) -> dict[str, o
     present, is_model = result.support, result.status != "refused"
     trusting, errors = result.standard_errors, result.unconditional_errors
     distance = np.abs(result.model.coefficients - true.coefficients)
-    both = terms & present
+    is_large, both = np.abs(true.coefficients) > result.detection_limits, terms & present
     counted = {
         "spurious_terms": present & ~terms,
-        "missing_above_limit": (
-            terms & ~present & (np.abs(true.coefficients) > result.detection_limits)
-        ),
+        "missing_above_limit": terms & ~present & is_large,
         "beyond_4_standard_errors": present & (distance > FAR * errors),
         "beyond_4_standard_errors_given_terms": present & (distance > FAR * trusting),
         "terms": terms,
@@ -222,10 +219,8 @@ def against_truth(true: PolynomialModel, result: IdentifiedModel) -> dict[str, o
         "covered_unconditional": terms & (distance <= NORMAL_95 * errors),
     }
     counts = {name: int(np.sum(which & is_model)) for name, which in counted.items()}
-    wrong = any(
-        counts[name]
-        for name in ("spurious_terms", "missing_above_limit", "beyond_4_standard_errors")
-    )
+    faults = ("spurious_terms", "missing_above_limit", "beyond_4_standard_errors")
+    wrong = any(counts[name] for name in faults)
     ratios = (errors / trusting)[present & is_model]
     return {
         "exact_support": bool(np.array_equal(present, terms)),

@@ -18,6 +18,7 @@ from galloping.trials.attempts import draw_log_uniform, identified_by
 from galloping.trials.real_lines import DEGREE, start_row
 
 STATES = ("q", "dq")
+TERMS = polynomial_library(len(STATES), DEGREE)
 SENSORS = ("displacement", "acceleration")
 FREQUENCIES, DAMPING = (0.05, 50.0), (0.001, 0.03)  # Hz, of the first mode; ratio to critical
 SECOND = (0.002, 0.1)  # amplitude of the second mode over that of the first, in what is measured
@@ -101,11 +102,8 @@ def trial(
     for replicate in replicates:
         decay = FreeDecay.drawn(make_generator(seed, "free_decays", case, replicate))
         for method, settings in methods.items():
-            terms, name = (
-                polynomial_library(len(STATES), DEGREE),
-                ("free_decays", case, str(replicate)),
-            )
-            found, answer = identified_by({method: settings}, [decay.recording], terms, name)
+            name = ("free_decays", case, str(replicate))
+            found, answer = identified_by({method: settings}, [decay.recording], TERMS, name)
             row = start_row(case, decay.sensor, replicate, seed, answer)
             yield row | (_judge_decay(decay, found) if found.status != "refused" else {})
 

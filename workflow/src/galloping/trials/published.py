@@ -93,8 +93,12 @@ def systems(
         if trajectory.status != "ok":
             raise ValueError(f"{case}: {trajectory.status}")
         x = trajectory.states
+        pieces = PERIODS // REMEMBERED if system.chaotic else 1
+        parts = np.array_split(np.arange(count), pieces)
         for level in levels:
-            deviations = _bound_deviations(system, true, time, x, level)
+            sigma = level * x.std(axis=0)
+            experiments = [Experiment(x[part[0]], time[part], sigma) for part in parts]
+            deviations = _bound_deviations(true, experiments)
             for replicate in replicates:
                 columns = {
                     "system": case, "states": len(true.states), "samples": count,
@@ -103,14 +107,8 @@ def systems(
                 yield replace(simulate_recording(columns, true, time, x), deviations=deviations)
 
 
-def _bound_deviations(
-    system: PublishedSystem, true: PolynomialModel, time: np.ndarray, x: np.ndarray, level: float
-) -> np.ndarray:
+def _bound_deviations(true: PolynomialModel, experiments: list[Experiment]) -> np.ndarray:
     """Compute deviations at the Cramér-Rao bound, (n_states, n_terms), NaN for absent terms."""
-    sigma = level * x.std(axis=0)
-    pieces = PERIODS // REMEMBERED if system.chaotic else 1
-    parts = np.array_split(np.arange(len(time)), pieces)
-    experiments = [Experiment(x[part[0]], time[part], sigma) for part in parts]
     return on_library(true, state_bound(true, np.argwhere(true.support), experiments))
 
 
@@ -137,9 +135,8 @@ def exact_terms(
     system, step = SETTINGS[case]
     true = system.model
     time = step * np.arange(round(LONGEST[case] / step), dtype=np.float64)
-    motion = Simulator(true.states, true.terms)(
-        true, np.array(system.start, np.float64), time
-    ).states
+    start = np.array(system.start, np.float64)
+    motion = Simulator(true.states, true.terms)(true, start, time).states
     for duration in durations:
         rows = slice(round(duration / step))
         for level in levels:
@@ -147,14 +144,13 @@ def exact_terms(
             columns = {
                 "group": GROUP, "system": case, "duration": duration, "level": level, "seed": seed,
             }  # fmt: skip
-            experiment = Experiment(motion[0], time[rows], sigma)
-            bound = state_bound(true, np.argwhere(true.support), [experiment])
+            deviations = _bound_deviations(true, [Experiment(motion[0], time[rows], sigma)])
             for replicate in replicates:
                 named = columns | {"replicate": replicate}
                 rng = make_generator(*_noise_seed(named))
                 noise = sigma * rng.standard_normal(motion[rows].shape)
                 recording = Recording(time[rows], true.states, motion[rows] + noise)
-                yield Attempt(named, true, recording, on_library(true, bound))
+                yield Attempt(named, true, recording, deviations)
 
 
 def relaxation_intervals(

@@ -27,6 +27,7 @@ from galloping.trials.attempts import identified_by
 
 CASE = "internal_resonance"
 DEGREE = 3
+TERMS = polynomial_library(len(STATES), DEGREE)
 NOISE = 0.05  # of a sensor, relative to the standard deviation of what it reads
 DURATION, RATE = 300, 100  # s, Hz
 STEADY = 200  # s, from where amplitudes are read
@@ -197,11 +198,7 @@ def trial(
     time = np.arange(DURATION * RATE + 1) / RATE
     line = line_of(parameters, truth)
     inputs = (SPEED,) if truth.wind else ()
-    terms = (
-        parse_library(f"wind({SPEED})", STATES, inputs)[0]
-        if truth.wind
-        else polynomial_library(len(STATES), DEGREE)
-    )
+    terms = parse_library(f"wind({SPEED})", STATES, inputs)[0] if truth.wind else TERMS
     whole = PolynomialModel(STATES, terms, np.ones((len(STATES), len(terms))), inputs)
     steady_terms = whole.at(dict.fromkeys(inputs, line.speed)).terms
     simulator = Simulator(STATES, steady_terms)
@@ -235,18 +232,17 @@ def trial(
             if identified.status != "refused":
                 draws = make_generator(seed, "model_error", case, replicate, method)
                 held = identified.at(dict.fromkeys(inputs, line.speed))
-                row |= _judge_values(
-                    *predict_quantities(held, steady[0], time, simulator, draws), true
-                )
+                values, widths = predict_quantities(held, steady[0], time, simulator, draws)
+                row |= _judge_values(values, widths, true)
                 row["terms"] = int(identified.support.sum())
                 forecasts = partial(driven, inputs=unseen_wind)
                 row["forecast_r2"] = forecast_r2(identified.model, unseen, time, forecasts)
                 if others:
                     row["other_winds_error_percent"] = max(
                         _amplitude_error(
-                            identified.model.at({SPEED: speed}), steady[0], time, amplitude
+                            identified.model.at({SPEED: u}), steady[0], time, amplitude
                         )
-                        for speed, amplitude in others.items()
+                        for u, amplitude in others.items()
                     )
             yield row
 

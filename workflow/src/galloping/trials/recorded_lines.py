@@ -89,17 +89,14 @@ def of_the_default_line(
     """
     line = default_line()
     states = line.states
-    for protocol in protocols:
-        for level in levels:
-            columns = {"group": DEFAULT, "case": case, "protocol": protocol, "level": level}
-            made = [
-                simulate_recording(
-                    columns | {"seed": seed, "replicate": r}, line.model, line.time, states
-                )
-                for r in replicates
-            ]
-            deviations = deviations_at_the_bound(made[0], states)
-            yield from (replace(each, deviations=deviations) for each in made)
+    for protocol, level in product(protocols, levels):
+        named = {"group": DEFAULT, "case": case, "protocol": protocol, "level": level, "seed": seed}
+        made = [
+            simulate_recording(named | {"replicate": r}, line.model, line.time, states)
+            for r in replicates
+        ]
+        deviations = deviations_at_the_bound(made[0], states)
+        yield from (replace(each, deviations=deviations) for each in made)
 
 
 def draw(rng: np.random.Generator) -> tuple[dict, np.ndarray]:
@@ -160,17 +157,15 @@ def of_random_lines(
     for duration, number in product(durations, replicates):
         time = time_grid(duration, RATE)
         true, motions = next(lines(make_generator(seed, "random line", number), simulator, time))
-        for protocol in protocols:
-            for level in levels:
-                for release, states in enumerate(motions):
-                    columns = {
-                        "group": RANDOM, "case": case, "protocol": protocol, "level": level,
-                        "seed": seed, "replicate": number, "release": release,
-                    }  # fmt: skip
-                    attempt = simulate_recording(columns, true, time, states)
-                    deviations = deviations_at_the_bound(attempt, states)
-                    columns |= {"duration": duration}  # on which the noise does not depend
-                    yield replace(attempt, columns=columns, deviations=deviations)
+        for protocol, level, (release, states) in product(protocols, levels, enumerate(motions)):
+            columns = {
+                "group": RANDOM, "case": case, "protocol": protocol, "level": level,
+                "seed": seed, "replicate": number, "release": release,
+            }  # fmt: skip
+            attempt = simulate_recording(columns, true, time, states)
+            deviations = deviations_at_the_bound(attempt, states)
+            columns |= {"duration": duration}  # on which the noise does not depend
+            yield replace(attempt, columns=columns, deviations=deviations)
 
 
 @trial_of
@@ -268,7 +263,7 @@ def _add_random_force(line, size, noise, rng):
     knots = np.arange(0.0, DURATION + 1.0, 1.0 / FORCE_RATE)
     rms = np.sqrt(np.mean(line.model(line.states)[:, 2:] ** 2, axis=0))
     force = size * rms * rng.standard_normal((len(knots), 2))
-    still = PolynomialModel(line.model.states, line.model.terms, 0.0 * line.model.coefficients)
+    still = replace(line.model, coefficients=0.0 * line.model.coefficients)
     return line.time, _simulate_driven(line, still, knots, np.zeros(len(knots)), force) + noise
 
 
@@ -279,25 +274,22 @@ def _add_gusts(line, size, noise, rng):
     gusts = {**line.case["truth"]["gusts"], "intensity": size}
     speed = wind_speed(knots, mean=mean, rng=rng, **gusts)
     step = 1e-3
-    at = [
+    slower, faster = (
         make_model(
-            coefficients({**line.case, "wind": {**line.case["wind"], "speed": mean * factor}})
+            coefficients({**line.case, "wind": {**line.case["wind"], "speed": mean * share}})
         )
-        for factor in (1.0 - step, 1.0 + step)
-    ]
-    slope = (at[1].coefficients - at[0].coefficients) / (2.0 * step)
-    change = PolynomialModel(line.model.states, line.model.terms, slope)
+        for share in (1.0 - step, 1.0 + step)
+    )
+    slope = (faster.coefficients - slower.coefficients) / (2.0 * step)
+    change = replace(line.model, coefficients=slope)
     no_force = np.zeros((len(knots), 2))
     return line.time, _simulate_driven(line, change, knots, speed / mean - 1.0, no_force) + noise
 
 
 def _simulate_driven(
-    line: MovingLine,
-    change: PolynomialModel,
-    knots: np.ndarray,
-    share: np.ndarray,
+    line: MovingLine, change: PolynomialModel, knots: np.ndarray, share: np.ndarray,
     force: np.ndarray,
-) -> np.ndarray:
+) -> np.ndarray:  # fmt: skip
     """Simulate the motion, (n, 4), of a model that varies by `share` (n_knots,) of `change`.
 
     force: (n_knots, 2) additional accelerations. Both are linear between the times `knots`.
@@ -308,9 +300,7 @@ def _simulate_driven(
     step = 1.0 / FORCE_RATE / SUBSTEPS
     times = step * np.arange(SUBSTEPS * (len(knots) - 1) + 1)
     halves = step / 2.0 * np.arange(2 * len(times) - 1)
-    inputs = np.column_stack(
-        [np.interp(halves, knots, column) for column in np.column_stack([share, force]).T]
-    )
+    inputs = np.column_stack([np.interp(halves, knots, column) for column in (share, *force.T)])
 
     def rate(x: np.ndarray, u: np.ndarray) -> np.ndarray:
         dx = (steady + u[0] * varied) @ design_matrix(x[None], terms)[0]
