@@ -39,11 +39,9 @@ def sensitivities(
     if model.inputs:
         checked = check_inputs(model, inputs or {}, time)
         measured = [one for one in checked.values() if isinstance(one, Input)]  # all are
-        most = EQUAL_STEPS * max_steps(time)
+        step, most = first_step(measured), EQUAL_STEPS * max_steps(time)
         try:
-            states, moved, _ = solve_driven(
-                model, measured, start, time, first_step(measured), most, free
-            )
+            states, moved, _ = solve_driven(model, measured, start, time, step, most, free)
         except FloatingPointError:
             raise ValueError(diverges) from None
     else:
@@ -238,12 +236,11 @@ def bounds_of(
     for motion, noise in zip(motions, noises, strict=True):
         check_noise(motion.names, noise)
     # a motion is followed once: to be free where it starts is to be free where samples begin
-    whole = [
-        weighted_sensitivities(
-            model, free, Experiment(motion.states[0], motion.time, noise.states, rate)
-        )
+    experiments = [
+        Experiment(motion.states[0], motion.time, noise.states, rate)
         for motion, noise, rate in zip(motions, noises, rates, strict=True)
     ]
+    whole = [weighted_sensitivities(model, free, each) for each in experiments]
     totals = (
         sum(
             (fisher_information(s[k], len(free)) for s, k in zip(whole, rows, strict=True)),

@@ -14,6 +14,7 @@ from galloping.line.galerkin import EQUATIONS
 from galloping.model.intervals import IDENTIFIABLE, draw_normal
 from galloping.model.polynomial import PolynomialModel, term_name
 from galloping.recording.measurement import Motion, Noise, noises_of, recordings_of
+from galloping.results import DISPLACEMENT_COLUMNS
 from galloping.streams import make_generator
 from galloping.trajectory.simulation import Simulator
 
@@ -27,11 +28,11 @@ def at_the_bound(
     the candidate library lacks. If there are any, or the data leave a coefficient undetermined,
     there is no such method, and no model.
     """
-    if lacking or not np.all(np.isfinite(found.covariance)):
-        if lacking:
-            why = Finding.of(Code.TERMS_NOT_IN_LIBRARY, terms=", ".join(lacking))
-        else:
-            why = Finding.of(Code.TERM_UNDETERMINED)
+    if lacking:
+        why = Finding.of(Code.TERMS_NOT_IN_LIBRARY, terms=", ".join(lacking))
+        return IdentifiedModel.refused(model.states, model.terms, [why])
+    if not np.all(np.isfinite(found.covariance)):
+        why = Finding.of(Code.TERM_UNDETERMINED)
         return IdentifiedModel.refused(model.states, model.terms, [why])
     coefficients, free = model.coefficients.copy(), tuple(found.free.T)
     coefficients[free] = draw_normal(coefficients[free], found.covariance, 1, rng)[0]
@@ -107,14 +108,14 @@ def ranked_releases(
         return []
     simulator = Simulator(line.states, line.terms)
     free = cramer_rao.free_terms(line, tuple(EQUATIONS))
-    rows: list[dict] = []
     try:
         before = _noisy_information(line, free, first.time, first.states, level)
     except ValueError:  # the line diverges or does not move
-        return rows
-    for state, height in product(("q_v", "q_w"), heights):
+        return []
+    rows: list[dict] = []
+    for state, height in product(DISPLACEMENT_COLUMNS, heights):
         start = first.states[0].copy()
-        start[line.states.index(state)] = height
+        start[DISPLACEMENT_COLUMNS[state]] = height
         motion = simulator(line, start, first.time)
         if motion.status != "ok":
             continue

@@ -100,10 +100,8 @@ def score(
     if not truth.is_own_model:
         numbers = dict.fromkeys(numbers, np.nan)
     columns = list(DISPLACEMENT_COLUMNS.values())
-    true, moved, steady_moved = (
-        states[:, columns]
-        for states in (truth.states, motion.states, motion.states[truth.steady_rows])
-    )
+    true, moved = truth.states[:, columns], motion.states[:, columns]
+    steady_moved = moved[truth.steady_rows]
     whole = r_squared(true, moved)
     steady = r_squared(true[truth.steady_rows], steady_moved)
     amplitude = _relative_error(steady_amplitude, truth.amplitude, steady_moved)
@@ -117,8 +115,8 @@ def score(
         numbers[f"frequency_error_{name}_percent"] = 100 * frequency[k]
     if truth.status != "ok":
         numbers = dict.fromkeys(numbers, np.nan)
-    described = {"status": result.status, "findings": result.codes}
-    return {"motion": motion.status, **described, **numbers}
+    described = {"motion": motion.status, "status": result.status, "findings": result.codes}
+    return described | numbers
 
 
 def _relative_error(measure, expected: np.ndarray, model: np.ndarray) -> np.ndarray:
@@ -167,14 +165,13 @@ def reconstruction(
 def reconstruct(truth: Truth, replicates: Sequence[IdentifiedModel]) -> list[Trajectory]:
     """Simulate each identified model from the true initial state."""
     simulator = Simulator(truth.model.states, replicates[0].model.terms)
+    nowhere = np.full_like(truth.states, np.nan)
     motions = []
     for identified in replicates:
-        refusal = identified.verdict if identified.status == "refused" else ""
         if truth.status != "ok":
-            refusal = f"the line itself {truth.status}"
-        if refusal:
-            nowhere = np.full_like(truth.states, np.nan)
-            motions.append(Trajectory(truth.time, nowhere, refusal))
+            motions.append(Trajectory(truth.time, nowhere, f"the line itself {truth.status}"))
+        elif identified.status == "refused":
+            motions.append(Trajectory(truth.time, nowhere, identified.verdict))
         else:
             motions.append(simulator(identified.model, truth.states[0], truth.time))
     return motions
@@ -206,11 +203,8 @@ def support_scores(true: PolynomialModel, coefficients: np.ndarray) -> dict[str,
     hit = int(np.sum(found & true.support))
     missing = int(np.sum(true.support & ~found))
     spurious = int(np.sum(found & ~true.support))
-    return {
-        "missing": missing,
-        "spurious": spurious,
-        "true_positive_ratio": hit / (hit + missing + spurious),
-    }
+    ratio = hit / (hit + missing + spurious)
+    return {"missing": missing, "spurious": spurious, "true_positive_ratio": ratio}
 
 
 def relative_norm_error(true: PolynomialModel, coefficients: np.ndarray) -> float:

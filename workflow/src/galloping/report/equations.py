@@ -25,9 +25,7 @@ def side_by_side(table: pd.DataFrame, labels: Mapping[str, str]) -> dict[str, di
         fits = dict(list(of_equation.groupby(FIT, sort=False)))
         heads = [_format_head(method, level, labels) for _, method, level in fits]
         if len(set(heads)) < len(heads):
-            heads = [
-                f"{head}, {protocol}" for head, (protocol, *_) in zip(heads, fits, strict=True)
-            ]
+            heads = [f"{head}, {fit[0]}" for head, fit in zip(heads, fits, strict=True)]
         own = true[true["equation"] == equation].drop_duplicates("term")
         found[equation] = {
             "heads": heads,

@@ -19,7 +19,7 @@ from galloping.paper.claims import (
     Claim,
     format_percent,
 )
-from galloping.paper.unknowns import LABELS, UNKNOWNS
+from galloping.paper.unknowns import LABELS, NAMES, UNKNOWNS
 from galloping.tables.inference import NEAR
 
 STATES = {"vertical": "q_v", "horizontal": "q_w"}
@@ -82,7 +82,7 @@ def count_unfitted(paper: pd.DataFrame, region: pd.DataFrame | None, study: Mapp
     ranges = region.drop_duplicates("unknown").set_index("unknown")[["low", "high"]]
     threshold = study["identification"]["paper"]["threshold"]
     values = [reduce(getitem, u.path, line) if u.path else threshold for u in UNKNOWNS]
-    low, high = ranges.reindex([u.name for u in UNKNOWNS]).to_numpy().T
+    low, high = ranges.reindex(NAMES).to_numpy().T
     own = np.array(values, float)
     return int(np.sum(~((own >= low) & (own <= high))))
 
@@ -111,22 +111,19 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None, unfitted:
             "the paper."
         )
     if region is not None:
-        first = region.drop_duplicates("unknown").set_index("unknown")["verdict"]
-        count = int((first.reindex([u.name for u in UNKNOWNS]) == "left open").sum())
+        verdicts = region.drop_duplicates("unknown").set_index("unknown")["verdict"]
+        count = int((verdicts.reindex(NAMES) == "left open").sum())
         which = "all" if count == len(UNKNOWNS) else f"{count} of the"
         text += f" The claims determine these numbers poorly: for {which} {len(UNKNOWNS)}, the "
         text += f"largest plausible value is at least {NEAR} times the smallest."
     joint = paper[paper["role"] == "joint"]
-    if len(joint):
-        first = joint[joint["case"] == joint["case"].iloc[0]].to_dict("records")
-        for row in first:
-            count = int(re.findall(r"\d+", row["claim"])[0])
-            text += f" {format_percent(row['share_met'])} of the noise realisations satisfy "
-            text += (
-                f"all {count} claims about noisy recordings that are not printed errors."
-                if "except" in row["claim"]
-                else f"all {count} bounds of R2."
-            )
+    first = next(iter(joint["case"]), "")
+    for row in joint[joint["case"] == first].to_dict("records"):
+        count = int(re.findall(r"\d+", row["claim"])[0])
+        claims = "claims about noisy recordings that are not printed errors"
+        which = claims if "except" in row["claim"] else "bounds of R2"
+        text += f" {format_percent(row['share_met'])} of the noise realisations satisfy all "
+        text += f"{count} {which}."
     numbers = paper[(paper["role"] == "counted") & paper["spread"].notna()]
     wide = int((~(numbers["spread"] < WIDE)).sum())
     if wide:

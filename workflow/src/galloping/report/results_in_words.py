@@ -29,16 +29,14 @@ def on_methods(
     protocol: that of its sensors. noise_unit: of the noise levels of these. labels: of methods. A
     sentence whose rows are missing is left out.
     """
-    about = {"case": case, "protocol": protocol}
+    about = {"case": case, "protocol": protocol, "noise_unit": noise_unit}
     sentences: list[str] = []
     if {"efficiency", "peers"} <= set(tables):
-        efficiency, peers = tables["efficiency"], tables["peers"]
-        sentences.append(_from_sensors(efficiency, peers, labels, **about, noise_unit=noise_unit))
-        sentences.append(_least_data(efficiency, **about, noise_unit=noise_unit))
+        efficiency = tables["efficiency"]
+        sentences.append(_from_sensors(efficiency, tables["peers"], labels, **about))
+        sentences.append(_least_data(efficiency, **about))
     if "noise_r2" in tables:
-        sentences.append(
-            _describe_reconstruction(tables["noise_r2"], **about, noise_unit=noise_unit)
-        )
+        sentences.append(_describe_reconstruction(tables["noise_r2"], **about))
     if "identifiability" in tables:
         table = tables["identifiability"]
         sentences.append(_describe_identifiability(table, protocol, noise_unit))
@@ -86,12 +84,12 @@ def inferred(region: pd.DataFrame) -> list[str]:
 
     region: paper_region.csv.
     """
-    named = {
-        verdict: ", ".join(LABELS.get(name, name) for name in of["unknown"])
-        for verdict, of in region.groupby("verdict")
-    }
     told, unsure, left = (
-        named.get(name, "nothing") for name in ("determined", "undecided", "left open")
+        ", ".join(
+            LABELS.get(name, name) for name in region[region["verdict"] == verdict]["unknown"]
+        )
+        or "nothing"
+        for verdict in ("determined", "undecided", "left open")
     )
     return [
         f"The paper's printed numbers determine: {told}. They leave open: {left}. Too few "
@@ -110,13 +108,9 @@ def _of_single_recordings(efficiency: pd.DataFrame, case: str, protocol: str) ->
 
 
 def _from_sensors(
-    efficiency: pd.DataFrame,
-    peers: pd.DataFrame,
-    labels: Mapping[str, str],
-    case: str,
-    protocol: str,
-    noise_unit: str,
-) -> str:
+    efficiency: pd.DataFrame, peers: pd.DataFrame, labels: Mapping[str, str],
+    case: str, protocol: str, noise_unit: str,
+) -> str:  # fmt: skip
     rows = _of_single_recordings(efficiency, case, protocol)
     rows = _rows_at_level(rows[rows["points"] == rows["points"].max()])
     if rows.empty:
@@ -127,24 +121,19 @@ def _from_sensors(
     medians = peers[at].set_index("method")["mean_error_percent"].dropna()
     if OURS not in medians:  # a continuous line has no true coefficients
         return ""
-    others = medians.drop([OURS, BOUND, "weak_gls"], errors="ignore")
-    beside = (
-        f", against {others.min():.2g} % by {labels.get(others.idxmin(), others.idxmin())}"
-        if len(others)
-        else ""
-    )
-    bound = (
-        f"; its error is {row['efficiency']:.2f} times the Cramér-Rao bound"
-        if isfinite(row["efficiency"])
-        else ""
-    )
-    return (
+    text = (
         f"From {protocol} measurements of {_case_in_words(case)} with "
         f"{_describe_noise(row['level'], noise_unit)}, maximum likelihood finds exactly the true "
-        f"terms in {row['exact_support']:g} of "
-        f"{row['replicates']:g} recordings, with a mean coefficient error of "
-        f"{medians[OURS]:.2g} %{beside}{bound}."
+        f"terms in {row['exact_support']:g} of {row['replicates']:g} recordings, with a mean "
+        f"coefficient error of {medians[OURS]:.2g} %"
     )
+    others = medians.drop([OURS, BOUND, "weak_gls"], errors="ignore")
+    if len(others):
+        best = others.idxmin()
+        text += f", against {others[best]:.2g} % by {labels.get(best, best)}"
+    if isfinite(row["efficiency"]):
+        text += f"; its error is {row['efficiency']:.2f} times the Cramér-Rao bound"
+    return f"{text}."
 
 
 def _least_data(efficiency: pd.DataFrame, case: str, protocol: str, noise_unit: str) -> str:
