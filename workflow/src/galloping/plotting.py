@@ -130,8 +130,8 @@ def plot_phase(
         raise ValueError(f"states: {list(shown)!r:.60}; {allowed}")
     columns = [names.index(name) for name in shown]
     follow, time = Following(model, without_outliers(recording)), recording.time
-    begun = slice(0, int(np.searchsorted(time, time[0] + PERIODS * longest_period(given))))
-    start = follow.begin(begun)
+    first_periods = slice(0, int(np.searchsorted(time, time[0] + PERIODS * longest_period(given))))
+    start = follow.begin(first_periods)
     with styled(FONT_SIZE):
         space: dict[str, Any] = {"subplot_kw": {"projection": "3d"}} if len(shown) == 3 else {}
         figure, ((axes,),) = parts.panels(3.4, width=4.2, **space)

@@ -64,7 +64,6 @@ def draw_recovery(
 
 
 def _last_window(true: Motion) -> tuple[float, float]:
-    """Return the limits of the last part of a motion, s."""
     begin, end = true.time[0], true.time[-1]
     return end - LAST * (end - begin), end
 

@@ -264,11 +264,11 @@ def find_joint_draws(claims: Sequence[Claim], scores: pd.DataFrame) -> np.ndarra
     Returns (draws,). scores: as of `judge`; a cell without noise has one draw, which is combined
     with all others. None if the study lacks a cell.
     """
-    kept = [claim.is_met(values) for claim in claims if len(values := claim.values(scores))]
-    draws = max(map(len, kept), default=0)
-    if len(kept) < len(claims) or any(len(each) not in (1, draws) for each in kept):
+    are_met = [claim.is_met(claim.values(scores)) for claim in claims]
+    draws = max(map(len, are_met), default=0)
+    if any(len(each) not in (1, draws) for each in are_met) or not draws:
         return None
-    return np.all([np.resize(each, draws) for each in kept], axis=0)
+    return np.all([np.resize(each, draws) for each in are_met], axis=0)
 
 
 def format_percent(share: float) -> str:

@@ -272,7 +272,6 @@ def compare_study(
 def _compare_origins(
     made: Mapping[str, str], present: Mapping[str, str]
 ) -> tuple[pd.DataFrame, dict[str, object]]:
-    """Compare the provenance of two studies: differences and their summary."""
     sides = pd.DataFrame({"reference": made, "this_run": present}, dtype=object).fillna("absent")
     keys = dict.fromkeys([*made, *present])
     sides = sides.loc[list(keys)].rename_axis("row").reset_index()

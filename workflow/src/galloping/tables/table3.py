@@ -101,13 +101,13 @@ def equations(
     for cell, fit in settings["fits"].items():
         first = identified[cell][fit["method"]][0]
         part = identified_terms(model.model, [first], terms).drop(columns=["low", "high", "found"])
-        stated = {
+        errors = {
             (equation, term_name(term, STATES)): first.standard_errors[row, j]
             for row, equation in EQUATIONS.items()
             for j, term in enumerate(terms)
         }
         keys = zip(part["equation"], part["term"], strict=True)
-        part["standard_error"] = [stated.get(key, np.nan) for key in keys]
+        part["standard_error"] = [errors.get(key, np.nan) for key in keys]
         part["identified"] = part["identified"].where(part["identified"] != 0)
         parts.append(part.assign(case=settings["case"], **fit))
     found = pd.concat(parts, ignore_index=True)

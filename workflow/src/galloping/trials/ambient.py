@@ -56,8 +56,8 @@ class RandomMotion:
         system[2:, 2:] = -shapes * (2.0 * damping * omega) @ inverse
         root = shapes * np.sqrt(4.0 * damping * omega**3)  # modes that move as much as each other
         forces[2:, 2:] = root @ root.T
-        stationary, step, moved = _discretise_process(system, forces, 1.0 / rate)
-        root = np.linalg.cholesky(moved)
+        stationary, step, process_noise = _discretise_process(system, forces, 1.0 / rate)
+        root = np.linalg.cholesky(process_noise)
         states = np.empty((round(duration * rate), 4))
         states[0] = np.linalg.cholesky(stationary) @ rng.standard_normal(4)
         for k in range(1, len(states)):
@@ -82,9 +82,10 @@ class RandomMotion:
             system, forces = self.system.copy(), np.zeros((4, 4))
             system[2:] = parameters[:8].reshape(2, 4)
             forces[2:, 2:] = parameters[[8, 9, 9, 10]].reshape(2, 2)
-            _, moves, moved = _discretise_process(system, forces, step)
-            response = np.linalg.inv(turned - moves)[:, :2]
-            return response @ moved @ response.conj().swapaxes(1, 2) + np.diag(parameters[11:])
+            _, transition, process_noise = _discretise_process(system, forces, step)
+            response = np.linalg.inv(turned - transition)[:, :2]
+            motion = response @ process_noise @ response.conj().swapaxes(1, 2)
+            return motion + np.diag(parameters[11:])
 
         forces, noise = self.forces[2:, 2:], self.noise**2
         true = np.r_[self.system[2:].ravel(), forces[0], forces[1, 1], noise]
@@ -95,8 +96,8 @@ class RandomMotion:
         ]
         information = np.einsum("afij,bfji->ab", slopes, slopes).real
         covariance = np.linalg.inv(information)[:8, :8]
-        _, told = decays(self.system, FREE)
-        return np.sqrt(np.einsum("mi,ij,mj->m", told, covariance, told))
+        _, gradients = decays(self.system, FREE)
+        return np.sqrt(np.einsum("mi,ij,mj->m", gradients, covariance, gradients))
 
 
 def _discretise_process(
@@ -127,18 +128,18 @@ def trial(
                 places = np.argwhere(found.support)
                 exponents: np.ndarray = np.array(found.model.terms)[places[:, 1]]
                 moved = list(zip(places[:, 0], map(np.flatnonzero, exponents), strict=True))
-                said, slopes = decays(found.model.jacobian(np.zeros((1, 4)))[0], moved)
+                estimated, slopes = decays(found.model.jacobian(np.zeros((1, 4)))[0], moved)
                 errors = np.sqrt(np.einsum("mi,ij,mj->m", slopes, found.covariance, slopes))
-                lasted, held = float(found.diagnostics["duration"]), []
+                duration, is_covered = float(found.diagnostics["duration"]), []
                 row["terms"] = len(places)
                 for k, direction in enumerate("vw"):
-                    low, high = decay_interval(-said[k].real, errors[k], lasted)
-                    held.append(low <= -true[k].real <= high)
+                    low, high = decay_interval(-estimated[k].real, errors[k], duration)
+                    is_covered.append(low <= -true[k].real <= high)
                     row[f"damping_{direction}_bound_percent"] = -100.0 * bound[k] / true[k].real
                     for quantity, part in (("damping", np.real), ("frequency", np.imag)):
-                        off = 100.0 * (part(said[k]) / part(true[k]) - 1.0)
-                        row[f"{quantity}_{direction}_error_percent"] = float(off)
-                row["coverage"] = float(np.mean(held))
+                        error = 100.0 * (part(estimated[k]) / part(true[k]) - 1.0)
+                        row[f"{quantity}_{direction}_error_percent"] = float(error)
+                row["coverage"] = float(np.mean(is_covered))
             yield row
 
 

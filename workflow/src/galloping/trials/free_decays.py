@@ -109,7 +109,6 @@ def trial(
 
 
 def _judge_decay(decay: FreeDecay, found: IdentifiedModel) -> dict[str, float]:
-    """Compute errors and coverage of the results for both modes."""
     first, second = decay.poles
     pole, errors = estimate_pole(found)
     row = {

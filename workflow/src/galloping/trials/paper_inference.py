@@ -68,6 +68,7 @@ FIRST_ROUND = {  # ratios: see above
     "initial_vertical": (0.5, 2.0),
     "initial_horizontal": (0.5, 2.0),
 }
+FIRST_LOW, FIRST_HIGH = np.log([FIRST_ROUND.get(u.name, (u.low, u.high)) for u in UNKNOWNS]).T
 
 
 @cache
@@ -91,7 +92,7 @@ class Proposal:
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Draw one random parameter vector from the proposal density."""
         if self.centre is None or rng.random() < self.uniform:
-            return rng.uniform(*_first_box())
+            return rng.uniform(FIRST_LOW, FIRST_HIGH)
         return np.atleast_1d(self._t_density.rvs(random_state=rng))
 
     def log_density(self, points: np.ndarray) -> np.ndarray:
@@ -99,9 +100,8 @@ class Proposal:
 
         points: (k, n_unknowns). Returns (k,).
         """
-        low, high = _first_box()
-        inside = np.all((points >= low) & (points <= high), axis=1)
-        flat = np.where(inside, -np.sum(np.log(high - low)), -np.inf)
+        inside = np.all((points >= FIRST_LOW) & (points <= FIRST_HIGH), axis=1)
+        flat = np.where(inside, -np.sum(np.log(FIRST_HIGH - FIRST_LOW)), -np.inf)
         if self.centre is None:
             return flat
         with np.errstate(divide="ignore"):
@@ -125,11 +125,6 @@ class Proposal:
         centre = weights @ points
         covariance = WIDENED * np.cov(points.T, aweights=weights, ddof=0)
         return cls(centre, covariance + 1e-3 * np.eye(len(centre)), uniform)
-
-
-def _first_box() -> tuple[np.ndarray, np.ndarray]:
-    ends = np.log([FIRST_ROUND.get(u.name, (u.low, u.high)) for u in UNKNOWNS])
-    return ends[:, 0], ends[:, 1]
 
 
 def _normalise_weights(log_weights: np.ndarray) -> np.ndarray:

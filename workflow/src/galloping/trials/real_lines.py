@@ -227,12 +227,12 @@ def trial(
             if truth.wind and method not in DRIVEN:
                 continue
             name = ("model_error", case, str(replicate))
-            identified, said = identified_by({method: settings}, recordings, terms, name)
-            row = start_row(case, truth.sensors, replicate, seed, said)
+            identified, answer = identified_by({method: settings}, recordings, terms, name)
+            row = start_row(case, truth.sensors, replicate, seed, answer)
             if identified.status != "refused":
                 draws = make_generator(seed, "model_error", case, replicate, method)
-                held = identified.at(dict.fromkeys(inputs, line.speed))
-                values, widths = predict_quantities(held, steady[0], time, simulator, draws)
+                in_mean_wind = identified.at(dict.fromkeys(inputs, line.speed))
+                values, widths = predict_quantities(in_mean_wind, steady[0], time, simulator, draws)
                 row |= _judge_values(values, widths, true)
                 row["terms"] = int(identified.support.sum())
                 forecasts = partial(driven, inputs=unseen_wind)
@@ -274,14 +274,14 @@ def _amplitude_error(
 ) -> float:
     """Compute the largest error of the amplitudes of a motion, %."""
     states = Simulator(STATES, model.terms)(model, start, time).states
-    said = steady_amplitude(states[time >= STEADY])[:2]
-    return float(100.0 * np.max(np.abs(said / amplitude - 1.0)))
+    predicted = steady_amplitude(states[time >= STEADY])[:2]
+    return float(100.0 * np.max(np.abs(predicted / amplitude - 1.0)))
 
 
 def _judge_values(values: np.ndarray, widths: np.ndarray, true: np.ndarray) -> dict[str, float]:
     """Compute errors and intervals in percent, and the coverage of the assessed intervals."""
-    held = (np.abs(values - true) <= widths)[:JUDGED]
-    row = {"coverage": np.mean(held) if np.all(np.isfinite(widths)) else np.nan}
+    is_covered = (np.abs(values - true) <= widths)[:JUDGED]
+    row = {"coverage": np.mean(is_covered) if np.all(np.isfinite(widths)) else np.nan}
     for name, value, width, of in zip(QUANTITIES, values, widths, true, strict=True):
         row[f"{name}_error_percent"] = 100.0 * (value / of - 1.0)
         row[f"{name}_interval_percent"] = 100.0 * width / abs(of)

@@ -234,7 +234,6 @@ def _stretch_clock(line, size, noise, rng):
 
 
 def _scale_velocity(line, size, noise, rng):
-    """Multiply one velocity by `size`."""
     values = line.states + noise
     values[:, rng.choice([2, 3])] *= size
     return line.time, values
