@@ -42,7 +42,7 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
         if row.high > limits[1]:
             left.plot(limits[1], k, ">", color=OURS, ms=4, clip_on=False)
         left.plot(row.printed, k, "*", color=style.PAPER, ms=8, mew=0, zorder=5)
-    parts.rows(left, [_shorten_claim(name) for name in numbers["claim"]], lines=False)
+    parts.rows(left, list(map(_shorten_claim, numbers["claim"])), lines=False)
     parts.letter(right, 1, "share that meets a bound")
     columns = ["share_met", "share_met_low", "share_met_high"]
     shares, low, high = 100 * bounds[columns].to_numpy(float).T
@@ -52,11 +52,9 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
         right.text(112, k, f"{share:.0f} %", va="center", ha="right", fontsize="small")
     right.axvline(50, color="#8a8a8a", lw=0.6, ls=":")
     right.set(xlim=(0, 112), xticks=[0, 25, 50, 75, 100], xlabel="share of the realisations, %")
-    names = zip(bounds["claim"], bounds["printed"], strict=True)
-    parts.rows(
-        right, [_shorten_claim(name.replace("R2", f"R2 ≥ {bound:g}", 1)) for name, bound in names],
-        lines=False,
-    )  # fmt: skip
+    named = zip(bounds["claim"], bounds["printed"], strict=True)
+    names = [name.replace("R2", f"R2 ≥ {bound:g}", 1) for name, bound in named]
+    parts.rows(right, list(map(_shorten_claim, names)), lines=False)
     star = parts.key("printed in the paper", marker="*", color=style.PAPER, ms=8, mew=0)
     ours = "our realisations: median, 5 to 95 %"
     dot = parts.key(ours, color=OURS, marker="o", ms=4, ls="-")
@@ -92,7 +90,7 @@ def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:
     left.barh(
         places, high - low, left=low, height=0.3, color=style.MODEL, label="left by the paper"
     )
-    for place, row in zip(places, numbers.itertuples(), strict=True):
+    for place, row in enumerate(numbers.itertuples()):
         unit = "" if row.unit == "1" else f" {row.unit}"
         text = f"{row.low:.2g} to {row.high:.2g}{unit}"
         left.text(103, place, text, va="center", size="small")

@@ -163,8 +163,8 @@ def draw_aerodynamic_load(trajectory: Sequence[Motion], settings: Mapping) -> Fi
     _draw_force_curve(right, horizontal, attack, "--")
     parts.letter(left, 1, "vertical, $C_Y$")
     parts.letter(right, 2, "horizontal, $C_Z$")
-    largest = np.max(np.abs(attack))
     if motion.status == "ok":
+        largest = np.max(np.abs(attack))
         figure.set_label(f"The attack angle of the motion stays within ±{largest:.2f} rad")
     return figure
 
@@ -197,14 +197,11 @@ def _draw_vectors(axes: Axes) -> None:
          (start[0] - 0.06, 0.31, r"$-\dot V$", "right", "center"),
          (0.62, 0.65, r"velocity $\dot V$", "left", "center"), color=MODEL)  # fmt: skip
     _add_texts(axes, (-2.1, 0.68, "relative wind $U_r$", "left", "bottom"), color=PAPER)
-    law = (r"$\alpha \approx \dot V / U$,   $F_{Y,Z} = \frac{1}{2}\rho D U^2\,"
-           r"C_{Y,Z}(\alpha)$")  # fmt: skip
+    law = r"$\alpha \approx \dot V / U$,   $F_{Y,Z} = \frac{1}{2}\rho D U^2\,C_{Y,Z}(\alpha)$"
     _add_texts(
-        axes, (0.07, 1.13, "$F_Y$", "left", "center"), (1.15, 0.12, "$F_Z$", "center", "bottom")
-    )
-    _add_texts(
-        axes, (-1.6, 0.17, r"$\alpha$", "center", "center"), (-0.5, -0.62, law, "center", "top")
-    )
+        axes, (0.07, 1.13, "$F_Y$", "left", "center"), (1.15, 0.12, "$F_Z$", "center", "bottom"),
+        (-1.6, 0.17, r"$\alpha$", "center", "center"), (-0.5, -0.62, law, "center", "top"),
+    )  # fmt: skip
     axes.set(xlim=(-2.65, 1.5), ylim=(-1.05, 1.35), aspect="equal", anchor="N")
     axes.axis("off")
     parts.letter(axes, 0, "section with crescent-shaped ice")
@@ -231,12 +228,9 @@ def draw_flow(settings: Mapping) -> Figure:
         _add_texts(axes, (x, top - 0.07, title, "center", "top"), weight="bold")
         _add_texts(axes, (x, top - 0.24, text, "center", "top"), fontsize="small")
     for (column, row), (next_column, next_row) in pairwise(PATH):
-        side, down = next_column - column, next_row - row
-        arrow(
-            axes,
-            (COLUMNS[column] + side * width / 2, ROWS[row] - down * height / 2),
-            (COLUMNS[next_column] - side * width / 2, ROWS[next_row] + down * height / 2),
-        )
+        x, y = (next_column - column) * width / 2, (next_row - row) * height / 2
+        arrow(axes, (COLUMNS[column] + x, ROWS[row] - y),
+              (COLUMNS[next_column] - x, ROWS[next_row] + y))  # fmt: skip
     # the way of the truth around identification, straight into the comparison
     right, margin = COLUMNS[2] + width / 2, SINGLE - 0.06
     axes.plot([right, margin, margin], [ROWS[0], ROWS[0], ROWS[2]], color=PAPER, lw=1.0,

@@ -138,26 +138,23 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
     parts.letter(left, 0, "term found")
     parts.letter(right, 1, "95 % interval holds the coefficient")
     by_samples = table.sort_values("gamma").groupby("samples", sort=True)
+    open_circle: dict[str, Any] = {"ls": "", "marker": "o", "ms": 9, "mfc": "none"}
     for k, (samples, group) in enumerate(by_samples):
         color, marker = SERIES[k % len(SERIES)]
         gamma, power = group["gamma"] + 0.0012 * (k - 1.5), group[found]  # side by side
         spread = [power - group[f"{found}_low"], group[f"{found}_high"] - power]
         look = {"color": color, "marker": marker, "lw": 0.8}
         left.errorbar(gamma, power, np.maximum(spread, 0.0), **look)
-        left.plot(
-            gamma, group[f"{found}_published"], ls="", marker="o", ms=9, mfc="none", mec=color
-        )
+        left.plot(gamma, group[f"{found}_published"], mec=color, **open_circle)
         right.plot(gamma, group["coverage"], label=f"{samples:,} samples", **look)
     left.axhline(5.0, **NOMINAL)
     right.axhline(95.0, **NOMINAL, label="nominal")
     left.set(ylim=(-3, 103), xlabel="quadratic coefficient", ylabel="share of the fits, %")
     right.set(ylim=(min(78.0, table["coverage"].min() - 2.0), 101), xlabel="quadratic coefficient")
-    right.plot([], [], "o", ms=9, mfc="none", mec="k", label="published power")
+    right.plot([], [], mec="k", label="published power", **open_circle)
     parts.legend(figure, columns=6)
-    holds = table["coverage"].min(), table["coverage"].max()
-    figure.set_label(
-        f"95 % intervals contain the coefficient in {holds[0]:.0f} to {holds[1]:.0f} %"
-    )
+    least, most = table["coverage"].min(), table["coverage"].max()
+    figure.set_label(f"95 % intervals contain the coefficient in {least:.0f} to {most:.0f} %")
     return figure
 
 
@@ -207,10 +204,10 @@ def draw_model_error(table: pd.DataFrame, settings: Mapping) -> Figure:
     parts.legend(figure, *parts.method_keys(methods), columns=len(methods) + 1)
     errors = table.loc[table["method"] == methods[0], [f"{name}_error_percent" for name in ERRORS]]
     frequency, *_, damping, _ = errors.median()
-    told = "gives no vertical frequency and net damping of most lines"
+    result = "gives no vertical frequency and net damping of most lines"
     if np.isfinite([frequency, damping]).all():
-        told = f"errs by {frequency:.1g} % in the vertical frequency and {damping:.1g} % in the "
-        told += "vertical net damping, in the median over the lines"
+        result = f"errs by {frequency:.1g} % in the vertical frequency and {damping:.1g} % in the "
+        result += "vertical net damping, in the median over the lines"
     name = method_style(methods[0]).label
-    figure.set_label(f"{name[:1].upper()}{name[1:]} {told}")
+    figure.set_label(f"{name[:1].upper()}{name[1:]} {result}")
     return figure

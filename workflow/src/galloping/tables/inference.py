@@ -39,15 +39,14 @@ def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     first, first_error = evidence[FIRST_READING.name]
     factors = [name for name in tried.columns if _is_factor(name)]
     table = []
+    expected = _posterior_means(found[FIRST_READING.name], factors)
     for name in BY_NAME:
         if name not in found:
             continue
         of, (log_evidence, error) = found[name], evidence[name]
         power = (log_evidence - first) / np.log(10)
         error = np.hypot(error, first_error * (name != FIRST_READING.name)) / np.log(10)
-        losses = _posterior_means(of, factors) - _posterior_means(
-            found[FIRST_READING.name], factors
-        )
+        losses = _posterior_means(of, factors) - expected
         best = judged[judged["reading"] == name].nlargest(1, "log_likelihood").iloc[0]
         table.append({
             "reading": name, "changes": BY_NAME[name].kind, "settings_tried": len(of),
@@ -119,9 +118,8 @@ def region_samples(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
         logs = tried["log_weight"] - tried["log_likelihood"] + known
         weights = pd.Series(_normalise_weights(logs), tried.index)
         shared = rows["setting"].map(weights / draws)
-        table = table.assign(
-            **{f"weight_{group}": np.where(is_setting, rows["setting"].map(weights), shared)}
-        )
+        of_rows = np.where(is_setting, rows["setting"].map(weights), shared)
+        table = table.assign(**{f"weight_{group}": of_rows})
     return table
 
 
