@@ -73,8 +73,8 @@ def draw_coefficients(
     parts.legend(figure, columns=3, title="coefficients in (b)")
     medians = realisations.groupby("level")["spurious"].median()
     medians = medians[medians.index > 0]
-    said = [f"{medians[level]:.0f} at noise {level:g}" for level in medians.index[[0, -1]]]
-    figure.set_label(f"The median number of false terms is {' and '.join(dict.fromkeys(said))}")
+    texts = [f"{medians[level]:.0f} at noise {level:g}" for level in medians.index[[0, -1]]]
+    figure.set_label(f"The median number of false terms is {' and '.join(dict.fromkeys(texts))}")
     return figure
 
 

@@ -59,9 +59,9 @@ def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapp
         axes.set_ylabel("" if k % columns else "vertical, m from rest")
     parts.legend(figure, columns=6, loc="outside lower center")
     outside = {name: _first_outside(settings["cases"][name], orbits[name]) for name in names}
-    said = [f"{wind:g} m/s ({spoken(name)})" for name, wind in outside.items() if wind is not None]
-    if said:
-        figure.set_label(f"The orbit leaves all design ellipses at {' and '.join(said)}")
+    texts = [f"{wind:g} m/s ({spoken(name)})" for name, wind in outside.items() if wind is not None]
+    if texts:
+        figure.set_label(f"The orbit leaves all design ellipses at {' and '.join(texts)}")
     elif all(set(orbits[name]) >= set(settings["winds"]) for name in names):
         figure.set_label("Every orbit stays within a design ellipse")
     return figure

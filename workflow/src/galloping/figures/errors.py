@@ -169,8 +169,8 @@ def _describe_trend(chosen: pd.DataFrame, x: str, quantity: Quantity) -> str:
         return ""
     medians = _tabulate_interval(chosen, x, name)["median"]
     ends = dict.fromkeys([medians.index[0], medians.index[-1]])
-    said = [f"{quantity.say(medians[end])} {AT[x].format(end)}" for end in ends]
-    return f"{quantity.in_words.format(label)}: {', '.join(said)}"
+    texts = [f"{quantity.say(medians[end])} {AT[x].format(end)}" for end in ends]
+    return f"{quantity.in_words.format(label)}: {', '.join(texts)}"
 
 
 def replace_cells(
@@ -213,10 +213,10 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
         return figure
     places = parts.LogAxis.of(errors["level"])
     places.prepare(axes, settings["label"])
-    said = {PAPER_METHOD: "", best_of_pysindy(errors) or "": "best of pysindy: ",
+    prefixes = {PAPER_METHOD: "", best_of_pysindy(errors) or "": "best of pysindy: ",
             ORACLES: "pysindy, ", OURS: "ours: ", BOUND: ""}  # fmt: skip
     present = set(errors["method"])
-    names = {k: text + method_style(k).label for k, text in said.items() if k in present}
+    names = {k: text + method_style(k).label for k, text in prefixes.items() if k in present}
     shown = errors[errors["method"].isin(names)]
     values = shown[["median", "low", "high"]].to_numpy(float).ravel()
     values = values[np.isfinite(values) & (values > 0)]
@@ -252,8 +252,8 @@ def _compare_methods(errors: pd.DataFrame, names: Mapping[str, str]) -> str:
     medians = errors[errors["level"] == middle].set_index("method")["median"]
     shown = [name for name in names if name not in (BOUND, ORACLES)]
     medians = medians.reindex(shown).dropna().sort_values(kind="stable")
-    said = [f"{value:.2g} % by {method_style(name).label}" for name, value in medians.items()]
-    return f"Median coefficient error at sensor noise {middle:g}: {', '.join(said)}"
+    texts = [f"{value:.2g} % by {method_style(name).label}" for name, value in medians.items()]
+    return f"Median coefficient error at sensor noise {middle:g}: {', '.join(texts)}"
 
 
 def _note_failures(axes: Axes, errors: pd.DataFrame, places: parts.LogAxis) -> None:

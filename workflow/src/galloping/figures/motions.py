@@ -109,8 +109,8 @@ def draw_histories(
     known = {label: spread for label, spread in spreads.items() if np.isfinite(spread)}
     if known:
         ends = dict.fromkeys([next(iter(known)), next(reversed(known))])
-        said = [f"{100 * known[label]:.0f} % with {label}" for label in ends]
-        figure.set_label(f"Reconstructions spread over a share of the motion: {', '.join(said)}")
+        texts = [f"{100 * known[label]:.0f} % with {label}" for label in ends]
+        figure.set_label(f"Reconstructions spread over a share of the motion: {', '.join(texts)}")
     return figure
 
 
@@ -174,9 +174,9 @@ def draw_limit_cycles(
     parts.legend(figure, columns=4)
     own = {"parameter": settings["parameter"], "name": "Hopf"}
     begins = parts.where(bifurcations, **own).groupby("case")["value"].min()
-    said = [f"{begins[case]:.1f} m/s ({style.spoken(case)})" for case in grids if case in begins]
-    if said:
-        figure.set_label(f"Galloping begins at a wind of {' and '.join(said)}")
+    texts = [f"{begins[case]:.1f} m/s ({style.spoken(case)})" for case in grids if case in begins]
+    if texts:
+        figure.set_label(f"Galloping begins at a wind of {' and '.join(texts)}")
     return figure
 
 

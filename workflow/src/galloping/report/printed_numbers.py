@@ -231,9 +231,9 @@ def by_settings(varied: pd.DataFrame) -> str:
 def _as_cell(row: dict) -> PaperCell:
     claim = BY_NAME.get(row["claim"])
     printed = _describe_printed(claim) if claim else "at once"
-    if row["verdict"] in ("not judged", "not run"):
-        return PaperCell(printed, "", row["verdict"], row["reason"])
-    return PaperCell(printed, _describe_ours(row, claim), row["verdict"], row["reason"])
+    is_judged = row["verdict"] not in ("not judged", "not run")
+    ours = _describe_ours(row, claim) if is_judged else ""
+    return PaperCell(printed, ours, row["verdict"], row["reason"])
 
 
 def _describe_printed(claim: Claim) -> str:

@@ -84,7 +84,7 @@ def inferred(region: pd.DataFrame) -> list[str]:
 
     region: paper_region.csv.
     """
-    told, unsure, left = (
+    determined, undecided, left_open = (
         ", ".join(
             LABELS.get(name, name) for name in region[region["verdict"] == verdict]["unknown"]
         )
@@ -92,8 +92,8 @@ def inferred(region: pd.DataFrame) -> list[str]:
         for verdict in ("determined", "undecided", "left open")
     )
     return [
-        f"The paper's printed numbers determine: {told}. They leave open: {left}. Too few "
-        f"effective settings tell: {unsure}."
+        f"The paper's printed numbers determine: {determined}. They leave open: {left_open}. "
+        f"Too few effective settings tell: {undecided}."
     ]
 
 
@@ -209,16 +209,16 @@ def _describe_identifiability(table: pd.DataFrame, protocol: str, noise_unit: st
     rows = table[table["protocol"] == protocol]
     bounded = _rows_at_level(rows[rows["coefficient_over_bound"].notna()])
     rows = rows[rows["level"].isin(bounded["level"]) & (rows["points"] == bounded["points"].max())]
-    said = []
+    texts = []
     for (case, recordings), of in rows.groupby(["case", "recordings"], sort=False):
         known = (of["verdict"] == "identifiable").sum()
         text = f"{known} of {len(of)} terms of {_case_in_words(case)}"
-        said.append(text + (f" from {recordings} recordings together" if recordings > 1 else ""))
-    if not said:
+        texts.append(text + (f" from {recordings} recordings together" if recordings > 1 else ""))
+    if not texts:
         return ""
     return (
         f"By the Cramér-Rao bound, at {_describe_noise(rows['level'].iloc[0], noise_unit)} an "
-        f"unbiased method can identify {', '.join(said)}."
+        f"unbiased method can identify {', '.join(texts)}."
     )
 
 
@@ -227,14 +227,14 @@ def _describe_prediction(table: pd.DataFrame, case: str, protocol: str) -> str:
     rows = rows.dropna(subset=["recorded_m", "true_m", "predicted_m"])
     if rows.empty:
         return ""
-    said = [
+    texts = [
         f"{row['state']}: {row['recorded_m']:.3f} m recorded, {row['true_m']:.3f} m on the limit "
         f"cycle, {row['predicted_m']:.3f} m ({row['low_m']:.3f} to {row['high_m']:.3f}) predicted"
         for row in rows.to_dict("records")
     ]
     return (
         f"A model identified from the record of {_case_in_words(case)} predicts the limit cycle to "
-        f"which the motion goes on. Amplitudes of {'; '.join(said)}."
+        f"which the motion goes on. Amplitudes of {'; '.join(texts)}."
     )
 
 
@@ -244,13 +244,13 @@ def _two_modes(table: pd.DataFrame, case: str) -> str:
         return ""
     changes = 100 * (vertical.drop("two modes") / vertical["two modes"] - 1).dropna()
     small = changes.abs() < 1
-    said = [f"{change:+.0f} % ({line})" for line, change in changes[~small].items()]
-    said = [text.replace("-", "\N{MINUS SIGN}", 1) for text in said]
+    texts = [f"{change:+.0f} % ({line})" for line, change in changes[~small].items()]
+    texts = [text.replace("-", "\N{MINUS SIGN}", 1) for text in texts]
     if small.any():
-        said.append(f"less than 1 % ({', '.join(changes.index[small])})")
+        texts.append(f"less than 1 % ({', '.join(changes.index[small])})")
     return (
         f"What the two-mode model of {_case_in_words(case)} leaves out changes the vertical "
-        f"amplitude over 200 to 300 s: {', '.join(said)}."
+        f"amplitude over 200 to 300 s: {', '.join(texts)}."
     )
 
 

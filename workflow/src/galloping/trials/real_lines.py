@@ -204,7 +204,9 @@ def trial(
     simulator = Simulator(STATES, steady_terms)
     driven = Simulator(STATES, terms, inputs=inputs) if truth.wind else simulator
 
-    def moved(*name: str | int) -> tuple[np.ndarray, dict[str, Input], np.random.Generator]:
+    def simulate_recorded(
+        *name: str | int,
+    ) -> tuple[np.ndarray, dict[str, Input], np.random.Generator]:
         rng = make_generator(seed, "model_error", case, *name)
         gusts = {**parameters["truth"]["gusts"], "intensity": truth.intensity}
         speed = continuous.draw_wind(line, gusts, time, rng)
@@ -212,12 +214,12 @@ def trial(
         return motion(parameters, line, truth, time, speed), measured, rng
 
     steady = combine_sensors(line, truth, motion(parameters, line, truth, time))
-    unseen, unseen_wind, _ = moved("unseen")
+    unseen, unseen_wind, _ = simulate_recorded("unseen")
     unseen = combine_sensors(line, truth, unseen)
     true = _true_quantities(line, steady[time >= STEADY])
     others = _other_winds(parameters, truth, time) if truth.wind else {}
     for replicate in replicates:
-        clean, measured, rng = moved(replicate)
+        clean, measured, rng = simulate_recorded(replicate)
         noise = NOISE * clean.std(axis=0) * rng.standard_normal(clean.shape)
         values = combine_sensors(line, truth, clean + noise)
         if not truth.velocities:
