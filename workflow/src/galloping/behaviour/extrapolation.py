@@ -7,7 +7,7 @@ are biased by as much, and the covariance of the noise does not include it.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import product
 from math import comb, prod
 
@@ -66,7 +66,7 @@ def with_extrapolation(
         return identified
     own: list[Recording] | NoModel = excerpts(list(recordings))
     if model.inputs and not isinstance(own, NoModel):
-        own = attempt(partial(segments_with_inputs, own, model.inputs))
+        own = attempt(segments_with_inputs, own, model.inputs)
     if isinstance(own, NoModel) or len(own) != len(identified.initial_states):
         return identified
     sizes = around.sizes(steady)
@@ -76,7 +76,7 @@ def with_extrapolation(
     regression = _Regression(identified, unknown, terms, rest, sizes, rates)
     passing("terms of the next degree")
     parts = [
-        attempt(partial(regression.of_recording, one, start))
+        attempt(regression.of_recording, one, start)
         for one, start in zip(own, identified.initial_states, strict=True)
     ]
     normal = [part for part in parts if not isinstance(part, NoModel)]
@@ -88,7 +88,7 @@ def with_extrapolation(
     shares = np.max([_nonlinear_share(each, rest, states) for each in models], axis=0)
     gram, squares, count = (sum(each) for each in list(zip(*normal, strict=True))[:3])
     scaled = gram / max(squares / count, 1.0)
-    posterior = attempt(partial(regression.left_open, scaled, shares))
+    posterior = attempt(regression.left_open, scaled, shares)
     if isinstance(posterior, NoModel):
         return identified
     shift, covariance = posterior

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Self, TypeVar
+from typing import ParamSpec, Self, TypeVar
 
 import numpy as np
 
@@ -37,6 +37,7 @@ class NotConvergedError(NoModelError, FloatingPointError):
 # solution diverges, or numpy cannot factor or invert a matrix. Any other ValueError is a mistake in
 # the code.
 NO_MODEL = (IdentificationError, FloatingPointError, np.linalg.LinAlgError)
+Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 
@@ -48,10 +49,12 @@ class NoModel:
     tells_little = True  # as `IdentifiedModel.tells_little`
 
 
-def attempt(search: Callable[[], Result]) -> Result | NoModel:
+def attempt(
+    search: Callable[Arguments, Result], *args: Arguments.args, **options: Arguments.kwargs
+) -> Result | NoModel:
     """Run a search for a model and return its result, or `NoModel` for an error of NO_MODEL."""
     try:
-        return search()
+        return search(*args, **options)
     except NO_MODEL as error:
         return NoModel((as_finding(error),))
 

@@ -8,7 +8,6 @@ mean.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -93,7 +92,7 @@ def identify_linear_motion(problem: Problem, motion: FreeMotion) -> IdentifiedMo
         return NoModel()
     if _noise_excess(motion) > MAX_NOISE:
         return NoModel()
-    system = attempt(partial(_linear_system_with_covariance, motion))
+    system = attempt(_linear_system_with_covariance, motion)
     if isinstance(system, NoModel):
         return system
     return _identified_model(problem, motion, *system)

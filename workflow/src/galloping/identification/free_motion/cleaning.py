@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -46,7 +45,7 @@ def _under_force(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
     if stretch.duration < MIN_PERIODS * period or len(poles) > MANY_MODES:
         return forced
     inner = Stretch(stretch.time[inside] - period, stretch.values[inside], stretch.drift_degrees)
-    modes = attempt(partial(fit_poles, [inner], poles))
+    modes = attempt(fit_poles, [inner], poles)
     if isinstance(modes, NoModel) or strongest_mode([inner], modes.residuals, poles) is not None:
         return forced
     left = stretch.values - modes.evaluate(range(len(modes.poles)), 0, stretch.time - period)

@@ -8,7 +8,7 @@ Gauss-Newton steps are taken on the poles.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -157,7 +157,7 @@ def fit_poles(
     count = int(2.0 * np.pi / (MEANS_PER_PERIOD * step * max(poles.imag)))
     means, max_steps = _average_neighbours(stretches, count) if count > 1 else [], MAX_STEPS
     if means:
-        found = attempt(partial(_iterate, means, poles, free, MAX_STEPS))
+        found = attempt(_iterate, means, poles, free, MAX_STEPS)
         if not isinstance(found, NoModel):
             poles, max_steps = found.modes.poles, MAX_STEPS_AFTER_MEANS
     here = _iterate(stretches, poles, free, max_steps)

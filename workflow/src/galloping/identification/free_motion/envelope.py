@@ -5,7 +5,6 @@ equal factors. A damped sinusoid is fitted to all samples of each, like a logari
 """
 
 from collections.abc import Sequence
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -52,7 +51,7 @@ def fit_envelope(
         if np.count_nonzero(inside) < MIN_SAMPLES:
             continue
         own = Stretch(time[inside] - first, values[inside, np.newaxis], (0,))
-        found = attempt(partial(fit_poles, [own], np.array([pole])))
+        found = attempt(fit_poles, [own], np.array([pole]))
         if isinstance(found, NoModel):
             continue
         middle, local = (last - first) / 2.0, found.poles[0]

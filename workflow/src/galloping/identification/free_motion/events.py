@@ -7,7 +7,6 @@ which are sums over the samples.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from scipy.special import chdtri
@@ -83,7 +82,7 @@ def _without_needless(
         begin, end = (sum(len(part.time) for part in parts[first:last]) for last in (k - 1, k + 1))
         parts[k - 1 : k + 1] = [_cut(stretches[origins[k]], begin, end)]
         del origins[k]
-        fit = attempt(partial(fit_poles, parts, found.modes.poles))
+        fit = attempt(fit_poles, parts, found.modes.poles)
         if isinstance(fit, NoModel):
             continue
         count = sum(np.count_nonzero(np.isfinite(part.values)) for part in parts)

@@ -85,7 +85,7 @@ def classify_motion(recordings: Sequence[Recording]) -> FreeMotion | None:
     paired = {k for pair in velocity_pairs(given[0].states).items() for k in pair}
     if not paired.issuperset((*channels.values, *channels.rates)) or not channels.names:
         return None
-    found = attempt(partial(_free_motion, given, channels))
+    found = attempt(_free_motion, given, channels)
     return None if isinstance(found, NoModel) else found
 
 

@@ -1,7 +1,6 @@
 """Search for the model that follows recordings to their noise, from several initial guesses."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -124,7 +123,7 @@ def _fit_guesses(start: Start, largest: np.ndarray) -> JoinedFit | None:
 
 def _shows_misfit(start: Start, fit: ShootingFit) -> bool:
     """Decide whether the residuals of a converged fit show that its model is wrong."""
-    residuals = attempt(partial(_chain_residuals, start, fit))
+    residuals = attempt(_chain_residuals, start, fit)
     return isinstance(residuals, NoModel) or bool(
         residuals[1].find_objections(fit.record.channel_names)
     )
@@ -169,7 +168,7 @@ def _find_objections(
 
 def _find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
     """Find the kind of term that explains most of the residual; none if the work is exhausted."""
-    kinds = [] if is_exhausted() else attempt(partial(find_missing_kind, fit, penalty))
+    kinds = [] if is_exhausted() else attempt(find_missing_kind, fit, penalty)
     return [] if isinstance(kinds, NoModel) else kinds
 
 

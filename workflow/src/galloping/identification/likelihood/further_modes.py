@@ -4,7 +4,6 @@ Each is a line in the spectrum of the model's residual, above the frequencies of
 errors of the model itself are small: a sinusoid that grows or decays exponentially.
 """
 
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -66,7 +65,7 @@ def _find_oscillations(
         best = strongest_mode([stretch], [left[:, np.newaxis]], poles, band=band)
         if best is None:
             break
-        fit = attempt(partial(fit_poles, [stretch], np.append(poles, best)))
+        fit = attempt(fit_poles, [stretch], np.append(poles, best))
         if isinstance(fit, NoModel):
             break
         remainder = fit.residuals[0][:, 0]

@@ -135,7 +135,7 @@ def maximum_likelihood(
     )
     if forced is not None:
         return fit_random_forces(problem, recordings, forced)
-    used = attempt(partial(segments_with_inputs, recordings, problem.inputs))
+    used = attempt(segments_with_inputs, recordings, problem.inputs)
     if isinstance(used, NoModel):
         return prepend_path(["no model"], refused_model(problem, used.findings))
     if all(recording.exact for recording in used):
@@ -168,7 +168,7 @@ def _search_model(problem: Problem, moving: Moving, start: Start | None) -> Iden
 
 def _fit_free_motion(problem: Problem, recordings: list[Recording]) -> Outcome:
     """Fit the model that follows free motion to the noise."""
-    start = attempt(partial(make_start, problem, recordings))
+    start = attempt(make_start, problem, recordings)
     return start if isinstance(start, NoModel) else _search_rest_positions(start, fit_exact)
 
 
@@ -181,7 +181,7 @@ def _search_time_scales(
         if is_exhausted():
             break
         given = start if share == 1.0 else None
-        outcome = attempt(partial(_search_time_scale, problem, recordings, share, given))
+        outcome = attempt(_search_time_scale, problem, recordings, share, given)
         if isinstance(outcome, IdentifiedModel):
             return outcome if share == 1.0 else prepend_path([f"time scale {share:g}"], outcome)
         objections.append(outcome.findings)
@@ -248,10 +248,10 @@ def _search_rest_positions(start: Start, search: Callable[[Start], Outcome]) -> 
     Equilibria are tried until two models have the same terms. The outcome is the best.
     """
     if not has_free_equilibrium(start):
-        return attempt(partial(search, start))
+        return attempt(search, start)
     models, failures = [], []
     for name, position in positions_of_rest(start):
-        outcome = attempt(partial(search, position))
+        outcome = attempt(search, position)
         if isinstance(outcome, NoModel):
             failures.append(outcome)
         else:
@@ -273,7 +273,7 @@ def _search_free_motion(start: Start, objections: Findings) -> tuple[Outcome, bo
     if motion is None or not (motion.is_linear or motion.decays):
         return NoModel(objections), False
     if motion.further or motion.findings:
-        alone = attempt(partial(make_start, start.problem, without_further_modes(motion)))
+        alone = attempt(make_start, start.problem, without_further_modes(motion))
         outcome = alone if isinstance(alone, NoModel) else _search_exact(alone, objections)[0]
         if isinstance(outcome, IdentifiedModel):
             return prepend_path([PATH], with_further_modes(outcome, motion)), True
@@ -311,14 +311,14 @@ def _search_approximate(start: Start, objections: Findings) -> tuple[Outcome, bo
 
 def _fit_approximate(start: Start, objections: Findings) -> Outcome:
     """Fit the approximate model, by the error of free runs if inputs drive the motion."""
-    fit = attempt(partial(prepare_fit, start, start.fit, STRETCH_PERIODS))
+    fit = attempt(prepare_fit, start, start.fit, STRETCH_PERIODS)
     if isinstance(fit, NoModel):
         return NoModel((*objections, *(one for one in fit.findings if one not in objections)))
     near = fit_approximation(fit, start.penalty, objections)
     if isinstance(near, NoModel):
         return near
     if start.problem.inputs and near.status == "approximate":
-        run = attempt(partial(fit_free_runs, fit.record, near, start.penalty, objections))
+        run = attempt(fit_free_runs, fit.record, near, start.penalty, objections)
         if isinstance(run, IdentifiedModel):
             return prepend_path(["approximation", str(near.diagnostics["path"])], run)
     return prepend_path(["approximation"], near)
@@ -331,7 +331,7 @@ def _find_late_inputs(start: Start) -> list[Finding]:
     """
     if held := held_inputs(start.problem, start.recordings):
         return [Finding.of(Code.INPUT_HELD, name) for name in held]
-    late = attempt(partial(delayed_inputs, start))
+    late = attempt(delayed_inputs, start)
     if isinstance(late, NoModel):
         return []
     return [Finding.of(Code.INPUT_DELAYED_BY, name, delay_s=s) for name, s in late.items()]

@@ -8,7 +8,7 @@ that were left out of the fit.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -189,7 +189,7 @@ def _search_approximation(start: ShootingFit, penalty: float) -> Approximation |
     colour = ""
     fitted: tuple[StretchFit, list[Approximation]] | NoModel = NoModel()
     for name, misfit_of in (("coloured", coloured_misfit), ("white", white_misfit)):
-        tried = attempt(partial(_fit_with_misfit, first, misfit_of, penalty))
+        tried = attempt(_fit_with_misfit, first, misfit_of, penalty)
         if not isinstance(tried, NoModel):
             colour, fitted = name, tried
             if max(each.forecast_r2 for each in tried[1]) > 0.0 or is_exhausted():
@@ -254,11 +254,11 @@ def _choose_smallest(made: list[Approximation]) -> Approximation:
 
 def _fit_fluctuating(fit: StretchFit, penalty: float) -> Approximation | None:
     """Fit means of coefficients that fluctuate, and assess them; None if they predict nothing."""
-    fitted = attempt(partial(fit_fluctuations, fit, penalty))
+    fitted = attempt(fit_fluctuations, fit, penalty)
     if fitted is None or isinstance(fitted, NoModel):
         return None
     means, covariance = fitted
-    made = attempt(partial(_cross_validate, means, penalty))
+    made = attempt(_cross_validate, means, penalty)
     if isinstance(made, NoModel) or not made.forecast_r2 > 0.0:
         return None
     return replace(made, covariance=covariance, path=("fluctuating",), fluctuates=True)

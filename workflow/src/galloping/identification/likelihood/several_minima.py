@@ -8,7 +8,6 @@ another minimum it may stick a turn earlier or later.
 """
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -43,7 +42,7 @@ def refine_fit(joined: JoinedFit, price: Price) -> JoinedFit:
     the free segments. joined: returned unchanged if neither does.
     """
     for step in (joined.step, joined.free):
-        least = attempt(partial(_settle_terms, step, price))
+        least = attempt(_settle_terms, step, price)
         if not isinstance(least, NoModel) and least.fit.misfit < CLOSE_MISFIT:
             path = (*joined.path, "least of several minima")
             return JoinedFit(joined.free, least, path, True, None)
@@ -94,7 +93,7 @@ def _descend_chi2(fit: ShootingFit) -> Step:
         starts, share, better = quadratic.move_states(change), 1.0, None
         for _ in range(7):  # halvings of the step
             moved = replace(fit, free=fit.free + share * change, starts=fit.starts + share * starts)
-            tried = attempt(partial(_match_segments, moved))
+            tried = attempt(_match_segments, moved)
             if not isinstance(tried, NoModel) and tried.chi2 < fit.chi2:
                 better = tried
                 break
@@ -146,7 +145,7 @@ def _draw_fits(fit: ShootingFit) -> list[ShootingFit]:
     for change in changes:
         starts = quadratic.move_states(change, step.fit.starts)
         drawn = replace(fit, free=free + change, starts=starts)
-        tried = attempt(partial(_match_segments, drawn))
+        tried = attempt(_match_segments, drawn)
         if not isinstance(tried, NoModel):
             fits.append(tried)
     return sorted(fits, key=lambda each: each.chi2)[:3]

@@ -129,7 +129,7 @@ def _identify_selections(
 ) -> Iterator[IdentifiedModel]:
     """Fit selections of modes one after the other, each when its model is needed."""
     for selection in selections:
-        found = attempt(partial(_identify_modes, selection, fit))
+        found = attempt(_identify_modes, selection, fit)
         if not isinstance(found, NoModel):
             yield found
 

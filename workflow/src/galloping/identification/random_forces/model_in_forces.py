@@ -5,7 +5,6 @@ Terms are selected as usual, except that each forced coordinate keeps its stiffn
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from scipy.special import chdtri
@@ -88,7 +87,7 @@ def _fit_some_samples(
     channels = posed.channels
     white = [each for each in starts if not each.slow]
     white = white or [replace(starts[0], slow=(), rates=())]
-    fit = attempt(partial(_fit_from, posed, white[0]))
+    fit = attempt(_fit_from, posed, white[0])
     if isinstance(fit, NoModel):
         return fit
     if problem.inputs:  # otherwise slow forces would imitate their effects
@@ -96,7 +95,7 @@ def _fit_some_samples(
     if n_further:
         if not fit.whiteness.is_nearly_white:
             return NoModel((fit.whiteness.to_finding(channels.names),))
-        others = [attempt(partial(_fit_from, posed, start)) for start in white[1:STARTS]]
+        others = [attempt(_fit_from, posed, start) for start in white[1:STARTS]]
         fits = [each for each in (fit, *others) if not isinstance(each, NoModel)]
         fit = max(fits, key=lambda each: each.filtered.log_likelihood)
     reads_force = channels.averaged or not set(channels.rates) & set(forced)
@@ -155,7 +154,7 @@ def _with_slow_forces(white: ForcedFit, start: ForcedModel) -> ForcedFit:
         rate = SLOW * white.modes.omega.min()
         slow = tuple(rate * np.diag(white.model.root)[: len(posed.forced)])
         start = replace(white.model, slow=slow, rates=(rate,) * len(slow))
-    fit = attempt(partial(maximise_likelihood, posed, start, white.support, correlated=True))
+    fit = attempt(maximise_likelihood, posed, start, white.support, correlated=True)
     if isinstance(fit, NoModel):
         return white
     gain = fit.filtered.log_likelihood - white.filtered.log_likelihood
@@ -173,7 +172,7 @@ def _with_further_terms(fit: ForcedFit, noise: np.ndarray) -> ForcedFit:
     for _ in range(MOST_CHOICES):
         if is_exhausted():
             break
-        again = attempt(partial(_with_chosen_terms, fit, allowed, noise))
+        again = attempt(_with_chosen_terms, fit, allowed, noise)
         if again is fit or isinstance(again, NoModel):
             break
         fit = again

@@ -6,7 +6,7 @@ mode is too close for a filter, it stays in the model, as a force that oscillate
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from scipy.special import chdtri
@@ -151,7 +151,7 @@ class SeveralModes:
         fastest = (1.0 + ROLL_OFF) / (2.2 * step)  # highest cut-off of a filter, Hz
         for k in counts:
             for below in _filter_edges(self.modes, k, fastest, apart):
-                selection = attempt(partial(self._select, k, below))
+                selection = attempt(self._select, k, below)
                 if isinstance(selection, ModeSelection):
                     yield selection
 

@@ -7,7 +7,6 @@ with their shapes in the displacements these give stiffness and damping of the n
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import combinations, product
 
 import numpy as np
@@ -345,5 +344,5 @@ def is_ambient_candidate(start: Start) -> bool:
     noises = ((one.noise, one.states[one.valid].std(axis=0)) for one in start.smoothed)
     if any(np.any(noise > NOISY * size) for noise, size in noises):
         return True
-    fastest = attempt(partial(shortest_velocity_period, start.recordings))
+    fastest = attempt(shortest_velocity_period, start.recordings)
     return not isinstance(fastest, NoModel) and bool(fastest < start.period / SLOWER)
