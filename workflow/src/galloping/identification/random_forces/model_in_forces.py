@@ -229,7 +229,7 @@ def _select_terms(fit: ForcedFit, penalty: float) -> np.ndarray:
         equation, j = problem.candidates[k]
         moved = next((s for s, e in enumerate(problem.state_exponents[j]) if e), None)
         if moved is None:  # a constant is a group of its own
-            coordinates: tuple[int, ...] = (own[equation], int(k))
+            coordinates: tuple[int, ...] = (own[equation], -1)
         else:
             coordinates = tuple(sorted({own[equation], own.get(moved, moved)}))
         groups.setdefault(coordinates, []).append(int(k))
