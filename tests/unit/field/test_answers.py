@@ -133,11 +133,15 @@ def test_a_disk_that_is_full_at_last_leaves_nothing(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
 
 
-def test_an_interruption_inside_compiled_code_is_one(monkeypatch, model):
+@pytest.mark.parametrize(
+    ("cause", "code", "text"),
+    [(KeyboardInterrupt(), 130, "Interrupted\n"), (SystemExit(143), 143, "")],
+)
+def test_a_signal_inside_compiled_code_ends_the_command(monkeypatch, model, cause, code, text):
     error = SystemError("returned a result with an exception set")
-    error.__cause__ = KeyboardInterrupt()
+    error.__cause__ = cause
     monkeypatch.setattr(IdentifiedModel, "load", Mock(side_effect=error))
-    assert run("show", model, code=130) == "Interrupted\n"
+    assert run("show", model, code=code) == text
 
 
 @pytest.mark.parametrize(

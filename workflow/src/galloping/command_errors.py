@@ -15,15 +15,18 @@ class OneLineErrors(click.Group):
     """Click command group that prints input errors and interruptions as one line each."""
 
     def invoke(self, context: click.Context) -> object:
-        """Run the command; exit with code 1 after an input error, 130 after an interruption."""
+        """Run the command; exit with code 1 after an input error, 128 + signal after a signal."""
         with suppress(ValueError):  # of another thread than the first
             # so that nothing unfinished is left
             signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
         try:
             return super().invoke(context)
         except (KeyboardInterrupt, SystemError) as error:
-            if not _is_interruption(error):
+            cause = _find_interruption(error)
+            if cause is None:
                 raise
+            if isinstance(cause, SystemExit):
+                raise cause from None
             click.echo("Interrupted", err=True)
             context.exit(INTERRUPTED)
         except ModuleNotFoundError as error:
@@ -46,8 +49,8 @@ def _as_printable(text: str) -> str:
     return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
 
 
-def _is_interruption(error: BaseException | None) -> bool:
-    """Decide whether an error is an interruption, or compiled code's report of one."""
-    return isinstance(error, KeyboardInterrupt) or (
-        error is not None and _is_interruption(error.__cause__)
-    )
+def _find_interruption(error: BaseException | None) -> KeyboardInterrupt | SystemExit | None:
+    """Find what a signal raised: the error itself, or the cause that compiled code reports."""
+    while error is not None and not isinstance(error, KeyboardInterrupt | SystemExit):
+        error = error.__cause__
+    return error

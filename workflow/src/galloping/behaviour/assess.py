@@ -82,13 +82,13 @@ def assess(
     """
     if found.status == "refused":
         raise ValueError(f"there is no model to assess: {found.reason}")
-    values = {name: np.unique(np.asarray(value, float)) for name, value in (at or {}).items()}
-    inputs = found.model.inputs
-    for name, each in values.items():
+    values, inputs = {}, found.model.inputs
+    for name, value in (at or {}).items():
         if name not in inputs:
             there = f"must be one of {', '.join(inputs)}" if inputs else "the model has no inputs"
             raise ValueError(f"{name} is no input of the model; {there}")
-        if not len(each):
+        values[name] = np.unique(np.asarray(value, float))
+        if not len(values[name]):
             raise ValueError(f"{name} has no value")
     for name in inputs:
         if name not in values:

@@ -495,27 +495,33 @@ class Recording(Immutable):
         ValueError
             If a column is missing, or contains something else than numbers.
         """
-        from galloping.recording.containers import Table  # which imports this module
-
-        table = Table.of("recording", frame)
-        names, column = list(table.columns), "t" if time is None else str(time)
-        times = table.pop_times() if time is None else table.columns.pop(column, None)
+        names = list(frame)
+        column = "t" if time is None else time
+        times = frame[column] if column in names else None
+        if time is None and times is None:
+            times = index_of_times(frame)
         if times is None:
             raise ValueError(f"recording: no column {column!r}; must be one of {names!r:.60}")
         if isinstance(inputs, str):
             raise ValueError(f"recording: inputs: {inputs!r:.60}; must be a list of names")
-        driving = {}
-        for name in dict.fromkeys(inputs):
-            if name not in table.columns:
+        for name in inputs:
+            if name not in names or name == column:
                 raise ValueError(f"recording: inputs: no column {name!r}; there is {names!r:.60}")
+        states = [name for name in names if name != column and name not in inputs]
+        columns = {
+            name: as_floats(f"recording: column {name!r}", frame[name], (None,))
+            for name in (*states, *inputs)
+        }
+        if len({len(times), *map(len, columns.values())}) > 1:
+            raise ValueError("recording: columns differ in length")
+        values = np.array([columns[name] for name in states]).T.reshape(len(times), len(states))
+        own = {}
+        for name in inputs:
             try:
-                driving[name] = Input(times, table.columns.pop(name), between)
+                own[name] = Input(times, columns[name], between)
             except ValueError as error:
                 raise ValueError(f"recording: column {name!r}: {error}") from None
-        states, values = table.matrix()
-        if len(times) != len(values):
-            raise ValueError("recording: columns differ in length")
-        return cls(times, states, values, inputs=driving)
+        return cls(times, states, values, inputs=own)
 
     def __getitem__(self, rows: slice) -> "Recording":
         """Return the samples of a slice, such as `recording[:100]`, two or more."""
