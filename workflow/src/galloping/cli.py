@@ -459,8 +459,8 @@ def assess(model, at, seed, figure, as_csv, as_json, verbose):
         raise click.UsageError("--csv and --json exclude each other")
     loaded, units = _load_usable(model), read_json(model).get("units", {})
     values = parse_input_values(at, loaded.model.inputs)
-    is_complete = set(loaded.model.inputs) <= set(values)  # otherwise the missing input is named
-    if figure and is_complete and all(isinstance(value, float) for value in values.values()):
+    has_all_inputs = set(loaded.model.inputs) <= set(values)  # otherwise `assess` names the missing
+    if figure and has_all_inputs and all(isinstance(value, float) for value in values.values()):
         raise ValueError("--figure: draws amplitudes over a range of an input, such as --at U=4:16")
     with show_progress():
         assessment = assessed(loaded, values, seed=seed)
