@@ -27,7 +27,7 @@ def test_the_cells_of_the_default_study():
     assert DEFAULT.cell("non_resonant", "state", "points_1000").samples == 1000
     families = DEFAULT.cell("internal_resonance", "state", "noise_0").families
     assert {name: len(methods) for name, methods in families.items()} == {
-        "paper": 1, "sparse": 4, "likelihood": 2,
+        "sparse": 5, "likelihood": 2,
     }  # fmt: skip
     assert "weak" not in [m.name for m in DEFAULT.cells[0].methods]  # exact states need none
 

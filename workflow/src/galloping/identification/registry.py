@@ -120,11 +120,7 @@ class Method:
 
 
 METHODS = (
-    # a family of its own: an edit of its threshold, which the paper does not state, reruns no other
-    Method(
-        "paper", sparse.stlsq.fit_raw, Paper,
-        family="paper", evidence=sparse.evidence.reduce_by_splines,
-    ),
+    Method("paper", sparse.stlsq.fit_raw, Paper, evidence=sparse.evidence.reduce_by_splines),
     Method("stlsq", sparse.stlsq.fit_normalised, Scanned),
     # not run by default: where it was tried, no better than frols, at twenty times the cost
     Method("lasso", sparse.lasso.fit_lasso, Thresholded, by_default=False),
