@@ -305,8 +305,10 @@ def test_an_installation_and_results_leave_the_commit_clean(clone):
     # what `pip install` of a clone leaves in it
     write(clone, {"build/lib/a.py": "", "workflow/src/galloping.egg-info/PKG-INFO": ""})
     assert (present_commit().described, present_commit().changes) == ("v1", ())
-    write(clone, {".gitignore": "build\n*.egg-info\n", "b": "", "out/t.csv": "", "out/ref/t": ""})
-    assert present_commit().changes == (".gitignore", "b", "out/ref/t", "out/t.csv")
+    write(
+        clone, {".gitignore": "build\n*.egg-info\n", "b": "", "out/my ö.csv": "", "out/ref/t": ""}
+    )
+    assert present_commit().changes == (".gitignore", "b", "out/my ö.csv", "out/ref/t")
     now = present_commit("out", "out/ref")
     assert (now.described, now.changes) == ("v1-dirty", (".gitignore", "b", "out/ref/t"))
     assert made_by(now).endswith(" and 3 changed files")

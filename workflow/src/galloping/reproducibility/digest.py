@@ -176,7 +176,7 @@ def commit(study: Mapping[str, str]) -> Commit | None:
         root = Path(_run_git("rev-parse", "--show-toplevel").rstrip("\n"))
         digest, date = _run_git("show", "--no-patch", "--format=%H %cI", "HEAD").split()
         described = _run_git("describe", "--tags", "--always", "--dirty").strip()
-        status = _run_git("status", "--porcelain", "--untracked-files=all").splitlines()
+        status = _run_git("status", "-z", "--no-renames", "--untracked-files=all").split("\0")[:-1]
     except (OSError, subprocess.CalledProcessError):
         return None
     results, reference = (Path(study[name]).resolve() for name in ("results", "reference"))
