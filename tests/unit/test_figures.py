@@ -271,6 +271,8 @@ def test_an_overview_says_who_errs_least():
     settings = {"case": "line", "protocol": "state", "label": "noise"}
     said = errors.draw_overview(table, settings, NO_PEERS).get_label()
     assert said.index("maximum likelihood") < said.index("weak form")
+    alone = scores((0, 0.05), methods=("weak_gls",))  # which the overview does not draw
+    assert errors.draw_overview(alone, settings, NO_PEERS).get_label() == ""
 
 
 def test_errors_of_lines_have_a_row_for_each_truth_and_sensors_in_the_configured_order():

@@ -181,6 +181,10 @@ def test_what_needs_no_figure_is_said():
     first, second = on_engineering({"limit_cycle_ahead": ahead, "reduction": modes}, **about)
     assert "0.530 m (0.500 to 0.600) predicted" in first
     assert "−25 % (drag), less than 1 % (9 modes)" in second
+    diverging = modes.assign(amplitude_m=modes["amplitude_m"].where(modes["line"] != "two modes"))
+    assert on_engineering({"reduction": diverging}, **about) == []
+    refused = r2[r2["level"] == 0.15].assign(level=0.1, r2_median=-np.inf)
+    assert on_methods({"noise_r2": pd.concat([r2, refused])}, **about) == []
 
 
 def test_every_column_of_the_reference_and_of_the_claims_has_a_meaning(root):

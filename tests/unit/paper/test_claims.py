@@ -232,6 +232,9 @@ def test_numbers_outside_the_range_of_the_fit_are_counted():
     study["identification"]["paper"]["threshold"] = None
     said = report.section(table, None, region, study)["setting"]
     assert "2 of them are outside the range that was fitted" in said and "These" not in said
+    assert "poorly" in said
+    determined = report.section(table, None, region.assign(verdict="determined"), study)
+    assert "poorly" not in determined["setting"]
     assert report.count_unfitted(table, None, study) == 0
 
 

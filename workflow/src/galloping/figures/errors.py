@@ -252,6 +252,8 @@ def _compare_methods(errors: pd.DataFrame, names: Mapping[str, str]) -> str:
     medians = errors[errors["level"] == middle].set_index("method")["median"]
     shown = [name for name in names if name not in (BOUND, ORACLES)]
     medians = medians.reindex(shown).dropna().sort_values(kind="stable")
+    if medians.empty:
+        return ""
     texts = [f"{value:.2g} % by {method_style(name).label}" for name, value in medians.items()]
     return f"Median coefficient error at sensor noise {middle:g}: {', '.join(texts)}"
 

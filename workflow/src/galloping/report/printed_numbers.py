@@ -114,8 +114,9 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None, unfitted:
         verdicts = region.drop_duplicates("unknown").set_index("unknown")["verdict"]
         count = int((verdicts.reindex(NAMES) == "left open").sum())
         which = "all" if count == len(UNKNOWNS) else f"{count} of the"
-        text += f" The claims determine these numbers poorly: for {which} {len(UNKNOWNS)}, the "
-        text += f"largest plausible value is at least {NEAR} times the smallest."
+        if count:
+            text += f" The claims determine these numbers poorly: for {which} {len(UNKNOWNS)}, the "
+            text += f"largest plausible value is at least {NEAR} times the smallest."
     joint = paper[paper["role"] == "joint"]
     first = next(iter(joint["case"]), "")
     for row in joint[joint["case"] == first].to_dict("records"):

@@ -186,9 +186,12 @@ def _rows_at_level(table: pd.DataFrame) -> pd.DataFrame:
 def _describe_reconstruction(r2: pd.DataFrame, case: str, protocol: str, noise_unit: str) -> str:
     rows = r2[(r2["case"] == case) & (r2["protocol"] == protocol) & (r2["level"] > 0)]
     worst = rows.groupby(["method", "level"])["r2_median"].min().unstack("level")
-    if OURS not in worst.index or not np.isfinite(own := worst.loc[OURS]).any():
+    if OURS not in worst.index:
         return ""
-    own = own[np.isfinite(own)]  # of most recordings there is a model
+    own = worst.loc[OURS]
+    own = own[np.isfinite(own).cummin()]  # up to the first level where most fits have no model
+    if own.empty:
+        return ""
     text = (
         f"Reconstructions by maximum likelihood have a median R² of at least "
         f"{_rounded_down(own.min())} in both directions up to "
@@ -243,6 +246,8 @@ def _two_modes(table: pd.DataFrame, case: str) -> str:
     if "two modes" not in vertical:
         return ""
     changes = 100 * (vertical.drop("two modes") / vertical["two modes"] - 1).dropna()
+    if changes.empty:
+        return ""
     small = changes.abs() < 1
     texts = [f"{change:+.0f} % ({line})" for line, change in changes[~small].items()]
     texts = [text.replace("-", "\N{MINUS SIGN}", 1) for text in texts]
