@@ -189,6 +189,7 @@ def test_what_needs_no_figure_is_said():
 
 def test_every_column_of_the_reference_and_of_the_claims_has_a_meaning(root):
     heads = [("claims", claims.COLUMNS), ("paper", claims.PAPER_COLUMNS)]
+    heads.append(("reproduction", claims.COLUMNS))
     for path in (root / "results" / "reference").rglob("*.csv"):
         heads.append((path.stem, pd.read_csv(path, nrows=0)))
     columns = {(table, column) for table, names in heads for column in names}
