@@ -164,6 +164,7 @@ REFUSED = [
     (f"{CASE}.line.tension", 1e308, "1e+308", "N, with a sag of at most a quarter of the span"),
     ("measurement.levels", [0, -0.1], "-0.1 is not allowed; each must be >= 0 and < 10"),
     ("measurement.levels", [], "[] is empty; must hold at least one"),
+    ("assessment.open_parameters.threshold", 1, "must be a list of distinct numbers > 0"),
     ("measurement.levels", [0.1, "1e-1"], "0.1 is given twice; must be distinct"),
     ("measurement.levels", [0.1, 0.10000000000001], "0.10000000000001 and 0.1 agree", "distinct"),
     # folders
@@ -186,6 +187,8 @@ REFUSED = [
     (f"{CASE}.truth.modes", 3, "is not allowed with model two_mode; must be left out"),
     ("sweeps.calm.values", {"sweeps": {"calm": {"parameter": "tension", "values": [500, 600, 10]}}},
      "500 gives a sag of 331.1 m in a span of 300 m", "must be >= 2207 N"),
+    ("sweeps.calm.values", {"sweeps": {"calm": {"parameter": "span", "values": [100, 5000, 100]}}},
+     "25000 gives a sag of 1839 m in a span of 5000 m", "or the span <= 3398 m"),
     (f"{CASE}.truth.antisymmetric", case(truth={"model": "continuous", "modes": 1,
      "antisymmetric": 0.2}), "0.2 is not allowed with 1 mode; must be 0, or modes 2 or more"),
     # of the study
@@ -214,6 +217,8 @@ REFUSED = [
      "'weak' is no method of files; allowed: maximum_likelihood, weak_gls"),
     ("trials.a.methods", nested("trials.a", {"kind": "long_and_steady", "methods": ["weak_gls"]}),
      "'weak_gls' is no method of long_and_steady; allowed: maximum_likelihood"),
+    ("trials.a.methods", nested("trials.a", {"kind": "model_error", "methods": ["weak"]}),
+     "['weak'] cannot use the wind of '9 modes, gusts 5 %, wind'; must hold one of maximum_like"),
     ("trials", nested("trials.readings", {"kind": "paper", "cases": ["any motion"]}),
      "must have the case 'first reading'"),
     ("trials.a.durations", nested("trials.a", LONG), "12 is not allowed; of lorenz at most 10"),

@@ -6,12 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from galloping.configuration.kinds import EXAMPLES, KINDS
+from galloping.configuration.kinds import EXAMPLES, KINDS, WITH_WIND
 from galloping.figures.verdicts import draw_published_intervals, draw_published_terms
 from galloping.identification import registry
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import coefficients, make_model
 from galloping.model.polynomial import polynomial_library
+from galloping.report.data_dictionary import meaning
 from galloping.report.results_in_words import verdicts
 from galloping.streams import make_generator
 from galloping.summary.sample_files import FILES
@@ -39,6 +40,8 @@ KNOWN = {
 @pytest.mark.parametrize("kind", KNOWN)
 def test_the_cases_of_a_kind_are_those_that_its_trial_knows(kind):
     assert {*KINDS[kind].cases} == {*KNOWN[kind]}
+    if kind == "model_error":
+        assert {*WITH_WIND} == {name for name, truth in TRUTHS.items() if truth.wind}
 
 
 def drawn(number):
@@ -103,6 +106,7 @@ def of_a_random_line(seed, number, **options):
 def test_random_lines_and_their_table():
     fits = pd.DataFrame(of_a_random_line(5, 0, durations=[60.0]))
     assert list(fits["release"]) == [0, 1]
+    assert all(meaning("fits", column) for column in fits)
     table = trust(fits)
     line = table[table["case"] == "all"].to_dict("records")[0]
     assert (line["group"], line["fits"], line["level"]) == ("random lines", 2, 0.05)
@@ -161,6 +165,7 @@ def test_a_fault_is_named(fault, size):
     """Late channels also where the data are followed in pieces only."""
     fit = next(recorded_lines.of_faulty_recordings(4711, fault, [0], METHODS, levels=[0.05]))
     assert fit["fault_diagnosed"] and fit["status"] != "ok" and fit["size"] >= size
+    assert all(meaning("fits", column) for column in fit)
 
 
 def test_published_settings_stand_beside_their_numbers():

@@ -23,6 +23,9 @@ OURS_ALONE = ("maximum_likelihood",)  # where a table sums up all fits as those 
 LONGEST = {"lorenz": 10.0, "van_der_pol": 12.0, "rossler": 30.0}
 # quadratic coefficients of a relaxation
 GAMMAS = {f"gamma {gamma:g}": gamma for gamma in (0.0, 0.02, 0.04, 0.08, 0.12, 0.16)}
+# cases of `model_error` with the wind as an input, and the methods that take inputs
+WITH_WIND = ("9 modes, gusts 5 %, wind", "9 modes, gusts 10 %, wind", "two modes, gusts 5 %, wind")
+DRIVEN = ("maximum_likelihood", "weak_gls")
 # files that come with the project, and how their columns are read
 EXAMPLES = {name: (f"examples/{name}.csv", f"examples/{name}.yaml") for name in ("span", "gusts")}
 
@@ -84,8 +87,7 @@ KINDS = {
         MODEL_ERROR,
         cases=(
             "9 modes", "9 modes, relative wind", "9 modes, gusts 5 %", "9 modes, mid-span",
-            "9 modes, displacement only", "two modes, gusts 2 %", "two modes, gusts 5 %",
-            "9 modes, gusts 5 %, wind", "9 modes, gusts 10 %, wind", "two modes, gusts 5 %, wind",
+            "9 modes, displacement only", "two modes, gusts 2 %", "two modes, gusts 5 %", *WITH_WIND,
         ),
     ),
     "ambient": Kind(MODEL_ERROR, cases=("two modes in random forces",)),
@@ -107,7 +109,7 @@ KINDS = {
             "two modes to rest", "unmeasured machine", "step of a force", "held force",
             "force of two values", *EXAMPLES,
         ),
-        usable=("maximum_likelihood", "weak_gls"),
+        usable=DRIVEN,
     ),
     "paper": Kind(PAPER, cases=tuple(BY_NAME), methods=("paper",)),
 }  # fmt: skip

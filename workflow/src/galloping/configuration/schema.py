@@ -100,9 +100,11 @@ def _describe_items(node: dict) -> str:
     one = item(node)
     if "enum" in one:
         return f"one or more of {', '.join(one['enum'])}"
-    count = "one or more distinct " if "uniqueItems" in node else ""
+    count = "distinct " if "uniqueItems" in node else ""
     if "prefixItems" in node:
         count = f"{node['minItems']} "
+    elif "minItems" in node:
+        count = f"one or more {count}"
     kind = {"integer": "whole numbers", "string": "texts"}.get(one["type"], "numbers")
     return f"{count}{kind} {_describe_bounds(one)}".strip()
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, ValidationInfo, create_model, field_validator, model_validator
 
 from galloping.configuration.keys import keys
-from galloping.configuration.kinds import KINDS, LONGEST, PAPER, equal_effort
+from galloping.configuration.kinds import DRIVEN, KINDS, LONGEST, PAPER, WITH_WIND, equal_effort
 from galloping.cycles.family import PARAMETERS
 from galloping.fields import Name, make_error, one_of, selection, setting, show
 from galloping.identification.registry import METHODS
@@ -110,19 +110,20 @@ class CaseSection(
             if position >= self.line.span:
                 text = f"{show(position)} is beyond the span ({span} m); must be > 0 and < {span} m"
                 raise make_error(text, "spacers", "positions")
-        if text := self.describe_slackness(self.line.tension):
+        if text := self.describe_slackness(self.line.tension, self.line.span):
             raise make_error(text, "line", "tension")
         return self
 
-    def describe_slackness(self, tension: float) -> str:
-        """Describe why the line is no shallow cable at a tension (N), "" if it is one."""
-        weight, span = self.conductor.mass * self.gravity, self.line.span
+    def describe_slackness(self, tension: float, span: float) -> str:
+        """Describe why the line is no shallow cable at a tension (N) and span (m), "" if it is."""
+        weight = self.conductor.mass * self.gravity
         sag = weight * span**2 / (8 * tension)
         if sag <= LARGEST_SAG * span:
             return ""
         return (
             f"{show(tension)} gives a sag of {sag:.4g} m in a span of {show(span)} m, which is no "
-            f"shallow cable; must be >= {weight * span / (8 * LARGEST_SAG):.4g} N"
+            f"shallow cable; must be >= {weight * span / (8 * LARGEST_SAG):.4g} N, or the span "
+            f"<= {8 * LARGEST_SAG * tension / weight:.4g} m"
         )
 
 
@@ -259,8 +260,11 @@ class TrialSection(
             if kind.usable and method not in kind.usable:
                 text = f"{show(method)} is no method of {self.kind}"
                 raise make_error(f"{text}; allowed: {', '.join(kind.usable)}", "methods")
-        for duration in self.durations or ():
-            for case in self.cases or kind.cases:
+        for case in self.cases or kind.cases:
+            if case in WITH_WIND and not {*(self.methods or DRIVEN)} & {*DRIVEN}:
+                text = f"{show(self.methods)} cannot use the wind of {show(case)}"
+                raise make_error(f"{text}; must hold one of {', '.join(DRIVEN)}", "methods")
+            for duration in self.durations or ():
                 if duration > LONGEST.get(case, duration):
                     raise make_error(
                         f"{duration:g} is not allowed; of {case} at most {LONGEST[case]:g}",
@@ -354,13 +358,15 @@ class Settings(
 
     @model_validator(mode="after")
     def _sweeps_of_shallow_cables(self) -> Self:
-        for name, sweep in self.sweeps.items():
-            swept = ((sweep.parameter, "values"), (sweep.second, "second_values"))
-            for case, (parameter, key) in product(self.cases.values(), swept):
-                if parameter == "tension":
-                    lowest = getattr(sweep, key)[0]
-                    if text := case.describe_slackness(lowest):
-                        raise make_error(text, "sweeps", name, key)
+        for (name, sweep), case in product(self.sweeps.items(), self.cases.values()):
+            swept = {sweep.parameter: "values", sweep.second: "second_values"}
+            tension, span = case.line.tension, case.line.span
+            if "tension" in swept:
+                tension = getattr(sweep, swept["tension"])[0]
+            if "span" in swept:
+                span = getattr(sweep, swept["span"])[1]
+            if text := case.describe_slackness(tension, span):
+                raise make_error(text, "sweeps", name, swept.get("tension") or swept["span"])
         return self
 
     @field_validator("results")

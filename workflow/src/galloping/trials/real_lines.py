@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from galloping.configuration.kinds import DRIVEN
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
 from galloping.identification.drawn_models import draw_models
@@ -82,7 +83,6 @@ SPEED = "U"  # the input that is the wind
 # m/s, from the recorded mean: there amplitudes are asked for as well. At 2 m/s above it, 14 m/s,
 # further ones of the nine modes gallop by themselves within 300 s, and the line is another one.
 OTHER_WINDS = (-2.0, 1.0)
-DRIVEN = ("maximum_likelihood", "weak_gls")  # methods that take inputs
 
 
 def line_of(case: Mapping, truth: SensedLine) -> continuous.Span:
