@@ -13,12 +13,12 @@ from galloping.paper.unknowns import BY_NAME
 
 with Path(__file__).with_name("systems.csv").open(encoding="utf-8", newline="") as file:
     PUBLISHED = {row["name"]: row for row in csv.DictReader(file)}
-# tables: of lines, of other systems, of lines that are not their own model, of what the paper
-# leaves out, beside what others published of exact terms and of intervals
+# tables that summarise trials: of lines, of published systems, of lines outside the model class, of
+# what the paper does not state; then comparisons with published shares and intervals
 TRUST, SYSTEMS, MODEL_ERROR, PAPER = "trust", "systems", "model_error", "paper"
 EXACT_TERMS, INTERVALS = "published_terms", "published_intervals"
-EXAM = "exam"  # of an exam, whose trials are summed up by their names
-OURS_ALONE = ("maximum_likelihood",)  # where a table sums up all fits as those of one method
+EXAM = "exam"  # table of an exam, whose trials are its strata
+OURS_ALONE = ("maximum_likelihood",)  # for tables that do not distinguish methods
 # s, of the longest recordings that were published of each system
 LONGEST = {"lorenz": 10.0, "van_der_pol": 12.0, "rossler": 30.0}
 # quadratic coefficients of a relaxation
@@ -87,7 +87,8 @@ KINDS = {
         MODEL_ERROR,
         cases=(
             "9 modes", "9 modes, relative wind", "9 modes, gusts 5 %", "9 modes, mid-span",
-            "9 modes, displacement only", "two modes, gusts 2 %", "two modes, gusts 5 %", *WITH_WIND,
+            "9 modes, displacement only", "two modes, gusts 2 %", "two modes, gusts 5 %",
+            *WITH_WIND,
         ),
     ),
     "ambient": Kind(MODEL_ERROR, cases=("two modes in random forces",)),
