@@ -14,9 +14,9 @@ def plan(folder: Path, *configfiles: str) -> list[dict]:
     gc.freeze()  # else the collector goes through, and copies, all of Snakemake
     os.chdir(folder)
     sys.path[:0] = [str(folder / NEWER), str(folder / "workflow" / "src")]
-    from galloping.reproducibility.plan import planning
+    from galloping.reproducibility.plan import make_plan
 
     try:
-        return [asdict(job) for job in planning(configfiles).jobs]
+        return [asdict(job) for job in make_plan(configfiles).jobs]
     except SystemExit as end:  # would end the process, and the test would wait for ever
         raise RuntimeError(end.code) from end

@@ -16,8 +16,15 @@ import yaml
 from galloping import deferred
 from galloping.configuration.load import load, plain
 from galloping.publication import archive, publishing
-from galloping.publication.archive import MANIFEST, NotRestorable, faults, pack, restore, unpack
-from galloping.publication.publishing import files, obstacles
+from galloping.publication.archive import (
+    MANIFEST,
+    NotRestorable,
+    find_faults,
+    pack,
+    restore,
+    unpack,
+)
+from galloping.publication.publishing import find_obstacles, list_published_files
 from galloping.report.page import made_by
 from galloping.reproducibility import repair
 from galloping.reproducibility.digest import Commit, commit
@@ -209,7 +216,7 @@ HARMFUL = [
 
 @pytest.mark.parametrize(("harm", "fault"), HARMFUL)
 def test_an_archive_that_contradicts_itself_or_reaches_outside_is_refused(published, harm, fault):
-    assert list(faults(published)) == []
+    assert list(find_faults(published)) == []
     harm(published)
     with pytest.raises(NotRestorable, match=fault):
         list(restore(published.with_suffix(".zip"), plan()))
@@ -221,8 +228,8 @@ def test_settings_of_two_studies_are_compared():
         plain(load({"results": f"results/{name}", "measurement": {"replicates": number}}))
         for name, number in (("one", 5), ("other", 5), ("other", 7))
     )
-    assert list(archive.changed_settings(one, other)) == []
-    (line,) = archive.changed_settings(one, more)
+    assert list(archive.describe_changed_settings(one, other)) == []
+    (line,) = archive.describe_changed_settings(one, more)
     assert line == "measurement.replicates: 5 in the archive, 7 here"
 
 
@@ -230,7 +237,7 @@ def test_what_speaks_against_publishing():
     write(Path(), CONTENT)
 
     def said(present=CLEAN, **states):
-        return list(obstacles(present, Audit(**states), Path(RESULTS)))
+        return list(find_obstacles(present, Audit(**states), Path(RESULTS)))
 
     assert said() == said(elsewhere=(RECORDING,)) == []
     assert said(None) == [("dirty", "git knows no commit of this folder")]
@@ -258,7 +265,7 @@ def test_a_file_that_is_only_an_input_needs_no_receipt(published):
     made = json.loads((published / "receipts.json").read_text())
     forged(published, 0, inputs=made[0]["inputs"] | {given: "0" * 64})
     archived(published, **{given: "case\n"})
-    assert list(faults(published)) == []
+    assert list(find_faults(published)) == []
 
 
 @pytest.mark.parametrize("publish", [False, True])
@@ -273,7 +280,7 @@ def test_tables_are_published_with_what_they_are_directly_made_from(publish):
     study = Plan(settings, (*plan().jobs, PlannedJob("b", {}, field, (told,))))
     wanted = {MODEL, RECORDING, REPORT, TABLE, *source[:2], told, "span.yaml"}
     wanted |= {"config/span.csv"} if publish else set()
-    assert [path.as_posix() for path in files(study)] == sorted(wanted)
+    assert [path.as_posix() for path in list_published_files(study)] == sorted(wanted)
 
 
 LIBRARY = "workflow/src/galloping/__init__.py"

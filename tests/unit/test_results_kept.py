@@ -14,13 +14,13 @@ from galloping.configuration.load import plain
 from galloping.configuration.settings import Settings
 from galloping.reproducibility import job, lock, repair
 from galloping.reproducibility import receipts as kept
-from galloping.reproducibility.plan import Plan, PlannedJob, duration_in_words, outlook
+from galloping.reproducibility.plan import Plan, PlannedJob, describe_run, duration_in_words
 from galloping.reproducibility.receipts import (
     RECEIPTS,
     digest,
     read_receipt,
+    read_receipts,
     receipt_path,
-    receipts,
 )
 from galloping.reproducibility.repair import audit
 
@@ -60,7 +60,7 @@ def plan(*paths, settings=SETTINGS, **inputs):
 
 
 def as_planned(study):
-    return sorted(repair.as_planned(study, receipts(RESULTS)))
+    return sorted(repair.find_current(study, read_receipts(RESULTS)))
 
 
 @pytest.fixture(autouse=True)
@@ -78,7 +78,7 @@ def adopted(monkeypatch):
 
 
 def look():
-    return kept.inspect(RESULTS, receipts(RESULTS))
+    return kept.inspect(RESULTS, read_receipts(RESULTS))
 
 
 def test_a_job_says_what_it_made_from_what():
@@ -89,8 +89,8 @@ def test_a_job_says_what_it_made_from_what():
     assert (receipt.sha256, receipt.size) == (digest(table), 2)
     assert (receipt.settings, receipt.rule) == (SETTINGS, "make")
     assert receipt.wildcards == {"case": "a", "cell": "b"}
-    assert list(receipts(RESULTS)) == [model, table]
-    assert receipts("results") == {}  # of results inside results
+    assert list(read_receipts(RESULTS)) == [model, table]
+    assert read_receipts("results") == {}  # of results inside results
 
 
 def test_receipts_of_results_in_a_storage_are_those_of_results_in_place(folder):
@@ -130,7 +130,9 @@ def test_failures_are_told_in_a_line_with_the_log(folder):
     model.write_text("2\n")
     with pytest.raises(SystemExit, match=r"models/b\.json"):
         make("tables/t.csv", inputs=["models/b.json"])
-    assert list(receipts(RESULTS)) == [str(model)] and not Path(RESULTS, "tables/t.csv").exists()
+    assert (
+        list(read_receipts(RESULTS)) == [str(model)] and not Path(RESULTS, "tables/t.csv").exists()
+    )
 
 
 def same_size_and_times(path):
@@ -172,7 +174,7 @@ def test_a_copy_of_results_among_results_is_none_of_them():
     table = make("tables/t.csv")
     shutil.copytree(Path(table).parent, Path(RESULTS, "tables_before"))
     make("tables/t.csv", "2\n")
-    assert list(receipts(RESULTS)) == [table] and look().damaged == ()
+    assert list(read_receipts(RESULTS)) == [table] and look().damaged == ()
 
 
 def test_after_a_kill_only_a_repair_may_lock_a_study():
@@ -218,7 +220,7 @@ def test_each_file_has_one_state_and_what_is_made_as_planned_is_adopted(adopted)
     assert adopting.startswith("2 files") and aside.startswith("3 files") and times == 1
     all_of_them = (model, old, *(path for (path,) in states.values()))
     assert [path for path in all_of_them if Path(path).exists()] == [model, sound]
-    assert old not in receipts(RESULTS)
+    assert old not in read_receipts(RESULTS)
 
 
 def test_nothing_made_from_another_input_is_as_planned(folder):
@@ -270,7 +272,7 @@ def told(model=SETTINGS, study=STUDY, cores=2):
     plans = (plan(NAMES[0], settings=model), plan(NAMES[1], t=NAMES[:1]),
              plan("report.html", settings=REPORT))  # fmt: skip
     jobs = tuple(job for each in plans for job in each.jobs)
-    return list(outlook(Plan(study, jobs), receipts(RESULTS), cores))
+    return list(describe_run(Plan(study, jobs), read_receipts(RESULTS), cores))
 
 
 def test_an_edit_is_named_with_what_runs_again_and_about_how_long():

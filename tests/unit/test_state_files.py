@@ -13,8 +13,8 @@ from galloping.reproducibility.receipts import (
     Receipt,
     inspect,
     read_receipt,
+    read_receipts,
     receipt_path,
-    receipts,
     remember,
     write_receipt,
 )
@@ -44,16 +44,16 @@ DAMAGED = [
 def test_a_damaged_memory_of_digests_is_left_aside(content):
     SEEN.parent.mkdir()
     SEEN.write_text(content)
-    findings = inspect(RESULTS, receipts(RESULTS))
+    findings = inspect(RESULTS, read_receipts(RESULTS))
     assert findings.damaged == (TABLE,) and findings.unseen == (TABLE,)
     remember(RESULTS, findings)
-    assert inspect(RESULTS, receipts(RESULTS)).unseen == ()
+    assert inspect(RESULTS, read_receipts(RESULTS)).unseen == ()
 
 
 @pytest.mark.parametrize("content", DAMAGED)
 def test_a_damaged_receipt_is_none(content):
     receipt_path(TABLE).write_text(content)
-    assert read_receipt(TABLE) is None and receipts(RESULTS) == {}
+    assert read_receipt(TABLE) is None and read_receipts(RESULTS) == {}
 
 
 @pytest.mark.parametrize(

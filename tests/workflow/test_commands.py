@@ -37,11 +37,11 @@ def test_a_run_with_earlier_settings_is_announced(tmp_path, monkeypatch):
         write_text(tmp_path / path, "")
     earlier, now = load({"measurement": {"replicates": 5}}), load({})
     made = make_report(earlier)
-    monkeypatch.setattr(plan, "planning", lambda _: plan.Plan(plain(now), ()))
-    monkeypatch.setattr(plan, "outlook", lambda *_: ["announced"])
+    monkeypatch.setattr(plan, "make_plan", lambda _: plan.Plan(plain(now), ()))
+    monkeypatch.setattr(plan, "describe_run", lambda *_: ["announced"])
     options = argparse.Namespace(cores="1", workflow_profile=None)
-    assert list(run_study.announced(now, [], made, options)) == ["announced"]
-    assert list(run_study.announced(earlier, [], made, options)) == []
+    assert list(run_study.announce(now, [], made, options)) == ["announced"]
+    assert list(run_study.announce(earlier, [], made, options)) == []
 
 
 def test_files_that_are_gone_with_their_receipts_are_asked_for_if_planned(tmp_path, monkeypatch):
@@ -50,11 +50,11 @@ def test_files_that_are_gone_with_their_receipts_are_asked_for_if_planned(tmp_pa
     for path in paths:
         write_text(path, "1\n")
         write_receipt(Receipt(path, "make", {}, "results/logs/a", {}, {}, "0" * 64, 2, 1.0))
-    remember("results", find_deviations("results", run_study.receipts("results")))
+    remember("results", find_deviations("results", run_study.read_receipts("results")))
     shutil.rmtree("results/models")
     job = plan.PlannedJob("make", {}, (), (paths[0],))
-    monkeypatch.setattr(plan, "planning", lambda _: plan.Plan({"results": "results"}, (job,)))
-    monkeypatch.setattr(plan, "recorded", lambda _: set())
+    monkeypatch.setattr(plan, "make_plan", lambda _: plan.Plan({"results": "results"}, (job,)))
+    monkeypatch.setattr(plan, "find_recorded", lambda _: set())
     assert run_study.check("results", [], "repair") == ["all", paths[0]]
     assert find_deviations("results", {}).missing == (paths[0],)
 
@@ -66,7 +66,7 @@ def test_statements_are_counted_only_where_the_paper_is_in_the_study(tmp_path, m
     shutil.copy(ROOT / "results/reference/paper.csv", paper)
     told = []
     for settings in ({}, {"cases": {"mine": {}}}):
-        run_study.tell(load(settings), 0, 1.0)
+        run_study.print_summary(load(settings), 0, 1.0)
         told.append(capsys.readouterr().out.splitlines())
     assert len(told[0]) == 2 and told[1] == told[0][:1]
 

@@ -136,7 +136,7 @@ def test_the_newest_snakemake_plans_the_study(fresh, tmp_path):
         pytest.skip(f"no package index answers: {done.stdout[-200:]}")
     code = (
         "import snakemake; from galloping.reproducibility import plan; "
-        "print(snakemake.__version__, len(plan.planning(['config/smoke.yaml']).jobs))"
+        "print(snakemake.__version__, len(plan.make_plan(['config/smoke.yaml']).jobs))"
     )
     paths = f"{tmp_path}:{fresh.folder / 'workflow' / 'src'}"
     done = run(fresh.folder, "-c", code, PYTHONPATH=paths)

@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Iterable
 
 from galloping.configuration.kinds import KINDS
-from galloping.reproducibility.plan import PlannedJob, planning
+from galloping.reproducibility.plan import PlannedJob, make_plan
 from galloping.storage import write_text
 
 # A study that has jobs of every rule, but of `measure_motion`, whose files nothing else reads.
@@ -83,5 +83,5 @@ if __name__ == "__main__":
     with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file:
         file.write(EVERYTHING)
         file.flush()
-        jobs = planning([file.name]).jobs
+        jobs = make_plan([file.name]).jobs
     write_text(sys.argv[1], draw(build_graph(jobs)))

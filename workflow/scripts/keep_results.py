@@ -16,21 +16,21 @@ import pandas as pd
 from galloping.configuration.load import load_files, plain
 from galloping.publication.archive import (
     NotRestorable,
-    changed_settings,
     check_digest,
-    faults,
-    published_settings,
+    describe_changed_settings,
+    find_faults,
+    read_published_settings,
     unpack,
 )
-from galloping.publication.archive import restore as restored
+from galloping.publication.archive import restore as restore_archive
 from galloping.publication.publishing import ALLOWABLE, NotPublishable, note_on_report
-from galloping.publication.publishing import publish as published
+from galloping.publication.publishing import publish as publish_study
 from galloping.reproducibility.lock import check_places, end_in_one_line, locked, make_command
-from galloping.reproducibility.plan import planning
-from galloping.reproducibility.receipts import digest, inspect, receipts, remember
+from galloping.reproducibility.plan import make_plan
+from galloping.reproducibility.receipts import digest, inspect, read_receipts, remember
 from galloping.reproducibility.repair import audit, remove
 from galloping.storage import replacing, write_json
-from galloping.tables.comparison import Origin, processor, table_differences, tables_of
+from galloping.tables.comparison import Origin, describe_processor, list_differences, list_tables
 
 FAULTS = {
     "damaged": "not what its job wrote: `{repair}` makes it again",
@@ -55,20 +55,20 @@ def main() -> None:
         command = commands.add_parser(function.__name__, help=function.__doc__)
         command.set_defaults(run=function)
         for name in options:
-            flag = name in ("--replace", "--delete")
-            command.add_argument(name, **({"action": "store_true"} if flag else {}))
+            is_flag = name in ("--replace", "--delete")
+            command.add_argument(name, **({"action": "store_true"} if is_flag else {}))
         command.add_argument("--configfile", nargs="+", default=[])
     given = vars(parser.parse_args())
     with end_in_one_line():
         settings = load_files(["config/config.yaml", *given["configfile"]])
-        check_places(settings.results)  # Snakemake would say less of both
+        check_places(settings.results)  # before Snakemake, whose messages are less clear
         given.pop("run")(**given)
 
 
 @contextmanager
 def locked_plan(configfile):
     """Plan a study, and lock it against other processes in a `with` block."""
-    plan = planning(configfile)
+    plan = make_plan(configfile)
     with locked(plan.results, make_command(configfile, "repair")):
         yield plan
 
@@ -76,7 +76,7 @@ def locked_plan(configfile):
 def verify(configfile):
     """Check that all result files of a study are intact, up to date and made as configured."""
     run, repair = make_command(configfile), make_command(configfile, "repair")
-    plan = planning(configfile)
+    plan = make_plan(configfile)
     checked, count = audit(plan), 0
     for state, meaning in FAULTS.items():
         for path in getattr(checked, state):
@@ -96,7 +96,7 @@ def verify_archive(archive, sha256, configfile):
         with tempfile.TemporaryDirectory() as folder:
             present = check_digest(archive, sha256)
             unpack(archive, Path(folder))
-            if lines := list(faults(Path(folder))):
+            if lines := list(find_faults(Path(folder))):
                 raise NotRestorable("\n".join(lines))
             print(f"{archive}: every file is as in its manifest; SHA-256 {present}")
             if not sha256:
@@ -108,13 +108,13 @@ def verify_archive(archive, sha256, configfile):
 
 def compare(folder: Path, study: dict) -> None:
     """Compare an unpacked archive with the study of this folder; exit with 1 if numbers differ."""
-    results, before = study["results"], published_settings(folder)
-    if not tables_of(Path(results)):
+    results, before = study["results"], read_published_settings(folder)
+    if not list_tables(Path(results)):
         print(f"{results}: no study here, so that no numbers were compared")
         return
-    for line in changed_settings(before, study):
+    for line in describe_changed_settings(before, study):
         print(f"Other settings: {line}")
-    lines = list(table_differences(folder / before["results"], results))
+    lines = list(list_differences(folder / before["results"], results))
     print(*lines, f"{results}: {'differs from' if lines else 'agrees with'} the archive", sep="\n")
     sys.exit(bool(lines))
 
@@ -126,7 +126,7 @@ def publish(allow, configfile):
         sys.exit(f"ALLOW: {unknown[0]!r} is not allowed; must be of {', '.join(ALLOWABLE)}")
     try:
         with locked_plan(configfile) as plan:
-            archive, note = published(plan, allowed), note_on_report(plan)
+            archive, note = publish_study(plan, allowed), note_on_report(plan)
     except NotPublishable as error:
         sys.exit(
             f"{error}\nNot published. `make` completes a study, `make repair` mends it; "
@@ -143,9 +143,9 @@ def restore(archive, replace, sha256, configfile):
     try:
         with locked_plan(configfile) as plan:
             check_digest(archive, sha256)
-            for line in restored(Path(archive), plan, replacing=replace):
+            for line in restore_archive(Path(archive), plan, replacing=replace):
                 print(line)
-            remember(plan.results, inspect(plan.results, receipts(plan.results)))
+            remember(plan.results, inspect(plan.results, read_receipts(plan.results)))
     except NotRestorable as error:
         sys.exit(f"{error}\nNothing was restored.")
     except OSError as error:
@@ -171,7 +171,7 @@ def take_reference(configfile):
 
     Refuses a study in which anything is missing, damaged or not as configured.
     """
-    plan = planning(configfile)
+    plan = make_plan(configfile)
     results, reference = plan.results, Path(plan.settings["reference"])
     if any(reference.glob("*.csv")) and not (reference / "origin.json").exists():
         sys.exit(f"{reference}: holds tables of something else; must be a folder of its own")
@@ -189,9 +189,9 @@ def take_reference(configfile):
         with replacing(reference / path.name) as partial:
             shutil.copyfile(path, partial)
     measured = Path(results, "benchmarks").rglob("*.tsv")  # what each job took, by Snakemake
-    minutes = sum(pd.read_csv(path, sep="\t")["cpu_time"].sum() for path in measured) / 60
+    seconds = sum(float(pd.read_csv(path, sep="\t")["cpu_time"].sum()) for path in measured)
     study = comparison.settings["study"]["study"]
-    origin = Origin(settings=study, processor=processor(), core_minutes=round(float(minutes), 1))
+    origin = Origin(study, describe_processor(), core_minutes=round(seconds / 60, 1))
     write_json(reference / "origin.json", asdict(origin))
     print(f"{reference}: {len(tables)} tables of {results} are the reference now")
 

@@ -36,19 +36,19 @@ from galloping.reproducibility.lock import (
 from galloping.reproducibility.receipts import (
     Receipt,
     inspect,
+    read_receipts,
     receipt_path,
-    receipts,
     remember,
 )
 from galloping.study.cells import Study
 from galloping.study.shown import departures_from_paper
 
 WORKFLOW = Path(__file__).parents[1]
-STEPS = re.compile(r"^(\d+) of (\d+) steps", re.MULTILINE)  # as Snakemake says after each job
+STEPS = re.compile(r"^(\d+) of (\d+) steps", re.MULTILINE)  # Snakemake's line after each job
 
-SNAKEMAKE_OUTPUT = Path("logs", "snakemake.txt")  # below the results: written off a terminal
-PROGRESS_INTERVAL = 60.0  # s, between two lines on how far a run is
-LAST_LINES = 20  # lines of Snakemake's that are shown where no job says what went wrong
+SNAKEMAKE_OUTPUT = Path("logs", "snakemake.txt")  # in the results, if stdout is no terminal
+PROGRESS_INTERVAL = 60.0  # s, between two lines of progress
+LAST_LINES = 20  # of Snakemake's output, shown if no log of a job has a reason
 
 
 def main(*arguments: str) -> int:
@@ -67,24 +67,27 @@ def main(*arguments: str) -> int:
         settings = load_files(["config/config.yaml", *files])
         results = settings.results
         with locked(results, repair, repairing=given.repair) as began:
-            targets = mend(results, files) if given.repair else check(results, files, repair)
-            before, start = receipts(results), time.monotonic()
-            for line in [] if given.only else announced(settings, files, before, known):
+            if given.repair:
+                targets = repair_study(results, files)
+            else:
+                targets = check(results, files, repair)
+            before, start = read_receipts(results), time.monotonic()
+            for line in [] if given.only else announce(settings, files, before, known):
                 print(line, flush=True)
             status, interrupted = snakemake(results, *(given.only or targets), *options)
             for line in clear_unfinished(results):
                 print(line, file=sys.stderr)
-            remember(results, inspect(results, after := receipts(results)))
+            remember(results, inspect(results, after := read_receipts(results)))
             if interrupted and status:
                 sys.exit("Interrupted. Finished jobs are kept; run it again to go on.")
             if not status:
                 made = sum(before.get(path) != receipt for path, receipt in after.items())
-                tell(settings, made, time.monotonic() - start)
+                print_summary(settings, made, time.monotonic() - start)
                 return 0
             check_disk(results)
             if reasons := "; ".join(failures(results, began)):
-                told = f"The study stopped: {reasons}. Finished jobs are kept"
-                print(f"{told}; run it again to go on.", file=sys.stderr)
+                text = f"The study stopped: {reasons}. Finished jobs are kept"
+                print(f"{text}; run it again to go on.", file=sys.stderr)
             elif not sys.stdout.isatty():
                 log = Path(results, SNAKEMAKE_OUTPUT)
                 words = log.read_text(encoding="utf-8", errors="replace")
@@ -95,7 +98,7 @@ def main(*arguments: str) -> int:
             return status
 
 
-def announced(
+def announce(
     settings: Settings,
     configfiles: list[str],
     known: dict[str, Receipt],
@@ -109,17 +112,17 @@ def announced(
     read = [path for path in WORKFLOW.rglob("*") if path.is_file() and path.suffix != ".pyc"]
     read += map(Path, ["config/config.yaml", *configfiles, sysconfig.get_path("purelib")])
     if before != {"study": plain(settings)} or any(path.stat().st_mtime > made for path in read):
-        from galloping.reproducibility.plan import outlook, planning  # Snakemake: seldom needed
+        from galloping.reproducibility.plan import describe_run, make_plan  # slow: Snakemake
 
         cores = int(options.cores) if str(options.cores).isdecimal() else os.cpu_count()
-        yield from outlook(
-            planning(configfiles), known, None if options.workflow_profile else cores
+        yield from describe_run(
+            make_plan(configfiles), known, None if options.workflow_profile else cores
         )
     else:
         yield from Study(settings).doubts
 
 
-def tell(settings: Settings, made: int, seconds: float) -> None:
+def print_summary(settings: Settings, made: int, seconds: float) -> None:
     """Print a summary of a run: new results, reproduced claims, and the path of the report."""
     from galloping.reproducibility.plan import duration_in_words
 
@@ -127,7 +130,8 @@ def tell(settings: Settings, made: int, seconds: float) -> None:
     files = f"{made} files made in {duration_in_words(seconds)}"
     print(f"{files}: {results}" if made else "Nothing to do: all results are as configured.")
     report, table = Path(results, "report.html"), Path(results, "tables", "paper.csv")
-    if table.exists() and departures_from_paper(Study(settings)):  # else of an earlier study
+    # without a case of the paper, the table is of an earlier study
+    if table.exists() and departures_from_paper(Study(settings)):
         import pandas as pd
 
         from galloping.report.printed_numbers import describe_counts
@@ -145,7 +149,7 @@ def check_cores(text: str | None) -> None:
 
 def check(results: str, configfiles: list[str], repair: str) -> list[str]:
     """Return missing results as targets for Snakemake; raise Obstacle if one is damaged."""
-    findings = inspect(results, receipts(results))
+    findings = inspect(results, read_receipts(results))
     for fault, paths in {
         "edited or damaged since its job wrote it": findings.damaged,
         "no receipt says how it was made": findings.unrecorded,
@@ -155,24 +159,24 @@ def check(results: str, configfiles: list[str], repair: str) -> list[str]:
             raise Obstacle(f"{list_first(paths)}: {fault}; {cure}")
     targets: list[str] = []
     if findings.unseen or findings.missing:
-        from galloping.reproducibility.plan import planning, recorded  # Snakemake: seldom needed
+        from galloping.reproducibility.plan import find_recorded, make_plan  # slow: Snakemake
 
-        planned = planning(configfiles).maker  # a recording may have been asked for beside it
-        if unrecorded := (set(findings.unseen) & planned.keys()) - recorded(configfiles):
+        planned = make_plan(configfiles).maker
+        if unrecorded := (set(findings.unseen) & planned.keys()) - find_recorded(configfiles):
             raise Obstacle(
                 f"{results}: Snakemake's records of {len(unrecorded)} files (.snakemake) are gone, "
                 f"with them what was edited since; `{repair}` compares the receipts instead"
             )
         missing = tuple(path for path in findings.missing if path in planned)
-        findings = replace(findings, missing=missing)  # others are remembered no longer
+        findings = replace(findings, missing=missing)  # unplanned files are forgotten
         targets = ["all", *missing] if missing else []
     remember(results, findings)
     return targets
 
 
-def mend(results: str, configfiles: list[str]) -> list[str]:
+def repair_study(results: str, configfiles: list[str]) -> list[str]:
     """Repair a study after a crash or an edit, print what was done, return targets as `check`."""
-    from galloping.reproducibility.plan import planning, recorded, unlock
+    from galloping.reproducibility.plan import find_recorded, make_plan, unlock
     from galloping.reproducibility.repair import adopt, set_aside
 
     if ended := end_orphans(results):
@@ -180,16 +184,16 @@ def mend(results: str, configfiles: list[str]) -> list[str]:
     unlock(configfiles)
     for line in clear_unfinished(results):
         print(line)
-    known = receipts(results)
-    findings, plan = inspect(results, known, thorough=True), planning(configfiles)
+    known = read_receipts(results)
+    findings, plan = inspect(results, known, thorough=True), make_plan(configfiles)
     for path in findings.damaged:
         print(f"{path} was edited or damaged: set aside as {set_aside(results, path)}")
     unknown = [path for path in plan.maker if path not in known and Path(path).exists()]
     for path in unknown:
         print(f"{path} has no receipt that can be read: set aside as {set_aside(results, path)}")
-    if (set(findings.unseen) & plan.maker.keys()) - recorded(configfiles):
+    if (set(findings.unseen) & plan.maker.keys()) - find_recorded(configfiles):
         print(*adopt(plan), sep="\n", flush=True)
-        known = receipts(results)
+        known = read_receipts(results)
     findings = inspect(results, known)
     remember(results, findings)
     return ["all", *unknown, *(path for path in findings.missing if path in plan.maker)]

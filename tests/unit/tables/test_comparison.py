@@ -87,9 +87,9 @@ def test_the_first_differences_of_two_folders_are_told(tmp_path):
     for folder, value in ((archived, "1"), (here, "2")):
         (folder / "tables").mkdir(parents=True)
         (folder / "tables/t.csv").write_text("case,r2\n" + rows.replace("{}", value))
-    assert list(comparison.table_differences(here, here)) == []
+    assert list(comparison.list_differences(here, here)) == []
     (here / "tables/u.csv").touch()
-    lines = list(comparison.table_differences(archived, here))
+    lines = list(comparison.list_differences(archived, here))
     assert lines[0] == "tables/t.csv: case=a, r2: reference 1, found 2 (allowed 0.001)"
     assert lines[-2:] == ["tables/t.csv: 2 more differences", "tables/u.csv: not in the archive"]
 

@@ -16,8 +16,8 @@ from galloping.fields import list_first
 from galloping.publication.archive import (
     CONFIGURATION,
     RECEIPTS,
-    files_of,
     is_plain,
+    list_files,
     pack,
     write_manifest,
 )
@@ -25,7 +25,7 @@ from galloping.report.data_dictionary import captions
 from galloping.report.page import made_by
 from galloping.reproducibility.digest import Commit, commit, environment
 from galloping.reproducibility.plan import Plan
-from galloping.reproducibility.receipts import digest, receipts
+from galloping.reproducibility.receipts import digest, read_receipts
 from galloping.reproducibility.repair import Audit, audit
 from galloping.storage import partial_prefix, write_json, write_text
 
@@ -44,7 +44,7 @@ DESCRIPTIONS = {
     "study, also of those that are not in this archive",
     "report.html": "the report: what was found, figures and tables in one page",
 }
-FORMATS = MimeTypes()  # of Python alone, whatever a machine knows besides
+FORMATS = MimeTypes()  # of Python alone, without those of the machine
 FORMATS.add_type("application/yaml", ".yaml")
 FORMATS.add_type("text/markdown", ".md")
 
@@ -79,7 +79,7 @@ def write_crate(
         identifier = author.get("orcid") or f"#{name.lower().replace(' ', '-')}"
         kind = "Organization" if "name" in author else "Person"
         authors.append(_add_entity(crate, identifier, kind, name=name))
-    root["author"] = authors[0] if len(authors) == 1 else authors  # 1.1 wants no list of one
+    root["author"] = authors[0] if len(authors) == 1 else authors  # RO-Crate 1.1: no list of one
     root["conformsTo"] = [
         _add_entity(crate, uri, "CreativeWork", name=name, version=uri.rsplit("/", 1)[1])
         for uri, name in PROFILES.items()
@@ -100,7 +100,7 @@ def write_crate(
     workflow["version"] = commit.described if commit else citation["version"]
     files = {
         path: crate.add_file(folder / path, path, properties=_file_properties(folder, path))
-        for path in files_of(folder)
+        for path in list_files(folder)
         if path not in (WORKFLOW, METADATA)
     }
     files["README.md"]["about"] = root
@@ -124,11 +124,11 @@ def _file_properties(folder: Path, path: str) -> dict[str, str]:
     """Return name, description (the caption in the report, if any), format, size and digest."""
     file = folder / path
     text = DESCRIPTIONS.get(path) or DESCRIPTIONS.get(file.name) or file.stem
-    words = folder / "workflow" / "report" / "figures" / f"{file.stem}.rst"
+    caption = folder / "workflow" / "report" / "figures" / f"{file.stem}.rst"
     if file.parent.name == "tables" and file.suffix == ".csv":
         text = captions().get(file.stem, text)
-    elif file.parent.name == "figures" and words.exists():
-        text = words.read_text(encoding="utf-8")
+    elif file.parent.name == "figures" and caption.exists():
+        text = caption.read_text(encoding="utf-8")
     return {
         "name": file.name,
         "description": " ".join(text.replace("``", "").split()),
@@ -166,18 +166,20 @@ def publish(plan: Plan, allowed: Collection[str] = ()) -> Path:
     """
     results = Path(plan.results)
     present = commit(plan.settings)
-    reasons = list(obstacles(present, audit(plan), results))
+    reasons = list(find_obstacles(present, audit(plan), results))
     if refused := [f"{kind}: {text}" for kind, text in reasons if kind not in allowed]:
         raise NotPublishable("\n".join(refused))
     citation = yaml.safe_load(Path("CITATION.cff").read_text(encoding="utf-8"))
     with tempfile.TemporaryDirectory(prefix=partial_prefix(), dir=results) as temporary:
         folder = Path(temporary, PUBLICATION)
-        for path in files(plan):
+        for path in list_published_files(plan):
             (folder / path).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(path, folder / path)
-        # all in a publication that is not a copy of a file
+        # files of the publication that are not copies
         remarks, versions = [text for _, text in reasons], environment()
-        records = [asdict(r) for path, r in receipts(plan.results).items() if path in plan.maker]
+        records = [
+            asdict(r) for path, r in read_receipts(plan.results).items() if path in plan.maker
+        ]
         text = yaml.safe_dump(plan.settings, sort_keys=False, allow_unicode=True)
         write_text(folder / CONFIGURATION, text)
         write_json(folder / "environment.json", versions)
@@ -195,7 +197,9 @@ def publish(plan: Plan, allowed: Collection[str] = ()) -> Path:
     return results / PUBLICATION / archive.name
 
 
-def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator[tuple[str, str]]:
+def find_obstacles(
+    present: Commit | None, checked: Audit, results: Path
+) -> Iterator[tuple[str, str]]:
     """Yield each reason against publishing a study: its kind, such as `outdated`, and its text."""
     shown = [*results.glob("tables/*"), *results.glob("figures/*")]
     if present is None:
@@ -220,13 +224,12 @@ def note_on_report(plan: Plan) -> str:
     return f"{report}: not made by {now}; if it is removed, `make` writes it again with that name"
 
 
-def files(plan: Plan) -> list[Path]:
+def list_published_files(plan: Plan) -> list[Path]:
     """List the files of a study that its publication includes.
 
-    Only those in the working folder are listed. They are the workflow; tables, figures and report;
-    and the files that these are directly made from, as far as they are in the working folder, so
-    that they can be made again without computing anything else. Results of field recordings are
-    included, the recordings only if the settings say so.
+    They are the workflow; tables, figures and report; and the direct inputs of these, so that they
+    can be made again without other computations. Files outside the working folder are not listed.
+    Results of field recordings are included, the recordings only if the settings say so.
     """
     maker, results = plan.maker, plan.results
     fields = plan.settings["recordings"]
@@ -236,7 +239,7 @@ def files(plan: Plan) -> list[Path]:
     needed = {path for made in final for path in maker[made].inputs if is_plain(path)}
     wanted = [Path(path) for path in (*final, *needed, *SOURCES)]
     for folder in filter(Path.is_dir, map(Path, SOURCES)):
-        wanted += [folder / p for p in files_of(folder) if is_plain(p) and "__pycache__" not in p]
+        wanted += [folder / p for p in list_files(folder) if is_plain(p) and "__pycache__" not in p]
     private = {
         Path(path).resolve()
         for recordings in fields.values()

@@ -40,13 +40,13 @@ def code(*roots: str | Path) -> dict:
     """
     files = _import_closure(roots)
     texts = []
-    for path in files:  # named as wherever the repository lies and a script is called
+    for path in files:  # names do not depend on the place of the repository or of the script
         is_own = path.is_relative_to(deferred.SOURCE)
         name = path.relative_to(deferred.SOURCE).as_posix() if is_own else "script"
         texts.append(f"{name}\n{_parse_module(path).content}\n")
         if is_own:
-            beside = (path.parent.glob(f"*.{suffix}") for suffix in ("jinja", "csv", "mplstyle"))
-            texts += [data.read_text("utf-8") for found in beside for data in found]
+            for suffix in ("jinja", "csv", "mplstyle"):
+                texts += [data.read_text("utf-8") for data in path.parent.glob(f"*.{suffix}")]
     libraries = frozenset().union(*(_parse_module(path).libraries for path in files))
     return {
         "digest": hashlib.sha256("".join(sorted(texts)).encode()).hexdigest()[:16],
@@ -122,18 +122,19 @@ def _module_files(name: str) -> list[Path]:
 
 def versions(imported: Iterable[str]) -> dict[str, str]:
     """Return versions of Python, of the distributions behind imports, and their requirements."""
-    found: dict[str, str] = {}
-    distributions = (each for name in imported for each in _provided().get(name, ()))
-    waiting: list[str] = list(map(canonicalize_name, distributions))
+    installed: dict[str, str] = {}
+    named = (name for module in imported for name in _distributions_by_import().get(module, ()))
+    waiting: list[str] = list(map(canonicalize_name, named))
     while waiting:
         name = waiting.pop()
-        if name not in found and (installed := _find_distribution(name)):
-            found[name], requirements = installed
+        if name not in installed and (distribution := _find_distribution(name)):
+            installed[name], requirements = distribution
             waiting += requirements
-    return {"python": ".".join(platform.python_version_tuple()[:2]), **dict(sorted(found.items()))}
+    python = ".".join(platform.python_version_tuple()[:2])
+    return {"python": python, **dict(sorted(installed.items()))}
 
 
-_provided = cache(metadata.packages_distributions)  # by what is imported of them
+_distributions_by_import = cache(metadata.packages_distributions)
 
 
 @cache
@@ -155,8 +156,8 @@ def _find_distribution(name: str) -> tuple[str, list[str]] | None:
 class Commit:
     """Git commit that is checked out: its hash, date and description, and the changed files.
 
-    digest: of the commit. date: when it was made (ISO 8601). described: after the nearest tag, as
-    by `git describe`. changes: files that differ from the commit.
+    digest: of the commit. date: of the commit (ISO 8601). described: output of `git describe`.
+    changes: files that differ from the commit.
     """
 
     digest: str
@@ -190,7 +191,7 @@ def commit(study: Mapping[str, str]) -> Commit | None:
 
 def environment() -> dict:
     """Return the versions of Python and of all packages, and properties of the machine."""
-    packages = {canonicalize_name(found.name): found.version for found in metadata.distributions()}
+    packages = {canonicalize_name(d.name): d.version for d in metadata.distributions()}
     return {
         "python": platform.python_version(),
         "packages": dict(sorted(packages.items())),

@@ -24,7 +24,7 @@ from galloping.reproducibility.receipts import (
     write_receipt,
 )
 
-# How the last line of a log begins; that of a job which was killed begins otherwise.
+# Prefixes of the last line of a log; the log of a killed job has neither.
 FINISHED, FAILED = "Finished: ", "Failed: "
 CODE = "code"  # the param with the digest of a job's code, see `digest`
 RESULTS = "results"  # the folder of results, and the key by which a configuration names another one
@@ -52,7 +52,7 @@ def run(function: Callable[..., None], job) -> None:
                 traceback.print_exc(file=file)
                 print(f"{FAILED}{_error_line(error)}", file=file)
                 raise
-    except KeyboardInterrupt:  # Ctrl-C, which is told once, where the run began
+    except KeyboardInterrupt:  # Ctrl-C: the main process prints a message
         sys.exit(130)
     except Exception as error:
         sys.exit(f"{_error_line(error)} (details: {log})")
@@ -95,7 +95,7 @@ def _run_function(function: Callable[..., None], job) -> float:
     function(**arguments(function, job))
     seconds = round(time.perf_counter() - start, 3)
     finished = datetime.now(UTC).isoformat(timespec="seconds")
-    # of the job's paths: empty unless they are local copies of results in a storage of Snakemake's
+    # of the job's paths: not empty if they are local copies of results in a Snakemake storage
     prefix = str(job.log[0]).rpartition(f"{job.config.get(RESULTS, RESULTS)}/logs/")[0]
     for path in (str(path) for path in job.output if not path.endswith(SUFFIX)):
         receipt = Receipt(

@@ -20,7 +20,7 @@ MIN_FREE_SPACE = 1 << 20  # bytes: with less, Snakemake cannot even keep its rec
 TIME_TO_END = 5.0  # s
 
 
-# Of the results and of the working folder; a test holds them against the rules.
+# of the results; a test compares them with the rules
 FOLDERS = (
     "assessment", "benchmarks", "bounds", "figures", "identified", "logs", "models", "oracles",
     "paper", "reconstructions", "recordings", "reproduction", "scores", "sweeps",
@@ -40,10 +40,10 @@ class Killed(RuntimeError):
 def locked(results: str, repair: str, *, repairing: bool = False) -> Iterator[int]:
     """Lock the results of a study in a `with` block against simultaneous runs and repairs.
 
-    Yielded is the time of the start. The time is in nanoseconds of the file system's clock. repair:
-    the command that continues after a killed run. repairing: whether this is it. Raises Obstacle if
-    another process uses the study, if a run was killed in it, or if the disk is full or read-only.
-    After Killed, or if this process is killed, only a repair may lock the study.
+    Yields the start time, in nanoseconds of the file system's clock. repair: the command that
+    continues after a killed run. repairing: whether this process is that command. Raises Obstacle
+    if another process uses the study, if a run of it was killed, or if the disk is full or
+    read-only. After Killed, or if this process is killed, only a repair may lock the study.
     """
     check_places(results)
     check_disk(results)
@@ -56,7 +56,7 @@ def locked(results: str, repair: str, *, repairing: bool = False) -> Iterator[in
             fcntl.flock(mark, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise Obstacle(_describe_holder(mark.read())) from None
-        if mark.read() and not repairing:  # with the lock: another run may have ended just now
+        if mark.read() and not repairing:  # read again: another run may have ended just now
             raise Obstacle(format_killed_message(repair))
         mark.truncate(0)
         mark.write(str(os.getpid()))
@@ -72,7 +72,7 @@ def locked(results: str, repair: str, *, repairing: bool = False) -> Iterator[in
 def end_in_one_line(repair: str = "") -> Iterator[None]:
     """End the process with one line if a `with` block raises an error, or after Ctrl-C.
 
-    The errors are those that a user can mend. repair: as in `locked`.
+    The errors are those that a user can correct. repair: as in `locked`.
     """
     try:
         yield
@@ -136,15 +136,19 @@ def list_snakemakes(folder: Path) -> list[psutil.Process]:
 
 def end_orphans(results: str) -> int:
     """End the processes that a killed run left running, by force if need be; return the number."""
-    mark, others = marked_environment(results)[RESULTS_VARIABLE], psutil.process_iter(["environ"])
-    left = [p for p in others if (p.info["environ"] or {}).get(RESULTS_VARIABLE) == mark]
-    left = [process for process in left if process.pid != os.getpid()]
+    mark = marked_environment(results)[RESULTS_VARIABLE]
+    orphans = [
+        process
+        for process in psutil.process_iter(["environ"])
+        if (process.info["environ"] or {}).get(RESULTS_VARIABLE) == mark
+        and process.pid != os.getpid()
+    ]
     for end in (psutil.Process.terminate, psutil.Process.kill):
-        for process in left:
+        for process in orphans:
             with suppress(psutil.NoSuchProcess):
                 end(process)
-        psutil.wait_procs(left, timeout=TIME_TO_END)
-    return len(left)
+        psutil.wait_procs(orphans, timeout=TIME_TO_END)
+    return len(orphans)
 
 
 def clear_unfinished(results: str) -> Iterator[str]:

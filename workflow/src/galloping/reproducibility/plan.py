@@ -1,4 +1,4 @@
-"""Jobs of a study, from Snakemake's API, and an outlook on a run of them.
+"""Jobs of a study, from Snakemake's API, and the announcement of a run.
 
 This module is an executor plugin of Snakemake's for dry runs, which stores the jobs that it
 receives (https://github.com/snakemake/snakemake-interface-executor-plugins).
@@ -43,7 +43,7 @@ from galloping.storage import read_json
 
 SNAKEFILE = Path(__file__).parents[3] / "Snakefile"
 CONFIGURATION = "config/config.yaml"
-JOB_START = 1.5  # s that a job takes to start, of which receipts do not tell
+JOB_START = 1.5  # s that a job takes to start, not included in receipts
 MAX_LISTED = 3  # edits and rules that are named one by one
 
 
@@ -60,7 +60,7 @@ class PlannedJob:
     outputs: tuple[str, ...]
 
     def has_made(self, receipt: Receipt, known: Mapping[str, Receipt]) -> bool:
-        """Decide whether this job, as planned, made a file, and from the present inputs."""
+        """Decide whether this job, as planned, made a file from the present inputs."""
         planned = self.rule, self.settings, set(self.inputs)
         is_planned = (receipt.rule, receipt.settings, receipt.inputs.keys()) == planned
         return is_planned and is_consistent(receipt, known)
@@ -88,11 +88,12 @@ class Plan:
         return {path: job for job in self.jobs for path in job.outputs}
 
 
-def as_planned(plan: Plan, known: dict[str, Receipt]) -> set[str]:
+def find_current(plan: Plan, known: dict[str, Receipt]) -> set[str]:
     """Find files that were made with the inputs and settings of the jobs that are planned now.
 
-    They are the outputs of complete jobs that no receipt, back to the first, contradicts. known:
-    receipts by path. A file that was left elsewhere on purpose counts as present.
+    They are the outputs of complete jobs whose receipts, and those of all jobs before them, agree
+    with the plan. known: receipts by path. A file that was left elsewhere on purpose counts as
+    present.
     """
     maker = plan.maker
 
@@ -110,7 +111,7 @@ def as_planned(plan: Plan, known: dict[str, Receipt]) -> set[str]:
     return {path for job in sound for path in job.outputs}
 
 
-def planning(configfiles: Sequence[str] = ()) -> Plan:
+def make_plan(configfiles: Sequence[str] = ()) -> Plan:
     """Determine all jobs of the study in the working folder with Snakemake, without running them.
 
     configfiles: merged over the Snakefile's own. A bad configuration ends the process with one
@@ -127,7 +128,7 @@ def planning(configfiles: Sequence[str] = ()) -> Plan:
     return Plan(settings, tuple(Executor.jobs), tuple(configfiles))
 
 
-def recorded(configfiles: Sequence[str] = ()) -> set[str]:
+def find_recorded(configfiles: Sequence[str] = ()) -> set[str]:
     """Find the planned files for which Snakemake has complete records of how they were made.
 
     Their receipts are recorded as well. Without complete records it regards the output of a job as
@@ -162,7 +163,7 @@ def _with_dag(
                 config_settings=ConfigSettings(configfiles=[Path(file) for file in configfiles]),
                 snakefile=SNAKEFILE,
             )
-            # A job that was killed may have left what it wrote: it is planned like any other.
+            # Unfinished outputs of a killed job are no error: the job is planned like any other.
             act(workflow.dag(DAGSettings(forceall=force, force_incomplete=True)))
         except WorkflowError as error:
             sys.exit(str(error))
@@ -176,20 +177,20 @@ def _with_dag(
                      "and repair the study")  # fmt: skip
 
 
-def outlook(plan: Plan, known: Mapping[str, Receipt], cores: int | None) -> Iterator[str]:
+def describe_run(plan: Plan, known: Mapping[str, Receipt], cores: int | None) -> Iterator[str]:
     """Yield lines of text that announce a run: number of jobs, expected duration, and changes.
 
     The changes are edits of settings and changed code. known: receipts by path. cores: that jobs
     share, None for a cluster.
     """
-    kept = {path for path in as_planned(plan, dict(known)) if Path(path).exists()}
+    kept = {path for path in find_current(plan, dict(known)) if Path(path).exists()}
     kept |= {path for path, receipt in known.items() if not receipt.kept}
     jobs = [job for job in plan.jobs if not kept.issuperset(job.outputs)]
     if not jobs:
         return
     duration = _expected_duration(plan, jobs, known, cores)
     yield f"{len(jobs)} of {len(plan.jobs)} jobs will run, {duration}"
-    report = known.get(f"{plan.results}/report.html")  # holds the settings of the last whole run
+    report = known.get(f"{plan.results}/report.html")  # has the settings of the last whole run
     before = report.settings.get("study", {}).get("study") if report else None
     if edits := list(_describe_edits(before or plan.settings, plan.settings)):
         yield f"Edited since they last ran: {list_first(edits, MAX_LISTED)}."
@@ -264,7 +265,7 @@ class Executor(AbstractExecutor):
 
     def run_job(self, job) -> None:
         """Store a job in the plan, and report it to Snakemake as done."""
-        if job.output:  # all but the rule that only collects
+        if job.output:  # not the rule `all`
             settings = as_written(json.loads(job.properties())["params"])
             outputs = tuple(str(path) for path in job.output if not path.endswith(SUFFIX))
             self.jobs.append(PlannedJob(job.name, settings, tuple(map(str, job.input)), outputs))

@@ -17,10 +17,10 @@ from pathlib import Path
 from galloping.storage import read_json, write_json
 
 SUFFIX = ".receipt"
-RECEIPTS = "receipts"  # the output of every rule that names them
-CAPTION = "caption"  # a param for Snakemake's report alone: no job reads it
-# Lies with Snakemake's records, and is lost with them: size, times and digest of what was read, of
-# each study.
+RECEIPTS = "receipts"  # name of an output of every rule
+CAPTION = "caption"  # name of a param that only Snakemake's report reads
+# Size, times and digest of each file that was read, by study. The file is in Snakemake's folder, so
+# that it is lost together with Snakemake's records.
 SEEN = Path(".snakemake/seen.json")
 
 
@@ -109,12 +109,12 @@ def differs_only_in(path: str | Path, settings: Mapping, key: str) -> bool:
     receipt = read_receipt(path)
     if receipt is None or not receipt.kept or not Path(path).exists():
         return False
-    before, now = ({**of, key: None} for of in (receipt.settings, as_written(settings)))
+    before, now = ({**each, key: None} for each in (receipt.settings, as_written(settings)))
     return before == now and digest(path) == receipt.sha256
 
 
-def receipts(results: str | Path) -> dict[str, Receipt]:
-    """Read the receipts in a results folder by path, but those of copies and of other results."""
+def read_receipts(results: str | Path) -> dict[str, Receipt]:
+    """Read the receipts of a results folder by path, without those of copies and other results."""
     written = sorted(Path(results).rglob(f".*{SUFFIX}"))
     paths = (str(path.with_name(path.name[1 : -len(SUFFIX)])) for path in written)
     return {
@@ -132,7 +132,7 @@ class Deviations:
 
     The files are given by path. missing: absent, with a receipt or remembered. damaged: with other
     content. unrecorded: remembered, now without a receipt. unseen: not remembered. present: size,
-    times, number and digest of present files.
+    times, inode number and digest of present files.
     """
 
     missing: tuple[str, ...]
@@ -172,7 +172,7 @@ def remember(results: str, findings: Deviations) -> None:
     seen = _read_seen()
     lost = {p: of for p, of in seen.get(results, {}).items() if p in findings.missing}
     if (now := seen | {results: lost | findings.present}) != seen:
-        with suppress(OSError):  # only costs time: a full disk is told by what must write to it
+        with suppress(OSError):  # a loss of time only; other writers report a full disk
             write_json(SEEN, now)
 
 

@@ -5,8 +5,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from galloping.reproducibility.plan import Plan, as_planned, record
-from galloping.reproducibility.receipts import Receipt, inspect, receipt_path, receipts
+from galloping.reproducibility.plan import Plan, find_current, record
+from galloping.reproducibility.receipts import Receipt, inspect, read_receipts, receipt_path
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Audit:
 
 def audit(plan: Plan) -> Audit:
     """Read each result file, and classify it by its receipt, settings and inputs."""
-    known, maker = receipts(plan.results), plan.maker
+    known, maker = read_receipts(plan.results), plan.maker
     planned = {path: receipt for path, receipt in known.items() if path in maker}
     findings = inspect(plan.results, planned, thorough=True)
 
@@ -74,19 +74,18 @@ SET_ASIDE = "set_aside"
 def adopt(plan: Plan) -> Iterator[str]:
     """Make Snakemake accept existing files that were made as planned, and move all others away.
 
-    Yielded are messages on what was done. It is for results of which Snakemake lacks records. A
-    file counts if its receipt names the same settings and code as the plan, and the same inputs as
-    the receipts of those, and so on back to the first files; the caller has made sure that files
-    agree with their receipts. Others are set aside, to be made again.
+    Yields messages. Needed if Snakemake lacks records of the results. A file is kept if its
+    receipt, and those of all files before it, name the settings, code and inputs of the plan. Other
+    files are set aside, to be made again. The caller ensures that files agree with their receipts.
     """
-    known = receipts(plan.results)
+    known = read_receipts(plan.results)
     maker = plan.maker
-    kept = {path for path in as_planned(plan, known) if Path(path).exists()}
+    kept = {path for path in find_current(plan, known) if Path(path).exists()}
     others = [p for p in sorted({*maker, *known} - kept) if Path(p).exists()]
     for path in others:
         set_aside(plan.results, path)
     for path in known.keys() - maker.keys():
-        receipt_path(path).unlink()  # else the file would be missed
+        receipt_path(path).unlink()  # else the file would count as missing
     record(plan)
     if kept:
         yield f"{len(kept)} files are as their receipts say and made as configured now: kept"

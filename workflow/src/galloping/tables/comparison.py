@@ -21,7 +21,7 @@ from galloping.storage import read_json
 RELATIVE_TOLERANCE = 1e-3
 ABSOLUTE_TOLERANCE = 1e-6  # in the column's own unit
 
-# Columns that say what a row is about; all others are results.
+# columns that identify a row; all others are results
 KEYS = frozenset((
     "case", "claim", "quantity", "key", "symbol", "equation", "term", "initial_displacement",
     "line", "truth", "sensors", "path", "table", "column", "reading", "recordings", "protocol",
@@ -33,8 +33,8 @@ MEASURED = ("seconds", "seconds_median")  # of the processor, which no two runs 
 COLUMNS = ("row", "column", "reference", "this_run", "difference", "tolerance")
 WHOLE = "(row)"  # stands for a column where a row is missing or new
 HEADING = "(column)"  # stands for a row where a column is missing or new
-SHOWN = 10  # differences of one table that are told one by one
-OF_REFERENCE = ("reference_summary", "reference_differences")  # about other numbers than the run's
+SHOWN = 10  # differences of one table that are listed one by one
+OF_REFERENCE = ("reference_summary", "reference_differences")  # tables that have no own numbers
 
 
 def compare_tables(reference: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
@@ -55,7 +55,7 @@ def _compare_values(
     reference: pd.DataFrame, found: pd.DataFrame
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the differences, and every common value, with a column `agrees` (bool)."""
-    left, right = _by_row(reference, found)
+    left, right = _index_by_keys(reference, found)
     present = [
         (HEADING, n, *sides) for n, *sides in _compare_presence(reference.columns, found.columns)
     ]
@@ -73,33 +73,33 @@ def describe(difference: pd.Series) -> str:
     return line if np.isnan(allowed) else f"{line} (allowed {allowed:.3g})"
 
 
-def flat(section: Mapping[str, object], path: str = "") -> Iterator[tuple[str, str]]:
+def flatten(section: Mapping[str, object], path: str = "") -> Iterator[tuple[str, str]]:
     """Yield flattened settings as pairs of a dotted key and its value in JSON.
 
     An empty section is a value.
     """
     for key, value in section.items():
         if isinstance(value, Mapping) and value:
-            yield from flat(value, f"{path}{key}.")
+            yield from flatten(value, f"{path}{key}.")
         else:
             yield f"{path}{key}", json.dumps(value)
 
 
-def tables_of(results: Path) -> dict[str, Path]:
+def list_tables(results: Path) -> dict[str, Path]:
     """Map the names of a study's tables to their files, except comparisons with a reference."""
     present = (results / "tables").glob("*.csv")
     return {f"tables/{path.name}": path for path in present if path.stem not in OF_REFERENCE}
 
 
-def table_differences(
+def list_differences(
     published: Path, results: str, only: Collection[str] | None = None
 ) -> Iterator[str]:
     """Yield a line of text for each difference between published tables and those of a run.
 
-    published: the results folder of an unpacked archive. results: that of the run. only: of these
-    files of the run; by default all tables of both.
+    published: the results folder of an unpacked archive. results: that of the run. only: files of
+    the run that are compared, by default all tables of both.
     """
-    there, here = tables_of(published), tables_of(Path(results))
+    there, here = list_tables(published), list_tables(Path(results))
     for name in sorted(there.keys() | here.keys()):
         if only is not None and f"{results}/{name}" not in only:
             continue
@@ -124,7 +124,7 @@ def _describe_differences(*files: Path) -> Iterator[str]:
         yield f"{len(rows) - SHOWN} more differences"
 
 
-def _by_row(*tables: pd.DataFrame) -> Iterator[pd.DataFrame]:
+def _index_by_keys(*tables: pd.DataFrame) -> Iterator[pd.DataFrame]:
     """Yield tables as text without their keys, which name the rows."""
     first = tables[0].columns
     keys = [name for name in first if name in KEYS and all(name in t.columns for t in tables)]
@@ -135,8 +135,8 @@ def _by_row(*tables: pd.DataFrame) -> Iterator[pd.DataFrame]:
         names = (
             text[keys].apply(_key_as_text).agg(", ".join, axis=1) if len(text) else text[keys[0]]
         )
-        again = names.groupby(names).cumcount() + 1  # such as points along a branch
-        names = names.where(again == 1, names + ", row " + again.astype(str))
+        number = names.groupby(names).cumcount() + 1  # > 1 for points along a branch
+        names = names.where(number == 1, names + ", row " + number.astype(str))
         yield text.drop(columns=[*keys, *MEASURED], errors="ignore").set_axis(names)
 
 
@@ -174,19 +174,17 @@ def _merge_values(*sides: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-# What stands among the tables by these names: what the numbers were made with.
-SETTINGS, PROCESSOR = "settings", "processor"
+SETTINGS, PROCESSOR = "settings", "processor"  # rows of the summary beside those of tables
 
 AGREES = "agrees"
 DIFFERS = "differs"
 NO_REFERENCE = "no reference"
-# Why a table may differ, by what else does.
+# reasons for which a table may differ, if settings or processor do
 REASONS = {
     SETTINGS: "settings differ: numbers are expected to differ",
     PROCESSOR: "processors differ: so may numbers where the data cannot tell models apart",
 }
 
-# The last says of what kind a difference is.
 DIFFERENCE_COLUMNS = ("table", *COLUMNS, "verdict")
 SUMMARY_COLUMNS = (
     "table", "rows_compared", "rows_only_in_reference", "rows_only_in_this_run", "values_compared",
@@ -199,8 +197,7 @@ SUMMARY_COLUMNS = (
 class Origin:
     """Provenance of a study's numbers: settings, processor and computing time.
 
-    settings: those on which the numbers depend. core_minutes: time of the jobs on the processor;
-    none if not needed.
+    settings: those on which the numbers depend. core_minutes: processor time of the jobs, if known.
     """
 
     settings: dict
@@ -221,12 +218,12 @@ def read_origin(path: str) -> Origin:
         ) from None
 
 
-def processor() -> str:
+def describe_processor() -> str:
     """Return a text that identifies the processor, on which the rounding of results depends.
 
     It covers compiled code and linear algebra.
     """
-    kernels = {found["architecture"] for found in threadpool_info() if "architecture" in found}
+    kernels = {pool["architecture"] for pool in threadpool_info() if "architecture" in pool}
     return ", ".join([platform.system(), platform.machine(), get_host_cpu_name(), *sorted(kernels)])
 
 
@@ -250,7 +247,7 @@ def compare_study(
         for name in REASONS:
             sides = (each.settings if name == SETTINGS else {"name": each.processor}
                      for each in (made, present))  # fmt: skip
-            parts[name], counts[name] = _compare_origins(*(dict(flat(side)) for side in sides))
+            parts[name], counts[name] = _compare_origins(*(dict(flatten(side)) for side in sides))
         reason = next((why for name, why in REASONS.items() if len(parts[name])), DIFFERS)
         for name in tables.keys() & reference.keys():
             try:
