@@ -14,7 +14,7 @@ from galloping.configuration.settings import Settings
 from galloping.configuration.yaml_file import ConfigurationError, read, refuse_endless
 from galloping.fields import Section, show
 
-# What is wrong with a value, where "is not allowed" would say too little.
+# by type of error of pydantic; all other values are reported as "is not allowed"
 FAULTS = {
     "float_type": "is not a number",
     "int_type": "is not a whole number",
@@ -39,7 +39,7 @@ def load(mapping: dict) -> Settings:
         return Settings.model_validate(mapping)
     except ValidationError as error:
         faults = {fault["loc"]: fault for fault in error.errors(include_url=False)}
-    # A name that is not allowed is the one problem there is, whatever stands below it.
+    # If a name is not allowed, faults below it are not reported.
     bad_names = {location[:-1] for location in faults if location[-1:] == ("[key]",)}
     lines = dict.fromkeys(
         _describe_fault(mapping, fault)

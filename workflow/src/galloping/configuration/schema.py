@@ -93,20 +93,20 @@ def _describe_type(node: dict, unit: str) -> str:
             return f"{bounds} {unit}".strip() if bounds else f"a number{in_unit}"
         case {"type": "boolean"}:
             return "true or false"
-    return "" if "rule" in node else "text"  # a rule says it all
+    return "" if "rule" in node else "text"
 
 
 def _describe_items(node: dict) -> str:
-    one = item(node)
-    if "enum" in one:
-        return f"one or more of {', '.join(one['enum'])}"
+    element = item(node)
+    if "enum" in element:
+        return f"one or more of {', '.join(element['enum'])}"
     count = "distinct " if "uniqueItems" in node else ""
     if "prefixItems" in node:
         count = f"{node['minItems']} "
     elif "minItems" in node:
         count = f"one or more {count}"
-    kind = {"integer": "whole numbers", "string": "texts"}.get(one["type"], "numbers")
-    return f"{count}{kind} {_describe_bounds(one)}".strip()
+    kind = {"integer": "whole numbers", "string": "texts"}.get(element["type"], "numbers")
+    return f"{count}{kind} {_describe_bounds(element)}".strip()
 
 
 def _describe_bounds(node: dict) -> str:
@@ -148,7 +148,7 @@ def _table_cells(path: str, node: dict) -> list[str]:
     ]
 
 
-OWN_WORDS = ("unit", "symbol", "provenance", "note", "rule", "why")  # that JSON schema lacks
+OWN_KEYWORDS = ("unit", "symbol", "provenance", "note", "rule", "why")  # not of JSON schema
 
 
 def schema_for_editors() -> str:
@@ -174,7 +174,7 @@ def _for_editors(node: Any) -> Any:
     if isinstance(text := node.get("description"), str):
         unit = node.get("unit", "") if node.get("unit") != "1" else ""
         converted["description"] = "; ".join(filter(None, (text, unit, node.get("rule"))))
-        converted = {key: value for key, value in converted.items() if key not in OWN_WORDS}
+        converted = {key: value for key, value in converted.items() if key not in OWN_KEYWORDS}
     if "patternProperties" in node:
         converted["additionalProperties"] = False
     return converted

@@ -24,7 +24,7 @@ LineSection = keys("line", "The span and how it hangs.")
 GUSTS = keys(
     "gusts", "The wind about its mean, the same along the span.", spectrum=one_of(tuple(SPECTRA))
 )
-LARGEST_SAG = 0.25  # of the span: beyond, the parabola is off by more than a tenth of the tension
+LARGEST_SAG = 0.25  # of the span; beyond, a parabola errs by more than a tenth of the tension
 
 
 class InitialStateSection(keys("initial_state")):
@@ -50,7 +50,7 @@ class IceSection(keys("ice")):
 
     @field_validator("vertical", "horizontal")
     @classmethod
-    def _given_when_custom(cls, value: tuple | None, info: ValidationInfo) -> tuple | None:
+    def _check_custom_coefficients(cls, value: tuple | None, info: ValidationInfo) -> tuple | None:
         reading = info.data.get("reading", "custom" if value else None)
         if reading == "custom" and value is None:
             raise make_error(
@@ -68,7 +68,7 @@ class TruthSection(keys("truth", gusts=GUSTS)):
     """Model that is simulated as the true system, and the positions of its sensors."""
 
     @model_validator(mode="after")
-    def _only_what_counts(self) -> Self:
+    def _check_keys_of_model(self) -> Self:
         if self.model != "continuous":
             for name in sorted(self.model_fields_set - {"model"}):
                 if getattr(self, name) != getattr(TruthSection(), name):
@@ -104,7 +104,7 @@ class CaseSection(
     """One case of a study: an overhead line, its wind and its initial states."""
 
     @model_validator(mode="after")
-    def _hangs_as_a_shallow_cable(self) -> Self:
+    def _check_shallow_cable(self) -> Self:
         span = show(self.line.span)
         for position in self.spacers.positions:
             if position >= self.line.span:
@@ -143,11 +143,11 @@ FolderName = Annotated[
 FolderPath = Annotated[
     str, Field(pattern=r"^/?[A-Za-z0-9_.-]{1,255}(/[A-Za-z0-9_.-]{1,255})*$", max_length=1000)
 ]
-# What a clone of the project holds beside its results.
+# folders of a clone of the project
 OWN_FOLDERS = ("config", "tests", "workflow", "results/reference")
 
 WINDOW_SAMPLES = 10  # fewer show no amplitude
-MAX_INTERVALS = 10_000_000  # a slip in a power of ten should not fill the memory
+MAX_INTERVALS = 10_000_000  # more is taken to be a mistake
 
 SWEPT = one_of(tuple(PARAMETERS))
 MAX_SWEEP_VALUES = 1000
@@ -163,19 +163,19 @@ class SimulationSection(keys("simulation")):
 
     @field_validator("sampling_rate")
     @classmethod
-    def _whole_number_of_samples(cls, rate: float, info: ValidationInfo) -> float:
+    def _check_number_of_samples(cls, rate: float, info: ValidationInfo) -> float:
         if duration := info.data.get("duration"):
             intervals = duration * rate
-            given = f"{show(rate)} gives {show(intervals)} sampling intervals in {show(duration)} s"
+            text = f"{show(rate)} gives {show(intervals)} sampling intervals in {show(duration)} s"
             if not 100 <= intervals <= MAX_INTERVALS:
-                raise make_error(f"{given}; must be 100..{MAX_INTERVALS}")
+                raise make_error(f"{text}; must be 100..{MAX_INTERVALS}")
             if abs(intervals - round(intervals)) > 1e-9 * intervals:
-                raise make_error(f"{given}; must be a whole number")
+                raise make_error(f"{text}; must be a whole number")
         return rate
 
     @field_validator("steady_window")
     @classmethod
-    def _inside_the_record(cls, window: tuple[float, float], info: ValidationInfo) -> tuple:
+    def _check_window(cls, window: tuple[float, float], info: ValidationInfo) -> tuple:
         start, end = window
         duration = info.data.get("duration", end)
         if not start < end <= duration:
@@ -185,8 +185,8 @@ class SimulationSection(keys("simulation")):
             )
         if (end - start) * info.data.get("sampling_rate", inf) < WINDOW_SAMPLES:
             raise make_error(
-                f"{show(window)} holds less than {WINDOW_SAMPLES} sampling intervals; "
-                f"must hold {WINDOW_SAMPLES} or more"
+                f"{show(window)} has less than {WINDOW_SAMPLES} sampling intervals; "
+                f"must have {WINDOW_SAMPLES} or more"
             )
         return window
 
@@ -214,11 +214,11 @@ class LibrarySection(keys("library")):
     )
 
 
-of_methods: Any = {
+method_sections: Any = {
     m.name: (m.options, Field(default_factory=m.options)) for m in METHODS if m.options.model_fields
 }
 Identification = create_model(
-    "Identification", __base__=LibrarySection, __doc__="How models are found.", **of_methods
+    "Identification", __base__=LibrarySection, __doc__="How models are found.", **method_sections
 )
 
 
@@ -229,7 +229,7 @@ class RecordingsSection(
 
     @field_validator("publish")
     @classmethod
-    def _below_the_working_folder(cls, publish: bool, info: ValidationInfo) -> bool:
+    def _check_published_files(cls, publish: bool, info: ValidationInfo) -> bool:
         for file in info.data.get("files", ()) if publish else ():
             if file.startswith(("/", ".")) or ".." in Path(file).parts:
                 raise make_error(
@@ -244,12 +244,12 @@ class TrialSection(
     """Trials of identification methods on many recordings whose true model is known."""
 
     @model_validator(mode="after")
-    def _of_its_kind(self) -> Self:
+    def _check_keys_of_kind(self) -> Self:
         kind = KINDS[self.kind]
         for key in ("protocols", "levels", "samples", "durations"):
             if getattr(self, key) is not None and key not in kind.options:
-                taken = ", ".join(kind.options) or "none"
-                raise make_error(f"is no key of {self.kind}; its own keys: {taken}", key)
+                options = ", ".join(kind.options) or "none"
+                raise make_error(f"is no key of {self.kind}; its own keys: {options}", key)
         for case in self.cases or ():
             if case not in kind.cases:
                 raise make_error(
@@ -263,7 +263,7 @@ class TrialSection(
         for case in self.cases or kind.cases:
             if case in WITH_WIND and not {*(self.methods or DRIVEN)} & {*DRIVEN}:
                 text = f"{show(self.methods)} cannot use the wind of {show(case)}"
-                raise make_error(f"{text}; must hold one of {', '.join(DRIVEN)}", "methods")
+                raise make_error(f"{text}; must have one of {', '.join(DRIVEN)}", "methods")
             for duration in self.durations or ():
                 if duration > LONGEST.get(case, duration):
                     raise make_error(
@@ -278,7 +278,7 @@ class SweepSection(keys("sweep", parameter=SWEPT, second=SWEPT)):
 
     @field_validator("values", "second_values")
     @classmethod
-    def _a_range(cls, values: tuple | None) -> tuple | None:
+    def _check_range(cls, values: tuple | None) -> tuple | None:
         if values is not None:
             first, last, step = values
             if not (first < last and 1 - 1e-9 <= (last - first) / step <= MAX_SWEEP_VALUES):
@@ -289,7 +289,7 @@ class SweepSection(keys("sweep", parameter=SWEPT, second=SWEPT)):
         return values
 
     @model_validator(mode="after")
-    def _second_is_whole(self) -> Self:
+    def _check_second_parameter(self) -> Self:
         if (self.second is None) != (self.second_values is None):
             raise make_error(
                 f"{show(self.second)} is not allowed beside second_values "
@@ -305,15 +305,15 @@ class MeasureSection(keys("measure", kind=one_of(tuple(measures.KINDS)))):
     """Settings of one measure against galloping, such as a damper."""
 
     @model_validator(mode="after")
-    def _of_its_kind(self) -> Self:
+    def _check_keys_of_kind(self) -> Self:
         given = {k for k, v in self.model_dump(exclude={"kind"}).items() if v is not None}
-        wanted = signature(measures.KINDS[self.kind]).parameters
-        if given != set(wanted):
-            keys = ", ".join(wanted) or "nothing"
-            here = ", ".join(sorted(given)) or "nothing"
-            raise make_error(f"{self.kind} beside {here}; must stand beside {keys}", "kind")
+        needed = signature(measures.KINDS[self.kind]).parameters
+        if given != set(needed):
+            here = ", ".join(sorted(given)) or "no other key"
+            keys = ", ".join(needed) or "no other key"
+            raise make_error(f"{self.kind} is given with {here}; must be with {keys}", "kind")
         if self.positions is not None and not self.positions:
-            raise make_error("is empty; must hold one place or more", "positions")
+            raise make_error("is empty; must have one position or more", "positions")
         return self
 
     @property
@@ -357,7 +357,7 @@ class Settings(
     """All settings of a study."""
 
     @model_validator(mode="after")
-    def _sweeps_of_shallow_cables(self) -> Self:
+    def _check_swept_cables(self) -> Self:
         for (name, sweep), case in product(self.sweeps.items(), self.cases.values()):
             swept = {sweep.parameter: "values", sweep.second: "second_values"}
             tension, span = case.line.tension, case.line.span
@@ -371,7 +371,7 @@ class Settings(
 
     @field_validator("results")
     @classmethod
-    def _a_folder_of_its_own(cls, results: str) -> str:
+    def _check_results_folder(cls, results: str) -> str:
         path = Path(results)
         for part in (path, *path.parents):
             if part.as_posix().lower() in OWN_FOLDERS:
@@ -386,29 +386,27 @@ class Settings(
     def _check_whole_study(self) -> Self:
         """Check that sections that are valid in themselves fit together."""
         if not (self.cases or self.trials):
-            raise make_error(
-                "there is none; must hold at least one, or there must be trials", "cases"
-            )
-        most = self.simulation.samples
+            raise make_error("there is none; there must be a case or a trial", "cases")
+        samples = self.simulation.samples
         for points in self.measurement.subsets.points:
-            if points > most:
-                text = f"{points} is larger than the record ({most} samples)"
+            if points > samples:
+                text = f"{points} is larger than the record ({samples} samples)"
                 raise make_error(text, "measurement", "subsets", "points")
         methods, protocols = self.identification.methods, self.measurement.protocols
         usable = [m.name for m in METHODS if set(m.protocols) & set(protocols)]
         if not set(usable) & set(methods):
             text = f"{show(methods)} cannot use the recordings of protocol {', '.join(protocols)}"
-            text += f"; must hold one of {', '.join(usable)}"
+            text += f"; must have one of {', '.join(usable)}"
             raise make_error(text, "identification", "methods")
         for name, recordings in self.recordings.items():
             if recordings.case is not None and recordings.case not in self.cases:
                 text = f"{show(recordings.case)} is no case; must be one of {', '.join(self.cases)}"
                 raise make_error(text, "recordings", name, "case")
-        of_paper = {n: each for n, each in self.trials.items() if KINDS[each.kind].table == PAPER}
+        paper_trials = {n: t for n, t in self.trials.items() if KINDS[t.kind].table == PAPER}
         first = FIRST_READING.name  # with which all others are compared
-        compared = equal_effort(list(of_paper))
-        if of_paper and not any(
-            first in (of_paper[name].cases or KINDS[PAPER].cases) for name in compared
+        compared = equal_effort(list(paper_trials))
+        if paper_trials and not any(
+            first in (paper_trials[name].cases or KINDS[PAPER].cases) for name in compared
         ):
             text = (
                 f"{', '.join(compared)} of kind {PAPER}; at least one must have the case {first!r}"

@@ -72,7 +72,7 @@ class _Loader(yaml.SafeLoader):
         try:
             return super().construct_object(node, deep)
         except (ValueError, LookupError, AttributeError, TypeError):
-            # PyYAML's own constructors stumble over what a tag does not fit
+            # raised by PyYAML for a value that does not fit its tag
             kind = node.tag.rpartition(":")[2]
             raise yaml.MarkedYAMLError(
                 problem=f"{show(node.value)} is no {kind}", problem_mark=node.start_mark

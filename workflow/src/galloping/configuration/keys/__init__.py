@@ -1,12 +1,12 @@
 """Keys of the configuration: `keys.csv` lists default, range, unit, source and meaning of each.
 
 Columns. list: empty for a single value, `any` number of values, `2` or `3` of them, `distinct` ones
-or `some`, one at least and distinct. type: `real`, `whole`, `bool`, names separated by ` | `, or
-what the section's class says (`text`, `name`, `mapping`, `section`). default: empty where that of
-the type is meant. symbol: with `{}` for the number of the item where the value is a list.
+or `some`, which are distinct and not empty. type: `real`, `whole`, `bool`, names separated by
+` | `, or a type that the section's class gives (`text`, `name`, `mapping`, `section`). default:
+empty for the default of the type. symbol: `{}` is the number of the item if the value is a list.
 provenance: `printed` is in the paper, `derived` follows from it, `inferred` comes from its
 printed numbers (only in tables of results), `assumed` is ours. note: on the source. rule: what is
-checked beyond type and range. why: the reason for the range, which is that of lines that are built.
+checked beyond type and range. why: the reason for the range, which covers lines that are built.
 
 `renamed.csv` has keys that have another name now: the old key with its path, and the new name.
 """
