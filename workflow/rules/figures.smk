@@ -72,7 +72,7 @@ if LINES:
     by_paper = shown.paper_pair(STUDY)
     papers = {"case": FIRST, **names(by_paper)}  # the paper's method on the first case
     draws = {"table": SCORES}  # its scores, and its many draws where the study has them
-    if shown.is_papers(by_paper) and FIRST in REDRAWN:
+    if shown.is_paper_pair(by_paper) and FIRST in REDRAWN:
         draws["draws"] = f"<results>/paper/{FIRST}.csv"
     noisy_cells = {}  # without noise, and where no coefficients are true, there are none to show
     if not first_case.is_continuous:

@@ -78,7 +78,7 @@ if LINES:
     least_noise = {case.name: shown.least_noise(STUDY, case).id for case in STUDY.cases}
     noisy = {each.id: each.columns for each in STUDY.cells if each.level > 0}  # have a bound
     ahead = {each.id: each.columns for each in shown.ahead_cells(STUDY)}
-    beside = shown.equations_beside(STUDY)
+    beside = shown.compared_fits(STUDY)
     TABLES |= {
         "table1_conductor": made(
             tables.line_parameters.conductor,

@@ -1,6 +1,6 @@
 """Data that the stages of a study exchange besides recordings and models, and shared names.
 
-The code that computes them is elsewhere, so that files stay readable whatever changes there.
+The code that computes them is elsewhere, so that its changes leave files readable.
 """
 
 from collections.abc import Mapping
@@ -10,16 +10,16 @@ import numpy as np
 
 from galloping.model.polynomial import PolynomialModel
 
-# kinds of cells, with which their names begin
+# kinds of study cells; prefixes of their names
 NOISE = "noise"  # a whole record
 SUBSET = "points"  # random samples of it
 JOINT = "joint"  # all recordings of a case together
 
 BOUND = "bound"  # the Cramer-Rao bound, where methods are named
-# what the paper did, as its printed numbers tell: see `galloping.paper`
+# setup and method that agree with the paper's printed numbers: see `galloping.paper`
 PAPER_PROTOCOL, PAPER_METHOD = "derivative", "paper"
 IDENTIFIED, KNOWN = "identified", "known"  # kinematic equations, by the paper's method
-OURS = "maximum_likelihood"  # what figures set beside the paper's method
+OURS = "maximum_likelihood"  # the method that figures compare with the paper's
 OURS_FAMILY = "likelihood"
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-PARTIAL = ".partial-"  # begins the name of what is not finished yet
+PARTIAL = ".partial-"  # prefix of the name of an unfinished file
 
 
 def partial_prefix() -> str:
@@ -29,7 +29,7 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
         yield partial
         partial.replace(path)
     except OSError as error:
-        if str(error.filename) == str(partial):  # which nobody asked for
+        if str(error.filename) == str(partial):  # a path that the caller does not know
             error.filename = str(path)
         raise
     finally:
@@ -42,42 +42,42 @@ def replacing_folder(path: str | os.PathLike) -> Iterator[Path]:
 
     A new folder appears complete; in an existing one, each file replaces its namesake, and all
     others stay. Remains of a killed process of the same folder are removed. Raises OSError, naming
-    the folder, if it cannot be written, before the block begins or when it ends; nothing is left
-    behind then.
+    the folder, if it cannot be written, before the block begins or when it ends. An error leaves no
+    new files.
     """
-    place = Path(path).resolve()
-    parent = place if place.is_dir() else place.parent
-    partial = parent / f"{partial_prefix()}{place.name}"
-    made = [folder for folder in (parent, *parent.parents) if not folder.exists()]
-    claim = None
+    target = Path(path).resolve()
+    parent = target if target.is_dir() else target.parent
+    partial = parent / f"{partial_prefix()}{target.name}"
+    new_folders = [folder for folder in (parent, *parent.parents) if not folder.exists()]
+    lock = None
     try:
         partial.mkdir(parents=True)
-        claim = _claim_folder(partial)
-        for left in parent.glob(f"{PARTIAL}*-{glob.escape(place.name)}"):
-            if left != partial and (other := _claim_folder(left)) is not None:
-                shutil.rmtree(left, ignore_errors=True)
-                os.close(other)
+        lock = _lock_folder(partial)
+        for remnant in parent.glob(f"{PARTIAL}*-{glob.escape(target.name)}"):
+            if remnant != partial and (remnant_lock := _lock_folder(remnant)) is not None:
+                shutil.rmtree(remnant, ignore_errors=True)
+                os.close(remnant_lock)
         yield partial
-        if place.is_dir():
+        if target.is_dir():
             for file in partial.iterdir():
-                file.replace(place / file.name)
+                file.replace(target / file.name)
         else:
-            partial.rename(place)
+            partial.rename(target)
     except OSError as error:
         raise OSError(f"{path}: cannot be written: {error.strerror or error}") from error
     finally:
         shutil.rmtree(partial, ignore_errors=True)
-        if claim is not None:
-            os.close(claim)
-        for folder in made:
+        if lock is not None:
+            os.close(lock)
+        for folder in new_folders:
             if folder.is_dir() and not any(folder.iterdir()):
                 folder.rmdir()
 
 
-def _claim_folder(folder: Path) -> int | None:
+def _lock_folder(folder: Path) -> int | None:
     """Lock a folder as long as this process lives, or until the descriptor is closed.
 
-    None if another process has locked it, and if system or file system know no locks.
+    None if another process has locked it, or if the system or file system has no locks.
     """
     try:
         import fcntl  # not on Windows

@@ -1,7 +1,7 @@
 """Study as its settings describe it: cases, measurement setups, study cells, sweeps and trials.
 
-Sweeps and trials are divided into pieces, one per job. A piece keeps its name and file when more is
-asked for: additions are pieces of their own.
+Sweeps and trials are divided into pieces, one per job. In an extended study, a piece keeps its name
+and file, and additions are new pieces.
 """
 
 import re
@@ -285,7 +285,7 @@ class Study:
         relative = protocol.is_scaled and measurement.state_noise == "relative"
         methods = [method for method in registry.METHODS if method in self.methods]
         for kind, number, level, samples, recordings in described:
-            drawn = level > 0 or kind == SUBSET  # else all replicates are equal, whatever the seed
+            is_random = level > 0 or kind == SUBSET  # else all replicates are equal
             yield Cell(
                 case=case,
                 protocol=protocol,
@@ -295,8 +295,8 @@ class Study:
                 relative=level > 0 and relative,
                 samples=samples,
                 recordings=recordings,
-                replicates=measurement.replicates if drawn else 1,
-                seed=measurement.seed if drawn else 0,
+                replicates=measurement.replicates if is_random else 1,
+                seed=measurement.seed if is_random else 0,
                 methods=tuple(m for m in methods if m.can_use(protocol, uniform=kind != SUBSET)),
             )
 
@@ -304,14 +304,14 @@ class Study:
     def sweeps(self) -> tuple[Sweep, ...]:
         """Parameter sweeps of the study, in the order of the settings."""
         return tuple(
-            Sweep(name, of.parameter, _spaced_values(*of.values), of.second,
-                  _spaced_values(*of.second_values) if of.second_values else ())
-            for name, of in self.settings.sweeps.items()
+            Sweep(name, section.parameter, _spaced_values(*section.values), section.second,
+                  _spaced_values(*section.second_values) if section.second_values else ())
+            for name, section in self.settings.sweeps.items()
         )  # fmt: skip
 
     def sweep(self, name: str) -> Sweep:
         """Return the parameter sweep that has a given name."""
-        return next(each for each in self.sweeps if each.name == name)
+        return next(sweep for sweep in self.sweeps if sweep.name == name)
 
     @cached_property
     def trials(self) -> tuple[Trial, ...]:
@@ -321,7 +321,7 @@ class Study:
 
     def trial(self, name: str) -> Trial:
         """Return the trial (identification of many recordings with known truth) of a given name."""
-        return next(each for each in self.trials if each.name == name)
+        return next(trial for trial in self.trials if trial.name == name)
 
     def options(self, method: Method) -> dict:
         """Return the settings of the study that an identification method reads."""

@@ -39,10 +39,10 @@ def read_all(
 ) -> dict:
     """Read files into a dict by key; the files of one key into a dict with their `names`."""
     return {
-        key: read(of)
-        if isinstance(of, str | PathLike)
-        else dict(zip(names[key], map(read, of), strict=True))
-        for key, of in files.items()
+        key: read(paths)
+        if isinstance(paths, str | PathLike)
+        else dict(zip(names[key], map(read, paths), strict=True))
+        for key, paths in files.items()
     }
 
 
@@ -68,13 +68,13 @@ def read_as_written(path: str | os.PathLike) -> pd.DataFrame:
     return pd.read_csv(path, dtype=str, keep_default_na=False)
 
 
-# --- models/{case}.json: the true equations of a line, and what else its parameters tell ---
+# --- models/{case}.json: the true equations and derived quantities of a line ---
 
 
 def write_model(path: str | os.PathLike, derived: Derived) -> None:
     """Write the equations and derived quantities of an overhead line to JSON, without rounding."""
-    of = derived.model
-    model = {"states": of.states, "terms": of.terms, "coefficients": of.coefficients.tolist()}
+    line = derived.model
+    model = {"states": line.states, "terms": line.terms, "coefficients": line.coefficients.tolist()}
     content = {**derived.quantities, "coefficients": dict(derived.coefficients), "model": model}
     write_json(path, content)
 
@@ -163,19 +163,19 @@ def write_identified(
     path: str | os.PathLike, models: Mapping[str, Sequence[IdentifiedModel]]
 ) -> None:
     """Write the models of several methods, by method: one for each noise realisation."""
-    content = {method: [each.to_plain() for each in of] for method, of in models.items()}
+    content = {method: [model.to_plain() for model in fits] for method, fits in models.items()}
     write_json(path, content, indent=None)
 
 
 def read_identified(path: str | os.PathLike) -> dict[str, list[IdentifiedModel]]:
     """Read identified models from a file: by method, a list over the noise realisations."""
     content = read_json(path)
-    return {method: list(map(IdentifiedModel.from_plain, of)) for method, of in content.items()}
+    return {method: list(map(IdentifiedModel.from_plain, fits)) for method, fits in content.items()}
 
 
 def read_families(paths: Iterable[str | os.PathLike]) -> dict[str, list[IdentifiedModel]]:
     """Read the models in files of several families of methods into one dict, by method."""
-    return {method: of for path in paths for method, of in read_identified(path).items()}
+    return {method: fits for path in paths for method, fits in read_identified(path).items()}
 
 
 # --- bounds/{case}/{protocol}/{cell}.npz: the Cramer-Rao bound of a cell ---
@@ -221,7 +221,7 @@ def read_reconstructions(path: str | os.PathLike) -> dict[str, Reconstruction]:
         for key in file:  # method/name
             method, _, name = key.partition("/")
             methods.setdefault(method, {})[name] = file[key]
-    return {method: Reconstruction(**of) for method, of in methods.items()}
+    return {method: Reconstruction(**arrays) for method, arrays in methods.items()}
 
 
 # --- assessment/{case}/orbits.npz: settled orbits at mid-span ---

@@ -15,7 +15,7 @@ from galloping.results import JOINT, NOISE, OURS, OURS_FAMILY, PAPER_METHOD, PAP
 from galloping.study.cells import Case, Cell, Study
 
 Pair = tuple[Protocol, Method]
-# Settings of the whole study whose default is what the paper prints.
+# settings of the whole study whose defaults are printed in the paper
 PRINTED_OF_STUDY = (
     "simulation.duration",
     "simulation.sampling_rate",
@@ -28,10 +28,10 @@ def paper_pair(study: Study) -> Pair:
     """Return the paper's setup and method, or else the first pair that can use whole records."""
     every = product(study.methods, study.protocols)
     pairs = [(protocol, method) for method, protocol in every if method.can_use(protocol, True)]
-    return next(filter(is_papers, pairs), pairs[0])
+    return next(filter(is_paper_pair, pairs), pairs[0])
 
 
-def is_papers(pair: Pair) -> bool:
+def is_paper_pair(pair: Pair) -> bool:
     """Decide whether a measurement setup and a method are those of the reproduced paper."""
     protocol, method = pair
     return (protocol.name, method.name) == (PAPER_PROTOCOL, PAPER_METHOD)
@@ -40,8 +40,8 @@ def is_papers(pair: Pair) -> bool:
 def departures(settings: Settings) -> dict[str, str]:
     """Give for each overhead line in the paper why the study cannot test claims about that line.
 
-    The reason is "" if they can: everything that the paper prints of the line, the record and the
-    library is unchanged, whatever the rest is.
+    The reason is "" if the study can: all that the paper prints of the line, the record and the
+    library is unchanged. Other settings do not matter.
     """
     cases, study, papers = settings.cases, plain(settings), plain(load({}))
     changed = (_describe_change(key, study, papers) for key in PRINTED_OF_STUDY)
@@ -71,7 +71,7 @@ def _describe_departure(case: CaseSection | None, paper: CaseSection) -> str:
         if node.get("provenance") != "printed":
             continue
         printed = reduce(getitem, key.split("."), papers)
-        # where the paper's own case has another value it is ours, as the tension of the second line
+        # a case whose value differs from the default has one of ours, such as the second tension
         if printed == node["default"] and (change := _describe_change(key, ours, papers)):
             return change
     return ""
@@ -90,9 +90,9 @@ def departures_from_paper(study: Study) -> dict[str, str]:
     reasons = departures(study.settings)
     if not any(case.name in reasons for case in study.cases):
         return {}
-    if not is_papers(paper_pair(study)):
-        lacking = f"the study does not have {PAPER_METHOD} by protocol {PAPER_PROTOCOL}"
-        return {name: departure or lacking for name, departure in reasons.items()}
+    if not is_paper_pair(paper_pair(study)):
+        reason = f"the study does not have {PAPER_METHOD} by protocol {PAPER_PROTOCOL}"
+        return {name: departure or reason for name, departure in reasons.items()}
     return reasons
 
 
@@ -102,21 +102,21 @@ def sensor_protocol(study: Study) -> Protocol:
     return next(sensors, study.protocols[0])
 
 
-def equations_beside(study: Study) -> list[tuple[Cell, Method]]:
+def compared_fits(study: Study) -> list[tuple[Cell, Method]]:
     """List the recordings and methods whose identified equations the report puts side by side.
 
-    They are the paper's pair at the lowest noise level and at that of the subsets, and our method
-    from sensors at the latter.
+    They are the paper's method at the lowest noise level and at that of the subsets, and our method
+    from sensors at the level of the subsets.
     """
     first, level = study.cases[0], study.settings.measurement.subsets.level
-    papers = paper_pair(study)
+    of_paper = paper_pair(study)
     least = least_noise(study, first)
-    beside = {(least.id, papers[1].name): (least, papers[1])}
+    fits = {(least.id, of_paper[1].name): (least, of_paper[1])}
     ours = [(sensor_protocol(study), m) for m in study.methods if m.name == OURS]
-    for pair in (papers, *ours):
+    for pair in (of_paper, *ours):
         cells = _cells_of_pair(study, first, pair, NOISE)
-        beside |= {(c.id, pair[1].name): (c, pair[1]) for c in cells if c.level == level}
-    return list(beside.values())
+        fits |= {(c.id, pair[1].name): (c, pair[1]) for c in cells if c.level == level}
+    return list(fits.values())
 
 
 def least_noise(study: Study, case: Case) -> Cell:
@@ -138,12 +138,12 @@ def amount_cells(study: Study, pair: Pair) -> list[Cell]:
 def assessed_cell(study: Study, case: str) -> Cell | None:
     """Choose the recordings whose models give the uncertainty of an engineering assessment.
 
-    It has sensors at the noise level of the subsets, and all recordings of the case together if it
-    has several; None if our method does not run, or if models are not the line's own.
+    They are from sensors at the noise level of the subsets, and all recordings of the case together
+    if it has several. None without our method, or for a continuous line.
     """
     chosen = [
         cell
-        for cell in _at_one_level(study, case)
+        for cell in _cells_at_subset_level(study, case)
         if cell.protocol == sensor_protocol(study) and cell.kind in (NOISE, JOINT)
     ]
     return max(chosen, key=lambda cell: cell.recordings, default=None)
@@ -152,12 +152,12 @@ def assessed_cell(study: Study, case: str) -> Cell | None:
 def predicted_cells(study: Study, case: str) -> dict[str, Cell]:
     """Choose the recordings whose models predict motions in other winds, by measurement setup.
 
-    They are whole records of sensors at the noise level of the subsets. Our method can use them;
-    none of a continuous line, whose motion at other wind speeds is unknown.
+    They are whole records of sensors at the noise level of the subsets that our method can use.
+    None for a continuous line, whose motion at other wind speeds is unknown.
     """
     return {
         cell.protocol.name: cell
-        for cell in _at_one_level(study, case)
+        for cell in _cells_at_subset_level(study, case)
         if cell.kind == NOISE and cell.protocol.measures != DERIVATIVES
     }
 
@@ -176,7 +176,7 @@ def families_of(cell: Cell) -> list[str]:
 
 def ahead_cells(study: Study) -> list[Cell]:
     """List the whole records of the first case from which our method predicts the limit cycle."""
-    return [cell for cell in _own_cells(study, study.cases[0]) if cell.kind == NOISE]
+    return [cell for cell in _cells_of_our_method(study, study.cases[0]) if cell.kind == NOISE]
 
 
 def oracle_cells(study: Study) -> list[Cell]:
@@ -190,16 +190,18 @@ def oracle_cells(study: Study) -> list[Cell]:
     ]  # fmt: skip
 
 
-def _own_cells(study: Study, case: Case) -> list[Cell]:
+def _cells_of_our_method(study: Study, case: Case) -> list[Cell]:
     """List the cells of a case that our method can use."""
     used = (cell for cell in study.cells if OURS in [method.name for method in cell.methods])
     return [cell for cell in used if cell.case == case]
 
 
-def _at_one_level(study: Study, case: str) -> list[Cell]:
+def _cells_at_subset_level(study: Study, case: str) -> list[Cell]:
     """List cells at the noise level of the subsets; none of a continuous line."""
-    of, level = study.case(case), study.settings.measurement.subsets.level
-    return [c for c in _own_cells(study, of) if c.level == level and not of.is_continuous]
+    line, level = study.case(case), study.settings.measurement.subsets.level
+    return [
+        c for c in _cells_of_our_method(study, line) if c.level == level and not line.is_continuous
+    ]
 
 
 def _cells_of_pair(study: Study, case: Case, pair: Pair, kind: str) -> list[Cell]:
