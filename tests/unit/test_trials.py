@@ -18,11 +18,11 @@ from galloping.streams import make_generator
 from galloping.summary.sample_files import FILES
 from galloping.tables.trial_summaries import paths, published_intervals, published_terms, trust
 from galloping.trials import free_decays, published, recorded_lines
-from galloping.trials.ambient import DAMPING, FREQUENCIES, RandomMotion, decays
+from galloping.trials.ambient import DAMPING, FREQUENCIES, RandomMotion, compute_decays
 from galloping.trials.attempts import against_truth
 from galloping.trials.free_decays import FreeDecay
 from galloping.trials.real_lines import TRUTHS
-from galloping.trials.recorded_lines import CHOSEN, FAULTS, LONG, draw
+from galloping.trials.recorded_lines import CHOSEN, FAULTS, LONG, draw_line
 
 TERMS = polynomial_library(4, 3)
 METHODS = {"maximum_likelihood": registry.BY_NAME["maximum_likelihood"].settings({}, seed=0)}
@@ -45,7 +45,7 @@ def test_the_cases_of_a_kind_are_those_that_its_trial_knows(kind):
 
 
 def drawn(number):
-    return draw(make_generator(1, "a line", number))
+    return draw_line(make_generator(1, "a line", number))
 
 
 def test_a_line_is_drawn_by_its_number_and_gallops():
@@ -203,10 +203,10 @@ def test_intervals_after_selection_stand_beside_their_numbers():
 
 
 def test_recordings_are_drawn_by_number_within_the_ranges():
-    motion = RandomMotion.drawn(make_generator(1, "ambient", 3))
-    again = RandomMotion.drawn(make_generator(1, "ambient", 3))
+    motion = RandomMotion.draw(make_generator(1, "ambient", 3))
+    again = RandomMotion.draw(make_generator(1, "ambient", 3))
     np.testing.assert_array_equal(motion.recording.values, again.recording.values)
-    values, _ = decays(motion.system, ())
+    values, _ = compute_decays(motion.system, ())
     slower, faster = np.abs(values) / (2 * np.pi)
     assert FREQUENCIES[0] - 1e-9 <= slower < faster <= FREQUENCIES[1] + 1e-9
     ratio = -values.real / np.abs(values)
@@ -216,8 +216,8 @@ def test_recordings_are_drawn_by_number_within_the_ranges():
 
 def test_free_decays_are_drawn_by_number_and_judged():
     case = "free decay with a second mode"
-    decay = FreeDecay.drawn(make_generator(1, "free_decays", case, 3))
-    again = FreeDecay.drawn(make_generator(1, "free_decays", case, 3))
+    decay = FreeDecay.draw(make_generator(1, "free_decays", case, 3))
+    again = FreeDecay.draw(make_generator(1, "free_decays", case, 3))
     assert decay.recording == again.recording
     (row,) = free_decays.trial(1, case, [3], METHODS)
     assert row["status"] == "ok" and row["sensors"] == decay.sensor
@@ -240,20 +240,20 @@ def test_free_decays_are_told_with_intervals_that_hold():
 
 
 def test_slopes_of_decays_are_differences():
-    system = RandomMotion.drawn(make_generator(1, "ambient", 4)).system
+    system = RandomMotion.draw(make_generator(1, "ambient", 4)).system
     places = [(i, np.array([j])) for i in (2, 3) for j in range(4)] + [(2, np.array([], int))]
-    _, slopes = decays(system, places)
+    _, slopes = compute_decays(system, places)
     assert np.all(slopes[:, -1] == 0.0)
     for k, (i, j) in enumerate(places[:-1]):
         moved = system.copy()
         moved[i, j] += 1e-6
-        change = (decays(system, ())[0] - decays(moved, ())[0]).real / 1e-6
+        change = (compute_decays(system, ())[0] - compute_decays(moved, ())[0]).real / 1e-6
         np.testing.assert_allclose(slopes[:, k], change, rtol=1e-3, atol=1e-6)
 
 
 def test_the_bound_of_a_decay_is_little_above_that_of_its_envelope_alone():
-    motion = RandomMotion.drawn(make_generator(1, "ambient", 6))
-    values, _ = decays(motion.system, ())
+    motion = RandomMotion.draw(make_generator(1, "ambient", 6))
+    values, _ = compute_decays(motion.system, ())
     alone = np.sqrt(-values.real / motion.recording.time[-1])  # an Ornstein-Uhlenbeck process
-    assert np.all(motion.least_errors() > alone)
-    np.testing.assert_allclose(motion.least_errors(), alone, rtol=0.06)
+    assert np.all(motion.compute_bound() > alone)
+    np.testing.assert_allclose(motion.compute_bound(), alone, rtol=0.06)

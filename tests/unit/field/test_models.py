@@ -18,7 +18,7 @@ from galloping.line.galerkin import coefficients, make_model
 from galloping.streams import make_generator
 from galloping.summary.advice import advice
 from galloping.summary.summarise import hold_out, longest_period
-from galloping.trials.recorded_lines import draw
+from galloping.trials.recorded_lines import draw_line
 
 TERMS = library(4, 3)
 
@@ -104,7 +104,7 @@ def test_advice_ranks_recordings_by_what_they_tell_of_the_weakest_term(field, id
 def test_the_band_of_a_forecast_holds_what_is_held_out(tmp_path):
     held = []
     for number in (0, 1, 2):  # motions of the first one part within seconds
-        case, (start, _) = draw(make_generator(771203, "random line", number))
+        case, (start, _) = draw_line(make_generator(771203, "random line", number))
         line = make_model(coefficients(case)).on_library(TERMS)
         time = np.arange(7501) / 25.0
         states = Simulator(STATES, TERMS)(line, start, time).states

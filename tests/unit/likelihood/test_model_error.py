@@ -15,7 +15,13 @@ from galloping.line.continuous import draw_wind
 from galloping.line.galerkin import STATES, coefficients, make_model
 from galloping.tables.trial_summaries import model_error
 from galloping.trials import real_lines
-from galloping.trials.real_lines import TRUTHS, combine_sensors, line_of, linear_modes, motion
+from galloping.trials.real_lines import (
+    TRUTHS,
+    combine_sensors,
+    linear_modes,
+    make_line,
+    simulate_sensors,
+)
 
 TIME = np.arange(15001) / 50
 TERMS = library(4, 3)
@@ -25,9 +31,9 @@ METHODS = {name: BY_NAME[name].settings(SETTINGS, 0) for name in ("maximum_likel
 
 def recorded(name):
     truth, rng = TRUTHS[name], np.random.default_rng(11)
-    line = line_of(RESONANT, truth)
+    line = make_line(RESONANT, truth)
     gusts = {**RESONANT["truth"]["gusts"], "intensity": truth.intensity}
-    clean = motion(RESONANT, line, truth, TIME, draw_wind(line, gusts, TIME, rng))
+    clean = simulate_sensors(RESONANT, line, truth, TIME, draw_wind(line, gusts, TIME, rng))
     noisy = clean + 0.05 * clean.std(axis=0) * rng.standard_normal(clean.shape)
     return Recording(TIME, STATES, combine_sensors(line, truth, noisy))
 
@@ -57,8 +63,8 @@ def test_the_higher_modes_that_a_sensor_reads_are_named_beside_the_model(tmp_pat
     assert {round(mode.frequency) for mode in horizontal} == {4, 7}
     assert all(mode.growth > 0 for mode in horizontal)
     truth = TRUTHS["9 modes, mid-span"]
-    line = line_of(RESONANT, truth)
-    clean = combine_sensors(line, truth, motion(RESONANT, line, truth, TIME))
+    line = make_line(RESONANT, truth)
+    clean = combine_sensors(line, truth, simulate_sensors(RESONANT, line, truth, TIME))
     own = found.simulate(clean[0], TIME).states
     late = TIME >= 200
     true, alone, together = (

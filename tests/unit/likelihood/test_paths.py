@@ -27,7 +27,7 @@ from galloping.streams import make_generator
 from galloping.trajectory.simulation import time_grid
 from galloping.trials.attempts import against_truth, simulate_recording
 from galloping.trials.published import PERIODS, SETTINGS, SYSTEMS
-from galloping.trials.recorded_lines import TERMS, lines
+from galloping.trials.recorded_lines import TERMS, draw_lines
 
 OSCILLATOR = model(("x", "dx"), 3, {"dx": 1.0}, {"x": -1.0, "dx": 0.3, "x^2 dx": -0.3})
 TIME = np.linspace(0.0, 100.0, 2001)
@@ -50,7 +50,7 @@ def random_line(number: int, release: int, seed: int) -> Known:
     """100 s of a line that is drawn, at 5 % noise."""
     time = time_grid(100.0, 100.0)
     simulator = Simulator(STATES, TERMS)
-    true, motions = next(lines(make_generator(SEED, "random line", number), simulator, time))
+    true, motions = next(draw_lines(make_generator(SEED, "random line", number), simulator, time))
     return true, noisy(true, motions[release], time, 0.05, seed)
 
 
@@ -181,7 +181,7 @@ def test_lorenz_is_exact(seed, duration, level, draw):
 def test_a_term_is_not_imitated_because_its_chain_grows_far():
     """By 1e6 here: of each term the end of the chain tells most, and alike."""
     time, simulator = time_grid(300.0, 100.0), Simulator(STATES, TERMS)
-    true, motions = next(lines(make_generator(20262020, "random line", 8), simulator, time))
+    true, motions = next(draw_lines(make_generator(20262020, "random line", 8), simulator, time))
     noise = make_generator(20262020, "n", 8, 0).standard_normal(motions[0].shape)
     values = motions[0] + 0.05 * motions[0].std(0) * noise
     found = maximum_likelihood(Recording(time, STATES, values), true.terms)

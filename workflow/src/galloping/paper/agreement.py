@@ -31,7 +31,7 @@ STEADY_CHANGE = 0.01  # standard deviation of the relative change of a motion ca
 # What is printed of draws with noise. Bounds that others imply are left to the table of claims.
 PRINTED = tuple(c for c in CLAIMS if c.case == CASE and c.level > 0 and c.is_counted)
 NUMBERS = tuple(claim for claim in PRINTED if claim.is_number)
-# What is left out together to be predicted, by what columns of scores begin with.
+# groups of claims that are left out together, by the prefixes of their columns of scores
 GROUPS: dict[str, str | tuple[str, ...]] = {
     "coefficients": "mean_error",
     "amplitudes": "amplitude_error",
@@ -55,9 +55,9 @@ def cell_of(claim: Claim) -> Cell:
 
 
 CELLS = tuple(dict.fromkeys(cell_of(c) for c in PRINTED if c.minus_level is None))
-_MOVED = {cell_of(c) for c in PRINTED if group_of(c) in ("amplitudes", "fits")}
-# Levels of whole records of which nothing is printed that needs a simulated motion.
-UNMOVED_LEVELS = tuple(level for kind, level, n in CELLS if (kind, level, n) not in _MOVED)
+_SIMULATED = {cell_of(c) for c in PRINTED if group_of(c) in ("amplitudes", "fits")}
+# levels of whole records without a printed claim that needs a simulated motion
+UNMOVED_LEVELS = tuple(cell[1] for cell in CELLS if cell not in _SIMULATED)
 
 
 def name_cell(cell: Cell) -> str:
@@ -72,17 +72,17 @@ def scores_by_claim(scores: pd.DataFrame) -> dict[str, np.ndarray]:
     scores: one row per draw and cell, as of `quick.QuickStudy.draw_scores`.
     """
     cells = dict(list(scores.groupby(["kind", "level", "points"])))
-    found = {}
+    values = {}
     for claim in PRINTED:
-        about = [
+        parts = [
             cell
             for (kind, level, points), cell in cells.items()
             if kind == claim.cell_kind
             and level in (claim.level, claim.minus_level)
             and claim.points in (None, points)
         ]
-        found[claim.name] = claim.values(pd.concat(about) if len(about) > 1 else about[0])
-    return found
+        values[claim.name] = claim.values(pd.concat(parts) if len(parts) > 1 else parts[0])
+    return values
 
 
 def log_likelihoods(
@@ -92,10 +92,9 @@ def log_likelihoods(
 ) -> dict[str, float]:
     """Compute log-likelihoods of the reproduced paper's claims from simulated noise realisations.
 
-    There is one for each factor: of a probability, or of a density for printed numbers. values: of
-    `scores_by_claim`. left_out: names in `GROUPS` of the claims that are ignored. claims: those
-    that are printed. Returns the log-likelihoods by cell, and by claim if it compares two noise
-    levels.
+    values: of `scores_by_claim`. left_out: names in `GROUPS` of ignored claims. Returns the
+    logarithm of each factor, a probability or, for printed numbers, a density: by cell, and by
+    claim if it compares two noise levels.
     """
     counted = [claim for claim in claims if group_of(claim) not in left_out]
     factors = {
@@ -110,10 +109,10 @@ def log_likelihoods(
     }
 
 
-def _mean_weight(found: list[tuple[Claim, np.ndarray]]) -> float:
+def _mean_weight(claims: list[tuple[Claim, np.ndarray]]) -> float:
     """Average over draws the product of the weights of claims about the same recording."""
     weights, offsets = np.ones(1), []
-    for claim, values in found:
+    for claim, values in claims:
         if claim.is_number:
             offsets.append(np.log(np.clip(values, *ERROR_RANGE) / claim.printed))
         elif claim.kind == FEW:

@@ -113,7 +113,7 @@ class Claim:
         if len(others) != len(values):
             return np.empty(0)
         with np.errstate(invalid="ignore"):
-            # two failures show no excess: they count as the worst value
+            # two failures have no difference: they count as the worst value
             return np.nan_to_num(values - others, nan=-np.inf, posinf=np.inf, neginf=-np.inf)
 
     def rows(self, scores: pd.DataFrame, level: float | None = None) -> pd.DataFrame:
@@ -172,7 +172,7 @@ def judge(claim: Claim, scores: pd.DataFrame) -> dict:
     median, low, high = median_and_interval(values.tolist())
     number = claim.is_number
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = {
+        row = {
             "median": median,
             "low": low,
             "high": high,
@@ -180,25 +180,25 @@ def judge(claim: Claim, scores: pd.DataFrame) -> dict:
             "spread": float(np.divide(high, low)) if number else None,
             **share_with_interval(claim.is_met(values), claim.is_exact),
         }
-    if found["replicates"] == 1 and not claim.is_exact:
+    if row["replicates"] == 1 and not claim.is_exact:
         verdict, reason = UNDECIDED, "the study has one realisation"
     elif number:
-        verdict, reason = _judge_number(claim, values, found)
+        verdict, reason = _judge_number(claim, values, row)
     else:
-        verdict, reason = _judge_bound(claim, scores, values, found)
-    return {**found, "verdict": verdict, "reason": reason}
+        verdict, reason = _judge_bound(claim, scores, values, row)
+    return {**row, "verdict": verdict, "reason": reason}
 
 
-def share_with_interval(kept: np.ndarray, is_exact: bool = False) -> dict[str, float]:
+def share_with_interval(is_met: np.ndarray, is_exact: bool = False) -> dict[str, float]:
     """Compute the share of noise realisations that satisfy a bound, with its 95 % interval.
 
-    kept: whether each draw satisfies a bound. is_exact: whether the draws have no noise, so that
-    the share has no sampling error. The interval is that of E. B. Wilson (1927).
+    is_met: whether each draw satisfies the bound. is_exact: whether the draws have no noise, so
+    that the share has no sampling error. The interval is that of E. B. Wilson (1927).
     """
-    share, draws = float(np.mean(kept)), len(kept)
+    share, draws = float(np.mean(is_met)), len(is_met)
     low, high = share, share
     if not is_exact:
-        low, high = binomtest(int(np.sum(kept)), draws).proportion_ci(method="wilson")
+        low, high = binomtest(int(np.sum(is_met)), draws).proportion_ci(method="wilson")
     return dict(zip(SHARES, (share, low, high), strict=True)) | {"replicates": draws}
 
 
@@ -214,31 +214,31 @@ def verdict_of_share(share: Mapping[str, float]) -> str:
     return UNDECIDED
 
 
-def _judge_number(claim: Claim, values: np.ndarray, found: dict) -> tuple[str, str]:
+def _judge_number(claim: Claim, values: np.ndarray, row: dict) -> tuple[str, str]:
     finite, printed = np.mean(np.isfinite(values)), claim.printed
     if finite < HALF:
         return UNDECIDED, f"only {format_percent(finite)} of the realisations give a number"
     paper = f"where the paper errs by {printed:g} %"
-    if printed > found["high"]:
-        return "better", f"95 % of the realisations err by less than {found['high']:.3g} %, {paper}"
-    if printed < found["low"]:
-        return "worse", f"95 % of the realisations err by more than {found['low']:.3g} %, {paper}"
-    text = f"{format_percent(found['share_met'])} of the realisations err less than the paper"
-    if not found["spread"] < WIDE:
+    if printed > row["high"]:
+        return "better", f"95 % of the realisations err by less than {row['high']:.3g} %, {paper}"
+    if printed < row["low"]:
+        return "worse", f"95 % of the realisations err by more than {row['low']:.3g} %, {paper}"
+    text = f"{format_percent(row['share_met'])} of the realisations err less than the paper"
+    if not row["spread"] < WIDE:
         text += (
-            f", but they spread from {found['low']:.2g} to {found['high']:.3g} %: nearly any "
+            f", but they spread from {row['low']:.2g} to {row['high']:.3g} %: nearly any "
             "printed error would lie inside"
         )
     return "reproduced", text
 
 
 def _judge_bound(
-    claim: Claim, scores: pd.DataFrame, values: np.ndarray, found: dict
+    claim: Claim, scores: pd.DataFrame, values: np.ndarray, row: dict
 ) -> tuple[str, str]:
-    verdict = UNDECIDED if np.mean(np.isnan(values)) > HALF else verdict_of_share(found)
+    verdict = UNDECIDED if np.mean(np.isnan(values)) > HALF else verdict_of_share(row)
     if claim.is_exact:
         return verdict, "without noise there is a single value"
-    share, low, high = (format_percent(found[name]) for name in SHARES)
+    share, low, high = (format_percent(row[name]) for name in SHARES)
     text = f"{share} of the realisations ({low} to {high})"
     missed = ~claim.is_met(values)
     if not np.any(missed):

@@ -66,10 +66,7 @@ class Products:
 
 @dataclass(frozen=True)
 class _Noise:
-    """Noise of recordings.
-
-    terms: of the candidate library. unit: (n_states,), unit of a noise level.
-    """
+    """Noise of recordings. terms: of the candidate library. unit: (n_states,) of a noise level."""
 
     motion: Motion
     terms: tuple[Exponents, ...]
@@ -176,7 +173,7 @@ class VelocityNoise(_Noise):
         return theta.T @ theta, rates.T @ theta, np.sum(rates**2, axis=0)
 
 
-# by name: how noise comes into the regression, and which of `channel_scale` a level is in units of
+# by name: generator of the noise, and the item of `channel_scale` that is the unit of a level
 NOISES_BY_READING: dict[str, tuple[Callable[..., DerivativeNoise | VelocityNoise], int]] = {
     "derivative": (DerivativeNoise, 1),
     "velocity": (VelocityNoise, 0),
@@ -187,7 +184,7 @@ NOISES_BY_READING: dict[str, tuple[Callable[..., DerivativeNoise | VelocityNoise
 }  # fmt: skip
 
 
-PATH_LENGTH = 30  # candidate thresholds, where the data choose
+PATH_LENGTH = 30  # candidate thresholds, if the data choose one
 AT_ONCE = 25  # draws whose motions are kept in memory
 
 

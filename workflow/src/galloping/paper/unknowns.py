@@ -76,11 +76,11 @@ ONE_LINE, BOTH_LINES = "one line", "both lines"
 class Reading:
     """One interpretation of the ambiguous or damaged text of the reproduced paper.
 
-    name: difference from the first one. kind: of the ambiguity, in a word or two. ice: beta_1 to
-    beta_3, and eta_1 to eta_3. method: its threshold is one of the unknowns. chosen: or the data
-    choose it, by EBIC. steady: lines whose motion is interpreted as steady from 200 s on, ONE_LINE,
-    BOTH_LINES or "" for none. attack_limit: largest |dq_v| / U over the record at which the motion
-    counts as much slower than the wind, rad.
+    name: difference from the first reading. kind: of the ambiguity, in a word or two. ice: beta_1
+    to beta_3, and eta_1 to eta_3. method: without its threshold, which is one of the unknowns.
+    chosen: whether the data choose the threshold instead, by EBIC. steady: lines whose motion is
+    interpreted as steady from 200 s on, ONE_LINE, BOTH_LINES or "" for none. attack_limit: largest
+    |dq_v| / U over the record at which the motion counts as much slower than the wind, rad.
     """
 
     name: str
@@ -94,10 +94,7 @@ class Reading:
 
     @property
     def has_threshold_in_units(self) -> bool:
-        """Whether the threshold of the method applies to coefficients in SI units.
-
-        The paper's words say so.
-        """
+        """Whether the threshold applies to coefficients in SI units, as the paper says."""
         return self.method.columns == "raw" and not self.chosen
 
     def case_at(self, values: Mapping[str, float], line: Mapping) -> dict:

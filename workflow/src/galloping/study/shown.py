@@ -199,9 +199,8 @@ def _cells_of_our_method(study: Study, case: Case) -> list[Cell]:
 def _cells_at_subset_level(study: Study, case: str) -> list[Cell]:
     """List cells at the noise level of the subsets; none of a continuous line."""
     line, level = study.case(case), study.settings.measurement.subsets.level
-    return [
-        c for c in _cells_of_our_method(study, line) if c.level == level and not line.is_continuous
-    ]
+    cells = [] if line.is_continuous else _cells_of_our_method(study, line)
+    return [cell for cell in cells if cell.level == level]
 
 
 def _cells_of_pair(study: Study, case: Case, pair: Pair, kind: str) -> list[Cell]:

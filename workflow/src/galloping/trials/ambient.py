@@ -15,12 +15,12 @@ from galloping.model.intervals import decay_interval
 from galloping.model.modes import Modes
 from galloping.recording.samples import Recording
 from galloping.streams import make_generator
-from galloping.trials.attempts import identified_by
+from galloping.trials.attempts import identify_once
 from galloping.trials.real_lines import NOISE, TERMS, start_row
 
 FREQUENCIES, DAMPING = (0.4, 1.0), (0.003, 0.02)  # Hz; ratio to critical
 DURATIONS, RATES = (300.0, 1200.0), (5.0, 25.0)  # s, Hz
-MIXED = 0.3  # most that a mode moves the other coordinate, in its own
+MIXED = 0.3  # largest motion of the other coordinate in a mode, relative to its own coordinate
 APART = 1.15  # least ratio of the two frequencies
 FREE = tuple((i, np.array([j])) for i in (2, 3) for j in range(4))  # coefficients and their states
 
@@ -40,10 +40,10 @@ class RandomMotion:
     recording: Recording
 
     @classmethod
-    def drawn(cls, rng: np.random.Generator) -> "RandomMotion":
+    def draw(cls, rng: np.random.Generator) -> "RandomMotion":
         """Sample two random modes, and simulate and record their motion under random forces.
 
-        The modes are of similar average size, within the ranges above.
+        The modes have similar standard deviations, within the ranges above.
         """
         omega = np.ones(2)
         while omega.max() < APART * omega.min():
@@ -54,7 +54,7 @@ class RandomMotion:
         inverse, system, forces = np.linalg.inv(shapes), np.eye(4, k=2), np.zeros((4, 4))
         system[2:, :2] = -shapes * omega**2 @ inverse
         system[2:, 2:] = -shapes * (2.0 * damping * omega) @ inverse
-        root = shapes * np.sqrt(4.0 * damping * omega**3)  # modes that move as much as each other
+        root = shapes * np.sqrt(4.0 * damping * omega**3)  # so that modes have equal variances
         forces[2:, 2:] = root @ root.T
         stationary, step, process_noise = _discretise_process(system, forces, 1.0 / rate)
         root = np.linalg.cholesky(process_noise)
@@ -68,7 +68,7 @@ class RandomMotion:
         recording = Recording(np.arange(len(states)) / rate, STATES, values)
         return cls(system, forces, noise[:2], recording)
 
-    def least_errors(self) -> np.ndarray:
+    def compute_bound(self) -> np.ndarray:
         """Compute the Cramér-Rao standard deviation of each mode's decay rate, 1/s.
 
         Returns (2,). It is by P. Whittle's likelihood (Ark. Mat. 2, 1953), for unknown
@@ -76,14 +76,14 @@ class RandomMotion:
         """
         step = self.recording.time[1] - self.recording.time[0]
         frequencies = np.arange(1, len(self.recording.time) // 2) / len(self.recording.time)
-        turned = np.exp(2j * np.pi * frequencies)[:, np.newaxis, np.newaxis] * np.eye(4)
+        shift = np.exp(2j * np.pi * frequencies)[:, np.newaxis, np.newaxis] * np.eye(4)
 
         def spectrum(parameters: np.ndarray) -> np.ndarray:
             system, forces = self.system.copy(), np.zeros((4, 4))
             system[2:] = parameters[:8].reshape(2, 4)
             forces[2:, 2:] = parameters[[8, 9, 9, 10]].reshape(2, 2)
             _, transition, process_noise = _discretise_process(system, forces, step)
-            response = np.linalg.inv(turned - transition)[:, :2]
+            response = np.linalg.inv(shift - transition)[:, :2]
             motion = response @ process_noise @ response.conj().swapaxes(1, 2)
             return motion + np.diag(parameters[11:])
 
@@ -96,7 +96,7 @@ class RandomMotion:
         ]
         information = np.einsum("afij,bfji->ab", slopes, slopes).real
         covariance = np.linalg.inv(information)[:8, :8]
-        _, gradients = decays(self.system, FREE)
+        _, gradients = compute_decays(self.system, FREE)
         return np.sqrt(np.einsum("mi,ij,mj->m", gradients, covariance, gradients))
 
 
@@ -118,17 +118,17 @@ def trial(
     model has no random forces. Seconds are those of the processor.
     """
     for replicate in replicates:
-        motion = RandomMotion.drawn(make_generator(seed, "ambient", case, replicate))
-        (true, _), bound = decays(motion.system, ()), motion.least_errors()
+        motion = RandomMotion.draw(make_generator(seed, "ambient", case, replicate))
+        (true, _), bound = compute_decays(motion.system, ()), motion.compute_bound()
         for method, settings in methods.items():
             name = ("ambient", case, str(replicate))
-            found, answer = identified_by({method: settings}, [motion.recording], TERMS, name)
+            found, answer = identify_once({method: settings}, [motion.recording], TERMS, name)
             row = start_row(case, "displacements", replicate, seed, answer)
             if found.is_forced:
                 places = np.argwhere(found.support)
                 exponents: np.ndarray = np.array(found.model.terms)[places[:, 1]]
                 moved = list(zip(places[:, 0], map(np.flatnonzero, exponents), strict=True))
-                estimated, slopes = decays(found.model.jacobian(np.zeros((1, 4)))[0], moved)
+                estimated, slopes = compute_decays(found.model.jacobian(np.zeros((1, 4)))[0], moved)
                 errors = np.sqrt(np.einsum("mi,ij,mj->m", slopes, found.covariance, slopes))
                 duration, is_covered = float(found.diagnostics["duration"]), []
                 row["terms"] = len(places)
@@ -143,7 +143,7 @@ def trial(
             yield row
 
 
-def decays(
+def compute_decays(
     system: np.ndarray, places: Sequence[tuple[int, np.ndarray]]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute the eigenvalues of a linear system's modes, and derivatives of their decay rates.

@@ -28,8 +28,8 @@ class Attempt:
     """One recording of a known system, with the true model, for a test of identification.
 
     columns: that name it in a table. true: on the candidate library. deviations: (n_states,
-    n_terms) at the Cramér-Rao bound, of the terms to be found, NaN elsewhere; None if not computed.
-    causes: codes of which a finding must have one, none if nothing is wrong with the recording.
+    n_terms) at the Cramér-Rao bound, of the true terms, NaN elsewhere; None if not computed.
+    causes: codes of findings that name the fault of the recording, none without a fault.
     """
 
     columns: Mapping[str, Any]
@@ -77,12 +77,12 @@ def _as_motion(true: PolynomialModel, time: np.ndarray, states: np.ndarray) -> M
     return Motion(true.states, time, states, rates_along(true, states))
 
 
-def fits(
+def identify_attempts(
     attempts: Iterable[Attempt], methods: Mapping[str, Mapping]
 ) -> Iterator[dict[str, object]]:
     """Identify each test recording with each method; yield a row of results for each fit.
 
-    Its columns are those of the attempt, of `identified_by` and of `against_truth`. methods:
+    Its columns are those of the attempt, of `identify_once` and of `against_truth`. methods:
     `Method.settings` by name. min_coefficient_over_bound: the least |coefficient| / deviation of
     the true terms. error_over_bound: root mean square over the true terms of error / deviation, NaN
     unless the terms are exactly right. fault_diagnosed: 1 if a finding names the cause and 0 if
@@ -92,7 +92,7 @@ def fits(
         true, name = attempt.true, list(map(str, attempt.columns.values()))
         for method, settings in methods.items():
             recordings = [attempt.recording]
-            result, answer = identified_by({method: settings}, recordings, true.terms, name)
+            result, answer = identify_once({method: settings}, recordings, true.terms, name)
             row = against_truth(true, result)
             weakest, error = np.nan, np.nan
             if attempt.deviations is not None and np.any(np.isfinite(attempt.deviations)):
@@ -114,7 +114,7 @@ def fits(
             }
 
 
-def identified_by(
+def identify_once(
     method: Mapping[str, Mapping],
     recordings: Sequence[Recording],
     terms: tuple[Exponents, ...],
@@ -134,14 +134,14 @@ def identified_by(
 def counted_cost(recordings: Sequence[Recording]) -> Iterator[dict[str, float]]:
     """Measure the computing cost of the identification in a `with` block.
 
-    Yields a dict that is filled at the end of the block: `work`, s, as `identification.work` counts
-    it without a limit of its own, and `seconds` of the processor.
+    Yields a dict that is filled at the end of the block: `work`, s, counted by
+    `identification.work`, and `seconds` of the processor.
     """
     cost: dict[str, float] = {}
-    began = process_time()
+    start = process_time()
     with limit_work(recordings, np.inf) as work:
         yield cost
-    cost |= {"work": work.spent, "seconds": process_time() - began}
+    cost |= {"work": work.spent, "seconds": process_time() - start}
 
 
 def describe_answer(found: IdentifiedModel) -> dict[str, object]:
@@ -173,14 +173,14 @@ def coefficients_as_text(found: IdentifiedModel) -> str:
 def trial_of(attempts: Callable[..., Iterator[Attempt]]) -> Callable[..., Iterator[dict]]:
     """Turn a generator of test recordings into an experiment that identifies them all.
 
-    The trial, see `workflow/rules/evaluate.smk`, yields a row for each fit, see `fits`. attempts:
-    makes its recordings, from the seed, the case, the replicates and the kind's options.
+    The trial yields a row for each fit, see `identify_attempts`. attempts: makes its recordings
+    from the seed, the case, the replicates and the kind's options.
     """
 
     def trial(
         seed: int, case: str, replicates: Sequence[int], methods: Mapping[str, Mapping], **options
     ) -> Iterator[dict[str, object]]:
-        return fits(attempts(seed, case, replicates, **options), methods)
+        return identify_attempts(attempts(seed, case, replicates, **options), methods)
 
     return trial
 
@@ -196,32 +196,31 @@ def draw_log_uniform(
 def against_truth(true: PolynomialModel, result: IdentifiedModel) -> dict[str, object]:
     """Compare an identified model with the true one: counts of wrong terms and coefficients.
 
-    true: on the library of `result`. Counts are of the true terms. Nothing is counted without a
-    model. `ok_and_wrong` is an `ok` model with a false term, without one above its stated limit, or
-    with a coefficient more than four unconditional errors off;
-    `beyond_4_standard_errors_given_terms` counts those of its coefficients that are more than four
-    off by the errors that assume the terms.
+    true: on the library of `result`. Without a model nothing is counted. `ok_and_wrong`: an `ok`
+    model that has a false term, lacks a term above its stated limit, or has a coefficient more than
+    four unconditional standard errors off. `beyond_4_standard_errors_given_terms`: coefficients
+    that are more than four standard errors off, for errors that assume the terms.
     """
     terms = true.support.copy()
     terms[list(result.known)] = False
     present, is_model = result.support, result.status != "refused"
-    trusting, errors = result.standard_errors, result.unconditional_errors
+    conditional, errors = result.standard_errors, result.unconditional_errors
     distance = np.abs(result.model.coefficients - true.coefficients)
     is_large, both = np.abs(true.coefficients) > result.detection_limits, terms & present
     counted = {
         "spurious_terms": present & ~terms,
         "missing_above_limit": terms & ~present & is_large,
         "beyond_4_standard_errors": present & (distance > FAR * errors),
-        "beyond_4_standard_errors_given_terms": present & (distance > FAR * trusting),
+        "beyond_4_standard_errors_given_terms": present & (distance > FAR * conditional),
         "terms": terms,
         "terms_found": both,
-        "covered_given_terms": both & (distance <= NORMAL_95 * trusting),
+        "covered_given_terms": both & (distance <= NORMAL_95 * conditional),
         "covered_unconditional": terms & (distance <= NORMAL_95 * errors),
     }
     counts = {name: int(np.sum(which & is_model)) for name, which in counted.items()}
     faults = ("spurious_terms", "missing_above_limit", "beyond_4_standard_errors")
     wrong = any(counts[name] for name in faults)
-    ratios = (errors / trusting)[present & is_model]
+    ratios = (errors / conditional)[present & is_model]
     return {
         "exact_support": bool(np.array_equal(present, terms)),
         "ok_and_wrong": bool(result.status == "ok" and wrong),

@@ -14,16 +14,16 @@ from galloping.model.intervals import NORMAL_95
 from galloping.model.polynomial import polynomial_library
 from galloping.recording.samples import Recording
 from galloping.streams import make_generator
-from galloping.trials.attempts import draw_log_uniform, identified_by
+from galloping.trials.attempts import draw_log_uniform, identify_once
 from galloping.trials.real_lines import DEGREE, start_row
 
 STATES = ("q", "dq")
 TERMS = polynomial_library(len(STATES), DEGREE)
 SENSORS = ("displacement", "acceleration")
 FREQUENCIES, DAMPING = (0.05, 50.0), (0.001, 0.03)  # Hz, of the first mode; ratio to critical
-SECOND = (0.002, 0.1)  # amplitude of the second mode over that of the first, in what is measured
+SECOND = (0.002, 0.1)  # measured amplitude of the second mode over that of the first
 APART = (1.15, 6.0)  # ratio of the two frequencies, either way
-SAMPLES, PER_PERIOD, PERIODS = (200, 20_000), (8.0, 60.0), 10.0  # the last at least
+SAMPLES, PER_PERIOD, PERIODS = (200, 20_000), (8.0, 60.0), 10.0  # PERIODS: the least number
 NOISE = (0.001, 0.03)  # of a sample, over the amplitude at the release
 REST = (0.03, 0.3)  # share of the samples before the release, of every other recording
 RESOLVED = 2.5  # samples in a period of the second mode, at least
@@ -44,7 +44,7 @@ class FreeDecay:
     recording: Recording
 
     @classmethod
-    def drawn(cls, rng: np.random.Generator) -> "FreeDecay":
+    def draw(cls, rng: np.random.Generator) -> "FreeDecay":
         """Sample two random modes and a sensor, and simulate their free decay with noise.
 
         They are drawn within the ranges above.
@@ -60,12 +60,12 @@ class FreeDecay:
         amplitudes = phases * np.array([1.0, draw_log_uniform(rng, SECOND)])
         noise, sensor = draw_log_uniform(rng, NOISE), SENSORS[rng.integers(2)]
         time = np.arange(count) / (per_period * frequency)
-        rested = round(rng.uniform(*REST) * count) if rng.random() < 0.5 else 0
-        elapsed = time[rested:] - time[rested]
+        n_rest = round(rng.uniform(*REST) * count) if rng.random() < 0.5 else 0
+        elapsed = time[n_rest:] - time[n_rest]
         motion = np.zeros(count)
-        motion[rested:] = (np.exp(np.outer(elapsed, poles)) @ amplitudes).real
+        motion[n_rest:] = (np.exp(np.outer(elapsed, poles)) @ amplitudes).real
         if sensor == "displacement" and rng.random() < 0.5:
-            motion[:rested] = motion[rested]  # held until it is released
+            motion[:n_rest] = motion[n_rest]  # held until it is released
         samples = motion + noise * rng.standard_normal(count)
         values, rates = np.full((2, count, 2), np.nan)
         if sensor == "displacement":
@@ -83,8 +83,8 @@ def _decay_bound(
 ) -> np.ndarray:
     """Compute the Cramér-Rao bound of growth and frequency of the first mode, (2,)."""
     waves = np.exp(np.outer(time, poles))
-    moved = time[:, np.newaxis] * waves * amplitudes
-    slopes = np.hstack([moved.real, -moved.imag, waves.real, -waves.imag, np.ones((len(time), 1))])
+    slope, ones = time[:, np.newaxis] * waves * amplitudes, np.ones((len(time), 1))
+    slopes = np.hstack([slope.real, -slope.imag, waves.real, -waves.imag, ones])
     scale = np.linalg.norm(slopes, axis=0)
     covariance = np.linalg.inv((slopes / scale).T @ (slopes / scale)) / np.outer(scale, scale)
     return noise * np.sqrt(np.diag(covariance)[[0, 2]])
@@ -100,10 +100,10 @@ def trial(
     are unknown. Seconds are those of the processor.
     """
     for replicate in replicates:
-        decay = FreeDecay.drawn(make_generator(seed, "free_decays", case, replicate))
+        decay = FreeDecay.draw(make_generator(seed, "free_decays", case, replicate))
         for method, settings in methods.items():
             name = ("free_decays", case, str(replicate))
-            found, answer = identified_by({method: settings}, [decay.recording], TERMS, name)
+            found, answer = identify_once({method: settings}, [decay.recording], TERMS, name)
             row = start_row(case, decay.sensor, replicate, seed, answer)
             yield row | (_judge_decay(decay, found) if found.status != "refused" else {})
 

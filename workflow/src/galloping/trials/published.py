@@ -26,17 +26,17 @@ from galloping.model.terms import known_model
 from galloping.recording.samples import Recording
 from galloping.streams import make_generator
 from galloping.trajectory.simulation import Simulator
-from galloping.trials.attempts import Attempt, identified_by, simulate_recording, trial_of
+from galloping.trials.attempts import Attempt, identify_once, simulate_recording, trial_of
 
 PERIODS = 30
-REMEMBERED = 4  # periods of a chaotic flow from which its bound is formed
+REMEMBERED = 4  # periods of each piece of a chaotic flow, for its bound
 
 
 @dataclass(frozen=True)
 class PublishedSystem:
     """Dynamical system from the literature: equations, initial state and known period.
 
-    equations: as of `model_of`. degree: of its library. chaotic: whether it forgets its initial
+    equations: as of `parse_system`. degree: of its library. chaotic: whether it forgets its initial
     state, so that its bound is that of short pieces.
     """
 
@@ -49,10 +49,10 @@ class PublishedSystem:
     @property
     def model(self) -> PolynomialModel:
         """Polynomial model of the system on its library of candidate terms."""
-        return model_of(self.equations, self.degree)
+        return parse_system(self.equations, self.degree)
 
 
-def model_of(equations: str, degree: int) -> PolynomialModel:
+def parse_system(equations: str, degree: int) -> PolynomialModel:
     """Parse the text of polynomial equations into a model with terms up to a given degree.
 
     equations: of `terms`, separated by `;`. Raises ValueError for a term that is not in the
@@ -113,7 +113,7 @@ def _bound_deviations(true: PolynomialModel, experiments: list[Experiment]) -> n
 
 
 GROUP = "published settings"
-SETTINGS = {  # systems as they were recorded, and s between samples
+SETTINGS = {  # by name: the system with its published start, and s between samples
     "lorenz": (replace(SYSTEMS["lorenz"], start=(-8, 8, 27), degree=2), 0.01),
     "van_der_pol": (PublishedSystem("x = y; y = -x + 0.5 y - 0.5 x^2 y", (-2, 1)), 0.01),
     "rossler": (replace(SYSTEMS["rossler"], start=(-6, 5, 0), degree=2), 0.05),
@@ -164,11 +164,11 @@ def relaxation_intervals(
     """Fit simulated relaxations; yield whether the x^2 coefficient's interval covers the truth.
 
     case: name of the true quadratic coefficient. There is a row for each fit. Besides the columns
-    of `attempts.identified_by`: exact_support, as in `attempts.against_truth`; has_term, whether
+    of `attempts.identify_once`: exact_support, as in `attempts.against_truth`; has_term, whether
     the model has x^2; covered, whether the unconditional 95 % interval contains the true
     coefficient of x^2; interval_width, of that interval.
     """
-    true = model_of(RELAXATION.format(GAMMAS[case]), 3)
+    true = parse_system(RELAXATION.format(GAMMAS[case]), 3)
     quadratic = true.terms.index((2,))
     simulator = Simulator(true.states, true.terms)
     for count in samples:
@@ -182,7 +182,7 @@ def relaxation_intervals(
             recording = Recording(time, true.states, values, known_noise=noise)
             name = list(map(str, columns.values()))
             for method, settings in methods.items():
-                result, answer = identified_by({method: settings}, [recording], true.terms, name)
+                result, answer = identify_once({method: settings}, [recording], true.terms, name)
                 error = result.unconditional_errors[0, quadratic]
                 distance = abs(result.model.coefficients[0, quadratic] - GAMMAS[case])
                 yield {

@@ -24,7 +24,7 @@ from galloping.model.terms import parse_library
 from galloping.recording.samples import Input, Recording
 from galloping.streams import make_generator
 from galloping.trajectory.simulation import Simulator, Trajectory
-from galloping.trials.attempts import identified_by
+from galloping.trials.attempts import identify_once
 
 CASE = "internal_resonance"
 DEGREE = 3
@@ -36,8 +36,8 @@ FORECAST = 15.0  # s: six vertical periods
 QUANTITIES = (
     "amplitude_v", "amplitude_w", "damping_v", "frequency_v", "damping_w", "frequency_w",
 )  # fmt: skip
-JUDGED = 5  # the first of them, whose intervals are counted: w has no bar for its frequency
-JUDGEMENTS = (  # columns, empty where a model says nothing of them
+JUDGED = 5  # the first quantities, whose intervals are assessed: not the horizontal frequency
+JUDGEMENTS = (  # columns, empty if a model does not give the value
     "terms",
     *(f"{name}_error_percent" for name in QUANTITIES),
     *(f"{name}_interval_percent" for name in QUANTITIES),
@@ -56,7 +56,7 @@ class SensedLine:
     modes: sine modes in each direction, or 0 for the two shapes of the paper's model. aerodynamics:
     as in `continuous_line`. intensity: of the gusts. sensors: of LAYOUTS, separated into as many
     sine modes, the first of which is recorded; or the modal `states`. velocities: whether they are
-    measured. wind: whether the wind is, the model's library then being the quasi-static law.
+    measured. wind: whether the wind is measured; the library is then the quasi-static law.
     """
 
     modes: int = 9
@@ -80,17 +80,17 @@ TRUTHS = {
     "two modes, gusts 5 %, wind": SensedLine(modes=0, intensity=0.05, sensors="states", wind=True),
 }
 SPEED = "U"  # the input that is the wind
-# m/s, from the recorded mean: there amplitudes are asked for as well. At 2 m/s above it, 14 m/s,
-# further ones of the nine modes gallop by themselves within 300 s, and the line is another one.
+# m/s, from the recorded mean: other winds for which amplitudes are predicted. At 2 m/s above the
+# mean, further modes gallop by themselves within 300 s.
 OTHER_WINDS = (-2.0, 1.0)
 
 
-def line_of(case: Mapping, truth: SensedLine) -> continuous.Span:
+def make_line(case: Mapping, truth: SensedLine) -> continuous.Span:
     """Create a model of an overhead line with many modes, in the wind of a given case."""
     return continuous.continuous_line(case, truth.modes, aerodynamic=truth.aerodynamics)
 
 
-def motion(
+def simulate_sensors(
     case: Mapping,
     line: continuous.Span,
     truth: SensedLine,
@@ -143,14 +143,13 @@ def predict_quantities(
 
     Returns values and half widths of the intervals, by QUANTITIES, with a model of a line.
     Amplitudes are of the motion from `start` (4,) after STEADY s. Intervals are those of models
-    drawn with the covariance of the coefficients; NaN without one. An amplitude is of the motion,
-    not of the model alone: the further modes of an approximate model are added to its motion, its
-    residual to the interval.
+    drawn with the covariance of the coefficients; NaN without one. The further modes of an
+    approximate model are added to its motion, and its residual to the interval of an amplitude.
     """
-    besides = identified.further_motion(time)
+    further = identified.further_motion(time)
 
     def quantities(model: PolynomialModel) -> np.ndarray:
-        states = simulator(model, start, time).states + besides
+        states = simulator(model, start, time).states + further
         return np.concatenate([steady_amplitude(states[time >= STEADY])[:2], linear_modes(model)])
 
     values = quantities(identified.model)
@@ -160,8 +159,8 @@ def predict_quantities(
         # half of the middle 68 %: a few draws that diverge do not count
         low, high = np.nanquantile(sampled, [0.16, 0.84], axis=0)
         widths = NORMAL_95 * (high - low) / 2.0
-        left = [identified.diagnostics.get(f"error_share_all_{q}", 0.0) for q in STATES[:2]]
-        widths[:2] = np.hypot(widths[:2], left * values[:2])
+        residual = [identified.diagnostics.get(f"error_share_all_{q}", 0.0) for q in STATES[:2]]
+        widths[:2] = np.hypot(widths[:2], residual * values[:2])
     return values, widths
 
 
@@ -176,12 +175,12 @@ def forecast_r2(
     Forecasts are of q_v and q_w over FORECAST s, along the motion, (n, 4).
     """
     length = round(FORECAST / (time[1] - time[0]))
-    left = np.zeros(2)
+    squares = np.zeros(2)
     for begin in range(0, len(time) - length, length):
         predicted = simulator(model, states[begin], time[begin : begin + length]).states
-        left += np.sum((predicted - states[begin : begin + length])[:, :2] ** 2, axis=0)
+        squares += np.sum((predicted - states[begin : begin + length])[:, :2] ** 2, axis=0)
     total = np.sum((states - states.mean(axis=0))[:, :2] ** 2, axis=0)
-    return float(np.mean(1.0 - left / total)) if np.all(np.isfinite(left)) else -np.inf
+    return float(np.mean(1.0 - squares / total)) if np.all(np.isfinite(squares)) else -np.inf
 
 
 def trial(
@@ -196,7 +195,7 @@ def trial(
     """
     parameters, truth = plain(load({}))["cases"][CASE], TRUTHS[case]
     time = np.arange(DURATION * RATE + 1) / RATE
-    line = line_of(parameters, truth)
+    line = make_line(parameters, truth)
     inputs = (SPEED,) if truth.wind else ()
     terms = parse_library(f"wind({SPEED})", STATES, inputs)[0] if truth.wind else TERMS
     whole = PolynomialModel(STATES, terms, np.ones((len(STATES), len(terms))), inputs)
@@ -211,9 +210,9 @@ def trial(
         gusts = {**parameters["truth"]["gusts"], "intensity": truth.intensity}
         speed = continuous.draw_wind(line, gusts, time, rng)
         measured = {SPEED: Input(time, speed)} if truth.wind and speed is not None else {}
-        return motion(parameters, line, truth, time, speed), measured, rng
+        return simulate_sensors(parameters, line, truth, time, speed), measured, rng
 
-    steady = combine_sensors(line, truth, motion(parameters, line, truth, time))
+    steady = combine_sensors(line, truth, simulate_sensors(parameters, line, truth, time))
     unseen, unseen_wind, _ = simulate_recorded("unseen")
     unseen = combine_sensors(line, truth, unseen)
     true = _true_quantities(line, steady[time >= STEADY])
@@ -229,7 +228,7 @@ def trial(
             if truth.wind and method not in DRIVEN:
                 continue
             name = ("model_error", case, str(replicate))
-            identified, answer = identified_by({method: settings}, recordings, terms, name)
+            identified, answer = identify_once({method: settings}, recordings, terms, name)
             row = start_row(case, truth.sensors, replicate, seed, answer)
             if identified.status != "refused":
                 draws = make_generator(seed, "model_error", case, replicate, method)
@@ -252,23 +251,23 @@ def trial(
 def start_row(
     case: str, sensors: str, replicate: int, seed: int, answer: Mapping[str, object]
 ) -> dict[str, object]:
-    """Return the row of a fit before its model is judged. answer: of `attempts.identified_by`."""
-    own = {"truth": case, "sensors": sensors, "replicate": replicate, "seed": seed}
-    return {**own, **answer, **dict.fromkeys(JUDGEMENTS, np.nan)}
+    """Return the row of a fit before its model is judged. answer: of `attempts.identify_once`."""
+    known = {"truth": case, "sensors": sensors, "replicate": replicate, "seed": seed}
+    return {**known, **answer, **dict.fromkeys(JUDGEMENTS, np.nan)}
 
 
 def _other_winds(
     parameters: Mapping, truth: SensedLine, time: np.ndarray
 ) -> dict[float, np.ndarray]:
     """Simulate amplitudes of q_v and q_w, (2,), in other steady winds, m/s, from the same start."""
-    found = {}
+    amplitudes = {}
     for change in OTHER_WINDS:
         speed = parameters["wind"]["speed"] + change
         case = {**parameters, "wind": {**parameters["wind"], "speed": speed}}
-        line = line_of(case, truth)
-        states = combine_sensors(line, truth, motion(case, line, truth, time))
-        found[speed] = steady_amplitude(states[time >= STEADY])[:2]
-    return found
+        line = make_line(case, truth)
+        states = combine_sensors(line, truth, simulate_sensors(case, line, truth, time))
+        amplitudes[speed] = steady_amplitude(states[time >= STEADY])[:2]
+    return amplitudes
 
 
 def _amplitude_error(
@@ -284,9 +283,9 @@ def _judge_values(values: np.ndarray, widths: np.ndarray, true: np.ndarray) -> d
     """Compute errors and intervals in percent, and the coverage of the assessed intervals."""
     is_covered = (np.abs(values - true) <= widths)[:JUDGED]
     row = {"coverage": np.mean(is_covered) if np.all(np.isfinite(widths)) else np.nan}
-    for name, value, width, of in zip(QUANTITIES, values, widths, true, strict=True):
-        row[f"{name}_error_percent"] = 100.0 * (value / of - 1.0)
-        row[f"{name}_interval_percent"] = 100.0 * width / abs(of)
+    for name, value, width, truth in zip(QUANTITIES, values, widths, true, strict=True):
+        row[f"{name}_error_percent"] = 100.0 * (value / truth - 1.0)
+        row[f"{name}_interval_percent"] = 100.0 * width / abs(truth)
     return row
 
 

@@ -46,7 +46,7 @@ CASE = "internal_resonance"
 DURATION, RATE = 300.0, 100.0  # s, Hz
 MARGIN = 1.0  # s of motion after the recording, for sensors that are late or early
 LONG = {"2000 s": (2e3, 100.0), "10000 s": (1e4, 100.0), "100000 s": (1e5, 20.0)}  # s, Hz
-APART, SENSITIVE = 1e-6, 1e3  # m, times within a recording
+APART, SENSITIVE = 1e-6, 1e3  # m between two motions at first; growth of it within a recording
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def of_the_default_line(
         yield from (replace(each, deviations=deviations) for each in made)
 
 
-def draw(rng: np.random.Generator) -> tuple[dict, np.ndarray]:
+def draw_line(rng: np.random.Generator) -> tuple[dict, np.ndarray]:
     """Sample a random galloping line: its configuration and two initial states.
 
     The configuration is a section of `cases`; the initial states are (2, n_states).
@@ -107,7 +107,7 @@ def draw(rng: np.random.Generator) -> tuple[dict, np.ndarray]:
     while True:
         span = float(draw_log_uniform(rng, (150.0, 500.0)))
         vertical = [rng.uniform(0.2, 1.2), rng.uniform(-3.0, 3.0), rng.uniform(-8.0, -2.0)]
-        horizontal = [rng.uniform(-4.0, 4.0), *_or_absent(rng, 3.0), *_or_absent(rng, 6.0)]
+        horizontal = [rng.uniform(-4.0, 4.0), *_draw_or_omit(rng, 3.0), *_draw_or_omit(rng, 6.0)]
         case = {
             "line": {"span": span, "tension": rng.uniform(15e3, 45e3)},
             "spacers": {"positions": [0.25 * span, 0.5 * span, 0.75 * span]},
@@ -125,7 +125,7 @@ def draw(rng: np.random.Generator) -> tuple[dict, np.ndarray]:
             return case, np.array([first, second])
 
 
-def lines(
+def draw_lines(
     rng: np.random.Generator, simulator: Simulator, time: np.ndarray
 ) -> Iterator[tuple[PolynomialModel, list[np.ndarray]]]:
     """Yield random galloping lines without end, each with two simulated motions.
@@ -133,14 +133,14 @@ def lines(
     The motions, (n, n_states), are from both starts; none diverges.
     """
     while True:
-        case, starts = draw(rng)
+        case, starts = draw_line(rng)
         true = make_model(coefficients(case)).on_library(TERMS)
         motions = [simulator(true, start, time) for start in starts]
         if all(motion.status == "ok" for motion in motions):
             yield true, [motion.states for motion in motions]
 
 
-def _or_absent(rng: np.random.Generator, size: float) -> list[float]:
+def _draw_or_omit(rng: np.random.Generator, size: float) -> list[float]:
     return [rng.uniform(-size, size) * float(rng.random() < 0.5)]
 
 
@@ -156,7 +156,8 @@ def of_random_lines(
     simulator = Simulator(STATES, TERMS)
     for duration, number in product(durations, replicates):
         time = time_grid(duration, RATE)
-        true, motions = next(lines(make_generator(seed, "random line", number), simulator, time))
+        rng = make_generator(seed, "random line", number)
+        true, motions = next(draw_lines(rng, simulator, time))
         for protocol, level, (release, states) in product(protocols, levels, enumerate(motions)):
             columns = {
                 "group": RANDOM, "case": case, "protocol": protocol, "level": level,
@@ -174,13 +175,13 @@ def of_long_and_steady_motions(
 ) -> Iterator[Attempt]:
     """Yield recordings of long motions, limit cycles or motions with sensitive dependence.
 
-    case: kind of the motion; of CHOSEN each replicate is a line.
+    case: kind of the motion; for cases of CHOSEN, each replicate is another line.
     """
     time, simulator = time_grid(*LONG.get(case, (DURATION, RATE))), Simulator(STATES, TERMS)
     for level, replicate in product(levels, replicates):
         if case in CHOSEN:
             rng, states = make_generator(seed, LONG_AND_STEADY, case, replicate), None
-            drawn = lines(rng, simulator, time)
+            drawn = draw_lines(rng, simulator, time)
             while states is None:
                 true, motions = next(drawn)
                 states = CHOSEN[case](simulator, true, motions[0], time)
@@ -213,10 +214,10 @@ def _sensitive_motion(
     return motion if np.max(np.abs(beside - motion)) > SENSITIVE * APART else None
 
 
-CHOSEN = {
+CHOSEN = {  # by case: the motion of a random line, None for lines that are passed over
     "limit cycle, random lines": _settled_motion,
     "sensitive lines": _sensitive_motion,
-}  # first of its kind
+}
 
 
 GROUP = "sensor faults"
@@ -324,8 +325,8 @@ DELAYS = (
     Code.CHANNEL_DELAYED, Code.COORDINATE_DELAYED, Code.INPUT_DELAYED, Code.INPUT_DELAYED_BY,
     Code.INPUT_HELD,
 )  # fmt: skip
-# codes of which a finding must have one, the range from which the size is drawn, and what is
-# recorded of (line, size, noise (n, 4), rng): times (n,) and values (n, 4)
+# codes of findings that name the fault, range of its size, and the function that records a line
+# with it: from (line, size, noise (n, 4), rng) to times (n,) and values (n, 4)
 FAULTS = {
     "none": ((), (0.0, 0.0), _add_no_fault),
     "clock": (CLOCKS, (0.001, 0.005), _stretch_clock),
@@ -346,7 +347,7 @@ def of_faulty_recordings(
 
     case: the fault, of FAULTS; its size is drawn per replicate.
     """
-    line, (named, sizes, record) = default_line(), FAULTS[case]
+    line, (codes, sizes, record) = default_line(), FAULTS[case]
     for level, replicate in product(levels, replicates):
         rng = make_generator(seed, GROUP, case, replicate)
         size = rng.uniform(*sizes)
@@ -356,4 +357,4 @@ def of_faulty_recordings(
             "group": GROUP, "case": case, "protocol": "state", "level": level,
             "seed": seed, "replicate": replicate, "size": size,
         }  # fmt: skip
-        yield Attempt(columns, line.model, Recording(time, STATES, values), causes=frozenset(named))
+        yield Attempt(columns, line.model, Recording(time, STATES, values), causes=frozenset(codes))
