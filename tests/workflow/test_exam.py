@@ -7,7 +7,7 @@ from studies import copy_repository, script
 
 from galloping.storage import read_json
 from galloping.tables.comparison import describe_processor
-from galloping.tables.exam import collect_answers, find_changes, with_types
+from galloping.tables.exam import collect_answers, find_changes, restore_types
 
 FEW = {
     "published": {"cases": ["van_der_pol", "duffing", "circulation", "sprott_a"]},
@@ -48,7 +48,7 @@ def test_the_answers_are_those_of_the_reference(root, folder):
     now = collect_answers({f"{path.parent.name}/{path.stem}": pd.read_csv(path) for path in trials})
     assert set(now["stratum"]) == {*FEW} and not now.duplicated(["stratum", "recording"]).any()
     reference = root / "results/reference/exam"
-    before = with_types(pd.read_csv(reference / "answers.csv"))
+    before = restore_types(pd.read_csv(reference / "answers.csv"))
     asked = before.merge(now[["stratum", "recording"]])
     assert len(asked) == len(now)
     changed = find_changes(asked, now)

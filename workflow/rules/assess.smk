@@ -1,5 +1,5 @@
 # line, identified models -> what a line engineer asks
-MAX_VARIED_DRAWS = 40  # of each variant of a line, enough to tell most draws from some
+MAX_VARIED_DRAWS = 40  # of each variant of a line: enough to decide whether most satisfy a bound
 
 
 rule follow_cycles:
@@ -17,7 +17,7 @@ rule follow_cycles:
     resources:
         **CASE_RESOURCES,
     params:
-        line=lambda wildcards: line_without(  # its tension says how far a galloping line can move
+        line=lambda wildcards: line_without(  # its tension bounds the motion of a galloping line
             wildcards.case, {sweep(wildcards).parameter} - {"tension"}
         ),
         parameter=of_sweep("parameter"),

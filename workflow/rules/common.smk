@@ -17,15 +17,15 @@ try:
     STUDY = Study(load(clean_merged(config, files[-1:] + files[:-1])))
 except ConfigurationError as error:
     sys.exit(str(error))
-if RESULTS_VARIABLE not in os.environ:  # `make` has said so itself
+if RESULTS_VARIABLE not in os.environ:  # else `make` has printed them
     print(*STUDY.doubts, sep="\n", end="\n" * bool(STUDY.doubts), file=sys.stderr)
 
 LINES = [case.name for case in STUDY.cases]
-FIRST = LINES[0] if LINES else "none"  # shown where one case has to do
+FIRST = LINES[0] if LINES else "none"  # the case of figures and tables that show only one
 CONTINUOUS = [case.name for case in STUDY.cases if case.is_continuous]
 DEPARTURES = shown.departures_from_paper(STUDY)  # empty without a case of the paper
-REDRAWN = [name for name, why in DEPARTURES.items() if not why]  # by many draws of its own method
-VARIED_CASE = REDRAWN[0] if REDRAWN else "none"  # with other settings of what it leaves open
+REDRAWN = [name for name, why in DEPARTURES.items() if not why]  # many draws of these
+VARIED_CASE = REDRAWN[0] if REDRAWN else "none"  # also with other values of its open parameters
 DEGREE = STUDY.settings.identification.degree
 SEED = STUDY.settings.measurement.seed
 OPENED = STUDY.plain["assessment"]["open_parameters"]  # of the paper: values of each, by name
@@ -51,8 +51,8 @@ wildcard_constraints:
     parameter="|".join(OPENED),
 
 
-# Params: each is one value under the key of the configuration that it comes from. Snakemake compares
-# values of params without the names that rules give them: two numbers that swap would go unnoticed.
+# Params: each is one value under its configuration key. Snakemake compares params without their names,
+# so that two swapped numbers would go unnoticed.
 
 
 def setting(key):
@@ -150,8 +150,8 @@ def captions_of_tables(*names):
     return {"caption": {name: data_dictionary.captions()[name] for name in names}}
 
 
-# Memory and time that schedulers are asked for: the maximum measured in the default study on one core
-# (in the comments), and two Snakemakes of 150 MB each. Each further attempt asks for as much more.
+# Memory and time requested of schedulers: the maximum in the default study on one core (in the
+# comments), and two Snakemakes of 150 MB each. Each further attempt requests as much more.
 
 
 def resources_by_attempt(mem_mb, runtime):
@@ -170,17 +170,17 @@ TRIAL_RESOURCES = resources_by_attempt(mem_mb=3000, runtime=15)
 SHOW_RESOURCES = resources_by_attempt(mem_mb=600, runtime=2)  # 181 MB, 8 s
 
 
-# Inputs of which there are others in another study.
+# Inputs that depend on the study.
 
 
 def reference_files(*names):
-    """Files of the reference, as far as they are there: never in a storage that holds results."""
+    """Existing files of the reference; they are never in a storage with the results."""
     folder = Path(STUDY.settings.reference)
     return [local(str(path)) for name in names if (path := folder / name).exists()]
 
 
 def models_of_a_line(wildcards):
-    """Those that say how sure an assessment is, where the study has such."""
+    """Identified models that give the uncertainty of an assessment, if the study has them."""
     cell = shown.assessed_cell(STUDY, wildcards.case)
     return [f"<results>/identified/{cell.id}/{OURS_FAMILY}.json"] if cell else []
 
@@ -192,13 +192,13 @@ def recorded(wildcards):
 
 @cache
 def code(script, *modules):
-    """Digest of what a script runs, and of what it imports by name: an edit of it runs it again."""
+    """Digest of the code of a script, and of modules that it imports by name."""
     return digest.code(workflow.source_path(f"../scripts/{script}"), *modules)
 
 
-def tried_by(wildcards):
+def trial_function(wildcards):
     """The function of a trial's kind, as `evaluate.smk` names it."""
-    return TRIED_BY[STUDY.plain["trials"][wildcards.trial]["kind"]]
+    return TRIAL_FUNCTIONS[STUDY.plain["trials"][wildcards.trial]["kind"]]
 
 
 @cache

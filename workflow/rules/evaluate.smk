@@ -72,12 +72,12 @@ rule find_oracle:
         "../scripts/find_oracle.py"
 
 
-# a truth that is known -> recordings -> what is claimed of the models identified, and whether it holds
+# known truth -> recordings -> identified models -> whether their statuses are right
 
 
-# By kind, its function. It takes `seed`, `case`, `replicates` (their numbers),
-# `methods` (of `Method.settings`, by name) and the keywords `options`, and yields a row for each fit.
-TRIED_BY = {
+# Function of each kind of trial: it takes `seed`, `case`, `replicates` (their numbers), `methods`
+# (of `Method.settings`, by name) and the keywords `options`, and yields a row for each fit.
+TRIAL_FUNCTIONS = {
     "default_line": trials.recorded_lines.of_the_default_line,
     "random_lines": trials.recorded_lines.of_random_lines,
     "sensor_faults": trials.recorded_lines.of_faulty_recordings,
@@ -107,7 +107,7 @@ rule run_trial:
     resources:
         **TRIAL_RESOURCES,
     params:
-        function=lambda wildcards: {"function": tried_by(wildcards)},
+        function=lambda wildcards: {"function": trial_function(wildcards)},
         seed=lambda wildcards: {f"trials.{wildcards.trial}.seed": trial(wildcards).seed},
         case=lambda wildcards: {f"trials.{wildcards.trial}.cases": batch(wildcards).case},
         replicates=lambda wildcards: {"replicates": list(batch(wildcards).replicates)},
@@ -117,7 +117,7 @@ rule run_trial:
         options=lambda wildcards: {f"trials.{wildcards.trial}": dict(trial(wildcards).options)},
         code=lambda wildcards: code(
             "run_trial.py",
-            tried_by(wildcards),
+            trial_function(wildcards),
             *(each for m in trial(wildcards).methods for each in m.modules),
         ),
     message:

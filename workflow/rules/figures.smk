@@ -7,7 +7,7 @@ from galloping.results import NOISE, SUBSET
 
 COEFFICIENT_LEVELS = (0.01, 0.05)
 HISTORY_LEVELS = (0.05, 0.1, 0.15)
-LABEL_OF_ANIMATED = "the span in motion"  # the only figure that is not drawn on paper
+LABEL_OF_ANIMATED = "the span in motion"
 
 
 def table_of(name):
@@ -74,7 +74,7 @@ if LINES:
     draws = {"table": SCORES}  # its scores, and its many draws where the study has them
     if shown.is_paper_pair(by_paper) and FIRST in REDRAWN:
         draws["draws"] = f"<results>/paper/{FIRST}.csv"
-    noisy_cells = {}  # without noise, and where no coefficients are true, there are none to show
+    noisy_cells = {}  # empty without noise, and for a line without true coefficients
     if not first_case.is_continuous:
         chosen = shown.noise_cells(STUDY, by_paper, COEFFICIENT_LEVELS)
         noisy_cells = {each.name: each.level for each in chosen}

@@ -32,7 +32,7 @@ rule make_table:
 
 COMPARED = [name for name in TABLES if name not in NOT_COMPARED]
 SENSORS = shown.sensor_protocol(STUDY)  # that the report's sentences are about
-OTHERS = ("results", "reference", "recordings", "figures")  # on which no number depends
+UNCOMPARED = ("results", "reference", "recordings", "figures")  # settings without effect on numbers
 
 
 rule compare_reference:
@@ -54,7 +54,7 @@ rule compare_reference:
     resources:
         **SHOW_RESOURCES,
     params:
-        study={"study": {k: v for k, v in STUDY.plain.items() if v and k not in OTHERS}},
+        study={"study": {k: v for k, v in STUDY.plain.items() if v and k not in UNCOMPARED}},
         caption=lambda wildcards, output: captions_of_tables(*COMPARISONS),
         code=lambda wildcards: code("compare_reference.py"),
     message:

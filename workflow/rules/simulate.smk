@@ -1,4 +1,4 @@
-# line + wind -> model -> trajectory -> recordings, and which further release would tell most
+# line + wind -> model -> trajectory -> recordings; which further recording would help most
 
 
 rule derive_model:
@@ -106,8 +106,8 @@ rule rank_releases:
         "../scripts/rank_releases.py"
 
 
-# trajectory -> recordings, where they are asked for: the jobs that need them draw the same themselves.
-# Read by all of them as a temporary file, it would run all of them again for an edit of one.
+# trajectory -> recordings, on request only. Jobs that need recordings simulate the same ones: if they
+# read a common file, an edit of one study cell would run all of them again.
 
 
 rule measure_motion:

@@ -13,7 +13,7 @@ SCORES = "<results>/tables/scores.csv"
 SAMPLES = "<results>/tables/paper_samples.csv"
 READINGS = "<results>/tables/paper_readings.csv"
 MODEL, TRAJECTORY = f"<results>/models/{FIRST}.json", f"<results>/trajectories/{FIRST}.npz"
-# Kept in git, and so wherever the workflow is: never in a storage that holds results.
+# Files in git, beside the workflow: never in a storage with the results.
 PARTS = local("docs/identification_parts.csv")
 REGION = local("results/reference/paper/paper_region.csv")  # what `make paper` found
 
@@ -177,7 +177,7 @@ if LINES:
         ),
         "limit_cycles": joined(swept(["cycles", "simulated/{block}"])),
         "bifurcations": joined(swept(["bifurcations"])),
-        # of the first case: lines that differ in what is varied have the same map
+        # of the first case: lines that differ in the varied parameters only have the same map
         "resonance_map": joined(swept(["simulated/{block}"], cases=LINES[:1], maps=True)),
         "prediction": joined(
             every(
@@ -259,5 +259,5 @@ TOO_LONG = {"scores", "fits", "paper_samples"}
 NOT_SHOWN = TOO_LONG | {"answers"}  # in the report
 NOT_COMPARED = TOO_LONG | {  # with the reference
     "readings", "table3_as_printed", "equations", "reproduction", "columns",
-    "limit_cycles", "bifurcations",  # where a branch has its points is decided by rounding
+    "limit_cycles", "bifurcations",  # the points of a branch depend on rounding
 }  # fmt: skip

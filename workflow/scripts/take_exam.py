@@ -77,7 +77,7 @@ def read_before(study: Study, file: str | None) -> pd.DataFrame:
         raise ValueError(f"BEFORE: {path}: cannot be read: {str(error).strip()}") from None
     if missing := [column for column in exam.COLUMNS if column not in answers]:
         raise ValueError(f"BEFORE: {path}: has no column {missing[0]}; must be an answers.csv")
-    return exam.with_types(answers)
+    return exam.restore_types(answers)
 
 
 def format_table(strata: pd.DataFrame, compared: pd.DataFrame) -> Iterator[str]:

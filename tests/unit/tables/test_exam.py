@@ -11,8 +11,8 @@ from galloping.tables.exam import (
     compare_measures,
     find_changes,
     is_worse,
+    restore_types,
     sum_up_strata,
-    with_types,
 )
 
 TRUE = {"dq": {"q": [-4.0, 0.01], "dq": [0.2, 0.02]}}
@@ -132,6 +132,6 @@ def test_an_answer_that_is_another_one_is_told():
 
 def test_answers_survive_a_file(tmp_path):
     of().to_csv(tmp_path / "answers.csv", index=False)
-    read = with_types(pd.read_csv(tmp_path / "answers.csv"))
+    read = restore_types(pd.read_csv(tmp_path / "answers.csv"))
     assert find_changes(read, of()).empty
     assert (compare_measures(read, of())["difference"] == 0.0).all()

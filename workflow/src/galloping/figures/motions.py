@@ -15,8 +15,8 @@ from galloping.line.galerkin import make_line_and_modes
 from galloping.recording.measurement import Motion
 from galloping.results import Reconstruction
 
-LAST = 0.1  # of the record, at its end, where single periods can be seen
-HEADROOM = 1.5  # of the true motion: what goes beyond is cut
+LAST = 0.1  # share of the record that is shown, at its end
+HEADROOM = 1.5  # limit of the axis over the true amplitude
 ROW = 0.68  # inches
 TRUE_LINE: dict[str, Any] = {"color": style.TRUE, "lw": 2.0, "ls": "-"}
 MODEL_LINE: dict[str, Any] = {"color": style.MODEL, "lw": 0.9, "ls": (0, (3, 1.5))}
@@ -237,7 +237,7 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
     table = table.assign(y=table["y"] / settings["y_scale"])
     figure, (panels,) = parts.panels(3.1, 1, 2)
     ratio = table.pivot(index="y", columns="x", values="frequency_ratio")
-    dark = [withStroke(linewidth=3.0, foreground="black")]  # seen upon any colour, and upon none
+    dark = [withStroke(linewidth=3.0, foreground="black")]  # visible on any colour
     for k, (axes, direction) in enumerate(zip(panels, STATES, strict=True)):
         _set_title(axes, k, STATES[direction])
         amplitude = f"{AMPLITUDES[direction]}_m"
@@ -280,7 +280,7 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
     the recording, m/s) and, where another method is to be compared, peer.
     """
     if table.empty:
-        return parts.make_empty_figure("no model of this study states how sure it is")
+        return parts.make_empty_figure("this study predicts no motion at other wind speeds")
     own = {name: settings[name] for name in ("case", "protocol", "replicate")}
     chosen = parts.where(table, **own).sort_values("wind_m_s")
     methods = [method for method in (settings["method"], settings.get("peer")) if method]

@@ -2,8 +2,8 @@
 
 `tables.csv` has a row for each table, without a column: its caption; and a row for a column of one
 table, or, if `table` is empty, of every table with such a column that has no row of its own. This
-module is separate from the page, so that edits of the page need not make the table again. pandas is
-imported where a table is made, since every start of Snakemake reads the captions.
+module is separate from the page, so that edits of the page do not make the table again. pandas is
+imported late, because every start of Snakemake reads the captions.
 """
 
 from __future__ import annotations
@@ -49,5 +49,5 @@ def meaning(table: str, column: str) -> str:
     rows = [r for r in _read_dictionary() if r["column"] == column and r["table"] in (EVERY, table)]
     if not rows:
         return ""
-    own = max(rows, key=lambda row: row["table"])  # of this table, if there is one
-    return f"{own['meaning']} ({own['unit']})" if own["unit"] else own["meaning"]
+    row = max(rows, key=lambda row: row["table"])  # of this table, if there is one
+    return f"{row['meaning']} ({row['unit']})" if row["unit"] else row["meaning"]

@@ -22,12 +22,12 @@ from galloping.reproducibility.digest import Commit, environment
 
 LIBRARIES = ("numpy", "scipy", "pandas", "numba", "pysindy", "matplotlib", "snakemake")
 PLAIN = " !'()*,/:;=@[]{}|^+"  # may stand in a data URI between double quotes
-# of an SVG: what stands before it, its comments, metadata and title
+# of an SVG: text before it, comments, metadata and title
 UNSEEN = re.compile(r"\A.*?(?=<svg)|<!--.*?-->\s*|<(metadata|title)>.*?</\1>\s*", re.DOTALL)
-OF_PAPER = re.compile(r"figure(\d\d)")  # names of the figures that the paper has, too
+OF_PAPER = re.compile(r"figure(\d\d)")  # names of figures of the paper
 TITLE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
-ENLARGED = 1.8  # px of the page for a pt of the print: two figures of one column beside each other
-COLUMN = 260.0  # pt: wider figures take the whole page
+ENLARGED = 1.8  # px of the page for a pt of a figure
+COLUMN = 260.0  # pt: wider figures have the width of the page
 PARTS = {"paper": "The paper", "methods": "Methods", "engineering": "Line engineering"}
 MEDIA = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif", ".csv": "text/csv"}
 
@@ -84,7 +84,7 @@ class Item:
         """Contents of the file as a data URI that can be put between double quotes."""
         if self.path.suffix not in (".svg", ".csv"):
             content = f"base64,{b64encode(self.path.read_bytes()).decode()}"
-        else:  # text is shorter as it is
+        else:  # base64 would be longer
             text = self.path.read_text(encoding="utf-8")
             if self.path.suffix == ".svg":
                 text = UNSEEN.sub("", text).replace("; ", ";")

@@ -33,8 +33,8 @@ def on_methods(
     sentences: list[str] = []
     if {"efficiency", "peers"} <= set(tables):
         efficiency = tables["efficiency"]
-        sentences.append(_from_sensors(efficiency, tables["peers"], labels, **about))
-        sentences.append(_least_data(efficiency, **about))
+        sentences.append(_describe_accuracy(efficiency, tables["peers"], labels, **about))
+        sentences.append(_describe_data(efficiency, **about))
     if "noise_r2" in tables:
         sentences.append(_describe_reconstruction(tables["noise_r2"], **about))
     if "identifiability" in tables:
@@ -58,7 +58,7 @@ def on_engineering(
     if "limit_cycle_ahead" in tables:
         sentences.append(_describe_prediction(tables["limit_cycle_ahead"], case, protocol))
     if "reduction" in tables:
-        sentences.append(_two_modes(tables["reduction"], case))
+        sentences.append(_describe_reduction(tables["reduction"], case))
     return list(filter(None, sentences))
 
 
@@ -93,7 +93,7 @@ def inferred(region: pd.DataFrame) -> list[str]:
     )
     return [
         f"The paper's printed numbers determine: {determined}. They leave open: {left_open}. "
-        f"Too few effective settings tell: {undecided}."
+        f"Undecided, because too few settings have weight: {undecided}."
     ]
 
 
@@ -101,18 +101,18 @@ def _describe_noise(level: float, unit: str) -> str:
     return f"{100 * level:g} % noise" if unit == IN_DEVIATIONS else f"noise of {level:g} {unit}"
 
 
-def _of_single_recordings(efficiency: pd.DataFrame, case: str, protocol: str) -> pd.DataFrame:
+def _select_single_recordings(efficiency: pd.DataFrame, case: str, protocol: str) -> pd.DataFrame:
     """Select the rows of our method that have one recording in each noise realisation."""
     own = (efficiency["case"] == case) & (efficiency["protocol"] == protocol)
     return efficiency[own & (efficiency["method"] == OURS) & (efficiency["recordings"] == 1)]
 
 
-def _from_sensors(
+def _describe_accuracy(
     efficiency: pd.DataFrame, peers: pd.DataFrame, labels: Mapping[str, str],
     case: str, protocol: str, noise_unit: str,
 ) -> str:  # fmt: skip
-    rows = _of_single_recordings(efficiency, case, protocol)
-    rows = _rows_at_level(rows[rows["points"] == rows["points"].max()])
+    rows = _select_single_recordings(efficiency, case, protocol)
+    rows = _select_level(rows[rows["points"] == rows["points"].max()])
     if rows.empty:
         return ""
     row = rows.iloc[0]
@@ -136,12 +136,12 @@ def _from_sensors(
     return f"{text}."
 
 
-def _least_data(efficiency: pd.DataFrame, case: str, protocol: str, noise_unit: str) -> str:
+def _describe_data(efficiency: pd.DataFrame, case: str, protocol: str, noise_unit: str) -> str:
     """Describe up to which noise, and from how few samples, the true terms are found.
 
     Levels count up to the first at which they are not, and numbers of samples down to it.
     """
-    rows = _of_single_recordings(efficiency, case, protocol)
+    rows = _select_single_recordings(efficiency, case, protocol)
     rows = rows[rows["level"] > 0]
     rows = rows.assign(holds=rows["exact_support"] >= 0.95 * rows["replicates"])
     is_whole = rows["points"] == rows["points"].max()
@@ -175,7 +175,7 @@ def _describe_galloping(cycles: pd.DataFrame, bifurcations: pd.DataFrame, case: 
     )
 
 
-def _rows_at_level(table: pd.DataFrame) -> pd.DataFrame:
+def _select_level(table: pd.DataFrame) -> pd.DataFrame:
     """Select the rows at the noise level of the sentences."""
     levels = table.loc[table["level"] > 0, "level"]
     if levels.empty:
@@ -194,28 +194,28 @@ def _describe_reconstruction(r2: pd.DataFrame, case: str, protocol: str, noise_u
         return ""
     text = (
         f"Reconstructions by maximum likelihood have a median R² of at least "
-        f"{_rounded_down(own.min())} in both directions up to "
+        f"{_round_down(own.min())} in both directions up to "
         f"{_describe_noise(own.index.max(), noise_unit)}"
     )
     if PAPER_METHOD in worst.index:
-        papers = _rounded_down(worst.loc[PAPER_METHOD, own.index].min())
-        text += f", against {papers} by the paper's method from the same sensors"
+        paper = _round_down(worst.loc[PAPER_METHOD, own.index].min())
+        text += f", against {paper} by the paper's method from the same sensors"
     return f"{text}."
 
 
-def _rounded_down(r2: float) -> str:
+def _round_down(r2: float) -> str:
     """Format R2 with four decimals, rounded down if it is below 1."""
     return f"{floor(1e4 * r2) / 1e4:.4f}".replace("-", "\N{MINUS SIGN}") if isfinite(r2) else "none"
 
 
 def _describe_identifiability(table: pd.DataFrame, protocol: str, noise_unit: str) -> str:
     rows = table[table["protocol"] == protocol]
-    bounded = _rows_at_level(rows[rows["coefficient_over_bound"].notna()])
+    bounded = _select_level(rows[rows["coefficient_over_bound"].notna()])
     rows = rows[rows["level"].isin(bounded["level"]) & (rows["points"] == bounded["points"].max())]
     texts = []
-    for (case, recordings), of in rows.groupby(["case", "recordings"], sort=False):
-        known = (of["verdict"] == "identifiable").sum()
-        text = f"{known} of {len(of)} terms of {_case_in_words(case)}"
+    for (case, recordings), group in rows.groupby(["case", "recordings"], sort=False):
+        known = (group["verdict"] == "identifiable").sum()
+        text = f"{known} of {len(group)} terms of {_case_in_words(case)}"
         texts.append(text + (f" from {recordings} recordings together" if recordings > 1 else ""))
     if not texts:
         return ""
@@ -226,7 +226,7 @@ def _describe_identifiability(table: pd.DataFrame, protocol: str, noise_unit: st
 
 
 def _describe_prediction(table: pd.DataFrame, case: str, protocol: str) -> str:
-    rows = _rows_at_level(table[(table["case"] == case) & (table["protocol"] == protocol)])
+    rows = _select_level(table[(table["case"] == case) & (table["protocol"] == protocol)])
     rows = rows.dropna(subset=["recorded_m", "true_m", "predicted_m"])
     if rows.empty:
         return ""
@@ -241,7 +241,7 @@ def _describe_prediction(table: pd.DataFrame, case: str, protocol: str) -> str:
     )
 
 
-def _two_modes(table: pd.DataFrame, case: str) -> str:
+def _describe_reduction(table: pd.DataFrame, case: str) -> str:
     vertical = table[table["direction"] == "vertical"].set_index("line")["amplitude_m"]
     if "two modes" not in vertical:
         return ""

@@ -17,7 +17,7 @@ from galloping.tables.trial_summaries import status_counts, summarise_groups
 NAMED_BY = (  # columns that tell recordings of one stratum apart
     "case", "truth", "system", "protocol", "samples", "duration", "level", "replicate", "release",
 )  # fmt: skip
-# 1 or 0, empty where nothing is judged so
+# 1 or 0, empty if not assessed
 JUDGED = ("exact_support", "ok_and_wrong", "fault_diagnosed")
 COLUMNS = (
     "stratum", "recording", "method", "status", *JUDGED, "coverage", "coefficients",
@@ -32,11 +32,10 @@ MEASURES = {
     "fault_diagnosed": 1, "work": -1,
 }  # fmt: skip
 SIGNIFICANT = 2.0  # standard errors
-# The same is a coefficient that moved by less than this share of its standard error, and a standard
-# error that changed by less than this share.
+# smaller changes of a coefficient, in standard errors, and relative ones of the error are ignored
 SAME = 0.01
-DIGITS = 1e-8  # to which a reference keeps its numbers
-UNSTATED = 0.01  # of a coefficient, in place of a standard error that is not stated
+DIGITS = 1e-8  # relative precision of the numbers of a reference
+UNSTATED = 0.01  # of a coefficient: used if no standard error is stated
 
 
 def collect_answers(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -45,7 +44,7 @@ def collect_answers(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     Columns: COLUMNS. parts: rows of trials, by trial and batch; a trial is a stratum. coverage: the
     share of the assessed 95 % intervals that contain the truth.
     """
-    found = []
+    answers = []
     for name, part in parts.items():
         columns = [column for column in NAMED_BY if column in part]
         rows = part.assign(
@@ -53,15 +52,12 @@ def collect_answers(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
             recording=part[columns].apply(_name_recording, axis=1),
             coverage=_share_of_intervals(part),
         )
-        found.append(with_types(rows.reindex(columns=COLUMNS)))
-    return pd.concat(found, ignore_index=True)
+        answers.append(restore_types(rows.reindex(columns=COLUMNS)))
+    return pd.concat(answers, ignore_index=True)
 
 
-def with_types(answers: pd.DataFrame) -> pd.DataFrame:
-    """Restore the column types of identification results that were read from a file.
-
-    They are empty texts, and numbers.
-    """
+def restore_types(answers: pd.DataFrame) -> pd.DataFrame:
+    """Restore the column types of identification results that were read from a file."""
     numbers = answers[[*JUDGED, "coverage"]].astype(float)
     texts = answers[[*TEXTS]].astype(object).fillna("")
     return answers.assign(**numbers, **texts)
@@ -157,12 +153,12 @@ def find_changes(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
     """
     pairs = before.merge(now, on=KEYS, how="outer", suffixes=("", "_now"), indicator=True)
     missing = {"left_only": "left out", "right_only": "new"}
-    found = []
+    changes = []
     for row in pairs.to_dict("records"):
         change = missing.get(row["_merge"]) or "; ".join(_describe_changes(row))
         if change:
-            found.append({key: row[key] for key in KEYS} | {"change": change})
-    return pd.DataFrame(found, columns=[*KEYS, "change"])
+            changes.append({key: row[key] for key in KEYS} | {"change": change})
+    return pd.DataFrame(changes, columns=[*KEYS, "change"])
 
 
 def _describe_changes(row: Mapping[str, Any]) -> Iterator[str]:

@@ -12,14 +12,14 @@ from galloping.paper.agreement import GROUPS, NUMBERS, PRINTED, effective_number
 from galloping.paper.unknowns import BY_NAME, FIRST_READING, NAMES, UNKNOWNS
 
 RULED_OUT, UNLIKELY = -2.0, -1.0  # powers of ten below the first reading
-SURE = 2.0  # standard errors by which a verdict on a reading holds
-FEWEST = 1 / QUANTILES_90[0]  # effective settings, of which one lies below the interval
-# Factor by which a draw may be off a printed number, to count as having it, and by which the ends
-# of the interval of an unknown may differ, to determine it.
+SURE = 2.0  # standard errors between a reading's probability and the limits of a verdict
+FEWEST = 1 / QUANTILES_90[0]  # effective settings: one of them is then below the interval
+# largest factor between a draw and a printed number that agree, and between the ends of an interval
+# that determines an unknown
 NEAR = 1.5
-EXCLUDING = 1 / 4  # of the draws that chance would give: fewer exclude each other
-EXPECTED = 10.0  # draws by chance from which the share of those seen says anything
-STEADY, SLOW = 0.02, 0.2  # change of the amplitude and attack angle that count as conditions kept
+EXCLUDING = 1 / 4  # claims exclude each other if this share of the expected draws has both, or less
+EXPECTED = 10.0  # least number of expected draws for a verdict on a pair
+STEADY, SLOW = 0.02, 0.2  # largest amplitude change and attack angle that satisfy the conditions
 ALL = "all"  # printed numbers
 
 
@@ -34,24 +34,24 @@ def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """
     rows = pd.concat([parts[name] for name in equal_effort(parts)])
     tried, judged = (rows[rows["stage"] == stage] for stage in ("tried", "judged"))
-    found = dict(list(tried.groupby("reading", sort=False)))
-    evidence = {name: _log_evidence(of) for name, of in found.items()}
+    settings = dict(list(tried.groupby("reading", sort=False)))
+    evidence = {name: _log_evidence(rows) for name, rows in settings.items()}
     first, first_error = evidence[FIRST_READING.name]
     factors = [name for name in tried.columns if _is_factor(name)]
     table = []
-    expected = _posterior_means(found[FIRST_READING.name], factors)
+    expected = _posterior_means(settings[FIRST_READING.name], factors)
     for name in BY_NAME:
-        if name not in found:
+        if name not in settings:
             continue
-        of, (log_evidence, error) = found[name], evidence[name]
+        own, (log_evidence, error) = settings[name], evidence[name]
         power = (log_evidence - first) / np.log(10)
         error = np.hypot(error, first_error * (name != FIRST_READING.name)) / np.log(10)
-        losses = _posterior_means(of, factors) - expected
+        losses = _posterior_means(own, factors) - expected
         best = judged[judged["reading"] == name].nlargest(1, "log_likelihood").iloc[0]
         table.append({
-            "reading": name, "changes": BY_NAME[name].kind, "settings_tried": len(of),
-            "settings_proposed": int(of["proposed"].sum()),
-            "effective_settings": effective_number(_normalise_weights(of["log_weight"])),
+            "reading": name, "changes": BY_NAME[name].kind, "settings_tried": len(own),
+            "settings_proposed": int(own["proposed"].sum()),
+            "effective_settings": effective_number(_normalise_weights(own["log_weight"])),
             "log10_bayes_factor": power, "standard_error": error,
             "verdict": "first" if name == FIRST_READING.name else _judge_reading(power, error),
             "worst_claims": losses.idxmin() if losses.min() < 0 else "",
@@ -209,7 +209,7 @@ def exclusions(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """
     rows = pd.concat(parts.values(), ignore_index=True)
     drawn = rows[rows["stage"] == "draw"]
-    held = {
+    is_met = {
         "steady": (drawn["change"] < STEADY).to_numpy(),
         "attack angle": (drawn["attack"] <= SLOW).to_numpy(),
     }
@@ -217,12 +217,12 @@ def exclusions(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
         values = drawn[claim.name].to_numpy(float)
         if claim.is_number:
             with np.errstate(divide="ignore"):
-                held[claim.name] = np.abs(np.log(values / claim.printed)) < np.log(NEAR)
+                is_met[claim.name] = np.abs(np.log(values / claim.printed)) < np.log(NEAR)
         else:
-            held[claim.name] = claim.is_met(values)
-    pairs = pd.DataFrame(list(combinations(held, 2)), columns=["claim", "other"])
-    kept = pd.DataFrame(held).astype(int)
-    counts, both = kept.sum(), kept.T @ kept
+            is_met[claim.name] = claim.is_met(values)
+    pairs = pd.DataFrame(list(combinations(is_met, 2)), columns=["claim", "other"])
+    met = pd.DataFrame(is_met).astype(int)
+    counts, both = met.sum(), met.T @ met
     table = pairs.assign(
         studies=len(drawn),
         first=counts[pairs["claim"]].to_numpy(),

@@ -28,7 +28,7 @@ from galloping.tables.scores import concatenate
 
 DRAWS = 128
 METHODS = {
-    "odr_bindy": "ODR-BINDy (told the noise)",
+    "odr_bindy": "ODR-BINDy (given the noise)",
     "jsindy": "JSINDy",
     "ensemble_weak_sindy": "ensemble weak SINDy",
 }
@@ -48,7 +48,7 @@ EXACT = {"lorenz": _read_shares()}  # by system
 INTERVALS = pd.read_csv(
     Path(__file__).with_name("published_intervals.csv"), index_col=["case", "samples"]
 )
-EVERY_TERM = 9.0  # least t at the bound of lines whose terms a recording tells without doubt
+EVERY_TERM = 9.0  # least t at the bound of recordings that surely determine every term
 
 
 def trust(fits: pd.DataFrame) -> pd.DataFrame:
