@@ -26,8 +26,8 @@ def page(tmp_path):
     figure = Item("figure03", "a figure", "It shows *this*.", svg)
     table = Item("paper", "a table", "It holds ``that``.", csv)
     cell = merge_directions([
-        PaperCell("0.83", "2.1 (0.2 to 6)", "reproduced", "so it is"),
-        PaperCell("1", "9", "worse", "<"),
+        PaperCell("0.83", "2.1 (0.2 to 6)", "reproduced", "so it is", True),
+        PaperCell("1", "9", "worse", "<", False),
     ])  # fmt: skip
     paper = {"setting": "Fitted & consistent.", "count": "1 of 2 holds.", "rows": {"errors": cell},
              "failures": ["errors: worse; <."], "by_settings": "Others do not."}  # fmt: skip

@@ -102,10 +102,7 @@ class Item:
 
 
 def as_html(text: str) -> Markup:
-    """Convert reStructuredText to HTML.
-
-    Raises docutils.utils.SystemMessage if it is broken.
-    """
+    """Convert reStructuredText to HTML; raise docutils.utils.SystemMessage if it is broken."""
     settings = {"halt_level": 2, "report_level": 5, "file_insertion_enabled": False}
     return Markup(publish_parts(text, writer="html5", settings_overrides=settings)["body"])
 

@@ -30,20 +30,15 @@ SIGNS = {AT_LEAST: "≥ ", AT_MOST: "≤ "}
 class PaperCell:
     """Table cell that compares a statement of the reproduced paper with the study's result.
 
-    The statement is a printed number, bound or word. verdict: as of `galloping.paper.claims`. held:
-    whether the claim is confirmed; None to derive it from the verdict.
+    The statement is a printed number, bound or word. verdict: as of `galloping.paper.claims`.
+    holds: whether the result confirms the statement.
     """
 
     printed: str
     ours: str
     verdict: str
     reason: str
-    held: bool | None = None
-
-    @property
-    def holds(self) -> bool:
-        """Whether the study's result confirms the statement of the reproduced paper."""
-        return self.verdict in HELD if self.held is None else self.held
+    holds: bool
 
 
 def section(
@@ -191,7 +186,7 @@ def merge_directions(cells: list[PaperCell]) -> PaperCell:
         name: "; ".join(dict.fromkeys(getattr(cell, name) for cell in cells))
         for name in ("printed", "ours", "verdict", "reason")
     }
-    return PaperCell(**texts, held=all(cell.holds for cell in cells))
+    return PaperCell(**texts, holds=all(cell.holds for cell in cells))
 
 
 def describe_failures(paper: pd.DataFrame) -> list[str]:
@@ -234,7 +229,7 @@ def _as_cell(row: dict) -> PaperCell:
     printed = _describe_printed(claim) if claim else "at once"
     is_judged = row["verdict"] not in ("not judged", "not run")
     ours = _describe_ours(row, claim) if is_judged else ""
-    return PaperCell(printed, ours, row["verdict"], row["reason"])
+    return PaperCell(printed, ours, row["verdict"], row["reason"], row["verdict"] in HELD)
 
 
 def _describe_printed(claim: Claim) -> str:

@@ -104,7 +104,6 @@ class Trial:
 
 
 def _make_trial(name: str, configured: TrialSection, is_exam: bool) -> Trial:
-    """Make a trial from its section of the configuration, with the defaults of its kind."""
     kind = KINDS[configured.kind]
     options = {key: getattr(configured, key) or default for key, default in kind.options.items()}
     return Trial(

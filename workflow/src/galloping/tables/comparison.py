@@ -219,10 +219,7 @@ def read_origin(path: str) -> Origin:
 
 
 def describe_processor() -> str:
-    """Return a text that identifies the processor, on which the rounding of results depends.
-
-    It covers compiled code and linear algebra.
-    """
+    """Describe the processor, on which rounding in compiled code and linear algebra depends."""
     kernels = {pool["architecture"] for pool in threadpool_info() if "architecture" in pool}
     return ", ".join([platform.system(), platform.machine(), get_host_cpu_name(), *sorted(kernels)])
 

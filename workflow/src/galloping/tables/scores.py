@@ -1,8 +1,4 @@
-"""Tables of scores: medians and intervals over replicates, best possible tunings, and bounds.
-
-They are against noise and amount of data. Methods are compared with the best possible tuning, and
-with the Cramér-Rao bound.
-"""
+"""Tables of scores against noise and amount of data, beside best possible tunings and bounds."""
 
 from collections.abc import Callable, Mapping
 
@@ -56,10 +52,7 @@ def exact(scores: pd.DataFrame) -> pd.Series:
 
 
 def mean_error(scores: pd.DataFrame) -> pd.Series:
-    """Average the relative coefficient errors of linear, quadratic and cubic terms, per fit.
-
-    In percent.
-    """
+    """Average the coefficient errors of linear, quadratic and cubic terms of each fit, in %."""
     columns = [f"mean_error_{order}_percent" for order in ORDERS]
     return scores[scores.columns.intersection(columns)].mean(axis=1)
 
@@ -95,10 +88,7 @@ def medians(
 
 
 def noise_coefficients(scores: pd.DataFrame) -> pd.DataFrame:
-    """Tabulate median coefficient errors with 90 % ranges, by method, noise level and term order.
-
-    The groups are those of case, measurement setup, method, noise level and order.
-    """
+    """Tabulate median coefficient errors with 90 % ranges, by setup, method, noise and order."""
     columns = {order: f"mean_error_{order}_percent" for order in ORDERS}
     columns = {order: name for order, name in columns.items() if name in scores}
     keys = ["case", "protocol", "method", "level"]
@@ -106,20 +96,14 @@ def noise_coefficients(scores: pd.DataFrame) -> pd.DataFrame:
 
 
 def noise_r2(scores: pd.DataFrame) -> pd.DataFrame:
-    """Tabulate the median R2 of reconstructed motions with 90 % ranges, by method and noise.
-
-    The groups are those of case, measurement setup, method, noise level and state.
-    """
+    """Tabulate the median R2 of motions with 90 % ranges, by setup, method, noise and state."""
     keys = ["case", "protocol", "method", "level"]
     table = medians(of_kind(scores, NOISE), keys, R2_COLUMNS, "state", "r2")
     return table.rename(columns={"r2": "r2_median"})
 
 
 def data_amount(scores: pd.DataFrame) -> pd.DataFrame:
-    """Tabulate amplitude errors and R2 with 90 % ranges, by method and number of samples.
-
-    The groups are those of case, measurement setup, method, number of samples and state.
-    """
+    """Tabulate amplitude errors and R2 with 90 % ranges, by setup, method, samples and state."""
     subsets, keys = of_kind(scores, SUBSET), ["case", "protocol", "method", "points"]
     columns = {state: f"amplitude_error_{state}_percent" for state in DISPLACEMENT_COLUMNS}
     amplitude = medians(subsets, keys, columns, "state", "amplitude_error_percent")
