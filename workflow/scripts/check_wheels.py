@@ -24,7 +24,7 @@ BUILT = {"3.11": ["connection-pool"], "3.12": ["connection-pool"], "3.13": ["con
 UNREACHABLE = ("Failed to fetch", "error sending request", "dns error", "Could not connect")
 
 
-def resolved(lock: Path, system: str, python: str) -> subprocess.CompletedProcess:
+def resolve_lock(lock: Path, system: str, python: str) -> subprocess.CompletedProcess:
     """Test with uv, without installing, whether a lock file resolves for a system and a Python."""
     built = (option for name in BUILT[python] for option in ("--no-binary", name))
     with tempfile.TemporaryDirectory() as folder:
@@ -40,7 +40,7 @@ def main() -> int:
     """Test all lock files on all systems and Pythons, print results, return the exit code."""
     failed = 0
     for lock, system, python in product(LOCKS, SYSTEMS, PYTHONS):
-        done = resolved(ROOT / lock, system, python)
+        done = resolve_lock(ROOT / lock, system, python)
         packages = sum(line.startswith(" + ") for line in done.stdout.splitlines())
         result = f"{packages} packages" if done.returncode == 0 else done.stdout.strip()
         print(f"{lock} on {system} with Python {python}: {result}", flush=True)

@@ -4,8 +4,8 @@ import numpy as np
 
 import galloping
 
-# Series and samples of each kind of term are compiled for themselves: powers, smooth functions and
-# kinks. By the terms of the library, their coefficients in the acceleration.
+# Each kind of term is compiled separately: powers, smooth functions and kinks. By the terms of the
+# library, their coefficients in the acceleration.
 OSCILLATORS = {
     "q + dq + q^2*dq": [-9, 0.5, -0.5],
     "q + dq + sin(q)": [-1, -0.05, -8],

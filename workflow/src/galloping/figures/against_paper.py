@@ -13,7 +13,7 @@ from galloping.paper.unknowns import LABELS
 from galloping.results import PAPER_METHOD
 
 OURS = style.method_style(PAPER_METHOD).color  # of realisations of the paper's method
-LEAST, LEAST_SHOWN = -12.0, -6.0  # powers of ten: where less probable readings are, the axis
+LEAST, LEAST_SHOWN = -12.0, -6.0  # powers of ten: place of less probable readings; end of the axis
 RANGE = {"color": style.FAINT, "height": 0.55}
 
 

@@ -26,7 +26,7 @@ ELLIPSES = {
     "Toye": ("#2fa86a", (0, (1, 1))),
     "CIGRE 322": ("#e69f00", "-."),
 }
-SHOWN = 4000  # places at the end of an orbit, some twenty rounds: more would lie over each other
+SHOWN = 4000  # points at the end of an orbit, some twenty rounds
 LEVEL: dict[str, Any] = {"color": TRUE, "lw": 0.8, "ls": (0, (6, 3))}
 MEASURED = {
     "vertical_amplitude_m": "vertical amplitude, m",

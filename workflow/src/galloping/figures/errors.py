@@ -16,12 +16,12 @@ from galloping.recording.measurement import BY_NAME
 from galloping.results import BOUND, NOISE, OURS, PAPER_METHOD
 from galloping.tables.scores import ORACLE, ORDERS, mean_error, of_kind, spread
 
-DECADES = (1e-2, 1e2)  # percent: the axis of errors where there are none
+DECADES = (1e-2, 1e2)  # percent: limits of an axis without errors
 APART = 0.035  # decades between series at one place
 NONE = pd.Series(dtype=float)
 DASHES = ("-", (0, (4, 1.5)), (0, (1, 1)))
 PYSINDY = (PAPER_METHOD, "stlsq", "lasso", "frols", "ensemble", "weak")
-ORACLES = "oracle"  # how the best settings of pysindy are drawn
+ORACLES = "oracle"  # style of the best possible tuning of pysindy
 STAR = {"marker": "*", "ms": 8, "mew": 0, "zorder": 6, "label": "paper: printed"}
 BAR = {"marker": "_", "ms": 16, "mew": 1.4, "zorder": 2, "label": "paper: at least"}
 
@@ -220,7 +220,7 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
     shown = errors[errors["method"].isin(names)]
     values = shown[["median", "low", "high"]].to_numpy(float).ravel()
     values = values[np.isfinite(values) & (values > 0)]
-    # at most ten times what a lost model costs
+    # at most ten times 100 %, the error of a model without terms
     limits = (values.min() / 2, min(values.max() * 2, 1e3)) if values.size else DECADES
     parts.prepare_log(axes, limits, "mean error of the coefficients, %")
     bound = errors[errors["method"] == BOUND]

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from galloping.figures.style import BAND, DOUBLE, FAINT, QUIET, STATE_LABELS, method_style, spoken
 
 TALLEST = 40.0  # inches: a PNG of 1,200 px/inch can hardly be taller
-BEYOND = "beyond the axis"  # label of what stands at a limit as an open triangle
+BEYOND = "beyond the axis"  # label of open triangles at a limit
 R2_LIMITS = (0.0, 0.9999)
 R2_TICKS = (0.0, 0.9, 0.95, 0.99, 0.999, 0.9999)
 
@@ -36,7 +36,7 @@ class ShownFigure(Figure):
 
 def write_reason(axes: Axes, reason: str) -> None:
     """Empty a panel of a figure, and write in it the reason why there is nothing to plot."""
-    # others may share the ticks themselves
+    # hidden, not removed: other panels may share the ticks
     axes.tick_params(which="both", bottom=False, left=False, labelbottom=False, labelleft=False)
     axes.spines[:].set_visible(False)
     axes.text(0.5, 0.5, reason, transform=axes.transAxes, ha="center", va="center", color=QUIET)

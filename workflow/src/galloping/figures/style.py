@@ -32,7 +32,7 @@ SERIES = (("#11115a", "o"), ("#1f78b4", "s"), ("#e69f00", "D"), ("#2fa86a", "P")
 STATE_LABELS = {"q_v": "$q_v$", "q_w": "$q_w$"}
 DIRECTIONS = {"q_v": "vertical", "q_w": "horizontal"}
 
-# Without the date and the version of the library. A PNG is packed in half the usual time.
+# without date and version of the library; a PNG is compressed less, in half the time
 WRITTEN: dict[str, dict[str, Any]] = {
     "svg": {"metadata": {"Date": None, "Creator": None}},
     "png": {"metadata": {"Software": None}, "pil_kwargs": {"compress_level": 3}},
@@ -71,8 +71,8 @@ METHODS = {
     "maximum_likelihood": MethodStyle("maximum likelihood", "#e6007e", "p", "-", 1.5),
     BOUND: MethodStyle("Cramér-Rao bound", "#000000", "", (0, (3, 1.5)), 1.1),
 }
-# For those without a place of their own above: picked by the name alone. No triangles and no star,
-# which stand for values beyond the axis and for the paper.
+# styles of other methods, selected by their name; no triangles and no star, which mark values
+# beyond the axis and values of the paper
 _COLORS = ("#5f5f5f", "#a6611a", "#17a2a8")
 _MARKERS = ("h", "8", "+", "x")
 _LINES = ((0, (3, 1)), (0, (9, 3)), (0, (1, 1)))

@@ -39,7 +39,7 @@ ERRORS = {
     "damping_w": "net damping, horizontal",
 }
 LIMITS = (3e-3, 300.0)  # percent
-DOUBTFUL = 30.0  # percent: beyond, a value is hardly known
+DOUBTFUL = 30.0  # percent: larger errors are shaded
 WITHOUT_OURS = f"these trials are without {method_style(OURS).label}"
 HEIGHT = 0.62  # of a row, shared by the methods
 
@@ -68,7 +68,7 @@ def draw_trust(table: pd.DataFrame) -> Figure:
     for axes in grid[-2:]:
         axes.set_xlabel("share of the fits, %")
     right = Patch(facecolor=MODEL, label="right")
-    parts.legend(figure, right, Patch(label="ok and wrong, or a doubt without need", **WHOLE))
+    parts.legend(figure, right, Patch(label="ok and wrong, or a doubt without reason", **WHOLE))
     sure = table[table["status"] == "ok"]
     figure.set_label(
         f"{sure['right'].sum():,} of {len(sure):,} models with the status ok are right"
@@ -136,7 +136,7 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
     table = table.assign(gamma=table["case"].map(GAMMAS), **100.0 * table[shares])
     figure, ((left, right),) = parts.panels(2.6, 1, 2, sharex=True)
     parts.letter(left, 0, "term found")
-    parts.letter(right, 1, "95 % interval holds the coefficient")
+    parts.letter(right, 1, "95 % interval contains the coefficient")
     by_samples = table.sort_values("gamma").groupby("samples", sort=True)
     open_circle: dict[str, Any] = {"ls": "", "marker": "o", "ms": 9, "mfc": "none"}
     for k, (samples, group) in enumerate(by_samples):
@@ -188,7 +188,7 @@ def draw_model_error(table: pd.DataFrame, settings: Mapping) -> Figure:
             median, worst = row[f"{quantity}_error_percent"], row[f"{quantity}_worst_percent"]
             if np.isfinite(median) or np.isposinf(median):
                 style, size = method_style(row["method"]), parts.line_look(row["method"])
-                at = max(median, LIMITS[0]), median, worst  # what is less stands at the edge
+                at = max(median, LIMITS[0]), median, worst  # smaller errors are drawn at the edge
                 parts.dot(axes, row["place"], at, LIMITS, style.color, style.marker,
                           size["markersize"])  # fmt: skip
     parts.letter(answers, len(panels), "answered; terms")
