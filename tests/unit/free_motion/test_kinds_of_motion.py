@@ -102,6 +102,14 @@ def test_a_steady_force_is_told_apart_from_the_motion_that_it_sets_off(forcing):
     assert all(mode.is_steady for mode in found.further_modes)
 
 
+def test_a_steady_force_is_found_beside_a_recording_too_short_for_the_fit():
+    samples = noisy(swing(TIME, HERTZ, DAMPING) + 0.2 * np.cos(60.0 * TIME), 6, 0.002)
+    recording = sensed(TIME, samples)
+    found = maximum_likelihood([recording[:9], recording], LIBRARY)
+    assert found.status == "ok" and codes(found) == [Code.FORCED_STEADILY]
+    assert found.findings[0].data["amplitude"] == pytest.approx(0.2, rel=0.01)
+
+
 def test_damping_that_no_model_follows_is_told_by_its_envelope():
     time = np.arange(4000) / 100.0
     size = np.sqrt(1.0 - time / 60.0)  # of a force that no polynomial of the library is

@@ -210,6 +210,15 @@ def test_first_states_are_those_of_the_motion_and_forecasts_hold(ambient):
     assert wide[-50:].mean() > 2 * wide[:5].mean()  # forces make the future less sure
 
 
+@pytest.mark.parametrize("channels", [[0], [0, 1]])
+def test_channels_may_end_long_before_the_recording(ambient, channels):
+    recording, found, _ = ambient
+    values = recording.values.copy()
+    values[3000:, channels] = np.nan
+    ahead = forecast(found, replace(recording, values=values))
+    np.testing.assert_allclose((ahead.high - ahead.low)[-1, channels], 0.03, rtol=0.5)
+
+
 def test_forecast_of_another_line_is_refused(ambient):
     _, found, _ = ambient
     with pytest.raises(ValueError, match="follow"):

@@ -283,14 +283,14 @@ def _identified_model(
 
 def with_further_modes(found: IdentifiedModel, motion: FreeMotion) -> IdentifiedModel:
     """Add the additional modes and findings of a free motion to its identified model."""
-    modes, steady = motion.modes, []
+    modes, first, steady = motion.modes, motion.modes.first_fitted, []
     for place in motion.steady:
-        channel = strongest_channel(modes, 0, place)
+        channel = strongest_channel(modes, first, place)
         finding = Finding.of(
             Code.FORCED_STEADILY, motion.channels.names[channel],
             frequency_hz=modes.poles[place].imag / (2.0 * np.pi),
             frequency_error_hz=modes.frequency_errors[place] / (2.0 * np.pi),
-            amplitude=abs(modes.amplitudes[0][place, channel]),
+            amplitude=abs(modes.amplitudes[first][place, channel]),
         )  # fmt: skip
         steady.append(finding)
     longest = max(one.duration for one in motion.stretches)

@@ -92,6 +92,11 @@ class DampedModes:
         """Standard errors of the modes' frequencies, (n_modes,), rad/s."""
         return np.sqrt(np.diag(self.covariance)[len(self.poles) :])
 
+    @property
+    def first_fitted(self) -> int:
+        """Index of the first stretch in which a channel has enough samples for the fit."""
+        return int(np.argmax(np.isfinite(self.noise).any(axis=1)))
+
     def amplitude_covariance(
         self, stretch: Stretch, index: int, which: Sequence[int]
     ) -> np.ndarray:

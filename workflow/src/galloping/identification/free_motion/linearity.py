@@ -60,7 +60,8 @@ def _is_transient(
     if len(steady) != 1:
         return False
     (dying,) = set(pair) - set(steady)
-    sizes = [np.linalg.norm(modes.amplitudes[0][each]) for each in (dying, *steady)]
+    amplitudes = modes.amplitudes[modes.first_fitted]
+    sizes = [np.linalg.norm(amplitudes[each]) for each in (dying, *steady)]
     return modes.poles[dying].real < 0.0 and sizes[0] > MIN_TRANSIENT * sizes[1]
 
 

@@ -95,11 +95,16 @@ def add_force_noise(
 
 
 def recording_end(found: IdentifiedModel, recording: Recording) -> Recording:
-    """Return the last part of a recording, just long enough to determine its final state."""
-    slowest = state_space_model(found, recording)[0].modes.omega.min()
-    begin = recording.time[-1] - WITHIN * 2.0 * np.pi / slowest
+    """Return the last part of a recording, just long enough to determine its final state.
+
+    It is the whole recording if a channel has no samples in this part.
+    """
+    system_model, _ = state_space_model(found, recording)
+    begin = recording.time[-1] - WITHIN * 2.0 * np.pi / system_model.modes.omega.min()
     first = int(np.searchsorted(recording.time, begin))
-    return recording[min(first, len(recording.time) - 2) :] if first else recording
+    end = recording[min(first, len(recording.time) - 2) :]
+    has_all = Channels.from_recordings([end]).names == system_model.channels.names
+    return end if first and has_all else recording
 
 
 def check_followed(found: IdentifiedModel, recording: Recording) -> None:
