@@ -62,7 +62,7 @@ def test_likelihood_is_that_of_all_samples_together(missing, regular):
     steps = Steps.from_times(time)
     transitions, covariances = discretise(SYSTEM, FORCES, steps.lengths)
     innovations, variances, _ = kalman_filter(
-        samples, steps.of, transitions, covariances, sensing, noise, np.zeros(4), first.copy()
+        samples, steps.index, transitions, covariances, sensing, noise, np.zeros(4), first.copy()
     )
     terms = np.log(2.0 * np.pi * variances) + innovations**2 / variances
     known = np.isfinite(samples)
@@ -72,12 +72,12 @@ def test_likelihood_is_that_of_all_samples_together(missing, regular):
     covariance = first
     for k in range(40):
         if k:
-            f = transitions[steps.of[k]]
-            covariance = f @ covariance @ f.T + covariances[steps.of[k]]
+            f = transitions[steps.index[k]]
+            covariance = f @ covariance @ f.T + covariances[steps.index[k]]
         reached = covariance
         for j in range(k, 40):
             if j > k:
-                reached = transitions[steps.of[j]] @ reached
+                reached = transitions[steps.index[j]] @ reached
             blocks[j, :, k], blocks[k, :, j] = reached, reached.T
     joint = np.einsum("ca,jakb,db->jckd", sensing, blocks, sensing).reshape(120, 120)
     joint += np.diag(np.tile(noise, 40))
@@ -92,8 +92,10 @@ def test_settled_gains_change_nothing():
     steps = Steps.from_times(np.arange(3000) * 0.1)
     discrete = discretise(SYSTEM, FORCES, steps.lengths)
     sensing, noise = np.array([[1.0, 0.5, 0, 0]]), np.array([0.1])
-    whole = kalman_filter(samples, steps.of, *discrete, sensing, noise, np.zeros(4), np.eye(4))
-    twice = np.concatenate([steps.of[:1], steps.of[1:] + np.arange(2999) % 2])  # never settles
+    whole = kalman_filter(samples, steps.index, *discrete, sensing, noise, np.zeros(4), np.eye(4))
+    twice = np.concatenate(
+        [steps.index[:1], steps.index[1:] + np.arange(2999) % 2]
+    )  # never settles
     doubled = [np.concatenate([each, each]) for each in discrete]
     again = kalman_filter(samples, twice, *doubled, sensing, noise, np.zeros(4), np.eye(4))
     for one, other in zip(whole, again, strict=True):

@@ -342,7 +342,7 @@ def _force_densities(
         if density > 0.0:
             unit = f"{plain_unit('d' + states[velocity]).replace('^2', '²')} per √Hz".lstrip()
             densities[states[i]] = Estimate(float(np.sqrt(2.0 * density)), unit=unit)
-    return densities, tuple(float(1.0 / forces.rates[i]) for i in forces.places)
+    return densities, tuple(float(1.0 / forces.rates[i]) for i in forces.slow_equations)
 
 
 def _held_out(scored: "ScoredForecast", is_forced: bool) -> HeldOutScores:

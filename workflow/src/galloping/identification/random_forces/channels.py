@@ -49,7 +49,7 @@ class Channels:
         return velocity_pairs(self.states)
 
     @property
-    def kept(self) -> tuple[int, ...]:
+    def lagged(self) -> tuple[int, ...]:
         """Indices of states whose values at the previous sample the Kalman filter stores."""
         return self.rates if self.averaged else ()
 

@@ -65,19 +65,19 @@ def fit_random_forces(
         recordings = segments_with_inputs(given, problem.inputs)
         with limit_work(recordings) as work:
             cleaned, _, period = prepare_recordings(recordings)
-            whole, some = _search_modes(SeveralModes(cleaned, period), fit, fit, True)
-            models = [each for each in (whole, some) if isinstance(each, IdentifiedModel)]
-            found = _best_model(models) or whole
-        if isinstance(found, NoModel):
-            return found
+            whole, selected = _search_modes(SeveralModes(cleaned, period), fit, fit, True)
+            models = [each for each in (whole, selected) if isinstance(each, IdentifiedModel)]
+            outcome = _best_model(models) or whole
+        if isinstance(outcome, NoModel):
+            return outcome
         return add_input_errors(
-            check_prior_conflict(problem, work.downgrade_if_ended(found)), given, recordings
+            check_prior_conflict(problem, work.downgrade_if_ended(outcome)), given, recordings
         )
 
-    found = attempt(search)
-    if isinstance(found, NoModel):
-        return prepend_path(["random forces"], refused_model(problem, found.findings))
-    return found
+    outcome = attempt(search)
+    if isinstance(outcome, NoModel):
+        return prepend_path(["random forces"], refused_model(problem, outcome.findings))
+    return outcome
 
 
 def _identify_selection(
@@ -91,13 +91,13 @@ def _identify_selection(
     polynomial, places = problem.drop_terms(has_functions), list(map(has_functions, problem.terms))
     if problem.known[:, places].any() or problem.precision[:, places].any():
         return NoModel((Finding.of(Code.FORCES_BESIDE_FUNCTIONS),))
-    found = attempt(
+    outcome = attempt(
         lambda: fit_in_forces(
             polynomial, selection.recordings, selection.period, forced, selection.n_further,
             may_be_slow, doubts,
         )
     )  # fmt: skip
-    return found if isinstance(found, NoModel) else expand_terms(problem, found)
+    return outcome if isinstance(outcome, NoModel) else expand_terms(problem, outcome)
 
 
 def _search_modes(
@@ -111,17 +111,17 @@ def _search_modes(
     the model of the whole recordings, and the best one of selected modes; the first is `ok` if
     there is such a model.
     """
-    some = _best_model(_identify_selections(several.slowest(), fit_roughly))
-    if _is_ok(some):
-        return some, some
-    found = fit(several.whole)
-    if _is_ok(found):
-        return _with_overlapping_modes(found, several, fit), some
+    selected = _best_model(_identify_selections(several.slowest(), fit_roughly))
+    if _is_ok(selected):
+        return selected, selected
+    whole = fit(several.whole)
+    if _is_ok(whole):
+        return _with_overlapping_modes(whole, several, fit), selected
     if may_be_more:
         others = chain(several.more(), several.slowest(CLOSE))
-        known = [some] if some else []
-        some = _best_model(chain(known, _identify_selections(others, fit_roughly)))
-    return some if _is_ok(some) else found, some
+        known = [selected] if selected else []
+        selected = _best_model(chain(known, _identify_selections(others, fit_roughly)))
+    return selected if _is_ok(selected) else whole, selected
 
 
 def _identify_selections(
@@ -129,51 +129,54 @@ def _identify_selections(
 ) -> Iterator[IdentifiedModel]:
     """Fit selections of modes one after the other, each when its model is needed."""
     for selection in selections:
-        found = attempt(_identify_modes, selection, fit)
-        if not isinstance(found, NoModel):
-            yield found
+        outcome = attempt(_identify_modes, selection, fit)
+        if not isinstance(outcome, NoModel):
+            yield outcome
 
 
 def _identify_modes(selection: ModeSelection, fit: Fit) -> Outcome:
     """Identify the model of the selected modes, or of one that is two."""
-    found = fit(selection)
-    if isinstance(found, NoModel) or not selection.has_modes_of(found):
+    outcome = fit(selection)
+    if isinstance(outcome, NoModel) or not selection.has_modes_of(outcome):
         return NoModel()
-    return selection.with_omissions(_with_split_mode(found, selection, fit))
+    return selection.with_omissions(_with_split_mode(outcome, selection, fit))
 
 
-def _with_split_mode(found: IdentifiedModel, selection: ModeSelection, fit: Fit) -> IdentifiedModel:
+def _with_split_mode(
+    identified: IdentifiedModel, selection: ModeSelection, fit: Fit
+) -> IdentifiedModel:
     """Replace the model of a selection by one with a mode more, if one of its modes is two."""
-    if found.status != "ok" or selection.n_further == MOST_EXTRA or not may_have_split_mode(found):
-        return found
+    may_split = identified.status == "ok" and may_have_split_mode(identified)
+    if not may_split or selection.n_further == MOST_EXTRA:
+        return identified
     split = fit(replace(selection, n_further=selection.n_further + 1))
-    return found if isinstance(split, NoModel) or not splits_mode(split, found) else split
+    return identified if isinstance(split, NoModel) or not splits_mode(split, identified) else split
 
 
 def _with_overlapping_modes(
-    found: IdentifiedModel, several: SeveralModes, fit: Fit
+    identified: IdentifiedModel, several: SeveralModes, fit: Fit
 ) -> IdentifiedModel:
     """Replace the model of whole recordings by one that separates a mode that is two."""
     if not several.channels.rates:
-        return _with_split_mode(found, several.whole, fit)
-    if not may_have_split_mode(found):
-        return found
+        return _with_split_mode(identified, several.whole, fit)
+    if not may_have_split_mode(identified):
+        return identified
     # accelerations show that forces are not white, unless motion beyond the modes is filtered out
     more = _best_model(_identify_selections(several.more(), fit))
-    return more if _is_ok(more) and more.resonances else found
+    return more if _is_ok(more) and more.resonances else identified
 
 
-def _is_ok(found: Outcome | None) -> TypeGuard[IdentifiedModel]:
-    return isinstance(found, IdentifiedModel) and found.status == "ok"
+def _is_ok(outcome: Outcome | None) -> TypeGuard[IdentifiedModel]:
+    return isinstance(outcome, IdentifiedModel) and outcome.status == "ok"
 
 
 def _best_model(models: Iterable[IdentifiedModel]) -> IdentifiedModel | None:
     """Choose the first model that is `ok`, or the one with the least predictable innovations."""
     others = []
-    for found in models:
-        if _is_ok(found):
-            return found
-        others.append(found)
+    for identified in models:
+        if _is_ok(identified):
+            return identified
+        others.append(identified)
     return min(others, key=lambda one: float(one.diagnostics["innovations_told"]), default=None)
 
 
@@ -187,11 +190,11 @@ def identify_if_ambient(problem: Problem, recordings: list[Recording]) -> Identi
     def search() -> IdentifiedModel | None:
         with limit_work(recordings) as work:
             cleaned, _, period = prepare_recordings(recordings)
-            found, is_sure = try_random_forces(problem, cleaned, period)
-            return work.downgrade_if_ended(found) if found and is_sure else None
+            identified, is_sure = try_random_forces(problem, cleaned, period)
+            return work.downgrade_if_ended(identified) if identified and is_sure else None
 
-    found = attempt(search)
-    return None if isinstance(found, NoModel) else found
+    outcome = attempt(search)
+    return None if isinstance(outcome, NoModel) else outcome
 
 
 def try_random_forces(
@@ -207,13 +210,13 @@ def try_random_forces(
     """
     several = SeveralModes(recordings, period)
     fit = partial(_fit_on_trial, problem)
-    at_random = amplitude_fluctuates(recordings, period)
-    found, some = _search_modes(
-        several, fit, partial(fit, as_fallback=True), bool(several.channels.rates) or at_random
+    fluctuates = amplitude_fluctuates(recordings, period)
+    whole, selected = _search_modes(
+        several, fit, partial(fit, as_fallback=True), bool(several.channels.rates) or fluctuates
     )
-    if isinstance(found, IdentifiedModel):
-        return found, True
-    return (some if at_random else None), False
+    if isinstance(whole, IdentifiedModel):
+        return whole, True
+    return (selected if fluctuates else None), False
 
 
 def _fit_on_trial(problem: Problem, selection: ModeSelection, as_fallback: bool = False) -> Outcome:
@@ -226,17 +229,17 @@ def _fit_on_trial(problem: Problem, selection: ModeSelection, as_fallback: bool 
     with limit_work(recordings, TRIAL_BESIDE_INPUTS if problem.inputs else TRIAL) as work:
 
         def doubts(fit: ForcedFit) -> list[Finding]:
-            channels, left = fit.posed.channels, fit.whiteness
-            unseen = set(channels.pairs) - set(channels.values)
-            if unseen and not fit.posed.state_space_model(fit.model).is_linear:
+            channels, whiteness = fit.setup.channels, fit.whiteness
+            unmeasured = set(channels.pairs) - set(channels.values)
+            if unmeasured and not fit.setup.state_space_model(fit.model).is_linear:
                 # with nonlinear terms, forces imitate displacements that no channel measures
                 return [Finding.of(Code.FORCES_UNDETERMINED)]
             if work.ended:
                 return [Finding.of(Code.LIMIT_OF_WORK)]
             # with inputs, other models may be as near
-            near = left.is_nearly_white and not (problem.inputs and left.is_relevant)
-            will_do = near or (as_fallback and left.explains_most)
-            return [] if will_do else [left.to_finding(channels.names)]
+            is_near = whiteness.is_nearly_white and not (problem.inputs and whiteness.is_relevant)
+            is_accepted = is_near or (as_fallback and whiteness.explains_most)
+            return [] if is_accepted else [whiteness.to_finding(channels.names)]
 
         may_be_slow = amplitude_fluctuates(recordings, period)
         return _identify_selection(problem, selection, problem.unknown, may_be_slow, doubts)

@@ -36,7 +36,7 @@ FIRST_STEP, STEP = 1e-5, 1e-3
 # squared length below 0.02 in standard deviations, and increases errors by less than a hundredth.
 CONVERGED = 1e-2
 MOST_STEPS, MOST_DAMPED = 40, 12  # most steps of a fit, and most trials of a step, ever shorter
-TINY = 0.1  # least first value of the fitted noise in excess of the least noise, relative to that
+MIN_EXCESS_NOISE = 0.1  # of a first fitted noise beyond the least noise, relative to the latter
 MIN_INFORMATION = 1e-6  # the data do not determine a parameter with less, in its unit
 FAINTEST = -40.0  # least logarithm of a force's strength, relative to the motion; zero has none
 MIN_STEP_DAMPING = 1e-4  # least damping of steps (K. Levenberg, 1944), relative to the information
@@ -59,8 +59,8 @@ def likelihood_score(slopes: np.ndarray, filtered: Innovations) -> np.ndarray:
     """Compute the gradient of the log-likelihood from the innovations and their derivatives."""
     error = filtered.innovations / np.sqrt(filtered.variances)
     error = error[np.isfinite(error)]
-    left = np.concatenate([-error, (error**2 - 1.0) / np.sqrt(2.0)])
-    return slopes.reshape(len(slopes), -1) @ left
+    residuals = np.concatenate([-error, (error**2 - 1.0) / np.sqrt(2.0)])
+    return slopes.reshape(len(slopes), -1) @ residuals
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Parameters:
     forces and resonances of all.
     """
 
-    posed: ForcedProblem
+    setup: ForcedProblem
     support: np.ndarray
     correlated: bool
     start: ForcedModel
@@ -80,7 +80,7 @@ class Parameters:
     @cached_property
     def centring(self) -> np.ndarray:
         """Matrix that refers constant terms to the middle of the motion instead of to zero."""
-        return self.posed.centring(self.support)
+        return self.setup.centring(self.support)
 
     @cached_property
     def lower(self) -> tuple[np.ndarray, np.ndarray]:
@@ -89,44 +89,44 @@ class Parameters:
         return np.tril_indices(n, -1 if self.correlated else -n)
 
     @cached_property
-    def places(self) -> dict[str, slice]:
+    def slices(self) -> dict[str, slice]:
         """Slice of the parameter vector for each kind of parameter, such as 'noise'."""
         start = self.start
         counts = {
             "coefficients": self.support.sum(), "strengths": len(start.root),
             "shared": len(self.lower[0]), "slow": 2 * len(start.slow),
-            "resonances": start.extra_modes.own.size, "onto": start.extra_modes.is_shared.sum(),
-            "noise": len(start.noise),
+            "resonances": start.extra_modes.oscillators.size,
+            "onto": start.extra_modes.is_shared.sum(), "noise": len(start.noise),
         }  # fmt: skip
         ends = np.cumsum([0, *counts.values()]).tolist()
         return dict(zip(counts, map(slice, ends[:-1], ends[1:]), strict=True))
 
     def to_vector(self, model: ForcedModel) -> np.ndarray:
         """Convert a model to the vector of its fit parameters, (n_parameters,)."""
-        scaled = self.centring @ (model.coefficients / self.posed.unit)[self.support]
+        scaled = self.centring @ (model.coefficients / self.setup.unit)[self.support]
         diagonal, extra = np.diag(model.root), model.extra_modes
-        least = self.posed.least_noise
-        noise = np.sqrt(np.maximum(model.noise**2 - least**2, (TINY * least) ** 2))
+        least = self.setup.least_noise
+        noise = np.sqrt(np.maximum(model.noise**2 - least**2, (MIN_EXCESS_NOISE * least) ** 2))
         return np.concatenate([
             scaled, np.log(diagonal), (model.root / diagonal)[self.lower],
-            np.log([*model.slow, *model.rates]), np.log(extra.own).ravel(),
+            np.log([*model.slow, *model.rates]), np.log(extra.oscillators).ravel(),
             extra.onto[extra.is_shared], np.log(noise),
         ])  # fmt: skip
 
     def to_model(self, vector: np.ndarray) -> ForcedModel:
         """Convert a vector of fit parameters, (n_parameters,), to a model."""
-        of = {name: vector[own] for name, own in self.places.items()}
+        values = {name: vector[part] for name, part in self.slices.items()}
         coefficients, root = np.zeros(len(self.support)), np.eye(len(self.start.root))
-        scaled = np.linalg.solve(self.centring, of["coefficients"])
-        coefficients[self.support] = scaled * self.posed.unit[self.support]
-        root[self.lower] = of["shared"]
-        faintest = FAINTEST + np.log(self.posed.size.max())
-        root = root * np.exp(np.maximum(of["strengths"], faintest))
-        noise = np.hypot(np.exp(of["noise"]), self.posed.least_noise)
-        slow, rates = np.exp(np.maximum(of["slow"], faintest)).reshape(2, -1)
+        scaled = np.linalg.solve(self.centring, values["coefficients"])
+        coefficients[self.support] = scaled * self.setup.unit[self.support]
+        root[self.lower] = values["shared"]
+        faintest = FAINTEST + np.log(self.setup.size.max())
+        root = root * np.exp(np.maximum(values["strengths"], faintest))
+        noise = np.hypot(np.exp(values["noise"]), self.setup.least_noise)
+        slow, rates = np.exp(np.maximum(values["slow"], faintest)).reshape(2, -1)
         extra, onto = self.start.extra_modes, self.start.extra_modes.onto.copy()
-        onto[extra.is_shared] = of["onto"]
-        extra = replace(extra, own=np.exp(of["resonances"]).reshape(-1, 2), onto=onto)
+        onto[extra.is_shared] = values["onto"]
+        extra = replace(extra, oscillators=np.exp(values["resonances"]).reshape(-1, 2), onto=onto)
         return ForcedModel(coefficients, root, noise, tuple(slow), tuple(rates), extra)
 
 
@@ -144,9 +144,9 @@ class ForcedFit:
     slopes: np.ndarray
 
     @property
-    def posed(self) -> ForcedProblem:
+    def setup(self) -> ForcedProblem:
         """The identification problem that was fitted."""
-        return self.parameters.posed
+        return self.parameters.setup
 
     @property
     def support(self) -> np.ndarray:
@@ -156,7 +156,7 @@ class ForcedFit:
     @cached_property
     def modes(self) -> Modes:
         """Modes of the linear part of the fitted equations."""
-        return self.posed.state_space_model(self.model).modes
+        return self.setup.state_space_model(self.model).modes
 
     @cached_property
     def normal_equations(self) -> tuple[np.ndarray, np.ndarray]:
@@ -164,15 +164,15 @@ class ForcedFit:
 
         As of `ForcedProblem.normal_equations`, with the same exceptions.
         """
-        return self.posed.normal_equations(self.model)
+        return self.setup.normal_equations(self.model)
 
     def covariance(self, kind: str) -> np.ndarray:
         """Compute the covariance of the parameters of one kind, such as 'coefficients'.
 
-        kind: a key of `Parameters.places`.
+        kind: a key of `Parameters.slices`.
         """
-        own = self.parameters.places[kind]
-        return np.linalg.inv(fisher_information(self.slopes))[own, own]
+        rows = self.parameters.slices[kind]
+        return np.linalg.inv(fisher_information(self.slopes))[rows, rows]
 
     @property
     def resonance_errors(self) -> np.ndarray:
@@ -180,23 +180,23 @@ class ForcedFit:
 
         Shape (n_resonances, 2).
         """
-        own = self.model.extra_modes.own
+        oscillators = self.model.extra_modes.oscillators
         variances = np.diag(self.covariance("resonances"))  # of logarithms
-        return own * np.sqrt(variances).reshape(own.shape)
+        return oscillators * np.sqrt(variances).reshape(oscillators.shape)
 
     @property
     def coefficient_covariance(self) -> np.ndarray:
-        """Covariance of the fitted coefficients, each divided by its unit `posed.unit`.
+        """Covariance of the fitted coefficients, each divided by its unit `setup.unit`.
 
         Shape (n_support, n_support).
         """
-        away = np.linalg.inv(self.parameters.centring)
-        return away @ self.covariance("coefficients") @ away.T
+        inverse = np.linalg.inv(self.parameters.centring)
+        return inverse @ self.covariance("coefficients") @ inverse.T
 
     @cached_property
     def whiteness(self) -> Whiteness:
         """Results of the whiteness tests of the fit's innovations."""
-        recordings, begin = self.posed.recordings, 2 * len(self.posed.size)
+        recordings, begin = self.setup.recordings, 2 * len(self.setup.size)
         step = typical_step(recordings)
         parts = list(zip(self.filtered.parts, recordings, strict=False))  # priors are parts, too
         grids = []
@@ -204,20 +204,22 @@ class ForcedFit:
             error = part.standardised
             error[:begin] = np.nan  # until the first state is determined
             grids.append(on_grid(each.time, error, step))
-        left = assess_whiteness(grids, step, self.modes.omega / (2.0 * np.pi))
-        if not (names := self.posed.problem.inputs):
-            return left
+        whiteness = assess_whiteness(grids, step, self.modes.omega / (2.0 * np.pi))
+        if not (names := self.setup.problem.inputs):
+            return whiteness
         errors, before = [], []
         for part, each in parts:
             inputs = inputs_at_times([each.inputs[name] for name in names], each.time)
             errors.append(part.standardised[begin + 1 :])
             before.append(np.hstack([part.means, inputs])[begin:-1])
         k = find_dependence(np.concatenate(errors), np.concatenate(before))
-        return left if k is None else replace(left, dependence=self.posed.problem.names[k])
+        return (
+            whiteness if k is None else replace(whiteness, dependence=self.setup.problem.names[k])
+        )
 
 
 def maximise_likelihood(
-    posed: ForcedProblem, model: ForcedModel, support: np.ndarray, correlated: bool
+    setup: ForcedProblem, model: ForcedModel, support: np.ndarray, correlated: bool
 ) -> ForcedFit:
     """Fit a model with given terms under random forces by maximum likelihood.
 
@@ -225,10 +227,10 @@ def maximise_likelihood(
     two equations may be correlated. Terms that the data do not determine are left out. Raises
     FloatingPointError if the filter of the start fails.
     """
-    parameters = Parameters(posed, support, correlated, model)
+    parameters = Parameters(setup, support, correlated, model)
 
     def filter_with(vector: np.ndarray) -> Innovations:
-        return posed.filter_recordings(parameters.to_model(vector))
+        return setup.filter_recordings(parameters.to_model(vector))
 
     vector = parameters.to_vector(model)
     step = np.full(len(vector), FIRST_STEP)
@@ -238,38 +240,38 @@ def maximise_likelihood(
             raise NotConvergedError.from_finding(here.objection)
         raise FloatingPointError("the filter of its start loses all digits")
     slopes = _difference_innovations(filter_with, vector, here, step)
-    first = slopes[parameters.places["coefficients"]]
+    first = slopes[parameters.slices["coefficients"]]
     is_determined = np.einsum("ijk,ijk->i", first, first) > MIN_INFORMATION
     if not is_determined.all():  # accelerations, for example, do not determine the equilibrium
         kept = support.copy()
         kept[support] = is_determined
-        return maximise_likelihood(posed, model, kept, correlated)
-    exact = True  # whether the slopes are differences at `vector`, not estimates
+        return maximise_likelihood(setup, model, kept, correlated)
+    is_exact = True  # whether the slopes are differences at `vector`, not estimates
     for _ in range(MOST_STEPS):
         passing("fit random forces")
         information, score = fisher_information(slopes), likelihood_score(slopes, here)
         scale = np.diag(information)
         step = STEP / np.sqrt(scale)
-        for _ in range(MOST_DAMPED if exact else 1):
+        for _ in range(MOST_DAMPED if is_exact else 1):
             change = np.linalg.solve(information + damping * np.diag(scale), score)
             with np.errstate(all="ignore"):  # a step may be too long
                 tried = filter_with(vector + change)
-                better = tried.log_likelihood >= here.log_likelihood
-            if better:
+                is_better = tried.log_likelihood >= here.log_likelihood
+            if is_better:
                 break
             damping *= 8.0
-        converged = not better or 0.5 * score @ change < CONVERGED
-        if converged and not exact:
-            slopes, exact = _difference_innovations(filter_with, vector, here, step), True
+        has_converged = not is_better or 0.5 * score @ change < CONVERGED
+        if has_converged and not is_exact:
+            slopes, is_exact = _difference_innovations(filter_with, vector, here, step), True
             continue
-        if better and not converged:
+        if is_better and not has_converged:
             slopes = _update_slopes(slopes, change, scale, here, tried)
-            exact = False
-        if better:
+            is_exact = False
+        if is_better:
             vector, here, damping = vector + change, tried, max(damping / 16.0, MIN_STEP_DAMPING)
-        if converged or is_exhausted():
+        if has_converged or is_exhausted():
             break
-    if not exact:
+    if not is_exact:
         slopes = _difference_innovations(filter_with, vector, here, step)
     return ForcedFit(parameters, parameters.to_model(vector), here, slopes)
 
@@ -327,8 +329,8 @@ def _difference_innovations(
 def forces_are_needed(fit: ForcedFit, penalty: float) -> bool:
     """Decide whether random forces improve the likelihood of a fit by more than their penalty."""
     model = fit.model
-    still = replace(model, root=0.0 * model.root, slow=())
-    lost = fit.filtered.log_likelihood - fit.posed.filter_recordings(still).log_likelihood
+    unforced = replace(model, root=0.0 * model.root, slow=())
+    lost = fit.filtered.log_likelihood - fit.setup.filter_recordings(unforced).log_likelihood
     return bool(2.0 * lost > penalty * (model.root.size + len(model.slow)))
 
 

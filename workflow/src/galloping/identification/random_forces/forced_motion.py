@@ -18,9 +18,9 @@ from galloping.model.intervals import covariance_root
 from galloping.model.polynomial import PolynomialModel
 from galloping.recording.samples import Recording, mean_inputs
 
-# The last state is estimated from this many slowest periods at the end of a recording. Of an
-# earlier oscillation with a damping ratio of 0.01, a fortieth is left.
-WITHIN = 60.0
+# Slowest periods at the end of a recording from which the last state is estimated. Of an earlier
+# oscillation with a damping ratio of 0.01, a fortieth is left.
+END_PERIODS = 60.0
 # POINTS: frequencies of the spectra of a linear model. MOTIONS, SEGMENTS: number of simulated
 # motions, and of segments of each, over which the spectra of a nonlinear model are averaged.
 POINTS, MOTIONS, SEGMENTS = 1500, 8, 6
@@ -28,27 +28,27 @@ MOST_MISFIT = 1.5  # largest mean square of standardised innovations; another li
 
 
 def state_space_model(
-    found: IdentifiedModel, recording: Recording
+    identified: IdentifiedModel, recording: Recording
 ) -> tuple[StateSpaceModel, SampledChannels]:
     """Make the state-space model of an identified model, and extract a recording's data for it.
 
     The model has random forces. Raises ValueError if the model does not know the noise of a
     channel.
     """
-    channels, states = Channels.from_recordings([recording]), found.model.states
-    averaged = bool(found.diagnostics.get("rates_averaged", False))
+    channels, states = Channels.from_recordings([recording]), identified.model.states
+    averaged = bool(identified.diagnostics.get("rates_averaged", False))
     channels = replace(channels, averaged=averaged and bool(channels.rates))
-    noise = list(np.fmax.reduce(found.sigma, axis=0)[list(channels.values)])
-    noise += [found.diagnostics.get(f"noise_d{states[i]}", np.nan) for i in channels.rates]
+    noise = list(np.fmax.reduce(identified.sigma, axis=0)[list(channels.values)])
+    noise += [identified.diagnostics.get(f"noise_d{states[i]}", np.nan) for i in channels.rates]
     for name, value in zip(channels.names, noise, strict=True):
         if not np.isfinite(value):
             raise ValueError(
                 f"the model knows no noise of {name}: its recordings had no such sensor"
             )
-    names = found.model.inputs
+    names = identified.model.inputs
     unsized = StateSpaceModel(
-        found.model, Forces.from_model(found), channels, np.array(noise), np.ones(len(states)),
-        mean_inputs(names, [recording]),
+        identified.model, Forces.from_model(identified), channels, np.array(noise),
+        np.ones(len(states)), mean_inputs(names, [recording]),
     )  # fmt: skip
     size, _, _ = motion_sizes([recording], channels, 2.0 * np.pi / unsized.modes.omega.max())
     recording = replace(recording, inputs={name: recording.inputs[name] for name in names})
@@ -56,7 +56,7 @@ def state_space_model(
 
 
 def simulate_motions(
-    found: IdentifiedModel,
+    identified: IdentifiedModel,
     models: Sequence[PolynomialModel],
     recording: Recording,
     time: np.ndarray,
@@ -64,52 +64,52 @@ def simulate_motions(
 ) -> np.ndarray:
     """Simulate models under random forces beyond the end of a recording, at given times.
 
-    time: (n,) s. Returns (n_models, n, n_states). found: the model whose forces and noise they
+    time: (n,) s. Returns (n_models, n, n_states). identified: the model whose forces and noise they
     share. Each simulation begins at a state drawn from the filter's distribution at the end of the
     recording.
     """
-    recording = recording_end(found, recording)
-    inputs = [recording.inputs[name] for name in found.model.inputs]
-    drawn, ahead = [], Steps.from_times(np.append(recording.time[-1], time), inputs)
+    recording = recording_end(identified, recording)
+    inputs = [recording.inputs[name] for name in identified.model.inputs]
+    motions, steps = [], Steps.from_times(np.append(recording.time[-1], time), inputs)
     for model in models:
-        system_model, data = state_space_model(replace(found, model=model), recording)
+        system_model, data = state_space_model(replace(identified, model=model), recording)
         end = system_model.filter(data)
         x = end.mean + covariance_root(end.covariance) @ rng.standard_normal(len(end.mean))
-        drawn.append(system_model.simulate(x, ahead, rng))
-    return np.array(drawn)
+        motions.append(system_model.simulate(x, steps, rng))
+    return np.array(motions)
 
 
 def add_force_noise(
-    found: IdentifiedModel, recording: Recording, rates: Sequence[int], sigma: np.ndarray
+    identified: IdentifiedModel, recording: Recording, rates: Sequence[int], sigma: np.ndarray
 ) -> np.ndarray:
     """Add the effect of random forces to the noise of rates that are means between samples.
 
     sigma: (n,) noise of channels, of which the last are the mean rates of the states `rates`.
     """
     noise = sigma.copy()
-    if rates and found.diagnostics.get("rates_averaged"):
+    if rates and identified.diagnostics.get("rates_averaged"):
         noise[-len(rates) :] = np.hypot(
-            sigma[-len(rates) :], np.sqrt(np.diag(found.forces)[list(rates)] / recording.step)
+            sigma[-len(rates) :], np.sqrt(np.diag(identified.forces)[list(rates)] / recording.step)
         )
     return noise
 
 
-def recording_end(found: IdentifiedModel, recording: Recording) -> Recording:
+def recording_end(identified: IdentifiedModel, recording: Recording) -> Recording:
     """Return the last part of a recording, just long enough to determine its final state.
 
     It is the whole recording if a channel has no samples in this part.
     """
-    system_model, _ = state_space_model(found, recording)
-    begin = recording.time[-1] - WITHIN * 2.0 * np.pi / system_model.modes.omega.min()
+    system_model, _ = state_space_model(identified, recording)
+    begin = recording.time[-1] - END_PERIODS * 2.0 * np.pi / system_model.modes.omega.min()
     first = int(np.searchsorted(recording.time, begin))
     end = recording[min(first, len(recording.time) - 2) :]
     has_all = Channels.from_recordings([end]).names == system_model.channels.names
     return end if first and has_all else recording
 
 
-def check_followed(found: IdentifiedModel, recording: Recording) -> None:
+def check_followed(identified: IdentifiedModel, recording: Recording) -> None:
     """Raise ValueError if a model predicts the end of a recording worse than its noise allows."""
-    system_model, data = state_space_model(found, recording_end(found, recording))
+    system_model, data = state_space_model(identified, recording_end(identified, recording))
     end = system_model.filter(data)
     square = (end.innovations**2 / end.variances)[2 * len(end.mean) :]
     misfit = float(np.nanmean(square))
@@ -121,17 +121,17 @@ def check_followed(found: IdentifiedModel, recording: Recording) -> None:
         )
 
 
-def filter_states(found: IdentifiedModel, recording: Recording) -> np.ndarray:
+def filter_states(identified: IdentifiedModel, recording: Recording) -> np.ndarray:
     """Estimate the states at each sample from the samples up to it, by a Kalman filter.
 
     Returns (n, n_states).
     """
-    system_model, data = state_space_model(found, recording)
+    system_model, data = state_space_model(identified, recording)
     return system_model.filter(data).means
 
 
 def model_spectra(
-    found: IdentifiedModel, recording: Recording, rng: np.random.Generator
+    identified: IdentifiedModel, recording: Recording, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute the power spectra of the channels that a model under random forces predicts.
 
@@ -141,24 +141,24 @@ def model_spectra(
     """
     from scipy.signal import welch  # slow to import
 
-    system_model, data = state_space_model(found, recording)
+    system_model, data = state_space_model(identified, recording)
     step = recording.step
     noise = 2.0 * system_model.noise**2 * step
     if system_model.is_linear:
         frequency = np.linspace(1.0 / np.ptp(recording.time), 0.5 / step, POINTS)
         system, white = system_model.augmented_system
-        moved = system_model.channels.response(system, 2.0 * np.pi * frequency)
-        power = np.einsum("fci,ij,fcj->fc", moved, white, moved.conj()).real
+        response = system_model.channels.response(system, 2.0 * np.pi * frequency)
+        power = np.einsum("fci,ij,fcj->fc", response, white, response.conj()).real
         return frequency, 2.0 * power + noise
     channels, powers = system_model.channels, []
-    inputs = [recording.inputs[name] for name in found.model.inputs]
+    inputs = [recording.inputs[name] for name in identified.model.inputs]
     time = recording.time[0] + np.arange(len(recording.time)) * step
     steps = Steps.from_times(time, inputs)
     begin = system_model.filter(data).mean
     for _ in range(MOTIONS):
         states = system_model.simulate(begin, steps, rng)
         rates = np.gradient(states[:, list(channels.rates)], step, axis=0)
-        shown = np.hstack([states[:, list(channels.values)], rates])
-        frequency, power = welch(shown, 1.0 / step, nperseg=len(shown) // SEGMENTS, axis=0)
+        samples = np.hstack([states[:, list(channels.values)], rates])
+        frequency, power = welch(samples, 1.0 / step, nperseg=len(samples) // SEGMENTS, axis=0)
         powers.append(power)
     return frequency[1:], np.mean(powers, axis=0)[1:] + noise

@@ -40,7 +40,7 @@ from galloping.recording.samples import Recording, inputs_at_times, mean_inputs
 
 SLOW = 0.3  # first decay rate of slow forces, 1/s, over the slowest modal frequency, rad/s
 LEAST_NOISE = 1e-4  # least noise of a sample, relative to its channel: exact samples have rounding
-STEADY = 0.5  # a term's input factor is steady if its |mean| / root mean square is larger
+MIN_STEADINESS = 0.5  # a term's input factor is steady if its |mean| / root mean square is larger
 
 
 @dataclass(frozen=True)
@@ -100,9 +100,9 @@ class ForcedProblem:
     """Problem of identifying equations from recordings of a motion under random forces.
 
     forced: indices of the equations that have a force. size: (n_states,) of the motion. unit:
-    (n_candidates,) of the coefficients. always: (n_candidates,) those of the linear equations that
-    every fit has, and those with a prior. middle: (n_states,) of the motion. least_noise:
-    (n_channels,) of a sample. held: means of the inputs.
+    (n_candidates,) of the coefficients. required: (n_candidates,) terms of the linear equations,
+    which every fit has, and terms with a prior. middle: (n_states,) of the motion. least_noise:
+    (n_channels,) of a sample. input_means: means of the inputs.
     """
 
     problem: Problem
@@ -110,11 +110,11 @@ class ForcedProblem:
     forced: tuple[int, ...]
     size: np.ndarray
     unit: np.ndarray
-    always: np.ndarray
+    required: np.ndarray
     middle: np.ndarray
     least_noise: np.ndarray
     recordings: tuple[Recording, ...]
-    held: Mapping[str, float]
+    input_means: Mapping[str, float]
 
     @cached_property
     def data(self) -> tuple[SampledChannels, ...]:
@@ -137,7 +137,7 @@ class ForcedProblem:
         """
         places, terms = np.flatnonzero(support), self.problem.state_exponents
         centring, equations = np.eye(len(places)), self.problem.candidates[places, 0]
-        degrees = np.where(self.always, self.problem.degrees, -1)[places]
+        degrees = np.where(self.required, self.problem.degrees, -1)[places]
         for n in np.flatnonzero(degrees == 0):
             for m in np.flatnonzero((equations == equations[n]) & (degrees == 1)):
                 at = self.middle @ terms[self.problem.candidates[places[m], 1]]
@@ -167,7 +167,9 @@ class ForcedProblem:
             rates[list(self.forced)] = model.rates
         forces = Forces(white, slow, rates, self.resonances(model))
         full = problem.model(model.coefficients)
-        return StateSpaceModel(full, forces, self.channels, model.noise, self.size, self.held)
+        return StateSpaceModel(
+            full, forces, self.channels, model.noise, self.size, self.input_means
+        )
 
     def resonances(
         self, model: ForcedModel, errors: np.ndarray | None = None
@@ -178,9 +180,9 @@ class ForcedProblem:
         """
         n, f, drives = len(self.size), len(self.forced), model.root @ model.root.T
         extra, found = model.extra_modes, []
-        errors = np.full(extra.own.shape, np.nan) if errors is None else errors
-        for k, (frequency, damping) in enumerate(extra.own.tolist()):
-            onto, drive = np.zeros(n), np.zeros(n + len(extra.own))
+        errors = np.full(extra.oscillators.shape, np.nan) if errors is None else errors
+        for k, (frequency, damping) in enumerate(extra.oscillators.tolist()):
+            onto, drive = np.zeros(n), np.zeros(n + len(extra.oscillators))
             onto[list(self.forced)], drive[list(self.forced)] = extra.onto[k], drives[f + k, :f]
             drive[n:] = drives[f + k, f:]
             deviations = float(errors[k, 0]), float(errors[k, 1])
@@ -250,13 +252,13 @@ def make_forced_problem(
     step, grids = on_grids(recordings)
     period = shortest_velocity_period(recordings)
     factors = _input_factor_moments(problem, recordings)
-    posed = _scaled_problem(problem, recordings, forced, period, factors)
-    as_means = replace(posed, channels=replace(channels, averaged=True))
-    kinds = [posed, as_means] if channels.rates else [posed]
+    setup = _scaled_problem(problem, recordings, forced, period, factors)
+    as_means = replace(setup, channels=replace(channels, averaged=True))
+    kinds = [setup, as_means] if channels.rates else [setup]
     frequencies, power = estimate_spectra(grids, step)
     found = []
     for system, extra_modes in find_linear_systems(channels, grids, step, period, n_further):
-        free = _initial_coefficients(posed, system, factors)
+        free = _initial_coefficients(setup, system, factors)
         rate = SLOW * Modes.of(system).omega.min()
         for kind, slow in product(kinds, (None, rate)):
             white, driving, noise = estimate_strengths(
@@ -297,25 +299,25 @@ def _scaled_problem(
     middle[list(channels.pairs.values())] = 0.0
     return ForcedProblem(
         problem, channels, forced, size, unit,
-        _linear_candidates(problem, np.abs(about) > STEADY * largest), middle,
+        _linear_candidates(problem, np.abs(about) > MIN_STEADINESS * largest), middle,
         LEAST_NOISE * deviation, tuple(recordings), mean_inputs(problem.inputs, recordings),
     )  # fmt: skip
 
 
 def _initial_coefficients(
-    posed: ForcedProblem, system: np.ndarray, factors: tuple[np.ndarray, np.ndarray]
+    setup: ForcedProblem, system: np.ndarray, factors: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
     """Compute coefficients, (n_candidates,), of a linear system at the means of inputs.
 
     system: (n_states, n_states). factors: as of `_input_factor_moments`.
     """
-    problem, powers, (about, largest) = posed.problem, posed.problem.state_exponents, factors
+    problem, powers, (about, largest) = setup.problem, setup.problem.state_exponents, factors
     alike = np.all(powers[:, np.newaxis] == powers, axis=2)
     expected, known = problem.candidate_values(problem.expected), problem.known + problem.expected
-    constant = -(system @ posed.middle)[:, np.newaxis]
+    constant = -(system @ setup.middle)[:, np.newaxis]
     rows = np.where(powers.sum(axis=1) > 0, system @ powers.T, constant)
     rows = (rows - (about * known) @ alike) / np.where(about == 0.0, largest, about)
-    free = np.where(posed.always, problem.candidate_values(rows), 0.0)
+    free = np.where(setup.required, problem.candidate_values(rows), 0.0)
     return np.where(problem.candidate_values(problem.precision) > 0.0, expected, free)
 
 
@@ -335,11 +337,11 @@ def _linear_candidates(problem: Problem, steady: np.ndarray) -> np.ndarray:
     Of terms that differ only in their inputs, it is the one with the lowest powers of the steadiest
     inputs: steady, (n_terms,).
     """
-    always = problem.candidate_values(problem.precision) > 0.0
+    required = problem.candidate_values(problem.precision) > 0.0
     simplest: dict[tuple[int, ...], list[tuple[int, int]]] = {}
     for k, (i, j) in enumerate(problem.candidates):
         if problem.degrees[k] <= 1 and steady[j]:
             powers = sum(map(abs, problem.terms[j][len(problem.states) :]))
             simplest.setdefault((i, *problem.state_exponents[j]), []).append((powers, k))
-    always[[min(alike)[1] for alike in simplest.values()]] = True
-    return always
+    required[[min(alike)[1] for alike in simplest.values()]] = True
+    return required

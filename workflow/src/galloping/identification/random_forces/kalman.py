@@ -209,7 +209,7 @@ def _advance_state(x, h, force, driven, exponents, coefficients, terms, stages, 
 @njit(cache=True, error_model="numpy")
 def extended_filter(
     samples, step_of, lengths, substeps, driven, exponents, lowered, coefficients, white, sensed,
-    is_rate, kept, noise, x, p, candidates,
+    is_rate, lagged, noise, x, p, candidates,
 ):  # fmt: skip
     """Run the extended Kalman filter of a system of polynomial equations over samples.
 
@@ -223,7 +223,7 @@ def extended_filter(
     (n_states, n_terms) of the equations; lowered: their table by
     `tabulate_monomial_derivatives`. white: (n_states, n_states) covariance of their forces per
     second. sensed, is_rate: (n_channels,) the state of each channel, and whether its rate is
-    measured. kept: indices of the states whose mean rates since the last sample are measured,
+    measured. lagged: indices of the states whose mean rates since the last sample are measured,
     by the last channels; the last states are their values at that sample. candidates:
     (n_candidates, 2) equation and term.
     """
@@ -243,12 +243,12 @@ def extended_filter(
         if step_of[k] >= 0:
             count = substeps[step_of[k]]
             h = lengths[step_of[k]] / count
-            for j in range(len(kept)):
-                last = d - len(kept) + j
-                here[last] = here[kept[j]]
-                state_slopes[last] = state_slopes[kept[j]]
-                p[last] = p[kept[j]]
-                p[:, last] = p[:, kept[j]]
+            for j in range(len(lagged)):
+                last = d - len(lagged) + j
+                here[last] = here[lagged[j]]
+                state_slopes[last] = state_slopes[lagged[j]]
+                p[last] = p[lagged[j]]
+                p[:, last] = p[:, lagged[j]]
             for _ in range(count):
                 now = driven[place : place + 3]
                 _advance_state(here, h, still, now, exponents, coefficients, terms, stages, middle)
@@ -285,7 +285,7 @@ def extended_filter(
             if np.isnan(samples[k, c]):
                 continue
             own, last = sensed[c], d - channels + c
-            at_sample = is_rate[c] and len(kept) == 0
+            at_sample = is_rate[c] and len(lagged) == 0
             error = samples[k, c] - (stages[0, own] if at_sample else before[own])
             if is_rate[c] and not at_sample:
                 length = lengths[step_of[k]]

@@ -20,12 +20,12 @@ BRIDGED = 0.5  # gaps up to this share of such a step are interpolated; the erro
 FLAT = (1.0 - ROLL_OFF) / (1.0 + ROLL_OFF)  # frequencies below this share of `below` are unchanged
 
 
-def apply_model_filter(found: IdentifiedModel, recordings: list[Recording]) -> list[Recording]:
+def apply_model_filter(identified: IdentifiedModel, recordings: list[Recording]) -> list[Recording]:
     """Apply to recordings the low-pass filter with which a model was identified.
 
     Recordings are unchanged if there was no filter. Raises as `low_pass_recording`.
     """
-    below = float(found.diagnostics.get("below", 0.0))
+    below = float(identified.diagnostics.get("below", 0.0))
     if not below:
         return recordings
     slowly = (1.0 - TIME_ROUNDING) * _filtered_step(below)

@@ -83,11 +83,11 @@ def _fit_some_samples(
     n_further: int,
 ) -> ForcedFit | NoModel:
     """Fit all terms that may be needed, to no more samples than necessary."""
-    posed, starts = make_forced_problem(problem, _thin_recordings(recordings), forced, n_further)
-    channels = posed.channels
+    setup, starts = make_forced_problem(problem, _thin_recordings(recordings), forced, n_further)
+    channels = setup.channels
     white = [each for each in starts if not each.slow]
     white = white or [replace(starts[0], slow=(), rates=())]
-    fit = attempt(_fit_from, posed, white[0])
+    fit = attempt(_fit_from, setup, white[0])
     if isinstance(fit, NoModel):
         return fit
     if problem.inputs:  # otherwise slow forces would imitate their effects
@@ -95,7 +95,7 @@ def _fit_some_samples(
     if n_further:
         if not fit.whiteness.is_nearly_white:
             return NoModel((fit.whiteness.to_finding(channels.names),))
-        others = [attempt(_fit_from, posed, start) for start in white[1:STARTS]]
+        others = [attempt(_fit_from, setup, start) for start in white[1:STARTS]]
         fits = [each for each in (fit, *others) if not isinstance(each, NoModel)]
         fit = max(fits, key=lambda each: each.filtered.log_likelihood)
     reads_force = channels.averaged or not set(channels.rates) & set(forced)
@@ -106,19 +106,19 @@ def _fit_some_samples(
     return _with_further_terms(fit, white[0].noise)
 
 
-def _fit_from(posed: ForcedProblem, start: ForcedModel) -> ForcedFit:
+def _fit_from(setup: ForcedProblem, start: ForcedModel) -> ForcedFit:
     with np.errstate(all="ignore"):  # a start without a fit may overflow
-        begin = _with_shared_forces(posed, start) if start.extra_modes.hosts else start
-        return maximise_likelihood(posed, begin, posed.always, correlated=True)
+        begin = _with_shared_forces(setup, start) if start.extra_modes.hosts else start
+        return maximise_likelihood(setup, begin, setup.required, correlated=True)
 
 
-def _with_shared_forces(posed: ForcedProblem, start: ForcedModel) -> ForcedModel:
+def _with_shared_forces(setup: ForcedProblem, start: ForcedModel) -> ForcedModel:
     """Correlate the forces of a start's resonances with others as is likeliest, one by one.
 
     Starting from uncorrelated forces, a fit may exchange the damping of two close modes.
     """
-    best, most = start, posed.filter_recordings(start).log_likelihood
-    for i in range(len(posed.forced), len(start.root)):
+    best, most = start, setup.filter_recordings(start).log_likelihood
+    for i in range(len(setup.forced), len(start.root)):
         for j in range(i):
             held, size = best, np.linalg.norm(best.root[i])
             for share in (-SHARED, SHARED):
@@ -126,7 +126,7 @@ def _with_shared_forces(posed: ForcedProblem, start: ForcedModel) -> ForcedModel
                 root[i, j] = share * size
                 root[i] *= size / np.linalg.norm(root[i])
                 tried = replace(held, root=root)
-                likelihood = posed.filter_recordings(tried).log_likelihood
+                likelihood = setup.filter_recordings(tried).log_likelihood
                 if likelihood > most:
                     best, most = tried, likelihood
     return best
@@ -134,31 +134,31 @@ def _with_shared_forces(posed: ForcedProblem, start: ForcedModel) -> ForcedModel
 
 def _fit_all_samples(some: ForcedFit, recordings: list[Recording]) -> ForcedFit | NoModel:
     """Fit the selected terms to all samples."""
-    penalty = some.posed.penalty
+    penalty = some.setup.penalty
     correlated = forces_are_correlated(some, penalty)
     support = _select_terms(some, penalty)
-    posed = replace(some.posed, recordings=tuple(recordings))
-    fit = maximise_likelihood(posed, posed.restrict(some.model, support), support, correlated)
+    setup = replace(some.setup, recordings=tuple(recordings))
+    fit = maximise_likelihood(setup, setup.restrict(some.model, support), support, correlated)
     if not forces_are_needed(fit, penalty):
         return NoModel((Finding.of(Code.NO_FORCE_NEEDED),))
     if np.any(np.abs(fit.modes.damping) > MOST_DAMPING):
-        left = fit.whiteness.to_finding(posed.channels.names)
+        left = fit.whiteness.to_finding(setup.channels.names)
         return NoModel((Finding.of(Code.NO_OSCILLATION), left))
     return fit
 
 
 def _with_slow_forces(white: ForcedFit, start: ForcedModel) -> ForcedFit:
     """Add slow forces to the white ones, if they improve the fit by more than their penalty."""
-    posed, slow = white.posed, start.slow
-    if not slow or posed.problem.inputs:
+    setup, slow = white.setup, start.slow
+    if not slow or setup.problem.inputs:
         rate = SLOW * white.modes.omega.min()
-        slow = tuple(rate * np.diag(white.model.root)[: len(posed.forced)])
+        slow = tuple(rate * np.diag(white.model.root)[: len(setup.forced)])
         start = replace(white.model, slow=slow, rates=(rate,) * len(slow))
-    fit = attempt(maximise_likelihood, posed, start, white.support, correlated=True)
+    fit = attempt(maximise_likelihood, setup, start, white.support, correlated=True)
     if isinstance(fit, NoModel):
         return white
     gain = fit.filtered.log_likelihood - white.filtered.log_likelihood
-    return fit if 2.0 * gain > posed.penalty * 2 * len(fit.model.slow) else white
+    return fit if 2.0 * gain > setup.penalty * 2 * len(fit.model.slow) else white
 
 
 def _with_further_terms(fit: ForcedFit, noise: np.ndarray) -> ForcedFit:
@@ -168,7 +168,7 @@ def _with_further_terms(fit: ForcedFit, noise: np.ndarray) -> ForcedFit:
     noise: (n_channels,) of the start, from which each fit begins again: the estimate with missing
     terms may be zero.
     """
-    allowed = fit.support | ~fit.posed.always
+    allowed = fit.support | ~fit.setup.required
     for _ in range(MOST_CHOICES):
         if is_exhausted():
             break
@@ -187,8 +187,8 @@ def _with_chosen_terms(fit: ForcedFit, allowed: np.ndarray, noise: np.ndarray) -
     and, if the motion is so large that any nonlinear term is selected, its cubic damping and
     stiffness, which the linear ones would otherwise replace.
     """
-    posed, problem, unit = fit.posed, fit.posed.problem, fit.posed.unit
-    pairs = {velocity: [velocity, i] for i, velocity in posed.channels.pairs.items()}
+    setup, problem, unit = fit.setup, fit.setup.problem, fit.setup.unit
+    pairs = {velocity: [velocity, i] for i, velocity in setup.channels.pairs.items()}
     powers = [
         problem.state_exponents[j][pairs[i]] if i in pairs else (0, 0)
         for i, j in problem.candidates
@@ -196,7 +196,7 @@ def _with_chosen_terms(fit: ForcedFit, allowed: np.ndarray, noise: np.ndarray) -
     damping, stiffness = np.array(powers).T
     damped = (damping == 1) & (problem.degrees == 1)
     cubic = (np.maximum(damping, stiffness) == 3) & (problem.degrees == 3)
-    prices = np.where(posed.always, 0.0, problem.least_prices(posed.penalty))
+    prices = np.where(setup.required, 0.0, problem.least_prices(setup.penalty))
     information, right = fit.normal_equations
     about, support = fit.model.coefficients / unit, allowed.copy()
     apart = problem.selection_offset(fit.model.coefficients) / unit
@@ -211,7 +211,7 @@ def _with_chosen_terms(fit: ForcedFit, allowed: np.ndarray, noise: np.ndarray) -
     free, _ = solve_support(information, right + information @ about, support)
     noise = np.maximum(fit.model.noise, noise)
     start = replace(fit.model, coefficients=free * unit, noise=noise)
-    return maximise_likelihood(posed, start, support, correlated=True)
+    return maximise_likelihood(setup, start, support, correlated=True)
 
 
 def _select_terms(fit: ForcedFit, penalty: float) -> np.ndarray:
@@ -221,9 +221,9 @@ def _select_terms(fit: ForcedFit, penalty: float) -> np.ndarray:
     Terms that couple two coordinates are kept or removed together: in coupled modes each affects
     every damping, even one that is hardly determined by itself.
     """
-    posed, problem, support = fit.posed, fit.posed.problem, fit.support.copy()
-    judged = support & posed.always & (problem.candidate_values(problem.precision) == 0.0)
-    own = {velocity: i for i, velocity in posed.channels.pairs.items()}
+    setup, problem, support = fit.setup, fit.setup.problem, fit.support.copy()
+    judged = support & setup.required & (problem.candidate_values(problem.precision) == 0.0)
+    own = {velocity: i for i, velocity in setup.channels.pairs.items()}
     groups: dict[tuple[int, ...], list[int]] = {}
     for k in np.flatnonzero(judged):
         equation, j = problem.candidates[k]
@@ -235,7 +235,7 @@ def _select_terms(fit: ForcedFit, penalty: float) -> np.ndarray:
         groups.setdefault(coordinates, []).append(int(k))
     place = np.cumsum(support) - 1
     covariance = fit.coefficient_covariance
-    free = fit.model.coefficients / posed.unit
+    free = fit.model.coefficients / setup.unit
     for coordinates, members in groups.items():
         if len(coordinates) == 1:
             continue
@@ -248,9 +248,9 @@ def _select_terms(fit: ForcedFit, penalty: float) -> np.ndarray:
 
 def _first_states(fit: ForcedFit, period: float) -> np.ndarray:
     """Estimate the states at the first samples, (n_recordings, n_states), from those after."""
-    system_model, found = fit.posed.state_space_model(fit.model), []
-    for one in fit.posed.data:
-        lengths = one.steps.lengths[np.maximum(one.steps.of, 0)]
+    system_model, found = fit.setup.state_space_model(fit.model), []
+    for one in fit.setup.data:
+        lengths = one.steps.lengths[np.maximum(one.steps.index, 0)]
         count = int(np.searchsorted(np.cumsum(lengths), START_PERIODS * period))
         found.append(system_model.first_state(one, max(count, 2 * len(system_model.size))))
     return np.array(found)
@@ -266,12 +266,12 @@ def _assess_fit(
     would have. scales: of values that were in unknown units, by name.
     """
     information, _ = some.normal_equations
-    absent = added_deviation(information, fit.support) * fit.posed.unit
+    absent = added_deviation(information, fit.support) * fit.setup.unit
     absent[np.diag(information) == 0.0] = np.nan
-    posed, support = fit.posed, fit.support
-    problem, channels, recordings = posed.problem, posed.channels, posed.recordings
+    setup, support = fit.setup, fit.support
+    problem, channels, recordings = setup.problem, setup.channels, setup.recordings
     model, left = fit.model, fit.whiteness
-    unit = posed.unit[support]
+    unit = setup.unit[support]
     errors = np.full(len(support), np.nan)
     errors[support] = np.sqrt(np.diag(fit.coefficient_covariance)) * unit
     covariance = problem.model_covariance(
@@ -279,11 +279,11 @@ def _assess_fit(
     )
     sigma = np.full((len(recordings), len(problem.states)), np.nan)
     for c, i in enumerate(channels.values):
-        there = [np.isfinite(one.samples[:, c]).any() for one in posed.data]
+        there = [np.isfinite(one.samples[:, c]).any() for one in setup.data]
         sigma[there, i] = model.noise[c]
     of_rates = list(zip(channels.names, model.noise, strict=True))[len(channels.values) :]
-    forces = posed.state_space_model(model).forces
-    resonances = posed.resonances(model, fit.resonance_errors)
+    forces = setup.state_space_model(model).forces
+    resonances = setup.resonances(model, fit.resonance_errors)
     beside = [each.frequency / (2.0 * np.pi) for each in resonances if each.is_mode]
     findings = (
         Finding.of(Code.RANDOM_FORCES),
@@ -296,7 +296,7 @@ def _assess_fit(
         findings=findings,
         standard_errors=problem.on_library(errors, 0.0),
         unconditional_errors=problem.on_library(np.where(support, errors, absent), 0.0),
-        detection_limits=problem.on_library(detection_limits(absent, support, some.posed.penalty)),
+        detection_limits=problem.on_library(detection_limits(absent, support, some.setup.penalty)),
         covariance=covariance,
         known=problem.known_equations,
         initial_states=_first_states(fit, period),
@@ -306,7 +306,7 @@ def _assess_fit(
         resonances=resonances,
         diagnostics={
             "duration": float(sum(np.ptp(each.time) for each in recordings)),
-            **{f"slow_rate_{problem.states[i]}": forces.rates[i] for i in forces.places},
+            **{f"slow_rate_{problem.states[i]}": forces.rates[i] for i in forces.slow_equations},
             "log_likelihood": fit.filtered.log_likelihood,
             "innovations": left.statistic,
             "innovations_allowed": left.allowed,

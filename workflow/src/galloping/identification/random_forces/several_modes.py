@@ -25,15 +25,15 @@ from galloping.identification.random_forces.start import (
 from galloping.model.modes import Modes
 from galloping.recording.samples import Recording
 
-# The filter leaves frequencies up to SWEPT[0] times that of the last mode it keeps unchanged, and
-# its cut-off is at most SWEPT[1] times the frequency of the next mode. WITHIN: places of the cut-
-# off to try between these limits, as shares on a logarithmic scale: far from both or, for broad
-# modes, far from the faster mode.
-SWEPT, WITHIN = (1.04, 0.93), (0.5, 0.1)
-# A mode is a peak of a spectrum of more than STANDS times the median of the frequencies within a
-# factor of AROUND. Noise in means of four bins has such a peak once in ten million. Peaks within a
-# factor of APART count as one mode.
-STANDS, AROUND, APART = 6.0, 1.25, 1.1
+# The filter leaves frequencies up to CUTOFF_LIMITS[0] times that of the last mode it keeps
+# unchanged, and its cut-off is at most CUTOFF_LIMITS[1] times the frequency of the next mode.
+# CUTOFF_SHARES: cut-offs to try between these limits, as shares on a logarithmic scale: far from
+# both or, for broad modes, far from the faster mode.
+CUTOFF_LIMITS, CUTOFF_SHARES = (1.04, 0.93), (0.5, 0.1)
+# A mode is a peak of a spectrum of more than MIN_PEAK times the median of the frequencies within a
+# factor of MEDIAN_FACTOR. Noise in means of four bins has such a peak once in ten million. Peaks
+# within a factor of PEAK_FACTOR count as one mode.
+MIN_PEAK, MEDIAN_FACTOR, PEAK_FACTOR = 6.0, 1.25, 1.1
 MOST_MEDIANS = 2000  # most frequencies of a spectrum at which medians are computed
 # Limits of the next mode's frequency, relative to that of the last one kept. In FAR_APART a filter
 # separates the two; in CLOSE it affects the dampings.
@@ -45,8 +45,8 @@ MOST_EXTRA = 3  # most modes of a model beside those of its coordinates
 # A mode may be two that overlap if its damping ratio exceeds BROAD and innovations are correlated,
 # or their highest line exceeds LESS_WHITE times what chance allows, as in one of three sound
 # models. It is two if noise would cause the rise of the likelihood, at any frequency, at a rate
-# below LIKELIER.
-BROAD, LESS_WHITE, LIKELIER = 0.02, 0.75, 1e-7
+# below SPLIT_RATE.
+BROAD, LESS_WHITE, SPLIT_RATE = 0.02, 0.75, 1e-7
 
 
 @dataclass(frozen=True)
@@ -65,30 +65,27 @@ class ModeSelection:
     faster: tuple[float, ...] = ()
     below: float | None = None
 
-    def has_modes_of(self, found: IdentifiedModel) -> bool:
-        """Decide whether every mode of a model is near the frequency of a selected mode.
+    def has_modes_of(self, identified: IdentifiedModel) -> bool:
+        """Decide whether every mode of a model is near the frequency of a selected mode."""
+        beside = (each.frequency for each in identified.resonances if each.is_mode)
+        omega = np.array([*_linear_modes(identified).omega, *beside])
+        ratios = omega[:, np.newaxis] / (2.0 * np.pi * np.array(self.modes))
+        return bool(np.all(np.abs(np.log(ratios)).min(axis=1) < 1.5 * np.log(PEAK_FACTOR)))
 
-        There is at least one.
-        """
-        beside = (each.frequency for each in found.resonances if each.is_mode)
-        own = np.array([*_linear_modes(found).omega, *beside])
-        ratios = own[:, np.newaxis] / (2.0 * np.pi * np.array(self.modes))
-        return bool(np.all(np.abs(np.log(ratios)).min(axis=1) < 1.5 * np.log(APART)))
-
-    def with_omissions(self, found: IdentifiedModel) -> IdentifiedModel:
+    def with_omissions(self, identified: IdentifiedModel) -> IdentifiedModel:
         """Add to a model a finding that names the frequencies removed by the filter.
 
         The cut-off frequency is added to its diagnostics as `below`.
         """
         if self.below is None:
-            return found
+            return identified
         if self.faster:
             modes = ", ".join(f"{each:.2g}" for each in self.faster)
             left_out = Finding.of(Code.FASTER_MODES_LEFT_OUT, modes=modes, below_hz=self.below)
         else:
             left_out = Finding.of(Code.FASTER_LEFT_OUT, below_hz=self.below)
-        found = replace(found, diagnostics={**found.diagnostics, "below": self.below})
-        return found.with_findings(left_out)
+        diagnostics = {**identified.diagnostics, "below": self.below}
+        return replace(identified, diagnostics=diagnostics).with_findings(left_out)
 
 
 @dataclass(frozen=True)
@@ -126,21 +123,21 @@ class SeveralModes:
         Nothing is yielded if there are no more modes than coordinates. apart: limits of the next
         mode, as multiples of the last of these modes.
         """
-        own = len(self.channels.pairs)
-        return self._selections([own] if len(self.modes) > own else [], apart)
+        count = len(self.channels.pairs)
+        return self._selections([count] if len(self.modes) > count else [], apart)
 
     def more(self) -> Iterator[ModeSelection]:
         """Yield recordings filtered to more modes than there are coordinates, all modes first.
 
-        After all modes come one more than visible, then the slowest. Accelerations show forces
-        beyond all modes, where these are no longer white. Frequencies far beyond are therefore
-        removed, also if there are no more modes than coordinates. The same is done if a mode has
-        many samples in a period.
+        The order is: all modes, one more than visible, then the slowest. Accelerations also show
+        forces at frequencies far above all modes, where forces are not white. These frequencies are
+        therefore removed, even if there are no more modes than coordinates. They are also removed
+        if a mode has many samples in a period.
         """
-        own, every = len(self.channels.pairs), len(self.modes)
-        more = range(own + 1, min(own + MOST_EXTRA, every + 1) + 1)
-        same = [own] if self.channels.rates and own >= every else []
-        counts = [*same, *sorted(more, key=lambda k: (k < every, k))]
+        n, n_modes = len(self.channels.pairs), len(self.modes)
+        more = range(n + 1, min(n + MOST_EXTRA, n_modes + 1) + 1)
+        same = [n] if self.channels.rates and n >= n_modes else []
+        counts = [*same, *sorted(more, key=lambda k: (k < n_modes, k))]
         return self._selections(counts, (1.0, np.inf))
 
     def _selections(
@@ -169,23 +166,23 @@ class SeveralModes:
         return ModeSelection(slow, period, n_further, own, tuple(modes[k:]), below)
 
 
-def may_have_split_mode(found: IdentifiedModel) -> bool:
+def may_have_split_mode(identified: IdentifiedModel) -> bool:
     """Decide whether a mode is so heavily damped that it may be two close modes fitted as one.
 
     The innovations then are less white than those of most sound models. With inputs no further mode
     is sought.
     """
-    if found.model.inputs:
+    if identified.model.inputs:
         return False
     names = ("innovations", "innovations_allowed", "innovations_line", "innovations_line_allowed")
-    statistic, allowed, line, line_allowed = (float(found.diagnostics[name]) for name in names)
-    beside = (each.damping for each in found.resonances if each.is_mode)
-    return max(*_linear_modes(found).damping, *beside) > BROAD and (
+    statistic, allowed, line, line_allowed = (float(identified.diagnostics[name]) for name in names)
+    beside = (each.damping for each in identified.resonances if each.is_mode)
+    return max(*_linear_modes(identified).damping, *beside) > BROAD and (
         statistic > 0.5 * (1.0 + allowed) or line > LESS_WHITE * line_allowed
     )
 
 
-def splits_mode(split: IdentifiedModel, found: IdentifiedModel) -> bool:
+def splits_mode(split: IdentifiedModel, identified: IdentifiedModel) -> bool:
     """Decide whether splitting a mode into two close modes makes a model clearly more likely.
 
     Of two modes that overlap, a broad one in their middle leaves innovations that are nearly white;
@@ -193,9 +190,9 @@ def splits_mode(split: IdentifiedModel, found: IdentifiedModel) -> bool:
     """
     if split.status != "ok" or not all(each.is_mode for each in split.resonances):
         return False
-    before, after = (float(one.diagnostics["log_likelihood"]) for one in (found, split))
-    freedom = 3 + len(found.forces.nonzero()[0]) + len(found.resonances)
-    return bool(2.0 * (after - before) > chdtri(freedom, LIKELIER))
+    before, after = (float(one.diagnostics["log_likelihood"]) for one in (identified, split))
+    freedom = 3 + len(identified.forces.nonzero()[0]) + len(identified.resonances)
+    return bool(2.0 * (after - before) > chdtri(freedom, SPLIT_RATE))
 
 
 def _filter_edges(
@@ -206,17 +203,17 @@ def _filter_edges(
     apart: limits of the next mode, which is removed, as multiples of the last one.
     """
     if 0 < k < len(modes):
-        least, most = SWEPT[0] / FLAT * modes[k - 1], SWEPT[1] * modes[k]
+        least, most = CUTOFF_LIMITS[0] / FLAT * modes[k - 1], CUTOFF_LIMITS[1] * modes[k]
         if least <= most and apart[0] < modes[k] / modes[k - 1] <= apart[1]:
-            for share in WITHIN:
+            for share in CUTOFF_SHARES:
                 yield float(f"{least ** (1.0 - share) * most**share:.3g}")
     elif modes:
         yield float(f"{min(FAR * modes[-1], fastest):.3g}")
 
 
-def _linear_modes(found: IdentifiedModel) -> Modes:
+def _linear_modes(identified: IdentifiedModel) -> Modes:
     """Compute the modes of the linear part of a model."""
-    return found.model.small_motions(np.zeros(len(found.model.states)))
+    return identified.model.small_motions(np.zeros(len(identified.model.states)))
 
 
 def find_peaks(step: float, grids: list[np.ndarray]) -> list[float]:
@@ -225,32 +222,32 @@ def find_peaks(step: float, grids: list[np.ndarray]) -> list[float]:
     step, grids: as of `on_grids`.
     """
     lengths = np.array(list(map(len, grids)))
-    alike = [
+    padded = [
         np.pad(grid, ((0, lengths.max() - len(grid)), (0, 0)), constant_values=np.nan)
         for grid in grids
     ]  # of equal length, so that spectra have the same frequencies
-    omega, powers = estimate_spectra(alike, step)
+    omega, powers = estimate_spectra(padded, step)
     powers = powers.reshape(-1, len(grids), powers.shape[1])
     power = np.average(powers, axis=1, weights=lengths)
     if not len(power):
         return []
     frequency = omega[:: len(grids)] / (2.0 * np.pi)
-    some = frequency
+    centres = frequency
     if len(frequency) > MOST_MEDIANS:  # medians at all frequencies would take a minute
         places = np.geomspace(1, len(frequency), MOST_MEDIANS).astype(int)
-        some = frequency[np.unique(places) - 1]
-    near = neighbour_slices(frequency, some, AROUND)
-    medians = np.array([np.median(power[own], axis=0) for own in near])
-    around = np.array([np.interp(frequency, some, own) for own in medians.T]).T
-    height = np.max(power / np.maximum(around, np.finfo(float).tiny), axis=1)
-    near = neighbour_slices(frequency, frequency, APART)
-    highest = np.array([height[own].max() for own in near])
+        centres = frequency[np.unique(places) - 1]
+    near = neighbour_slices(frequency, centres, MEDIAN_FACTOR)
+    medians = np.array([np.median(power[rows], axis=0) for rows in near])
+    level = np.array([np.interp(frequency, centres, column) for column in medians.T]).T
+    height = np.max(power / np.maximum(level, np.finfo(float).tiny), axis=1)
+    near = neighbour_slices(frequency, frequency, PEAK_FACTOR)
+    highest = np.array([height[rows].max() for rows in near])
     is_resolved = frequency * step * lengths.max() > PERIODS
-    return frequency[is_resolved & (height == highest) & (height > STANDS)].tolist()
+    return frequency[is_resolved & (height == highest) & (height > MIN_PEAK)].tolist()
 
 
-def neighbour_slices(frequency: np.ndarray, about: np.ndarray, times: float) -> list[slice]:
-    """Find the frequencies (n,), increasing, within a factor of `times` of each of `about`."""
-    first = np.searchsorted(frequency, about / times)
-    last = np.searchsorted(frequency, about * times, side="right")
+def neighbour_slices(frequency: np.ndarray, centres: np.ndarray, factor: float) -> list[slice]:
+    """Find the frequencies (n,), increasing, within `factor` of each of `centres`."""
+    first = np.searchsorted(frequency, centres / factor)
+    last = np.searchsorted(frequency, centres * factor, side="right")
     return list(map(slice, first, last))

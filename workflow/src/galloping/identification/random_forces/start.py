@@ -131,11 +131,11 @@ def modes_from_correlations(
 class ExtraModes:
     """Modes for which the model has no coordinate, which act on it as oscillating forces.
 
-    own: (n_resonances, 2) frequencies, rad/s, and damping ratios. onto: (n_resonances, n_forced)
+    oscillators: (n_resonances, 2), rad/s and damping ratio. onto: (n_resonances, n_forced)
     what each adds to the equations with a force; hosts: (n_resonances,) those in which this is one.
     """
 
-    own: np.ndarray
+    oscillators: np.ndarray
     onto: np.ndarray
     hosts: tuple[int, ...]
 
@@ -281,7 +281,7 @@ def estimate_strengths(
     response = channels.response(system, omega)[:, :, list(forced)]
     moved = np.abs(response) ** 2
     columns = list(moved.transpose(2, 0, 1))
-    for (natural, damping), onto in zip(extra_modes.own, extra_modes.onto, strict=True):
+    for (natural, damping), onto in zip(extra_modes.oscillators, extra_modes.onto, strict=True):
         stiffness = natural**2 - omega**2 + 2j * damping * natural * omega
         columns.append(np.abs(response @ onto / stiffness[:, np.newaxis]) ** 2)
     n_white = len(columns)

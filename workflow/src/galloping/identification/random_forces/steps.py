@@ -15,19 +15,19 @@ from galloping.identification.observations import Code
 from galloping.recording.samples import Factor, Input, evaluate_extended
 
 TICKS = 1000  # times are rounded to 1/TICKS of the median step, so that equal steps are one
-FEWEST = 1e-10  # largest condition number of n independent eigenvectors, times machine epsilon
+MAX_CONDITION = 1e-10  # largest condition number of the eigenvectors, times machine epsilon
 
 
 @dataclass(frozen=True)
 class Steps:
     """Time steps between samples, with each distinct length stored once.
 
-    lengths: (n_steps,) s, distinct lengths. of: (n,) index of the step before each sample, -1
+    lengths: (n_steps,) s, distinct lengths. index: (n,) of the step before each sample, -1
     before the first. time: (n,) s. inputs: those of the recording.
     """
 
     lengths: np.ndarray
-    of: np.ndarray
+    index: np.ndarray
     time: np.ndarray
     inputs: tuple[Input, ...] = ()
 
@@ -57,7 +57,7 @@ class Steps:
         return {}
 
     def _input_factors(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
-        halves = 2 * substeps[self.of[1:]]
+        halves = 2 * substeps[self.index[1:]]
         if not factors:
             return np.empty((halves.sum() // 2 * 3 + 1, 0))
         begins = np.cumsum(halves) - halves
@@ -83,8 +83,9 @@ def discretise(
     n), G. Raises IdentificationError if A has too few eigenvectors, as at critical damping.
     """
     values, vectors = np.linalg.eig(system)
-    alike = vectors / np.linalg.norm(vectors, axis=1)[:, np.newaxis]  # in any units of the states
-    if np.linalg.cond(alike / np.linalg.norm(alike, axis=0)) * np.finfo(float).eps > FEWEST:
+    scaled = vectors / np.linalg.norm(vectors, axis=1)[:, np.newaxis]  # in any units of the states
+    scaled = scaled / np.linalg.norm(scaled, axis=0)
+    if np.linalg.cond(scaled) * np.finfo(float).eps > MAX_CONDITION:
         raise IdentificationError(Code.MODES_ALIKE)
     inverse = np.linalg.inv(vectors)
     moved = np.exp(values * lengths[:, np.newaxis])
@@ -100,15 +101,15 @@ def discretise(
 
 
 def append_mean_rates(
-    transitions: np.ndarray, disturbances: np.ndarray, lengths: np.ndarray, of: Sequence[int]
+    transitions: np.ndarray, disturbances: np.ndarray, lengths: np.ndarray, states: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Add the mean rates of some states over each step to a discretised linear system.
 
-    of: indices of the states. Returns transitions and covariances with these rates appended.
+    states: their indices. Returns transitions and covariances with these rates appended.
     """
     unit, length = np.eye(transitions.shape[1]), lengths[:, np.newaxis, np.newaxis]
-    rates = (transitions[:, of] - unit[of]) / length
+    rates = (transitions[:, states] - unit[states]) / length
     moved = np.concatenate([transitions, rates], axis=1)
-    wider = np.concatenate([moved, np.zeros((*moved.shape[:2], len(of)))], axis=2)
-    onto = np.concatenate([np.broadcast_to(unit, transitions.shape), unit[of] / length], axis=1)
+    wider = np.concatenate([moved, np.zeros((*moved.shape[:2], len(states)))], axis=2)
+    onto = np.concatenate([np.broadcast_to(unit, transitions.shape), unit[states] / length], axis=1)
     return wider, np.ascontiguousarray(onto @ disturbances @ onto.transpose(0, 2, 1))

@@ -25,10 +25,10 @@ from galloping.model.polynomial import PolynomialModel, exponent_matrix
 from galloping.recording.samples import Recording
 from galloping.trajectory.right_hand_side import Tables, make_tables
 
-# Standard deviation of the first state, relative to the motion: DIFFUSE for a linear system, NEAR
-# for a nonlinear one, which is linearised at its expected state. With 1e3 the samples outweigh it
-# by 1e6 in squares, and ten of the sixteen digits of a covariance are left.
-DIFFUSE, NEAR = 1e3, 3.0
+# Standard deviation of the first state, relative to the motion: DIFFUSE for a linear system,
+# DIFFUSE_NONLINEAR for a nonlinear one, which is linearised at its expected state. With 1e3 the
+# samples outweigh it by 1e6 in squares, and ten of the sixteen digits of a covariance are left.
+DIFFUSE, DIFFUSE_NONLINEAR = 1e3, 3.0
 # Integration steps of a nonlinear system in its shortest period. With the method of fourth order, a
 # frequency then errs by 2e-4 of itself, and a damping ratio by 6e-5.
 SUBSTEPS = 16
@@ -93,15 +93,17 @@ class Forces:
     resonances: tuple[Resonance, ...] = ()
 
     @cached_property
-    def places(self) -> np.ndarray:
+    def slow_equations(self) -> np.ndarray:
         """Indices of the equations with a slowly varying force, (n_slow,)."""
         return np.flatnonzero(np.diag(self.slow))
 
     @classmethod
-    def from_model(cls, found: IdentifiedModel) -> "Forces":
+    def from_model(cls, identified: IdentifiedModel) -> "Forces":
         """Extract the random forces of an identified model."""
-        rates = [found.diagnostics.get(f"slow_rate_{s}", 1.0) for s in found.model.states]
-        return cls(found.forces, found.slow_forces, np.array(rates), found.resonances)
+        rates = [identified.diagnostics.get(f"slow_rate_{s}", 1.0) for s in identified.model.states]
+        return cls(
+            identified.forces, identified.slow_forces, np.array(rates), identified.resonances
+        )
 
     def density(self, omega: float) -> np.ndarray:
         """Compute the two-sided spectral density of the forces at a frequency in rad/s.
@@ -116,8 +118,8 @@ class Forces:
 class StateSpaceModel:
     """Equations of motion with random forces and sensor noise, as used by the Kalman filter.
 
-    noise: (n_channels,) deviations of a sample. size: (n_states,) of the motion. held: means of the
-    inputs, at which the linear part is computed. With slow forces, the filter includes these.
+    noise: (n_channels,) deviations of a sample. size: (n_states,) of the motion. input_means: those
+    at which the linear part is computed. With slow forces, the filter includes these.
     Raises IdentificationError if the model has no equilibrium.
     """
 
@@ -126,12 +128,12 @@ class StateSpaceModel:
     channels: Channels
     noise: np.ndarray
     size: np.ndarray
-    held: Mapping[str, float] = field(default_factory=dict)
+    input_means: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def steady(self) -> PolynomialModel:
         """The equations of motion with all inputs fixed at their means."""
-        return self.model.at(self.held) if self.held else self.model
+        return self.model.at(self.input_means) if self.input_means else self.model
 
     @cached_property
     def system(self) -> np.ndarray:
@@ -144,7 +146,7 @@ class StateSpaceModel:
         return self.steady.small_motions(np.zeros(len(self.size)))
 
     @cached_property
-    def rest(self) -> np.ndarray:
+    def equilibrium(self) -> np.ndarray:
         """Equilibrium of the linear part of the equations, (n_states,)."""
         if np.linalg.det(self.system) == 0.0:
             raise IdentificationError(Code.STIFFNESS_UNDETERMINED)
@@ -156,8 +158,8 @@ class StateSpaceModel:
 
         Both are (m, m); the covariance per second is that of the white forces.
         """
-        n, places, resonances = len(self.rest), self.forces.places, self.forces.resonances
-        p, r = n + len(places), len(resonances)
+        n, places = len(self.equilibrium), self.forces.slow_equations
+        p, r = n + len(places), len(self.forces.resonances)
         m = p + 2 * r
         system, white = np.zeros((m, m)), np.zeros((m, m))
         system[:n, :n], white[:n, :n] = self.system, self.forces.white
@@ -165,7 +167,7 @@ class StateSpaceModel:
         system[n:p, n:p] = -np.diag(self.forces.rates[places])
         white[n:p, n:p] = self.forces.slow[np.ix_(places, places)]
         driven = [*range(n), *range(p + r, m)]
-        for k, one in enumerate(resonances):
+        for k, one in enumerate(self.forces.resonances):
             force, rate = p + k, p + r + k
             system[:n, force], system[force, rate] = one.onto, 1.0
             system[rate, force] = -np.square(one.frequency)  # infinite after too long a step
@@ -186,7 +188,7 @@ class StateSpaceModel:
 
         Shape (m,), as of `augmented_system`.
         """
-        return np.append(self.rest, np.zeros(len(self.augmented_system[0]) - len(self.rest)))
+        return np.pad(self.equilibrium, (0, len(self.augmented_system[0]) - len(self.size)))
 
     @property
     def first_covariance(self) -> np.ndarray:
@@ -195,12 +197,12 @@ class StateSpaceModel:
         Shape (m, m), as of `augmented_system`.
         """
         slow = np.diag(self.forces.slow) / (2.0 * self.forces.rates)
-        within = (DIFFUSE if self.is_linear else NEAR) * self.size
-        p, resonances = len(self.size) + len(self.forces.places), self.forces.resonances
+        within = (DIFFUSE if self.is_linear else DIFFUSE_NONLINEAR) * self.size
+        p, resonances = len(self.size) + len(self.forces.slow_equations), self.forces.resonances
         decay = np.array([2.0 * each.damping * each.frequency for each in resonances])
         of_rates = np.diag(self.augmented_system[1])[p + len(resonances) :] / (2.0 * decay)
         of_forces = of_rates / np.array([each.frequency**2 for each in resonances])
-        variances = [within**2, slow[self.forces.places], of_forces, of_rates]
+        variances = [within**2, slow[self.forces.slow_equations], of_forces, of_rates]
         return np.diag(np.concatenate(variances))
 
     @property
@@ -243,14 +245,14 @@ class StateSpaceModel:
         of `terms`. Raises IdentificationError if a pass takes more than all the work of a search,
         or if the system is much faster than its samples.
         """
-        m, kept = len(self.augmented_system[0]), np.array(self.channels.kept, int)
+        m, lagged = len(self.augmented_system[0]), np.array(self.channels.lagged, int)
         given = self.first_mean, self.first_covariance, self.augmented_system[1]
-        x, p, white = (np.pad(each, (0, len(kept))) for each in given)
+        x, p, white = (np.pad(each, (0, len(lagged))) for each in given)
         exponents, coefficients = self.equations(terms)
-        exponents = np.insert(exponents, np.full(len(kept), m), 0, axis=1)
-        coefficients = np.pad(coefficients, ((0, len(kept)), (0, 0)))
+        exponents = np.insert(exponents, np.full(len(lagged), m), 0, axis=1)
+        coefficients = np.pad(coefficients, ((0, len(lagged)), (0, 0)))
         innovations, variances, means, slopes = self._run_extended_filter(
-            data, exponents, coefficients, white, x, p, candidates, kept
+            data, exponents, coefficients, white, x, p, candidates, lagged
         )
         return self._make_result(data, innovations, variances, means, x, p), slopes
 
@@ -263,23 +265,23 @@ class StateSpaceModel:
         return FilterResult(innovations, variances, means[:, :n], x[:m], p[:m, :m], count)
 
     def _run_extended_filter(
-        self, data: SampledChannels, exponents, coefficients, white, x, p, candidates, kept
+        self, data: SampledChannels, exponents, coefficients, white, x, p, candidates, lagged
     ):
         channels, steps = self.channels, data.steps
         sensed = np.array([*channels.values, *channels.rates])
         is_rate = np.arange(len(sensed)) >= len(channels.values)
         counts = self.substeps(steps.lengths)
         each = OF_STEP + OF_TERM * exponents.size + OF_SLOPE * len(candidates) * len(x) ** 2
-        seconds = counts[steps.of].sum() * each
-        quick = np.median(counts[steps.of]) > MOST_SUBSTEPS
+        seconds = counts[steps.index].sum() * each
+        quick = np.median(counts[steps.index]) > MOST_SUBSTEPS
         if quick or seconds > work_limit(len(data.samples)):
             raise IdentificationError(Code.MOTION_TOO_QUICK)
         count_work(seconds)
         return extended_filter(
-            data.samples, steps.of, steps.lengths, counts,
+            data.samples, steps.index, steps.lengths, counts,
             steps.input_factors(counts, self._tables.factors), exponents,
             tabulate_monomial_derivatives(exponents, len(x)), coefficients, white, sensed, is_rate,
-            kept, self.noise**2, x, p, candidates,
+            lagged, self.noise**2, x, p, candidates,
         )  # fmt: skip
 
     def simulate(self, x: np.ndarray, steps: Steps, rng: np.random.Generator) -> np.ndarray:
@@ -288,9 +290,9 @@ class StateSpaceModel:
         x: (m,) initial states and slow forces. Returns (n, n_states).
         """
         counts = self.substeps(steps.lengths)
-        noise = rng.standard_normal((counts[steps.of[1:]].sum(), len(x)))
+        noise = rng.standard_normal((counts[steps.index[1:]].sum(), len(x)))
         states = random_motion(
-            x, steps.of[1:], steps.lengths, counts,
+            x, steps.index[1:], steps.lengths, counts,
             steps.input_factors(counts, self._tables.factors), *self.equations(),
             covariance_root(self.augmented_system[1]), noise,
         )  # fmt: skip
@@ -305,22 +307,24 @@ class StateSpaceModel:
             return self.filter_extended(data, np.zeros((0, 2), np.int64))[0]
         (system, white), lengths = self.augmented_system, data.steps.lengths
         transitions, disturbances = discretise(system, white, lengths)
-        values, kept = list(self.channels.values), list(self.channels.kept)
+        values, lagged = list(self.channels.values), list(self.channels.lagged)
         sensing = self.channels.sensing(system)
-        at_rest = np.append(self.rest[values], np.zeros(len(self.channels.rates)))
-        if kept:
-            transitions, disturbances = append_mean_rates(transitions, disturbances, lengths, kept)
+        offsets = np.append(self.equilibrium[values], np.zeros(len(self.channels.rates)))
+        if lagged:
+            transitions, disturbances = append_mean_rates(
+                transitions, disturbances, lengths, lagged
+            )
             m = len(system)
-            sensing = np.eye(m + len(kept))[[*values, *range(m, m + len(kept))]]
-        p, n = np.pad(self.first_covariance, (0, len(kept))), len(self.rest)
+            sensing = np.eye(m + len(lagged))[[*values, *range(m, m + len(lagged))]]
+        p, n = np.pad(self.first_covariance, (0, len(lagged))), len(self.equilibrium)
         x = np.zeros(len(p))
         count_work(FILTER + OF_STATE * len(data.samples) * len(p))
         innovations, variances, means = kalman_filter(
-            data.samples - at_rest, data.steps.of, transitions, disturbances, sensing,
+            data.samples - offsets, data.steps.index, transitions, disturbances, sensing,
             self.noise**2, x, p,
         )  # fmt: skip
-        x[:n] += self.rest
-        means[:, :n] += self.rest
+        x[:n] += self.equilibrium
+        means[:, :n] += self.equilibrium
         return self._make_result(data, innovations, variances, means, x, p)
 
     def first_state(self, data: SampledChannels, count: int) -> np.ndarray:
@@ -342,7 +346,7 @@ class StateSpaceModel:
         doubled = np.zeros((2 * m, 2 * m))
         doubled[:m, :m] = self.augmented_system[1]
         x, p = np.tile(self.first_mean, 2), np.kron(np.ones((2, 2)), self.first_covariance)
-        steps = replace(steps, of=steps.of[:count], time=steps.time[:count])
+        steps = replace(steps, index=steps.index[:count], time=steps.time[:count])
         self._run_extended_filter(
             SampledChannels(data.samples[:count], steps),
             np.hstack([states, np.zeros_like(states), factors]),

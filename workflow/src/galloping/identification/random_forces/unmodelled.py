@@ -7,7 +7,7 @@ import numpy as np
 from galloping.identification.observations import Code, Finding
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.several_modes import (
-    APART,
+    PEAK_FACTOR,
     PERIODS,
     find_peaks,
     neighbour_slices,
@@ -15,15 +15,15 @@ from galloping.identification.random_forces.several_modes import (
 from galloping.identification.random_forces.start import above_noise, estimate_spectra, on_grids
 from galloping.recording.samples import Recording
 
-BEYOND = 3.5  # least ratio to a coordinate's main frequency: cubic terms cause motion at three
-MUCH = 0.2  # least share of a velocity's power that the faster peaks have
-LEAKS = 2.0  # factor on the estimated leakage by gaps, some of which is larger by chance
-NAMED = 3  # most frequencies that are named for a coordinate
+MIN_RATIO = 3.5  # least ratio to a coordinate's main frequency: cubic terms cause motion at three
+MIN_SHARE = 0.2  # least share of a velocity's power that the faster peaks have
+LEAKAGE_FACTOR = 2.0  # on the estimated leakage by gaps: some of it is larger by chance
+MAX_NAMED = 3  # most frequencies that are named for a coordinate
 
 
 def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
     """Find fast modes for which recordings have no coordinate, and return a finding for each."""
-    channels, found = Channels.from_recordings(recordings), []
+    channels, findings = Channels.from_recordings(recordings), []
     if not channels.names:  # a line that diverged has no motion
         return []
     step, grids = on_grids(recordings)
@@ -31,29 +31,30 @@ def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
     power = above_noise(power)
     slowest = 2.0 * np.pi * PERIODS / (step * max(map(len, grids)))  # rad/s; slower is a drift
     for i in channels.pairs:
-        if not (shown := channels.derivatives(i)):
+        if not (derivatives := channels.derivatives(i)):
             continue
-        channel, order = shown[0]
+        channel, order = derivatives[0]
         exponent = 2.0 - 2.0 * order
         velocity = power[:, channel] * omega**exponent
         if not np.any(velocity):
             continue
         main = omega[np.argmax(np.where(omega < slowest, 0.0, velocity / omega))]
-        leaks = LEAKS * _leakage_of_gaps(grids, step, channel, main) * omega**exponent
-        faster = np.where(omega > BEYOND * main, np.maximum(velocity - leaks, 0.0), 0.0)
+        leaks = LEAKAGE_FACTOR * _leakage_of_gaps(grids, step, channel, main) * omega**exponent
+        faster = np.where(omega > MIN_RATIO * main, np.maximum(velocity - leaks, 0.0), 0.0)
         peaks = 2.0 * np.pi * np.array(find_peaks(step, [grid[:, [channel]] for grid in grids]))
-        about = [faster[own].sum() for own in neighbour_slices(omega, peaks, APART)]
-        named = sorted(zip(about, peaks, strict=True))[-NAMED:]
-        if sum(own for own, _ in named) < MUCH * velocity.sum():
+        near = neighbour_slices(omega, peaks, PEAK_FACTOR)
+        powers = [faster[rows].sum() for rows in near]
+        named = sorted(zip(powers, peaks, strict=True))[-MAX_NAMED:]
+        if sum(peak_power for peak_power, _ in named) < MIN_SHARE * velocity.sum():
             continue
-        found += [
+        findings += [
             Finding.of(
                 Code.MORE_MODES, channels.states[i], frequency_hz=peak / (2.0 * np.pi),
                 own_hz=main / (2.0 * np.pi),
             )
-            for own, peak in sorted(named, key=itemgetter(1)) if own > 0.0
+            for peak_power, peak in sorted(named, key=itemgetter(1)) if peak_power > 0.0
         ]  # fmt: skip
-    return found
+    return findings
 
 
 def _leakage_of_gaps(grids: list[np.ndarray], step: float, channel: int, main: float) -> np.ndarray:
@@ -64,10 +65,10 @@ def _leakage_of_gaps(grids: list[np.ndarray], step: float, channel: int, main: f
     """
     known = [np.isfinite(grid[:, [channel]]) for grid in grids]
     size = np.sqrt(2.0) * np.nanstd(np.concatenate(grids)[:, channel])
-    of_phases = []
+    spectra = []
     for phase in (0.0, np.pi / 2.0):
-        moved = [size * np.cos(main * step * np.arange(len(own)) + phase) for own in known]
-        pairs = zip(known, moved, strict=True)
-        swings = [np.where(own, each[:, np.newaxis], np.nan) for own, each in pairs]
-        of_phases.append(estimate_spectra(swings, step)[1][:, 0])
-    return np.mean(of_phases, axis=0)
+        waves = [size * np.cos(main * step * np.arange(len(rows)) + phase) for rows in known]
+        pairs = zip(known, waves, strict=True)
+        masked = [np.where(rows, wave[:, np.newaxis], np.nan) for rows, wave in pairs]
+        spectra.append(estimate_spectra(masked, step)[1][:, 0])
+    return np.mean(spectra, axis=0)
