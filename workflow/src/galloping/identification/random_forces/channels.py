@@ -67,12 +67,12 @@ class Channels:
         """
         columns = [recording.values[:, i] for i in self.values]
         steps = np.diff(recording.time, prepend=-np.inf)
-        apart = self.averaged & (steps > ADJACENT * np.median(steps))
+        is_after_gap = self.averaged & (steps > ADJACENT * np.median(steps))
         for i in self.rates:
             rate = sampled_rates(recording)[:, i]
             if recording.unknown_offsets is not None and recording.unknown_offsets[i]:
                 rate = without_drift(recording.time, rate)
-            columns.append(np.where(apart, np.nan, rate))
+            columns.append(np.where(is_after_gap, np.nan, rate))
         return np.array(columns).T
 
     def sensing(self, system: np.ndarray) -> np.ndarray:
@@ -90,12 +90,12 @@ class Channels:
         (n,), rad/s.
         """
         unit = np.eye(len(system))
-        at = 1j * omega[:, np.newaxis, np.newaxis]
-        sensed = np.broadcast_to(self.sensing(system), (len(omega), len(self.names), len(unit)))
+        s = 1j * omega[:, np.newaxis, np.newaxis]
+        sensing = np.broadcast_to(self.sensing(system), (len(omega), len(self.names), len(unit)))
         if self.averaged:
-            rates = at * unit[list(self.rates)]
-            sensed = np.concatenate([sensed[:, : len(self.values)], rates], axis=1)
-        return sensed @ np.linalg.inv(at * unit - system)
+            rates = s * unit[list(self.rates)]
+            sensing = np.concatenate([sensing[:, : len(self.values)], rates], axis=1)
+        return sensing @ np.linalg.inv(s * unit - system)
 
     def derivatives(self, i: int) -> list[tuple[int, int]]:
         """List the channels that measure a coordinate or a derivative of it.
@@ -108,35 +108,36 @@ class Channels:
         rates = [(self.rates.index(state), n) for state, n in states if state in self.rates]
         return values + [(len(self.values) + place, n + 1) for place, n in rates]
 
-    def displacement(self, i: int, rates: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    def displacement(self, i: int, rates: np.ndarray, shapes: np.ndarray) -> np.ndarray:
         """Compute a coordinate's displacement in each mode from the mode shapes of the channels.
 
-        i: index of the coordinate. Returns (n_modes,). rates: (n_modes,) eigenvalues, 1/s. seen:
-        (n_channels, n_modes) shapes of the channels. Raises IdentificationError if no channel
+        i: index of the coordinate. Returns (n_modes,). rates: (n_modes,) eigenvalues, 1/s. shapes:
+        (n_channels, n_modes) of the channels. Raises IdentificationError if no channel
         measures this coordinate.
         """
         if not (derivatives := self.derivatives(i)):
             raise IdentificationError(Code.NOT_SENSED, self.states[i])
         channel, order = derivatives[0]
-        return seen[channel] / rates**order
+        return shapes[channel] / rates**order
 
-    def system_with_modes(self, rates: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    def system_with_modes(self, rates: np.ndarray, shapes: np.ndarray) -> np.ndarray:
         """Compute the matrix of the linear system with given modes, one for each coordinate.
 
-        Returns (n_states, n_states). rates: (n_coordinates,) eigenvalues, 1/s. seen: (n_channels,
-        n_coordinates) shapes of the channels, in any unit. Raises IdentificationError if a
+        Returns (n_states, n_states). rates: (n_coordinates,) eigenvalues, 1/s. shapes: (n_channels,
+        n_coordinates) of the channels, in any unit. Raises IdentificationError if a
         coordinate is in no channel, or the shapes are nearly dependent.
         """
         coordinates, velocities = list(self.pairs), list(self.pairs.values())
-        moved = np.array([self.displacement(i, rates, seen) for i in coordinates])
-        both, moved = np.append(rates, rates.conj()), np.hstack([moved, moved.conj()])
-        basis = np.vstack([moved, moved * both])
-        scaled = np.vstack([moved, moved * both / np.abs(both).mean()])
+        displacements = np.array([self.displacement(i, rates, shapes) for i in coordinates])
+        values = np.append(rates, rates.conj())
+        displacements = np.hstack([displacements, displacements.conj()])
+        basis = np.vstack([displacements, displacements * values])
+        scaled = np.vstack([displacements, displacements * values / np.abs(values).mean()])
         if not np.linalg.cond(scaled / np.linalg.norm(scaled, axis=0)) < MAX_CONDITION:
             raise IdentificationError(Code.NO_OSCILLATION)
         order = coordinates + velocities
         system = np.zeros((len(order),) * 2)
-        system[np.ix_(order, order)] = (basis * both @ np.linalg.inv(basis)).real
+        system[np.ix_(order, order)] = (basis * values @ np.linalg.inv(basis)).real
         system[coordinates] = 0.0
         system[coordinates, velocities] = 1.0
         return system

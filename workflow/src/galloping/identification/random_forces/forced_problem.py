@@ -140,8 +140,8 @@ class ForcedProblem:
         degrees = np.where(self.required, self.problem.degrees, -1)[places]
         for n in np.flatnonzero(degrees == 0):
             for m in np.flatnonzero((equations == equations[n]) & (degrees == 1)):
-                at = self.middle @ terms[self.problem.candidates[places[m], 1]]
-                centring[n, m] = at * self.unit[places[m]] / self.unit[places[n]]
+                value = self.middle @ terms[self.problem.candidates[places[m], 1]]
+                centring[n, m] = value * self.unit[places[m]] / self.unit[places[n]]
         return centring
 
     def restrict(self, model: ForcedModel, support: np.ndarray) -> ForcedModel:
@@ -179,7 +179,7 @@ class ForcedProblem:
         errors: (n_resonances, 2) standard errors, as in `Resonance`.
         """
         n, f, drives = len(self.size), len(self.forced), model.root @ model.root.T
-        extra, found = model.extra_modes, []
+        extra, resonances = model.extra_modes, []
         errors = np.full(extra.oscillators.shape, np.nan) if errors is None else errors
         for k, (frequency, damping) in enumerate(extra.oscillators.tolist()):
             onto, drive = np.zeros(n), np.zeros(n + len(extra.oscillators))
@@ -187,8 +187,8 @@ class ForcedProblem:
             drive[n:] = drives[f + k, f:]
             deviations = float(errors[k, 0]), float(errors[k, 1])
             parts = deviations, tuple(onto.tolist()), tuple(drive.tolist())
-            found.append(Resonance(frequency, damping, *parts))
-        return tuple(found)
+            resonances.append(Resonance(frequency, damping, *parts))
+        return tuple(resonances)
 
     def normal_equations(self, model: ForcedModel) -> tuple[np.ndarray, np.ndarray]:
         """Compute normal equations for changes of the coefficients from the innovations.
@@ -213,8 +213,10 @@ class ForcedProblem:
             right -= scaled.T @ (filtered.innovations[known] / root)
         if not np.all(np.isfinite(information)):
             raise FloatingPointError("the slopes of the innovations diverge")
-        prior, pull = self.problem.with_prior(np.zeros((n, n)), np.zeros(n), model.coefficients)
-        return information + prior * np.outer(self.unit, self.unit), right + pull * self.unit
+        prior, prior_right = self.problem.with_prior(
+            np.zeros((n, n)), np.zeros(n), model.coefficients
+        )
+        return information + prior * np.outer(self.unit, self.unit), right + prior_right * self.unit
 
     def filter_recordings(self, model: ForcedModel) -> Innovations:
         """Run the Kalman filter of a model over all recordings, and return the innovations."""
@@ -228,10 +230,10 @@ class ForcedProblem:
         """Convert priors of coefficients to samples, relative to a model."""
         problem = self.problem
         mean, precision = map(problem.candidate_values, (problem.expected, problem.precision))
-        given, none = np.flatnonzero(precision), np.empty(0)
-        error, variance = np.full((2, len(given), len(self.channels.names)), np.nan)
-        error[:, 0], variance[:, 0] = (mean - model.coefficients)[given], 1.0 / precision[given]
-        return FilterResult(error, variance, none, none, none, len(given))
+        priors, none = np.flatnonzero(precision), np.empty(0)
+        error, variance = np.full((2, len(priors), len(self.channels.names)), np.nan)
+        error[:, 0], variance[:, 0] = (mean - model.coefficients)[priors], 1.0 / precision[priors]
+        return FilterResult(error, variance, none, none, none, len(priors))
 
 
 def make_forced_problem(
@@ -256,7 +258,7 @@ def make_forced_problem(
     as_means = replace(setup, channels=replace(channels, averaged=True))
     kinds = [setup, as_means] if channels.rates else [setup]
     frequencies, power = estimate_spectra(grids, step)
-    found = []
+    starts = []
     for system, extra_modes in find_linear_systems(channels, grids, step, period, n_further):
         free = _initial_coefficients(setup, system, factors)
         rate = SLOW * Modes.of(system).omega.min()
@@ -271,12 +273,12 @@ def make_forced_problem(
             )  # fmt: skip
             likelihood = kind.filter_recordings(model).log_likelihood
             if np.isfinite(likelihood):
-                found.append((likelihood, kind, model))
-    if not found:
+                starts.append((likelihood, kind, model))
+    if not starts:
         raise IdentificationError(Code.NO_OSCILLATION)
-    found.sort(key=lambda each: -each[0])
-    best = found[0][1]
-    return best, [model for _, kind, model in found if kind is best]
+    starts.sort(key=lambda start: -start[0])
+    best = starts[0][1]
+    return best, [model for _, kind, model in starts if kind is best]
 
 
 def _scaled_problem(
@@ -290,16 +292,16 @@ def _scaled_problem(
 
     period: s, the shortest of the motion. factors: as of `_input_factor_moments`.
     """
-    channels, (about, largest) = Channels.from_recordings(recordings), factors
+    channels, (means, rms) = Channels.from_recordings(recordings), factors
     size, mean, deviation = motion_sizes(recordings, channels, period)
-    moved = np.prod(size**problem.state_exponents, axis=1) * largest
-    unit = np.array([2.0 * np.pi / period * size[i] / moved[j] for i, j in problem.candidates])
+    sizes = np.prod(size**problem.state_exponents, axis=1) * rms
+    unit = np.array([2.0 * np.pi / period * size[i] / sizes[j] for i, j in problem.candidates])
     middle = np.zeros(len(problem.states))
     middle[list(channels.values)] = mean[: len(channels.values)]
     middle[list(channels.pairs.values())] = 0.0
     return ForcedProblem(
         problem, channels, forced, size, unit,
-        _linear_candidates(problem, np.abs(about) > MIN_STEADINESS * largest), middle,
+        _linear_candidates(problem, np.abs(means) > MIN_STEADINESS * rms), middle,
         LEAST_NOISE * deviation, tuple(recordings), mean_inputs(problem.inputs, recordings),
     )  # fmt: skip
 
@@ -311,12 +313,12 @@ def _initial_coefficients(
 
     system: (n_states, n_states). factors: as of `_input_factor_moments`.
     """
-    problem, powers, (about, largest) = setup.problem, setup.problem.state_exponents, factors
-    alike = np.all(powers[:, np.newaxis] == powers, axis=2)
+    problem, powers, (means, rms) = setup.problem, setup.problem.state_exponents, factors
+    has_same_states = np.all(powers[:, np.newaxis] == powers, axis=2)
     expected, known = problem.candidate_values(problem.expected), problem.known + problem.expected
     constant = -(system @ setup.middle)[:, np.newaxis]
     rows = np.where(powers.sum(axis=1) > 0, system @ powers.T, constant)
-    rows = (rows - (about * known) @ alike) / np.where(about == 0.0, largest, about)
+    rows = (rows - (means * known) @ has_same_states) / np.where(means == 0.0, rms, means)
     free = np.where(setup.required, problem.candidate_values(rows), 0.0)
     return np.where(problem.candidate_values(problem.precision) > 0.0, expected, free)
 
@@ -325,23 +327,23 @@ def _input_factor_moments(
     problem: Problem, recordings: list[Recording]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute mean and root mean square, (n_terms,), of each term's input factor, 1 if none."""
-    own = [inputs_at_times(tuple(each.inputs.values()), each.time) for each in recordings]
+    inputs = [inputs_at_times(tuple(each.inputs.values()), each.time) for each in recordings]
     of_inputs = tuple(term[len(problem.states) :] for term in problem.terms)
-    factors = design_matrix(np.concatenate(own), of_inputs)
+    factors = design_matrix(np.concatenate(inputs), of_inputs)
     return factors.mean(axis=0), np.sqrt(np.mean(factors**2, axis=0))
 
 
-def _linear_candidates(problem: Problem, steady: np.ndarray) -> np.ndarray:
+def _linear_candidates(problem: Problem, is_steady: np.ndarray) -> np.ndarray:
     """Find the terms, (n_candidates,), of the linear equations, and those with a prior.
 
-    Of terms that differ only in their inputs, it is the one with the lowest powers of the steadiest
-    inputs: steady, (n_terms,).
+    Of terms that differ only in their inputs, only the one with the lowest powers of steady inputs
+    counts. is_steady: (n_terms,) whether the input factor of a term is steady.
     """
     required = problem.candidate_values(problem.precision) > 0.0
     simplest: dict[tuple[int, ...], list[tuple[int, int]]] = {}
     for k, (i, j) in enumerate(problem.candidates):
-        if problem.degrees[k] <= 1 and steady[j]:
+        if problem.degrees[k] <= 1 and is_steady[j]:
             powers = sum(map(abs, problem.terms[j][len(problem.states) :]))
             simplest.setdefault((i, *problem.state_exponents[j]), []).append((powers, k))
-    required[[min(alike)[1] for alike in simplest.values()]] = True
+    required[[min(candidates)[1] for candidates in simplest.values()]] = True
     return required

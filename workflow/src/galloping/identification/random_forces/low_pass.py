@@ -28,8 +28,8 @@ def apply_model_filter(identified: IdentifiedModel, recordings: list[Recording])
     below = float(identified.diagnostics.get("below", 0.0))
     if not below:
         return recordings
-    slowly = (1.0 - TIME_ROUNDING) * _filtered_step(below)
-    if all(each.step > slowly for each in recordings):
+    filtered_step = (1.0 - TIME_ROUNDING) * _filtered_step(below)
+    if all(each.step > filtered_step for each in recordings):
         return recordings
     return low_pass_recordings(recordings, below)
 
@@ -39,15 +39,15 @@ def low_pass_recordings(recordings: list[Recording], below: float) -> list[Recor
 
     below: cut-off frequency, Hz. Raises IdentificationError if no recording remains.
     """
-    left, errors = [], []
+    filtered, errors = [], []
     for each in recordings:
         try:
-            left.append(low_pass_recording(each, below))
+            filtered.append(low_pass_recording(each, below))
         except IdentificationError as error:
             errors.append(error)
-    if not left:
+    if not filtered:
         raise errors[-1]
-    return left
+    return filtered
 
 
 def _filtered_step(below: float) -> float:
@@ -58,63 +58,64 @@ def _filtered_step(below: float) -> float:
 def low_pass_recording(recording: Recording, below: float) -> Recording:
     """Low-pass filter a recording at the frequency `below`, Hz, and lower its sampling rate.
 
-    Components slower than FLAT of it are unchanged, and white noise stays white: the filter is a
-    root raised cosine, and a step is half a period of the frequency in the middle of its edge (J.
-    G. Proakis and M. Salehi, Digital Communications, 2008, section 9.2). There are no samples
-    within REACH steps of the ends and of gaps. Raises IdentificationError if nothing is left,
-    the samples are no faster, or the values are exact.
+    Components below the share FLAT of this frequency are unchanged, and white noise stays white:
+    the filter is a root raised cosine, and the new time step is half a period of the frequency in
+    the middle of its edge (J. G. Proakis and M. Salehi, Digital Communications, 2008, section 9.2).
+    No sample within REACH steps of an end or a gap remains. Raises IdentificationError if nothing
+    remains, the recorded steps are no shorter, or the values are exact.
     """
     step, recorded_step = _filtered_step(below), recording.step
     time = np.arange(recording.time[0] + REACH * step, recording.time[-1] - REACH * step, step)
     channels = recording.values, sampled_rates(recording)
     filtered = np.full((len(time), 2, len(recording.states)), np.nan)
-    paces = np.full(filtered.shape[1:], recorded_step)  # s, between samples of each channel
+    steps = np.full(filtered.shape[1:], recorded_step)  # s, between samples of each channel
     if recorded_step < step and not recording.exact:
-        for k, i in np.ndindex(paces.shape):
+        for k, i in np.ndindex(steps.shape):
             column = channels[k][:, i]
             known = np.isfinite(column)
             if known.sum() > 1:
                 samples = recording.time[known], column[known]
-                paces[k, i] = pace = float(np.median(np.diff(samples[0])))
-                if pace < step:
-                    filtered[:, k, i] = _filter_channel(*samples, time, step, pace)
-    there = np.isfinite(filtered).any(axis=(1, 2))
-    if there.sum() < 2:
+                steps[k, i] = given_step = float(np.median(np.diff(samples[0])))
+                if given_step < step:
+                    filtered[:, k, i] = _filter_channel(*samples, time, step, given_step)
+    is_kept = np.isfinite(filtered).any(axis=(1, 2))
+    if is_kept.sum() < 2:
         raise IdentificationError(
             Code.NOTHING_LEFT, below_hz=below, duration_s=np.ptp(recording.time),
             step_s=recorded_step, least_duration_s=2 * REACH * step, most_step_s=step,
         )  # fmt: skip
-    values = filtered[there, 0]
-    rates = None if recording.rates is None else filtered[there, 1]
+    values = filtered[is_kept, 0]
+    rates = None if recording.rates is None else filtered[is_kept, 1]
     noise = recording.known_noise
-    quieter = None if noise is None else noise * np.sqrt(paces / step)
-    return replace(recording, time=time[there], values=values, rates=rates, known_noise=quieter)
+    noise = None if noise is None else noise * np.sqrt(steps / step)
+    return replace(recording, time=time[is_kept], values=values, rates=rates, known_noise=noise)
 
 
 def _filter_channel(
-    at: np.ndarray, values: np.ndarray, time: np.ndarray, step: float, own: float
+    given_time: np.ndarray, values: np.ndarray, time: np.ndarray, step: float, given_step: float
 ) -> np.ndarray:
-    """Filter samples (n,) at `at`, about every `own` s, to the times `time`; NaN where missing."""
-    grid = np.arange(at[0], at[-1] + own / 2.0, own)
-    bridged, found = np.interp(grid, at, values), np.full(len(time), np.nan)
-    gaps = np.flatnonzero(np.diff(at) > max(INTERPOLATED * own, BRIDGED * step))
-    begins, ends = np.append(at[gaps], at[-1]), np.append(at[gaps + 1], np.inf)
+    """Filter samples at `given_time` to `time`, every `step` s; NaN near gaps and ends."""
+    grid = np.arange(given_time[0], given_time[-1] + given_step / 2.0, given_step)
+    bridged, filtered = np.interp(grid, given_time, values), np.full(len(time), np.nan)
+    gaps = np.flatnonzero(np.diff(given_time) > max(INTERPOLATED * given_step, BRIDGED * step))
+    begins = np.append(given_time[gaps], given_time[-1])
+    ends = np.append(given_time[gaps + 1], np.inf)
     first, last = time - REACH * step, time + REACH * step
     following = np.searchsorted(ends, first, side="right")  # first gap that ends later
-    whole = np.flatnonzero((first >= at[0]) & (begins[following] >= last))
-    width = int(2.0 * REACH * step / own) + 2
-    for some in np.array_split(whole, len(whole) // 256 + 1):  # parts that fit in the cache
-        near = np.searchsorted(grid, first[some])[:, None] + np.arange(width)
-        inside = near < np.searchsorted(grid, last[some])[:, None]
+    whole = np.flatnonzero((first >= given_time[0]) & (begins[following] >= last))
+    width = int(2.0 * REACH * step / given_step) + 2
+    for rows in np.array_split(whole, len(whole) // 256 + 1):  # parts that fit in the cache
+        near = np.searchsorted(grid, first[rows])[:, None] + np.arange(width)
+        inside = near < np.searchsorted(grid, last[rows])[:, None]
         near = np.minimum(near, len(grid) - 1)
-        weights = inside * _root_raised_cosine((grid[near] - time[some, None]) / step)
-        found[some] = np.sum(weights * bridged[near], axis=1) / np.sum(weights, axis=1)
-    return found
+        weights = inside * _root_raised_cosine((grid[near] - time[rows, None]) / step)
+        filtered[rows] = np.sum(weights * bridged[near], axis=1) / np.sum(weights, axis=1)
+    return filtered
 
 
 def _root_raised_cosine(x: np.ndarray) -> np.ndarray:
-    """Evaluate the filter at times in steps, with its limits at three singular points."""
+    """Evaluate the filter at given_time in steps, with its limits at three singular points."""
     x = np.where((x == 0.0) | (np.abs(4.0 * ROLL_OFF * x) == 1.0), x + 1e-6, x)
     edge = 4.0 * ROLL_OFF * x
-    swings = np.sin(np.pi * x * (1.0 - ROLL_OFF)) + edge * np.cos(np.pi * x * (1.0 + ROLL_OFF))
-    return swings / (np.pi * x * (1.0 - edge**2))
+    numerator = np.sin(np.pi * x * (1.0 - ROLL_OFF)) + edge * np.cos(np.pi * x * (1.0 + ROLL_OFF))
+    return numerator / (np.pi * x * (1.0 - edge**2))

@@ -39,7 +39,7 @@ from galloping.recording.samples import Recording
 TRIED_PER_PERIOD = 16
 COUPLED_RATE = 0.01  # rate at which uncoupled coordinates count as coupled
 STARTS = 3  # starts tried with further modes; from the first alone, one fit in nine ends elsewhere
-SHARED = 0.8  # first share of a resonance's force in common with another; a fit finds its own
+FIRST_SHARED = 0.8  # first share of a resonance's force in common with another; a fit finds its own
 MOST_CHOICES = 4  # most choices of further terms, each after a fit of those chosen before
 START_PERIODS = 20.0  # shortest periods of samples from which the first state is estimated
 
@@ -58,21 +58,21 @@ def fit_in_forces(
     The recordings have no outliers. period: s, the shortest of the motion. forced: indices of the
     equations with a force. n_further: number of modes beyond the coordinates. may_be_slow: whether
     forces may be slow; otherwise a model with white ones and clearly correlated innovations is
-    refused. doubts: why a fit, first to some of the samples and then to all, is refused, none if it
-    is accepted.
+    refused. doubts: gives the reasons to refuse a fit, none if it is accepted. It is called with
+    the fit to some of the samples, then with the fit to all.
     """
     rescaled = with_scales(recordings, period)
-    some = _fit_some_samples(problem, rescaled, forced, may_be_slow, n_further)
-    if isinstance(some, NoModel):
-        return some
-    if objections := doubts(some):
+    trial = _fit_some_samples(problem, rescaled, forced, may_be_slow, n_further)
+    if isinstance(trial, NoModel):
+        return trial
+    if objections := doubts(trial):
         return NoModel(tuple(objections))
-    fit = _fit_all_samples(some, rescaled)
+    fit = _fit_all_samples(trial, rescaled)
     if isinstance(fit, NoModel):
         return fit
     if objections := doubts(fit):
         return NoModel(tuple(objections))
-    return _assess_fit(fit, some, period, estimate_scales(recordings, rescaled))
+    return _assess_fit(fit, trial, period, estimate_scales(recordings, rescaled))
 
 
 def _fit_some_samples(
@@ -120,30 +120,30 @@ def _with_shared_forces(setup: ForcedProblem, start: ForcedModel) -> ForcedModel
     best, most = start, setup.filter_recordings(start).log_likelihood
     for i in range(len(setup.forced), len(start.root)):
         for j in range(i):
-            held, size = best, np.linalg.norm(best.root[i])
-            for share in (-SHARED, SHARED):
-                root = held.root.copy()
+            base, size = best, np.linalg.norm(best.root[i])
+            for share in (-FIRST_SHARED, FIRST_SHARED):
+                root = base.root.copy()
                 root[i, j] = share * size
                 root[i] *= size / np.linalg.norm(root[i])
-                tried = replace(held, root=root)
+                tried = replace(base, root=root)
                 likelihood = setup.filter_recordings(tried).log_likelihood
                 if likelihood > most:
                     best, most = tried, likelihood
     return best
 
 
-def _fit_all_samples(some: ForcedFit, recordings: list[Recording]) -> ForcedFit | NoModel:
+def _fit_all_samples(trial: ForcedFit, recordings: list[Recording]) -> ForcedFit | NoModel:
     """Fit the selected terms to all samples."""
-    penalty = some.setup.penalty
-    correlated = forces_are_correlated(some, penalty)
-    support = _select_terms(some, penalty)
-    setup = replace(some.setup, recordings=tuple(recordings))
-    fit = maximise_likelihood(setup, setup.restrict(some.model, support), support, correlated)
+    penalty = trial.setup.penalty
+    correlated = forces_are_correlated(trial, penalty)
+    support = _select_terms(trial, penalty)
+    setup = replace(trial.setup, recordings=tuple(recordings))
+    fit = maximise_likelihood(setup, setup.restrict(trial.model, support), support, correlated)
     if not forces_are_needed(fit, penalty):
         return NoModel((Finding.of(Code.NO_FORCE_NEEDED),))
     if np.any(np.abs(fit.modes.damping) > MOST_DAMPING):
-        left = fit.whiteness.to_finding(setup.channels.names)
-        return NoModel((Finding.of(Code.NO_OSCILLATION), left))
+        finding = fit.whiteness.to_finding(setup.channels.names)
+        return NoModel((Finding.of(Code.NO_OSCILLATION), finding))
     return fit
 
 
@@ -164,28 +164,27 @@ def _with_slow_forces(white: ForcedFit, start: ForcedModel) -> ForcedFit:
 def _with_further_terms(fit: ForcedFit, noise: np.ndarray) -> ForcedFit:
     """Add nonlinear terms and those of inputs that improve the fit by more than their penalty.
 
-    They are chosen by the slopes of the innovations, again after each fit of those that were.
-    noise: (n_channels,) of the start, from which each fit begins again: the estimate with missing
-    terms may be zero.
+    They are chosen by the slopes of the innovations, after each fit anew. noise: (n_channels,) of
+    the start, the least with which a fit begins: with missing terms its estimate may be zero.
     """
     allowed = fit.support | ~fit.setup.required
     for _ in range(MOST_CHOICES):
         if is_exhausted():
             break
-        again = attempt(_with_chosen_terms, fit, allowed, noise)
-        if again is fit or isinstance(again, NoModel):
+        refit = attempt(_with_chosen_terms, fit, allowed, noise)
+        if refit is fit or isinstance(refit, NoModel):
             break
-        fit = again
+        fit = refit
     return fit
 
 
 def _with_chosen_terms(fit: ForcedFit, allowed: np.ndarray, noise: np.ndarray) -> ForcedFit:
-    """Fit the terms that are selected of those allowed (n_candidates,).
+    """Select terms from those allowed, (n_candidates,), and fit them.
 
-    The fit itself is returned if it has these terms. Terms that the data alone hardly determine are
-    kept too, so that intervals include them: the effect of inputs on the damping of a coordinate,
-    and, if the motion is so large that any nonlinear term is selected, its cubic damping and
-    stiffness, which the linear ones would otherwise replace.
+    The fit itself is returned if it has the selected terms. Some terms that the data alone hardly
+    determine are kept too, so that intervals include them: the effect of inputs on the damping of a
+    coordinate; and its cubic damping and stiffness, if any nonlinear term is selected. The linear
+    terms would otherwise replace these.
     """
     setup, problem, unit = fit.setup, fit.setup.problem, fit.setup.unit
     pairs = {velocity: [velocity, i] for i, velocity in setup.channels.pairs.items()}
@@ -194,21 +193,21 @@ def _with_chosen_terms(fit: ForcedFit, allowed: np.ndarray, noise: np.ndarray) -
         for i, j in problem.candidates
     ]
     damping, stiffness = np.array(powers).T
-    damped = (damping == 1) & (problem.degrees == 1)
-    cubic = (np.maximum(damping, stiffness) == 3) & (problem.degrees == 3)
+    is_damping = (damping == 1) & (problem.degrees == 1)
+    is_cubic = (np.maximum(damping, stiffness) == 3) & (problem.degrees == 3)
     prices = np.where(setup.required, 0.0, problem.least_prices(setup.penalty))
     information, right = fit.normal_equations
-    about, support = fit.model.coefficients / unit, allowed.copy()
-    apart = problem.selection_offset(fit.model.coefficients) / unit
+    coefficients, support = fit.model.coefficients / unit, allowed.copy()
+    offset = problem.selection_offset(fit.model.coefficients) / unit
     support[allowed] = select_support(
         information[np.ix_(allowed, allowed)], right[allowed],
-        [fit.support[allowed], np.ones(allowed.sum(), bool)], prices[allowed], apart[allowed],
+        [fit.support[allowed], np.ones(allowed.sum(), bool)], prices[allowed], offset[allowed],
     )  # fmt: skip
-    large = np.any(support & (problem.degrees > 1))
-    support |= damped | (cubic & large)
+    is_nonlinear = np.any(support & (problem.degrees > 1))
+    support |= is_damping | (is_cubic & is_nonlinear)
     if np.array_equal(support, fit.support):
         return fit
-    free, _ = solve_support(information, right + information @ about, support)
+    free, _ = solve_support(information, right + information @ coefficients, support)
     noise = np.maximum(fit.model.noise, noise)
     start = replace(fit.model, coefficients=free * unit, noise=noise)
     return maximise_likelihood(setup, start, support, correlated=True)
@@ -218,20 +217,20 @@ def _select_terms(fit: ForcedFit, penalty: float) -> np.ndarray:
     """Select the terms to keep, (n_candidates,).
 
     A coordinate's own stiffness and damping are kept, and a constant that reaches its penalty.
-    Terms that couple two coordinates are kept or removed together: in coupled modes each affects
-    every damping, even one that is hardly determined by itself.
+    Terms that couple two coordinates are kept or removed together: in coupled modes each term
+    affects every damping, even a term that is hardly determined by itself.
     """
     setup, problem, support = fit.setup, fit.setup.problem, fit.support.copy()
     judged = support & setup.required & (problem.candidate_values(problem.precision) == 0.0)
-    own = {velocity: i for i, velocity in setup.channels.pairs.items()}
+    coordinate_of = {velocity: i for i, velocity in setup.channels.pairs.items()}
     groups: dict[tuple[int, ...], list[int]] = {}
     for k in np.flatnonzero(judged):
         equation, j = problem.candidates[k]
-        moved = next((s for s, e in enumerate(problem.state_exponents[j]) if e), None)
-        if moved is None:  # a constant is a group of its own
-            coordinates: tuple[int, ...] = (own[equation], -1)
+        state = next((s for s, e in enumerate(problem.state_exponents[j]) if e), None)
+        if state is None:  # a constant is a group of its own
+            coordinates: tuple[int, ...] = (coordinate_of[equation], -1)
         else:
-            coordinates = tuple(sorted({own[equation], own.get(moved, moved)}))
+            coordinates = tuple(sorted({coordinate_of[equation], coordinate_of.get(state, state)}))
         groups.setdefault(coordinates, []).append(int(k))
     place = np.cumsum(support) - 1
     covariance = fit.coefficient_covariance
@@ -239,8 +238,8 @@ def _select_terms(fit: ForcedFit, penalty: float) -> np.ndarray:
     for coordinates, members in groups.items():
         if len(coordinates) == 1:
             continue
-        at, is_constant = place[members], problem.degrees[members[0]] == 0
-        square = free[members] @ np.linalg.solve(covariance[np.ix_(at, at)], free[members])
+        rows, is_constant = place[members], problem.degrees[members[0]] == 0
+        square = free[members] @ np.linalg.solve(covariance[np.ix_(rows, rows)], free[members])
         if square < (penalty if is_constant else chdtri(len(members), COUPLED_RATE)):
             support[members] = False
     return support
@@ -248,29 +247,29 @@ def _select_terms(fit: ForcedFit, penalty: float) -> np.ndarray:
 
 def _first_states(fit: ForcedFit, period: float) -> np.ndarray:
     """Estimate the states at the first samples, (n_recordings, n_states), from those after."""
-    system_model, found = fit.setup.state_space_model(fit.model), []
+    system_model, states = fit.setup.state_space_model(fit.model), []
     for one in fit.setup.data:
         lengths = one.steps.lengths[np.maximum(one.steps.index, 0)]
         count = int(np.searchsorted(np.cumsum(lengths), START_PERIODS * period))
-        found.append(system_model.first_state(one, max(count, 2 * len(system_model.size))))
-    return np.array(found)
+        states.append(system_model.first_state(one, max(count, 2 * len(system_model.size))))
+    return np.array(states)
 
 
 def _assess_fit(
-    fit: ForcedFit, some: ForcedFit, period: float, scales: Mapping[str, float]
+    fit: ForcedFit, trial: ForcedFit, period: float, scales: Mapping[str, float]
 ) -> IdentifiedModel:
     """Turn a fit under random forces into an `IdentifiedModel`, and decide its status.
 
-    The status is `ok`, or `approximate` if the innovations are not white and that matters. some:
+    The status is `ok`, or `approximate` if the innovations are not white and that matters. trial:
     the fit of all terms to some samples, which determines the standard errors that absent terms
     would have. scales: of values that were in unknown units, by name.
     """
-    information, _ = some.normal_equations
+    information, _ = trial.normal_equations
     absent = added_deviation(information, fit.support) * fit.setup.unit
     absent[np.diag(information) == 0.0] = np.nan
     setup, support = fit.setup, fit.support
     problem, channels, recordings = setup.problem, setup.channels, setup.recordings
-    model, left = fit.model, fit.whiteness
+    model, whiteness = fit.model, fit.whiteness
     unit = setup.unit[support]
     errors = np.full(len(support), np.nan)
     errors[support] = np.sqrt(np.diag(fit.coefficient_covariance)) * unit
@@ -279,8 +278,8 @@ def _assess_fit(
     )
     sigma = np.full((len(recordings), len(problem.states)), np.nan)
     for c, i in enumerate(channels.values):
-        there = [np.isfinite(one.samples[:, c]).any() for one in setup.data]
-        sigma[there, i] = model.noise[c]
+        is_measured = [np.isfinite(one.samples[:, c]).any() for one in setup.data]
+        sigma[is_measured, i] = model.noise[c]
     of_rates = list(zip(channels.names, model.noise, strict=True))[len(channels.values) :]
     forces = setup.state_space_model(model).forces
     resonances = setup.resonances(model, fit.resonance_errors)
@@ -288,7 +287,7 @@ def _assess_fit(
     findings = (
         Finding.of(Code.RANDOM_FORCES),
         *(Finding.of(Code.MODE_BESIDE, frequency_hz=hertz) for hertz in beside),
-        *([] if left.is_white else [left.to_finding(channels.names)]),
+        *([] if whiteness.is_white else [whiteness.to_finding(channels.names)]),
     )
     return IdentifiedModel(
         model=problem.model(model.coefficients),
@@ -296,7 +295,7 @@ def _assess_fit(
         findings=findings,
         standard_errors=problem.on_library(errors, 0.0),
         unconditional_errors=problem.on_library(np.where(support, errors, absent), 0.0),
-        detection_limits=problem.on_library(detection_limits(absent, support, some.setup.penalty)),
+        detection_limits=problem.on_library(detection_limits(absent, support, trial.setup.penalty)),
         covariance=covariance,
         known=problem.known_equations,
         initial_states=_first_states(fit, period),
@@ -308,11 +307,11 @@ def _assess_fit(
             "duration": float(sum(np.ptp(each.time) for each in recordings)),
             **{f"slow_rate_{problem.states[i]}": forces.rates[i] for i in forces.slow_equations},
             "log_likelihood": fit.filtered.log_likelihood,
-            "innovations": left.statistic,
-            "innovations_allowed": left.allowed,
-            "innovations_told": left.predicted,
-            "innovations_line": left.peak,
-            "innovations_line_allowed": left.peak_allowed,
+            "innovations": whiteness.statistic,
+            "innovations_allowed": whiteness.allowed,
+            "innovations_told": whiteness.predicted,
+            "innovations_line": whiteness.peak,
+            "innovations_line_allowed": whiteness.peak_allowed,
             **{f"noise_{name}": float(value) for name, value in of_rates},
             **({"rates_averaged": float(channels.averaged)} if channels.rates else {}),
             "path": "random forces",

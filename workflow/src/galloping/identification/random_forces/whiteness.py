@@ -9,18 +9,18 @@ from scipy.special import chdtri, fdtri
 from galloping.identification.observations import Code, Finding, Severity
 from galloping.identification.random_forces.start import sample_correlations
 
-RATE = 1e-3  # rate at which sound recordings are doubted
+FALSE_ALARM_RATE = 1e-3  # of each test, for sound recordings
 PERIODS, MOST_LAGS = 3.0, 100  # longest tested lag: PERIODS slowest periods, or MOST_LAGS steps
-# BINS bins of a spectrum, as broad as a missing mode, are one group. It is compared with the AROUND
-# groups beside it.
-BINS, AROUND = 16, 8
-SAMPLES = 32  # samples in a period of the fastest mode that show forces; of more, sums are tested
+# BINS bins of a spectrum, as broad as a missing mode, are one group. It is compared with the
+# NEIGHBOURS groups beside it.
+BINS, NEIGHBOURS = 16, 8
+SAMPLES = 32  # most samples in a period of the fastest mode: of more, sums are tested as well
 GROUPS = 16  # groups of equally many values of a quantity on which innovations may depend
 RELEVANT = 0.02  # largest share of the innovations' power that their past predicts in a sound model
-# A line of the spectrum between NEAR[0] times the slowest mode's frequency and NEAR[1] times the
-# fastest one's affects the results on these modes. A line elsewhere counts as another motion only
-# if it is higher than APART times what chance allows.
-NEAR, APART = (0.5, 2.0), 2.0
+# A line of the spectrum between MODE_BAND[0] times the slowest mode's frequency and MODE_BAND[1]
+# times the fastest one's affects the results on these modes. A line elsewhere counts as another
+# motion only if it is higher than DISTANT_LINE times what chance allows.
+MODE_BAND, DISTANT_LINE = (0.5, 2.0), 2.0
 
 # Innovations are nearly white, so that random forces are accepted as the cause, if their highest
 # spectral line is below MOST_LINE times what chance allows, and their past predicts less than the
@@ -81,7 +81,7 @@ class Whiteness:
     @property
     def shows_line(self) -> bool:
         """Whether the spectrum of the innovations has a higher peak than chance allows."""
-        return self.peak > (1.0 if self.is_near_modes else APART) * self.peak_allowed
+        return self.peak > (1.0 if self.is_near_modes else DISTANT_LINE) * self.peak_allowed
 
     @property
     def has_jump(self) -> bool:
@@ -123,17 +123,17 @@ def assess_whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) ->
     samples in a period, each innovation shows mostly sensor noise and hardly any force. Therefore
     sums of several innovations, which are as white, are tested as well.
     """
-    found = _assess_grids(grids, step, modes)
+    tests = _assess_grids(grids, step, modes)
     many = int(1.0 / (modes.max() * step * SAMPLES))
     summed = [grid for grid in grids if len(grid) >= many]
     if many >= 2 and summed:
         sums = _assess_grids([_sum_groups(grid, many) for grid in summed], many * step, modes)
-        found = max(found, sums, key=lambda each: each.predicted)
+        tests = max(tests, sums, key=lambda each: each.predicted)
     sizes = [np.nan_to_num(np.abs(grid)) for grid in grids]
     largest = max(sizes, key=lambda size: float(size.max()))
     row, channel = np.unravel_index(np.argmax(largest), largest.shape)
     return replace(
-        found, largest=float(largest.max()), jump_time=float(row * step), jump_channel=int(channel)
+        tests, largest=float(largest.max()), jump_time=float(row * step), jump_channel=int(channel)
     )
 
 
@@ -148,21 +148,23 @@ def _assess_grids(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Wh
     """Test all pairs of channels by the statistic of G. Ljung and G. Box (Biometrika 65, 1978)."""
     channels = grids[0].shape[1]
     lags = int(np.clip(PERIODS / modes.min() / step, 4, MOST_LAGS))
-    products, counts = (own[1:] for own in sample_correlations(grids, lags))
+    products, counts = (lagged[1:] for lagged in sample_correlations(grids, lags))
     power = np.nanmean(np.concatenate(grids) ** 2, axis=0)
     scale = np.maximum(np.sqrt(np.outer(power, power)), np.finfo(float).tiny)
     correlation = products / scale
     freedom = int(np.count_nonzero(counts))
     statistic = float(np.sum(correlation**2 * counts)) / max(freedom, 1)
+    allowed = float(chdtri(freedom, FALSE_ALARM_RATE) / freedom)
     beyond = np.maximum(correlation**2 - 1.0 / np.maximum(counts, 1.0), 0.0)  # beyond chance
-    predicted = float(np.sum(beyond[correlation**2 * counts > chdtri(1, RATE)])) / channels
+    is_correlated = correlation**2 * counts > chdtri(1, FALSE_ALARM_RATE)
+    predicted = float(np.sum(beyond[is_correlated])) / channels
     peak, frequency, channel = _find_peak(grids, step)
     bins = max(sum(len(grid) // 2 // BINS for grid in grids) * channels, 1)
-    around = 2 * BINS * AROUND
+    freedom_beside = 2 * BINS * NEIGHBOURS
     return Whiteness(
-        statistic, float(chdtri(freedom, RATE) / freedom), predicted, frequency, channel, peak,
-        float(fdtri(2 * BINS, around, 1.0 - RATE / bins)),
-        NEAR[0] * modes.min() < frequency < NEAR[1] * modes.max(),
+        statistic, allowed, predicted, frequency, channel, peak,
+        float(fdtri(2 * BINS, freedom_beside, 1.0 - FALSE_ALARM_RATE / bins)),
+        MODE_BAND[0] * modes.min() < frequency < MODE_BAND[1] * modes.max(),
     )  # fmt: skip
 
 
@@ -173,25 +175,26 @@ def find_dependence(errors: np.ndarray, before: np.ndarray) -> int | None:
     of a right model are independent of everything known before each. The test is on their means in
     GROUPS of equally many values. None if innovations depend on no column.
     """
-    tests, most, found = errors.shape[1] * before.shape[1], 0.0, None
+    tests, most, dependence = errors.shape[1] * before.shape[1], 0.0, None
     for k, column in enumerate(before.T):
         for error in errors.T:
             known = np.isfinite(error) & np.isfinite(column)
             if known.sum() < 10 * GROUPS:
                 continue
-            own, error = column[known], error[known]
-            edges = np.unique(np.quantile(own, np.arange(1, GROUPS) / GROUPS))
-            group = np.searchsorted(edges, own, side="right")
+            values, error = column[known], error[known]
+            edges = np.unique(np.quantile(values, np.arange(1, GROUPS) / GROUPS))
+            group = np.searchsorted(edges, values, side="right")
             total, square = (np.bincount(group, error**power) for power in (1, 2))
-            there = square > 0.0
-            excess = np.sum(total[there] ** 2 / square[there]) / chdtri(there.sum(), RATE / tests)
+            used = square > 0.0
+            statistic = np.sum(total[used] ** 2 / square[used])
+            excess = statistic / chdtri(used.sum(), FALSE_ALARM_RATE / tests)
             if excess > max(most, 1.0):
-                most, found = excess, k
-    return found
+                most, dependence = excess, k
+    return dependence
 
 
 def _find_peak(grids: list[np.ndarray], step: float) -> tuple[float, float, int]:
-    """Find the largest ratio of BINS of a spectrum to AROUND groups nearby, and its place."""
+    """Find the largest ratio of BINS of a spectrum to NEIGHBOURS groups nearby, and its place."""
     peak = (0.0, np.nan, 0)
     for grid in grids:
         power = np.abs(np.fft.rfft(np.nan_to_num(grid), axis=0)[1:]) ** 2
@@ -200,8 +203,8 @@ def _find_peak(grids: list[np.ndarray], step: float) -> tuple[float, float, int]
             continue
         means = power[: groups * BINS].reshape(groups, BINS, -1).mean(axis=1)
         for k in range(groups):
-            first = min(max(k - AROUND // 2 - 1, 0), groups - AROUND - 3)
-            near = [j for j in range(first, first + AROUND + 3) if abs(j - k) > 1][:AROUND]
+            first = min(max(k - NEIGHBOURS // 2 - 1, 0), groups - NEIGHBOURS - 3)
+            near = [j for j in range(first, first + NEIGHBOURS + 3) if abs(j - k) > 1][:NEIGHBOURS]
             ratio = means[k] / np.maximum(means[near].mean(axis=0), np.finfo(float).tiny)
             c = int(np.argmax(ratio))
             if ratio[c] > peak[0]:
