@@ -19,7 +19,7 @@ from galloping.identification.free_motion.kinds_of_motion import (
     without_further_modes,
 )
 from galloping.identification.free_motion.linearity import SIGNIFICANT
-from galloping.identification.free_motion.rest import Moving, moving_recordings
+from galloping.identification.free_motion.rest import MovingRecordings, moving_recordings
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding, status_of
@@ -70,16 +70,16 @@ def identify_free_motion(
         return NoModel()
     if motion.is_linear:
         return identify_linear_motion(problem, motion)
-    found = search(recordings)
-    if isinstance(found, IdentifiedModel):
-        motion = replace(motion, own=motion.own[:1], steady=())
-    elif motion.further:
-        found = search(without_further_modes(motion))
-    if isinstance(found, IdentifiedModel):
-        return prepend_path([PATH], with_further_modes(found, motion))
-    if motion.linear:
-        return identify_linear_motion(problem, motion.linear)
-    return _identify_mean_model(problem, motion, found.findings)
+    outcome = search(recordings)
+    if isinstance(outcome, IdentifiedModel):
+        motion = replace(motion, own_modes=motion.own_modes[:1], steady_modes=())
+    elif motion.further_modes:
+        outcome = search(without_further_modes(motion))
+    if isinstance(outcome, IdentifiedModel):
+        return prepend_path([PATH], with_further_modes(outcome, motion))
+    if motion.linear_motion:
+        return identify_linear_motion(problem, motion.linear_motion)
+    return _identify_mean_model(problem, motion, outcome.findings)
 
 
 def identify_linear_motion(problem: Problem, motion: FreeMotion) -> IdentifiedModel | NoModel:
@@ -88,7 +88,7 @@ def identify_linear_motion(problem: Problem, motion: FreeMotion) -> IdentifiedMo
     motion: a linear one. Returns NoModel if there are fewer modes than coordinates, or if the
     problem asks for more than linear equations.
     """
-    if len(motion.own) < len(motion.channels.pairs) or not _can_be_linear(problem, motion):
+    if len(motion.own_modes) < len(motion.channels.pairs) or not _can_be_linear(problem, motion):
         return NoModel()
     if _noise_excess(motion) > MAX_NOISE:
         return NoModel()
@@ -106,8 +106,8 @@ def _linear_system_with_covariance(motion: FreeMotion) -> tuple[np.ndarray, np.n
     covariance of its entries, row by row, (n_states^2, n_states^2).
     """
     modes, n = motion.modes, len(motion.channels.pairs)
-    places = list(motion.own[:n])
-    index = int(np.argmax([np.linalg.norm(each[places]) for each in modes.amplitudes]))
+    places = list(motion.own_modes[:n])
+    index = int(np.argmax([np.linalg.norm(amplitudes[places]) for amplitudes in modes.amplitudes]))
     covariance = modes.amplitude_covariance(motion.stretches[index], index, places)
     poles, amplitudes = modes.poles[places], modes.amplitudes[index][places]
 
@@ -128,33 +128,36 @@ def _linear_system_with_covariance(motion: FreeMotion) -> tuple[np.ndarray, np.n
     return system(best), slopes.T @ covariance @ slopes
 
 
-def without_omissions(found: IdentifiedModel, recordings: Sequence[Recording]) -> list[Recording]:
+def without_omissions(
+    identified: IdentifiedModel, recordings: Sequence[Recording]
+) -> list[Recording]:
     """Remove from recordings what a model of free motion omits: rest, and additional modes.
 
     recordings: those from which the model was identified, or newer ones. Returns one recording for
     each stretch of motion between events.
     """
-    if found.is_forced:
+    if identified.is_forced:
         return list(recordings)
-    moving = moving_recordings(recordings, found.model.terms)
-    if PATH not in str(found.diagnostics.get("path", "")):
+    moving = moving_recordings(recordings, identified.model.terms)
+    if PATH not in str(identified.diagnostics.get("path", "")):
         return moving.recordings
     motion = classify_motion(moving.until_rest)
     if motion is None:
         return moving.recordings
-    if found.diagnostics["path"] == PATH and not found.envelope:
-        motion = motion.linear or motion
-    return without_further_modes(motion) if found.further_modes else motion.recordings
+    if identified.diagnostics["path"] == PATH and not identified.envelope:
+        motion = motion.linear_motion or motion
+    return without_further_modes(motion) if identified.further_modes else motion.recordings
 
 
-def with_findings(found: IdentifiedModel, moving: Moving) -> IdentifiedModel:
+def with_findings(identified: IdentifiedModel, moving: MovingRecordings) -> IdentifiedModel:
     """Add findings on when motion begins and ends to a model of a recording's moving parts.
 
-    moving: the stretches. The findings of `found` name these by their indices; those of the
-    returned model name the recordings that the stretches come from.
+    The findings of `identified` refer to the stretches of `moving`; those of the returned model
+    refer to the recordings that the stretches come from.
     """
-    own = (replace(each, recording=moving.origins[each.recording]) for each in found.findings)
-    return replace(found, findings=(*moving.findings, *own))
+    findings = identified.findings
+    mapped = (replace(each, recording=moving.origins[each.recording]) for each in findings)
+    return replace(identified, findings=(*moving.findings, *mapped))
 
 
 def _can_be_linear(problem: Problem, motion: FreeMotion) -> bool:
@@ -164,7 +167,7 @@ def _can_be_linear(problem: Problem, motion: FreeMotion) -> bool:
     motion, and all sensors must show the size of the motion.
     """
     scales = [one.unknown_scales for one in motion.recordings if one.unknown_scales is not None]
-    if np.any(scales) or any(own.name == "inverse" for own in problem.tables.functions):
+    if np.any(scales) or any(function.name == "inverse" for function in problem.tables.functions):
         return False
     velocities, states = list(motion.channels.pairs.values()), range(len(problem.states))
     linear = {linear_term(state, len(problem.names)) for state in states}
@@ -193,7 +196,7 @@ def _identify_mean_model(
 
     objections: reasons why no model follows it.
     """
-    modes, place, names = motion.modes, motion.own[0], motion.channels.names
+    modes, place, names = motion.modes, motion.own_modes[0], motion.channels.names
     parts: list[EnvelopePart] = []
     for index, stretch in enumerate(motion.stretches):
         begin = motion.recordings[index].time[0]
@@ -215,12 +218,12 @@ def _identify_mean_model(
     by_entry[0, velocity, velocity] = 2.0
     slopes = by_entry.reshape(2, 4)
     covariance = slopes.T @ spread @ slopes
-    found = _identified_model(problem, motion, system, covariance)
-    if isinstance(found, NoModel):
-        return found
+    outcome = _identified_model(problem, motion, system, covariance)
+    if isinstance(outcome, NoModel):
+        return outcome
     missing = (each for each in objections if each.code == Code.TERM_MISSING)
     changing = Finding.of(Code.NOT_EXPONENTIAL, problem.states[coordinate])
-    return replace(found, envelope=tuple(parts)).with_findings(*missing, changing)
+    return replace(outcome, envelope=tuple(parts)).with_findings(*missing, changing)
 
 
 def _identified_model(
@@ -232,21 +235,22 @@ def _identified_model(
     about another position than zero.
     """
     n = len(system)
-    rest, rest_errors = np.zeros((2, n))
+    equilibrium, equilibrium_errors = np.zeros((2, n))
     for coordinate in motion.channels.pairs:
-        rest[coordinate], rest_errors[coordinate] = _position_of_rest(motion, coordinate)
-    is_displaced = np.abs(rest) > SIGNIFICANT * rest_errors
-    rest = np.where(is_displaced, rest, 0.0)
+        value, error = _estimate_equilibrium(motion, coordinate)
+        equilibrium[coordinate], equilibrium_errors[coordinate] = value, error
+    is_displaced = np.abs(equilibrium) > SIGNIFICANT * equilibrium_errors
+    equilibrium = np.where(is_displaced, equilibrium, 0.0)
     constant = (0,) * len(problem.names)
     terms = {problem.linear(state): state for state in range(n)}
     if is_displaced.any():  # only constants in the equations of velocities shift the equilibrium
         place = problem.terms.index(constant) if constant in problem.terms else None
-        moved = np.abs(system @ rest) > 0.0
-        if place is None or not problem.open[moved, place].all():
+        is_shifted = np.abs(system @ equilibrium) > 0.0
+        if place is None or not problem.open[is_shifted, place].all():
             return NoModel()
         terms[place] = n
-    whole = np.zeros((n * n + n,) * 2)  # covariance of the entries and of the position of rest
-    whole[: n * n, : n * n], whole[n * n :, n * n :] = covariance, np.diag(rest_errors**2)
+    whole = np.zeros((n * n + n,) * 2)  # covariance of the entries and of the equilibrium
+    whole[: n * n, : n * n], whole[n * n :, n * n :] = covariance, np.diag(equilibrium_errors**2)
     free, support = np.zeros(len(problem.candidates)), np.zeros(len(problem.candidates), bool)
     slopes = np.zeros((len(free), len(whole)))
     for k, (row, term) in enumerate(problem.candidates):
@@ -255,8 +259,8 @@ def _identified_model(
         support[k], state = True, terms[term]
         entries = slice(row * n, (row + 1) * n)
         if state == n:
-            free[k] = -system[row] @ rest
-            slopes[k, entries], slopes[k, n * n :] = -rest, -system[row]
+            free[k] = -system[row] @ equilibrium
+            slopes[k, entries], slopes[k, n * n :] = -equilibrium, -system[row]
         else:
             free[k], slopes[k, row * n + state] = system[row, state], 1.0
     if np.any((free < problem.coefficient_bounds[0]) | (free > problem.coefficient_bounds[1])):
@@ -266,25 +270,25 @@ def _identified_model(
     errors = np.full(len(free), np.nan)
     errors[support] = np.sqrt(np.diag(of_coefficients))
     sigma, noises = _noise_levels(problem, motion)
-    found = IdentifiedModel(
+    identified = IdentifiedModel(
         model=problem.model(free),
         status=status_of([]),
         standard_errors=problem.on_library(errors, 0.0),
         unconditional_errors=problem.on_library(errors, 0.0),
         covariance=problem.model_covariance(of_coefficients, support),
         known=problem.known_equations,
-        initial_states=_initial_states(motion, rest),
+        initial_states=_initial_states(motion, equilibrium),
         sigma=sigma,
         chi2=1.0,
         diagnostics={**noises, "path": PATH},
     )
-    return with_further_modes(found, motion)
+    return with_further_modes(identified, motion)
 
 
-def with_further_modes(found: IdentifiedModel, motion: FreeMotion) -> IdentifiedModel:
+def with_further_modes(identified: IdentifiedModel, motion: FreeMotion) -> IdentifiedModel:
     """Add the additional modes and findings of a free motion to its identified model."""
     modes, first, steady = motion.modes, motion.modes.first_fitted, []
-    for place in motion.steady:
+    for place in motion.steady_modes:
         channel = strongest_channel(modes, first, place)
         finding = Finding.of(
             Code.FORCED_STEADILY, motion.channels.names[channel],
@@ -296,12 +300,14 @@ def with_further_modes(found: IdentifiedModel, motion: FreeMotion) -> Identified
     longest = max(one.duration for one in motion.stretches)
     further = [
         mode
-        for place in motion.further
+        for place in motion.further_modes
         if modes.poles[place].imag * longest > 2.0 * np.pi * MIN_PERIODS
         for index in range(len(motion.recordings))
         for mode in _further_modes(motion, index, place)
     ]
-    return replace(found, further_modes=tuple(further)).with_findings(*motion.findings, *steady)
+    return replace(identified, further_modes=tuple(further)).with_findings(
+        *motion.findings, *steady
+    )
 
 
 def _further_modes(motion: FreeMotion, index: int, place: int) -> Iterator[FurtherMode]:
@@ -335,8 +341,8 @@ def _modal_displacement(
     return complex(amplitudes[channel] / modes.poles[place] ** orders[channel])
 
 
-def _position_of_rest(motion: FreeMotion, coordinate: int) -> tuple[float, float]:
-    """Find the equilibrium of a coordinate, with its standard error; zero if it is not measured."""
+def _estimate_equilibrium(motion: FreeMotion, coordinate: int) -> tuple[float, float]:
+    """Estimate the equilibrium of a coordinate and its standard error, zero if not measured."""
     if coordinate not in motion.channels.values:
         return 0.0, 0.0
     channel = motion.channels.values.index(coordinate)
@@ -350,12 +356,12 @@ def _position_of_rest(motion: FreeMotion, coordinate: int) -> tuple[float, float
     return float(np.nansum(weights * offsets)), float(np.nansum(errors**-2) ** -0.5)
 
 
-def _initial_states(motion: FreeMotion, rest: np.ndarray) -> np.ndarray:
+def _initial_states(motion: FreeMotion, equilibrium: np.ndarray) -> np.ndarray:
     """Compute the initial states of the coordinates' own modes, (n_stretches, n_states)."""
     pairs = motion.channels.pairs
-    states = np.tile(rest, (len(motion.stretches), 1))
+    states = np.tile(equilibrium, (len(motion.stretches), 1))
     for index in range(len(states)):
-        for place in motion.own[: len(pairs)]:
+        for place in motion.own_modes[: len(pairs)]:
             for coordinate, velocity in pairs.items():
                 amplitude = _modal_displacement(motion, index, place, coordinate) or 0.0
                 states[index, coordinate] += np.real(amplitude)

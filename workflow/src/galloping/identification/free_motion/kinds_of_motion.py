@@ -33,7 +33,7 @@ from galloping.identification.random_forces.channels import Channels
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording
 
-MAX_EVENTFUL = 0.4  # events are sought if the modes leave at most this share of a channel's power
+MAX_UNEXPLAINED = 0.4  # largest share of a channel's power that modes leave to events
 WINDOWS = 24  # a running amplitude is over 1/WINDOWS of a stretch, but at least over a period
 
 
@@ -43,10 +43,10 @@ class FreeMotion:
 
     recordings: stretches of free motion between events, without outliers and samples during an
     event. stretches: their channels. is_linear: whether damped sinusoids follow the motion to the
-    noise. modes: resolved modes, fitted to the recordings. own, steady: indices of the system's own
-    modes, that with most energy first, and of steady oscillations. linear: the same motion,
-    classified as a linear one with several modes, if these modes may also be parts of a single
-    nonlinear oscillation; else None.
+    noise. modes: resolved modes, fitted to the recordings. own_modes: indices of the system's ones,
+    that with most energy first. steady_modes: indices of steady oscillations. linear_motion: the
+    same motion, classified as a linear one with several modes, if these modes may also be parts of
+    a single nonlinear oscillation; else None.
     """
 
     recordings: list[Recording]
@@ -54,20 +54,20 @@ class FreeMotion:
     is_linear: bool
     channels: Channels
     modes: DampedModes
-    own: tuple[int, ...]
-    steady: tuple[int, ...]
+    own_modes: tuple[int, ...]
+    steady_modes: tuple[int, ...]
     findings: tuple[Finding, ...]
-    linear: "FreeMotion | None" = None
+    linear_motion: "FreeMotion | None" = None
 
     @property
     def decays(self) -> bool:
         """Whether the mode with most energy decays."""
-        return bool(self.modes.poles[self.own[0]].real < 0.0)
+        return bool(self.modes.poles[self.own_modes[0]].real < 0.0)
 
     @property
-    def further(self) -> tuple[int, ...]:
+    def further_modes(self) -> tuple[int, ...]:
         """Indices of the modes beyond one for each coordinate, including steady oscillations."""
-        return (*self.own[len(self.channels.pairs) :], *self.steady)
+        return (*self.own_modes[len(self.channels.pairs) :], *self.steady_modes)
 
 
 @one_thread
@@ -78,43 +78,46 @@ def classify_motion(recordings: Sequence[Recording]) -> FreeMotion | None:
     motion, if random forces or the system itself may sustain it, or if its states are exact, or are
     not displacements and velocities.
     """
-    given = list(recordings)
-    if given[0].inputs or any(one.exact for one in given):
+    recordings = list(recordings)
+    if recordings[0].inputs or any(one.exact for one in recordings):
         return None
-    channels = Channels.from_recordings(given)
-    paired = {k for pair in velocity_pairs(given[0].states).items() for k in pair}
+    channels = Channels.from_recordings(recordings)
+    paired = {k for pair in velocity_pairs(recordings[0].states).items() for k in pair}
     if not paired.issuperset((*channels.values, *channels.rates)) or not channels.names:
         return None
-    found = attempt(_free_motion, given, channels)
-    return None if isinstance(found, NoModel) else found
+    motion = attempt(_free_motion, recordings, channels)
+    return None if isinstance(motion, NoModel) else motion
 
 
 def _free_motion(recordings: list[Recording], channels: Channels) -> FreeMotion | None:
     stretches = [_make_stretch(one, channels) for one in recordings]
-    may_go_on = partial(_main_amplitude_changes, stretches)
-    modes, is_noise = fit_modes(stretches, may_go_on)
+    may_continue = partial(_main_amplitude_changes, stretches)
+    modes, is_noise = fit_modes(stretches, may_continue)
     if modes is not None and (cleaned := without_faults(stretches, modes)) is not None:
         stretches = cleaned
-        modes, is_noise = fit_modes(stretches, may_go_on)
+        modes, is_noise = fit_modes(stretches, may_continue)
     if modes is None:
         return None
     order = linearity.resolved_modes(stretches, modes, is_noise)
     is_linear = is_noise and linearity.has_linear_modes(stretches, modes, order)
     findings: list[Finding] = []
-    linear: FreeMotion | None = None
-    if is_linear and linearity.may_be_one(stretches, modes, order):
-        linear = _classify_modes(recordings, channels, stretches, modes, order, True, findings)
+    linear_motion: FreeMotion | None = None
+    if is_linear and linearity.may_be_single(stretches, modes, order):
+        fit = stretches, modes, order
+        linear_motion = _classify_modes(recordings, channels, *fit, True, findings)
         is_linear = False
     if not is_linear:
         floor = modes.misfit
         modes = linearity.refit_main_oscillation(stretches, modes, order)
         events = _find_linear_events(stretches, modes, floor)
-        if events is not None and not (is_noise and floor < _with_price(stretches, events)):
+        if events is not None and not (is_noise and floor < _penalised_misfit(stretches, events)):
             recordings, findings = _split_at_events(recordings, events, channels)
             stretches, modes, is_linear = events.stretches, events.modes, True
         order = np.argsort(-linearity.mode_energies(stretches, modes), kind="stable").tolist()
-    found = _classify_modes(recordings, channels, stretches, modes, order, is_linear, findings)
-    return replace(found, linear=linear) if found and not is_linear else found or linear
+    motion = _classify_modes(recordings, channels, stretches, modes, order, is_linear, findings)
+    if motion is None or is_linear:
+        return motion or linear_motion
+    return replace(motion, linear_motion=linear_motion)
 
 
 def _find_linear_events(
@@ -124,14 +127,14 @@ def _find_linear_events(
 
     modes: the main one first. floor: as of `find_events`.
     """
-    alone = fit_poles(stretches, modes.poles[:1])
-    for start in (modes, alone) if len(modes.poles) > 1 else (modes,):
-        if unexplained_power_share(stretches, start) > MAX_EVENTFUL:
+    main = fit_poles(stretches, modes.poles[:1])
+    for start in (modes, main) if len(modes.poles) > 1 else (modes,):
+        if unexplained_power_share(stretches, start) > MAX_UNEXPLAINED:
             continue
         if (events := find_events(stretches, start, floor)) is not None:
             order = linearity.resolved_modes(events.stretches, events.modes, is_noise=True)
             fit = events.stretches, events.modes, order
-            if linearity.has_linear_modes(*fit) and not linearity.may_be_one(*fit):
+            if linearity.has_linear_modes(*fit) and not linearity.may_be_single(*fit):
                 return events
     return None
 
@@ -151,9 +154,9 @@ def _classify_modes(
     if not own or (order[0] in steady and (not is_linear or linearity.is_cycle(modes, order))):
         return None
     if steady and is_linear:
-        held = np.isin(np.arange(len(modes.poles)), steady)
-        poles = np.where(held, 1j * modes.poles.imag, modes.poles)
-        modes = fit_poles(stretches, poles, held)
+        is_steady = np.isin(np.arange(len(modes.poles)), steady)
+        poles = np.where(is_steady, 1j * modes.poles.imag, modes.poles)
+        modes = fit_poles(stretches, poles, is_steady)
     if is_linear:
         if abs(modes.poles[own[0]].real) < linearity.SIGNIFICANT * modes.growth_errors[own[0]]:
             return None
@@ -193,15 +196,15 @@ def without_further_modes(motion: FreeMotion) -> list[Recording]:
 
     Displacements of the equilibrium by steps of a force after the first recording are removed too.
     """
-    found = []
+    remaining = []
     pairs = zip(motion.recordings, motion.stretches, strict=True)
     for index, (recording, stretch) in enumerate(pairs):
-        beside = motion.modes.evaluate(motion.further, index, stretch.time)
+        removed = motion.modes.evaluate(motion.further_modes, index, stretch.time)
         if any(each.code == Code.FORCE_STEPPED for each in motion.findings):
-            beside = beside + np.nan_to_num(motion.modes.offsets[index] - motion.modes.offsets[0])
-        less = replace(stretch, values=stretch.values - beside)
-        found.append(_with_samples(recording, less, motion.channels))
-    return found
+            removed = removed + np.nan_to_num(motion.modes.offsets[index] - motion.modes.offsets[0])
+        rest = replace(stretch, values=stretch.values - removed)
+        remaining.append(_with_samples(recording, rest, motion.channels))
+    return remaining
 
 
 def _main_amplitude_changes(stretches: list[Stretch], modes: DampedModes) -> bool:
@@ -211,21 +214,21 @@ def _main_amplitude_changes(stretches: list[Stretch], modes: DampedModes) -> boo
 
 
 def _running_amplitudes(
-    stretches: list[Stretch], modes: DampedModes, own: Sequence[int]
+    stretches: list[Stretch], modes: DampedModes, places: Sequence[int]
 ) -> list[np.ndarray]:
     """Compute amplitudes of modes of about the same frequency in windows of each stretch."""
-    found, omega = [], modes.poles[own[0]].imag
+    amplitudes, omega = [], modes.poles[places[0]].imag
     longest = max(one.duration for one in stretches)
     for index, stretch in enumerate(stretches):
         if 2.0 * stretch.duration < longest or np.isnan(modes.noise[index]).all():
             continue  # a few periods follow any trend
-        _, time, values = in_strongest_channel(stretch, modes, index, own)
+        _, time, values = in_strongest_channel(stretch, modes, index, places)
         length = max(2.0 * np.pi / omega, stretch.duration / WINDOWS)
-        found.append(running_amplitude(time, values, omega, length)[1])
-    return found
+        amplitudes.append(running_amplitude(time, values, omega, length)[1])
+    return amplitudes
 
 
-def _with_price(stretches: list[Stretch], events: MotionBetweenEvents) -> float:
+def _penalised_misfit(stretches: list[Stretch], events: MotionBetweenEvents) -> float:
     """Compute the misfit of a fit with events, plus the penalty of their parameters."""
     added = (len(events.stretches) - len(stretches)) * (2 * len(events.modes.poles) + 2)
     samples = sum(np.count_nonzero(np.isfinite(one.values)) for one in stretches)
@@ -236,7 +239,7 @@ def _split_at_events(
     recordings: list[Recording], events: MotionBetweenEvents, channels: Channels
 ) -> tuple[list[Recording], list[Finding]]:
     """Split recordings at events, and make a finding on each event."""
-    found, findings = [], []
+    parts, findings = [], []
     begins = dict.fromkeys(events.origins, 0)
     for k, (part, origin) in enumerate(zip(events.stretches, events.origins, strict=True)):
         begin, recording = begins[origin], recordings[origin]
@@ -245,9 +248,9 @@ def _split_at_events(
             elapsed = time - recording.time[begin - len(events.stretches[k - 1].time)]
             finding = _describe_event(events.modes, k, elapsed, float(time), channels)
             findings.append(replace(finding, recording=origin))
-        found.append(recording[begin : begin + len(part.time)])
+        parts.append(recording[begin : begin + len(part.time)])
         begins[origin] = begin + len(part.time)
-    return found, findings
+    return parts, findings
 
 
 def _describe_event(
@@ -255,16 +258,16 @@ def _describe_event(
 ) -> Finding:
     """Describe the event between stretches k - 1 and k, `elapsed` s after the first begins."""
     place = int(np.argmax(np.abs(modes.amplitudes[k]).max(axis=1)))
-    was = modes.amplitudes[k - 1] * np.exp(modes.poles * elapsed)[:, np.newaxis]
-    now = modes.amplitudes[k]
+    before = modes.amplitudes[k - 1] * np.exp(modes.poles * elapsed)[:, np.newaxis]
+    after = modes.amplitudes[k]
     channel = strongest_channel(modes, k, place)
     offset = modes.offsets[k] - modes.offsets[k - 1]
     error = np.hypot(modes.offset_errors[k], modes.offset_errors[k - 1])
     with np.errstate(invalid="ignore"):
-        moved = np.flatnonzero(np.abs(offset) > linearity.SIGNIFICANT * error)
-    if moved.size:
-        c = int(moved[np.argmax(np.abs(offset[moved]) / error[moved])])
+        stepped = np.flatnonzero(np.abs(offset) > linearity.SIGNIFICANT * error)
+    if stepped.size:
+        c = int(stepped[np.argmax(np.abs(offset[stepped]) / error[stepped])])
         change = float(offset[c])
         return Finding.of(Code.FORCE_STEPPED, channels.names[c], time_s=time, change=change)
-    share = abs(now[place, channel] - was[place, channel]) / abs(was[place, channel])
+    share = abs(after[place, channel] - before[place, channel]) / abs(before[place, channel])
     return Finding.of(Code.KNOCKED, channels.names[channel], time_s=time, share=float(share))

@@ -22,7 +22,9 @@ MAX_STEADY_CHANGE, MIN_STEADY_PERIODS = 0.02, 20.0
 MIN_TRANSIENT = 0.5
 HARMONIC = 2  # harmonic that quadratic stiffness causes; cubic terms show at the main frequency
 MAX_HARMONIC = 5  # highest harmonic that is sought in a limit cycle
-MAX_DAMPING_BESIDE = 0.1  # largest damping ratio and error of a mode beside non-exponential motion
+MAX_SEPARATE_DAMPING = (
+    0.1  # largest damping ratio and error of a mode separate from non-exponential motion
+)
 SIGNIFICANT = 4.0  # standard errors that a significant value or difference exceeds
 
 
@@ -37,8 +39,8 @@ def resolved_modes(stretches: Sequence[Stretch], modes: DampedModes, is_noise: b
     kept: list[int] = []
     longest = max(one.duration for one in stretches)
     for k in np.argsort(-mode_energies(stretches, modes)):
-        blurred = [j for j in kept if _is_unresolved(modes, int(k), j, longest)]
-        if not blurred or (is_noise and _is_transient(stretches, modes, int(k), blurred)):
+        unresolved = [j for j in kept if _is_unresolved(modes, int(k), j, longest)]
+        if not unresolved or (is_noise and _is_transient(stretches, modes, int(k), unresolved)):
             kept.append(int(k))
     return kept
 
@@ -50,19 +52,19 @@ def _is_unresolved(modes: DampedModes, k: int, j: int, longest: float) -> bool:
 
 
 def _is_transient(
-    stretches: Sequence[Stretch], modes: DampedModes, k: int, blurred: list[int]
+    stretches: Sequence[Stretch], modes: DampedModes, k: int, unresolved: list[int]
 ) -> bool:
     """Decide whether two modes of one frequency are a steady oscillation and its transient."""
-    if len(blurred) != 1:
+    if len(unresolved) != 1:
         return False
-    pair = [k, *blurred]
+    pair = [k, *unresolved]
     steady = [each for each in pair if is_steady(stretches, modes, each)]
     if len(steady) != 1:
         return False
-    (dying,) = set(pair) - set(steady)
+    (decaying,) = set(pair) - set(steady)
     amplitudes = modes.amplitudes[modes.first_fitted]
-    sizes = [np.linalg.norm(amplitudes[each]) for each in (dying, *steady)]
-    return modes.poles[dying].real < 0.0 and sizes[0] > MIN_TRANSIENT * sizes[1]
+    sizes = [np.linalg.norm(amplitudes[each]) for each in (decaying, *steady)]
+    return modes.poles[decaying].real < 0.0 and sizes[0] > MIN_TRANSIENT * sizes[1]
 
 
 def has_linear_modes(
@@ -75,11 +77,12 @@ def has_linear_modes(
     """
     own = [k for k in order if not is_steady(stretches, modes, k)]
     return len(order) == len(modes.poles) and not (
-        own and (_has_opposed(modes, own) or _depends_on_amplitude(stretches, modes, own[0]))
+        own
+        and (_has_opposite_growth(modes, own) or _depends_on_amplitude(stretches, modes, own[0]))
     )
 
 
-def may_be_one(stretches: Sequence[Stretch], modes: DampedModes, order: Sequence[int]) -> bool:
+def may_be_single(stretches: Sequence[Stretch], modes: DampedModes, order: Sequence[int]) -> bool:
     """Decide whether several fitted modes may be parts of a single nonlinear oscillation.
 
     Such a part has about the frequency of the strongest, or a multiple of it by a quadratic term.
@@ -108,7 +111,7 @@ def is_steady(stretches: Sequence[Stretch], modes: DampedModes, k: int) -> bool:
     return turns > MIN_STEADY_PERIODS and max(change) < MAX_STEADY_CHANGE
 
 
-def _has_opposed(modes: DampedModes, own: Sequence[int]) -> bool:
+def _has_opposite_growth(modes: DampedModes, own: Sequence[int]) -> bool:
     """Decide whether one of two modes of similar frequency grows and the other decays."""
     main = modes.poles[own[0]]
     opposed = modes.poles.real * np.sign(main.real) < -SIGNIFICANT * modes.growth_errors
@@ -139,7 +142,7 @@ def _depends_on_amplitude(stretches: Sequence[Stretch], modes: DampedModes, main
         for c in np.flatnonzero(np.isfinite(modes.noise[index])):
             known = np.isfinite(modes.residuals[index][:, c])
             q, _ = np.linalg.qr(known_columns[known])
-            left = modes.residuals[index][known, c]
+            residuals = modes.residuals[index][known, c]
             freedom += 2
             for n, growth in enumerate((0.0, 2.0 * pole.real, 3.0 * pole.real)):
                 start = stretch.duration if growth > 0.0 else 0.0
@@ -150,7 +153,7 @@ def _depends_on_amplitude(stretches: Sequence[Stretch], modes: DampedModes, main
                 basis, triangle = np.linalg.qr(further)
                 if np.abs(np.diag(triangle)).min() < 1e-6 * np.linalg.norm(wave):
                     continue
-                gains[n] += np.sum((basis.T @ left) ** 2) / modes.noise[index, c] ** 2
+                gains[n] += np.sum((basis.T @ residuals) ** 2) / modes.noise[index, c] ** 2
     return bool(gains.max() > chdtri(max(freedom, 1), FALSE_ALARM_RATE / len(gains)))
 
 
@@ -162,33 +165,33 @@ def refit_main_oscillation(
     The main oscillation is not exponential.
     """
     main = order[0]
-    beside = [k for k in order[1:] if _is_beside(modes, k, main)]
-    less = [
-        replace(one, values=one.values - modes.evaluate(beside, index, one.time))
+    separate = [k for k in order[1:] if _is_separate(modes, k, main)]
+    main_stretches = [
+        replace(one, values=one.values - modes.evaluate(separate, index, one.time))
         for index, one in enumerate(stretches)
     ]
-    alone = fit_poles(less, modes.poles[[main]])
-    places = [n * len(modes.poles) + k for n in (0, 1) for k in beside]
-    covariance = np.zeros((2 * len(beside) + 2,) * 2)
-    own = [0, len(beside) + 1]
-    covariance[np.ix_(own, own)] = alone.covariance
-    others = np.setdiff1d(np.arange(len(covariance)), own)
+    main_modes = fit_poles(main_stretches, modes.poles[[main]])
+    places = [n * len(modes.poles) + k for n in (0, 1) for k in separate]
+    covariance = np.zeros((2 * len(separate) + 2,) * 2)
+    rows = [0, len(separate) + 1]
+    covariance[np.ix_(rows, rows)] = main_modes.covariance
+    others = np.setdiff1d(np.arange(len(covariance)), rows)
     covariance[np.ix_(others, others)] = modes.covariance[np.ix_(places, places)]
-    pairs = zip(alone.amplitudes, modes.amplitudes, strict=True)
+    pairs = zip(main_modes.amplitudes, modes.amplitudes, strict=True)
     return replace(
-        alone,
-        poles=np.append(alone.poles, modes.poles[beside]),
+        main_modes,
+        poles=np.append(main_modes.poles, modes.poles[separate]),
         covariance=covariance,
-        amplitudes=[np.vstack([own, every[beside]]) for own, every in pairs],
+        amplitudes=[np.vstack([fitted, given[separate]]) for fitted, given in pairs],
     )
 
 
-def _is_beside(modes: DampedModes, k: int, main: int) -> bool:
+def _is_separate(modes: DampedModes, k: int, main: int) -> bool:
     """Decide whether a mode is separate from a main motion that is not exponential."""
     pole = modes.poles[k]
     opposed = np.sign(pole.real) != np.sign(modes.poles[main].real)
     may_be_steady = abs(pole.real) < SIGNIFICANT * modes.growth_errors[k]
-    is_light = max(modes.growth_errors[k], abs(pole.real)) < MAX_DAMPING_BESIDE * abs(pole)
+    is_light = max(modes.growth_errors[k], abs(pole.real)) < MAX_SEPARATE_DAMPING * abs(pole)
     motion = modes.poles[[main, *np.flatnonzero(is_close(modes.poles, modes.poles[main]))]]
     is_other = not is_part_of(modes.poles[[k]], motion)[0]
     return is_light and is_other and (may_be_steady or not opposed)
@@ -199,9 +202,9 @@ def mode_energies(stretches: Sequence[Stretch], modes: DampedModes) -> np.ndarra
 
     Returns (n_modes,).
     """
-    found = np.zeros(len(modes.poles))
+    energies = np.zeros(len(modes.poles))
     for index, stretch in enumerate(stretches):
-        for k in range(len(found)):
-            own = modes.evaluate([k], index, stretch.time) / modes.noise[index]
-            found[k] += np.nansum(own**2)
-    return found
+        for k in range(len(energies)):
+            ratios = modes.evaluate([k], index, stretch.time) / modes.noise[index]
+            energies[k] += np.nansum(ratios**2)
+    return energies

@@ -25,13 +25,13 @@ from galloping.recording.samples import Recording
 # A stretch is at rest if it varies by at most this share of the motion that follows. Motion that
 # grows at 3 % of critical damping is 0.8 times as large one period before.
 MAX_REST = 0.2
-SMALL = 0.05  # the same share for a stretch that oscillates itself
+MAX_OSCILLATING_REST = 0.05  # the same share for a stretch that oscillates itself
 MIN_WINDOW = 8  # least samples of a window in which the size of a motion is computed
 WINDOWS = (1.0, 0.25)  # lengths, in periods, of windows that are compared before and after release
 MIN_PAUSE = 2.0  # least periods of a rest between two motions
-FOLLOWING = 1.5  # periods after a release in which the motion does not pause
+MIN_MOTION = 1.5  # periods after a release in which the motion does not pause
 MIN_PERIODS = 1.5  # least periods of a stretch of motion
-OUT_OF_REST = 5.0  # motion begins at this many standard deviations of the rest
+DEPARTURE = 5.0  # motion begins at this many standard deviations of the rest
 # The size of the first period of motion is extrapolated from the two periods after it, with a decay
 # by a factor of MAX_FALL a period at most. Samples above SPIKE times this size show the
 # acceleration of a blow itself.
@@ -39,8 +39,8 @@ SPIKE, MAX_FALL = 1.25, 3.0
 MIN_TAIL = 2.0  # least periods of a rest at the end
 TAILS = (1.0, 0.8, 0.6, 0.4, 0.2)  # shares of a possible rest at the end that are tried in turn
 TINY = np.finfo(float).tiny
-COARSE = 5.0  # a range of at most this many steps of a sensor's resolution shows no motion
-SMOOTH = 1.0  # largest ratio of mean squared differences to variance; white noise has 2
+MIN_STEPS = 5.0  # a range of at most this many steps of a sensor's resolution shows no motion
+MAX_ROUGHNESS = 1.0  # largest ratio of mean squared differences to variance; white noise has 2
 
 
 @dataclass(frozen=True)
@@ -73,14 +73,14 @@ def moving_parts(time: np.ndarray, values: np.ndarray) -> list[MovingPart]:
     if len(time) < 4 * max(period, MIN_WINDOW):
         return whole
     onsets = _find_onsets(columns, period, resolution)
-    edges = [*(at for at, _ in onsets), len(time)]
+    edges = [*(onset for onset, _ in onsets), len(time)]
     parts = []
     first = onsets[0][1] if onsets else len(time)
     if first > 0:
         part = MovingPart(slice(0, first))
         parts.append(_without_tail(columns, part, period, edges[0], resolution))
-    for (at, rested_from), end in zip(onsets, edges[1:], strict=True):
-        begin = at + _spike_length(columns[:, at:end], period)
+    for (onset, rested_from), end in zip(onsets, edges[1:], strict=True):
+        begin = onset + _spike_length(columns[:, onset:end], period)
         part = MovingPart(slice(begin, end), rested_from)
         parts.append(_without_tail(columns, part, period, end, resolution))
     long = [part for part in parts if part.rows.stop - part.rows.start >= MIN_PERIODS * period]
@@ -91,8 +91,8 @@ def _shift_part(part: MovingPart, rows: int) -> MovingPart:
     def later(row: int | None) -> int | None:
         return None if row is None else int(row + rows)
 
-    own = slice(int(part.rows.start + rows), int(part.rows.stop + rows))
-    return MovingPart(own, later(part.rested_from), later(part.rests_until))
+    shifted = slice(int(part.rows.start + rows), int(part.rows.stop + rows))
+    return MovingPart(shifted, later(part.rested_from), later(part.rests_until))
 
 
 def moving_samples(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, list[Finding]]:
@@ -110,7 +110,7 @@ def moving_samples(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, li
 
 
 @dataclass(frozen=True)
-class Moving:
+class MovingRecordings:
     """Parts of recordings in which the system moves, without the rest before and after.
 
     Rest contains no information on the system, unless the motion may stick. recordings: one for
@@ -125,25 +125,27 @@ class Moving:
     findings: tuple[Finding, ...]
 
 
-def moving_recordings(recordings: Sequence[Recording], terms: Sequence[Exponents] = ()) -> Moving:
+def moving_recordings(
+    recordings: Sequence[Recording], terms: Sequence[Exponents] = ()
+) -> MovingRecordings:
     """Remove the rest before and after the motion from recordings.
 
     Recordings of systems without a velocity, those with inputs and those of exact states are
     unchanged. A recording in which no channel varies is left out beside others. terms: the library.
     If it has a function sign(u), the motion may stick, and the rest after it is part of it.
     """
-    may_stick = any(isinstance(own, Function) and own.name == "sign" for own in chain(*terms))
-    found: list[Recording] = []
+    may_stick = any(isinstance(part, Function) and part.name == "sign" for part in chain(*terms))
+    with_rest: list[Recording] = []
     until_rest: list[Recording] = []
     origins: list[int] = []
     findings: list[Finding] = []
     may_rest = [
         not (each.inputs or each.exact) and bool(velocity_pairs(each.states)) for each in recordings
     ]
-    still = [own and not _varies(each) for own, each in zip(may_rest, recordings, strict=True)]
+    is_still = [rests and not _varies(one) for rests, one in zip(may_rest, recordings, strict=True)]
     for index, recording in enumerate(recordings):
         whole = [MovingPart(slice(0, len(recording.time)))]
-        if still[index] and not all(still):
+        if is_still[index] and not all(is_still):
             rest = MovingPart(slice(0, 1), rests_until=len(recording.time) - 1)
             findings += _rest_findings(recording.time, rest, index)
             continue
@@ -154,10 +156,10 @@ def moving_recordings(recordings: Sequence[Recording], terms: Sequence[Exponents
             if may_stick and part.rests_until is not None:
                 rows = slice(part.rows.start, part.rests_until + 1)
                 part = replace(part, rows=rows, rests_until=None)
-            found.append(_select_rows(recording, part.rows))
+            with_rest.append(_select_rows(recording, part.rows))
             origins.append(index)
             findings += _rest_findings(recording.time, part, index)
-    return Moving(found, until_rest, origins, tuple(findings))
+    return MovingRecordings(with_rest, until_rest, origins, tuple(findings))
 
 
 def _all_channels(recording: Recording) -> np.ndarray:
@@ -188,21 +190,21 @@ def _fill_gaps(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.nda
 
     Returns the smallest difference between two samples of each as well, (n_varying, 1).
     """
-    found, resolutions = [], []
+    columns, resolutions = [], []
     for column in values.T:
         known = np.isfinite(column)
         if np.count_nonzero(known) >= MIN_WINDOW and np.ptp(column[known]) > 0.0:
-            found.append(np.interp(time, time[known], column[known]))
+            columns.append(np.interp(time, time[known], column[known]))
             resolutions.append(finest_step(column))
-    return np.array(found).reshape(-1, len(time)), np.array(resolutions)[:, np.newaxis]
+    return np.array(columns).reshape(-1, len(time)), np.array(resolutions)[:, np.newaxis]
 
 
 def _dominant_period(columns: np.ndarray) -> float:
     """Find the period of the largest velocity, in samples, infinite without one."""
     power = np.zeros(columns.shape[1] // 2)
     for column in columns:
-        own = np.abs(np.fft.rfft(np.diff(column)))[: len(power)] ** 2
-        power += own / max(own.sum(), np.finfo(float).tiny)
+        spectrum = np.abs(np.fft.rfft(np.diff(column)))[: len(power)] ** 2
+        power += spectrum / max(spectrum.sum(), TINY)
     if len(power) <= 2 or not power[2:].any():
         return np.inf
     return columns.shape[1] / (2.0 + np.argmax(power[2:]))
@@ -217,7 +219,7 @@ def _window_deviations(columns: np.ndarray, length: int) -> tuple[np.ndarray, np
     mean = _window_sums(centred, length) / length
     deviation = np.sqrt(np.maximum(_window_sums(centred**2, length) / length - mean**2, 0.0))
     squares = _window_sums(np.diff(columns, axis=1) ** 2, length - 1) / (length - 1)
-    return deviation, squares < SMOOTH * deviation**2
+    return deviation, squares < MAX_ROUGHNESS * deviation**2
 
 
 def _window_sums(columns: np.ndarray, length: int) -> np.ndarray:
@@ -229,11 +231,11 @@ def _window_sums(columns: np.ndarray, length: int) -> np.ndarray:
 def _find_onsets(
     columns: np.ndarray, period: float, resolution: np.ndarray
 ) -> list[tuple[int, int]]:
-    """Find where motion begins from rest: pairs of the first samples of the motion and the rest."""
+    """Find pairs of the first samples of a motion and of the rest before it."""
     onsets: list[tuple[int, int]] = []
     for length in sorted({max(int(share * period), MIN_WINDOW) for share in WINDOWS})[::-1]:
         deviation, is_smooth = _window_deviations(columns, length)
-        span = int(FOLLOWING * period)
+        span = int(MIN_MOTION * period)
         if deviation.shape[1] <= length + span:
             continue
         following = minimum_filter1d(deviation, span, axis=1, origin=-(span // 2))
@@ -256,11 +258,13 @@ def _find_onsets(
                 continue  # a node of beats
             rest = slice(rested_from, last + max(length // 2, 4))
             level = deviation[:, last] / np.maximum(following[:, last], TINY)
-            if np.all(level[starts[:, last]] > SMALL) and not _is_still(columns[:, rest]):
+            if np.all(level[starts[:, last]] > MAX_OSCILLATING_REST) and not _is_still(
+                columns[:, rest]
+            ):
                 continue  # a smaller motion
-            at = _find_departure(columns[starts[:, last]], rest, length)
-            if all(abs(at - other) > span for other, _ in onsets):
-                onsets.append((at, rested_from))
+            onset = _find_departure(columns[starts[:, last]], rest, length)
+            if all(abs(onset - known) > span for known, _ in onsets):
+                onsets.append((onset, rested_from))
     return sorted(onsets)
 
 
@@ -268,7 +272,7 @@ def _find_departure(columns: np.ndarray, rest: slice, length: int) -> int:
     """Find the first sample out of a rest, whose end may be up to `length` samples later."""
     still = columns[:, rest]
     middle = still.mean(axis=1, keepdims=True)
-    least = np.maximum(OUT_OF_REST * still.std(axis=1), 1.5 * np.abs(still - middle).max(axis=1))
+    least = np.maximum(DEPARTURE * still.std(axis=1), 1.5 * np.abs(still - middle).max(axis=1))
     away = np.abs(columns - middle)[:, rest.stop : rest.stop + 2 * length]
     out = np.any(away > least[:, np.newaxis], axis=0)
     return rest.stop + int(np.argmax(out)) if out.any() else rest.stop + length // 2
@@ -299,22 +303,24 @@ def _without_tail(
     """Remove the rest at the end of a part. end: sample at which the next motion begins."""
     begin, stop = part.rows.start, part.rows.stop
     length = max(int(period), MIN_WINDOW)
-    own = columns[:, begin:stop]
-    if own.shape[1] < (MIN_PERIODS + MIN_TAIL) * length:
+    samples = columns[:, begin:stop]
+    if samples.shape[1] < (MIN_PERIODS + MIN_TAIL) * length:
         return part
-    deviation, _ = _window_deviations(own, length)
-    last = own[:, -max(length, own.shape[1] // 20) :].std(axis=1, keepdims=True)
+    deviation, _ = _window_deviations(samples, length)
+    last = samples[:, -max(length, samples.shape[1] // 20) :].std(axis=1, keepdims=True)
     last = np.maximum(last, resolution)
     if np.any(deviation.max(axis=1, keepdims=True) * MAX_REST < last):
         return part
     moves = np.flatnonzero(np.any(deviation > 1.5 * last, axis=0))
-    moved = int(moves[-1]) + length // 4 if len(moves) else own.shape[1]
-    possible = own.shape[1] - moved
+    still_from = int(moves[-1]) + length // 4 if len(moves) else samples.shape[1]
+    possible = samples.shape[1] - still_from
     for share in TAILS:
         tail = int(share * possible)
         if tail < MIN_TAIL * length:
             break
-        resolved = own[np.ptp(own[:, -tail:], axis=1) > COARSE * resolution[:, 0], -tail:]
+        resolved = samples[
+            np.ptp(samples[:, -tail:], axis=1) > MIN_STEPS * resolution[:, 0], -tail:
+        ]
         if _is_still(resolved):
             rows = slice(begin, stop - tail)
             return replace(part, rows=rows, rests_until=end - 1)

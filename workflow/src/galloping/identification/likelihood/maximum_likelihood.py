@@ -33,7 +33,7 @@ from galloping.identification.free_motion.kinds_of_motion import (
     classify_motion,
     without_further_modes,
 )
-from galloping.identification.free_motion.rest import Moving, moving_recordings
+from galloping.identification.free_motion.rest import MovingRecordings, moving_recordings
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import (
     checked_recordings,
@@ -150,7 +150,9 @@ def maximum_likelihood(
     return add_alias_rivals(problem, identified)
 
 
-def _search_model(problem: Problem, moving: Moving, start: Start | None) -> IdentifiedModel:
+def _search_model(
+    problem: Problem, moving: MovingRecordings, start: Start | None
+) -> IdentifiedModel:
     """Search for the model of recordings without rests.
 
     Free motion is tried first for a single coordinate, and if displacements are not measured: this
@@ -272,7 +274,7 @@ def _search_free_motion(start: Start, objections: Findings) -> tuple[Outcome, bo
     motion = classify_motion(start.recordings)
     if motion is None or not (motion.is_linear or motion.decays):
         return NoModel(objections), False
-    if motion.further or motion.findings:
+    if motion.further_modes or motion.findings:
         alone = attempt(make_start, start.problem, without_further_modes(motion))
         outcome = alone if isinstance(alone, NoModel) else _search_exact(alone, objections)[0]
         if isinstance(outcome, IdentifiedModel):
