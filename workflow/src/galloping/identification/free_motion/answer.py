@@ -44,9 +44,8 @@ def is_of_one_coordinate(recordings: Sequence[Recording]) -> bool:
 def find_free_motion(recordings: Sequence[Recording]) -> FreeMotion | None:
     """Detect freely decaying or growing motion, to be tried before the general search.
 
-    Free motion is searched for in a single coordinate, and in linear motion if displacements are
-    not measured. recordings: without rests. Returns None if the motion is another, or if the
-    general search comes first.
+    It is tried first for a single coordinate, and for linear motion if displacements are not
+    measured. recordings: without rests. Returns None for other motion.
     """
     is_single = is_of_one_coordinate(recordings)
     if not (is_single or unmeasured_displacements(recordings[0])):
@@ -133,8 +132,8 @@ def without_omissions(
 ) -> list[Recording]:
     """Remove from recordings what a model of free motion omits: rest, and additional modes.
 
-    recordings: those from which the model was identified, or newer ones. Returns one recording for
-    each stretch of motion between events.
+    recordings: those of the identification, or newer ones. Returns one recording for each stretch
+    of motion between events.
     """
     if identified.is_forced:
         return list(recordings)
@@ -192,10 +191,7 @@ def _noise_excess(motion: FreeMotion) -> float:
 def _identify_mean_model(
     problem: Problem, motion: FreeMotion, objections: Sequence[Finding]
 ) -> IdentifiedModel | NoModel:
-    """Identify the approximate model of a decay of one coordinate that is not exponential.
-
-    objections: reasons why no model follows it.
-    """
+    """Identify the mean linear model of a decay that no model follows, for given reasons."""
     modes, place, names = motion.modes, motion.own_modes[0], motion.channels.names
     parts: list[EnvelopePart] = []
     for index, stretch in enumerate(motion.stretches):
@@ -329,8 +325,8 @@ def _modal_displacement(
 ) -> complex | None:
     """Compute the amplitude of a mode in a coordinate at the first sample of a stretch.
 
-    It is that of the channel with the highest ratio of the mode to the noise; None if nothing
-    measures the coordinate.
+    It is from the channel with the highest signal-to-noise ratio; None if nothing measures the
+    coordinate.
     """
     modes, amplitudes = motion.modes, motion.modes.amplitudes[index][place]
     orders = dict(motion.channels.derivatives(coordinate))

@@ -15,13 +15,15 @@ MISFIT = 4.5  # noise deviations; samples beside an event that err by more are u
 MIN_PERIODS = 8.0  # least length, in periods, of a stretch whose ends are searched for such samples
 
 
-def without_faults(stretches: Sequence[Stretch], modes: DampedModes) -> list[Stretch] | None:
-    """Remove outliers and samples during events, which fitted damped sinusoids cannot follow.
+def remove_unexplained_samples(
+    stretches: Sequence[Stretch], modes: DampedModes
+) -> list[Stretch] | None:
+    """Remove isolated outliers, and samples at the ends that the force of an event affects.
 
-    modes: fitted to the stretches. Returns the stretches without isolated outliers, and without
-    samples at their ends that the force of an event affects; None if there are neither.
+    modes: fitted to the stretches. Returns the stretches without these samples, None if there are
+    no such samples.
     """
-    cleaned, changed = [], False
+    cleaned, has_changed = [], False
     for stretch, residual in zip(stretches, modes.residuals, strict=True):
         bad = np.zeros(residual.shape, bool)
         for c, column in enumerate(residual.T):
@@ -29,12 +31,12 @@ def without_faults(stretches: Sequence[Stretch], modes: DampedModes) -> list[Str
             if known.any():
                 limit = OUTLYING * 1.4826 * np.median(np.abs(column[known]))
                 far = known & (np.abs(column) > limit)
-                alone = far & ~np.append(far[1:], False) & ~np.append(False, far[:-1])
-                bad[:, c] = alone & (np.count_nonzero(alone) <= MAX_OUTLYING * len(far))
+                is_isolated = far & ~np.append(far[1:], False) & ~np.append(False, far[:-1])
+                bad[:, c] = is_isolated & (np.count_nonzero(is_isolated) <= MAX_OUTLYING * len(far))
         bad |= _under_force(stretch, modes.poles)[:, np.newaxis]
-        changed |= bool(bad.any())
+        has_changed |= bool(bad.any())
         cleaned.append(replace(stretch, values=np.where(bad, np.nan, stretch.values)))
-    return cleaned if changed else None
+    return cleaned if has_changed else None
 
 
 def _under_force(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
@@ -48,14 +50,15 @@ def _under_force(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
     modes = attempt(fit_poles, [inner], poles)
     if isinstance(modes, NoModel) or strongest_mode([inner], modes.residuals, poles) is not None:
         return forced
-    left = stretch.values - modes.evaluate(range(len(modes.poles)), 0, stretch.time - period)
+    residual = stretch.values - modes.evaluate(range(len(modes.poles)), 0, stretch.time - period)
     is_fitted = np.isfinite(modes.noise[0])
-    left, noise = left[:, is_fitted], modes.noise[0][is_fitted]
+    residual, noise = residual[:, is_fitted], modes.noise[0][is_fitted]
     with np.errstate(invalid="ignore"):
-        away = np.any(np.abs(left - np.nanmedian(left[inside], axis=0)) > MISFIT * noise, axis=1)
+        distance = np.abs(residual - np.nanmedian(residual[inside], axis=0))
+        is_far = np.any(distance > MISFIT * noise, axis=1)
     early, late = stretch.time <= period, stretch.time >= stretch.duration - period
-    if (at := np.flatnonzero(away & early)).size:
-        forced[: at[-1] + 1] = True
-    if (at := np.flatnonzero(away & late)).size:
-        forced[at[0] :] = True
+    if (rows := np.flatnonzero(is_far & early)).size:
+        forced[: rows[-1] + 1] = True
+    if (rows := np.flatnonzero(is_far & late)).size:
+        forced[rows[0] :] = True
     return forced

@@ -51,10 +51,7 @@ class Stretch:
 
     @cached_property
     def sizes(self) -> np.ndarray:
-        """Standard deviation of each channel, zero for a channel without samples.
-
-        Shape (n_channels,).
-        """
+        """Standard deviation of each channel, (n_channels,), zero without samples."""
         known = np.isfinite(self.values)
         squares = np.where(known, without_means(self.values), 0.0) ** 2
         return np.sqrt(squares.sum(axis=0) / np.maximum(known.sum(axis=0), 1))
@@ -103,7 +100,7 @@ class DampedModes:
         """Compute the joint covariance of poles and amplitudes of some modes in one stretch.
 
         stretch: one of those that the modes are fitted to. index: its place among them. which:
-        places of the n_which modes. Returns (n, n), of growths, frequencies, and real and imaginary
+        indices of the n_which modes. Returns (n, n), of growths, frequencies, real and imaginary
         parts of the amplitudes, each by mode and then by channel: n = n_which (2 + 2 n_channels).
         The covariance is zero for channels without samples.
         """
@@ -151,8 +148,8 @@ def fit_poles(
 ) -> DampedModes:
     """Fit damped sinusoids to samples of free motion, from initial guesses of their poles.
 
-    If a period has many samples, means of neighbours are fitted first: where samples are equally
-    spaced, these are damped sinusoids with the same poles. poles: (n_modes,) complex. is_steady:
+    If a period has many samples, means of neighbours are fitted first: of equally spaced samples,
+    these are damped sinusoids with the same poles. poles: (n_modes,) complex. is_steady:
     (n_modes,) whether each growth is fixed; by default none is. Raises IdentificationError if the
     fit does not lead to finite poles that the samples distinguish.
     """
@@ -162,16 +159,16 @@ def fit_poles(
     count = int(2.0 * np.pi / (MEANS_PER_PERIOD * step * max(poles.imag)))
     means, max_steps = _average_neighbours(stretches, count) if count > 1 else [], MAX_STEPS
     if means:
-        found = attempt(_iterate, means, poles, free, MAX_STEPS)
-        if not isinstance(found, NoModel):
-            poles, max_steps = found.modes.poles, MAX_STEPS_AFTER_MEANS
-    here = _iterate(stretches, poles, free, max_steps)
-    scaled, scale = here.scale_information(free)
+        rough = attempt(_iterate, means, poles, free, MAX_STEPS)
+        if not isinstance(rough, NoModel):
+            poles, max_steps = rough.modes.poles, MAX_STEPS_AFTER_MEANS
+    final = _iterate(stretches, poles, free, max_steps)
+    scaled, scale = final.scale_information(free)
     if not np.linalg.cond(scaled) < 1.0 / ROUNDING:
         raise IdentificationError(Code.NO_OSCILLATION)
     covariance = np.zeros((len(free), len(free)))
     covariance[np.ix_(free, free)] = np.linalg.inv(scaled) / np.outer(scale, scale)
-    return replace(here.modes, covariance=covariance)
+    return replace(final.modes, covariance=covariance)
 
 
 def _average_neighbours(stretches: Sequence[Stretch], count: int) -> list[Stretch]:
@@ -179,7 +176,7 @@ def _average_neighbours(stretches: Sequence[Stretch], count: int) -> list[Stretc
 
     The list is empty if more than a tenth of a channel's samples would be lost.
     """
-    found = []
+    averaged = []
     for one in stretches:
         n = len(one.time) // count
         time, values = one.time[: n * count], one.values[: n * count]
@@ -188,8 +185,8 @@ def _average_neighbours(stretches: Sequence[Stretch], count: int) -> list[Stretc
         kept, given = (np.isfinite(each).sum(axis=0) for each in (means, one.values))
         if n == 0 or np.any(kept * count < 0.9 * given):
             return []
-        found.append(Stretch(time.mean(axis=1), means, one.drift_degrees))
-    return found
+        averaged.append(Stretch(time.mean(axis=1), means, one.drift_degrees))
+    return averaged
 
 
 def _iterate(
@@ -199,27 +196,27 @@ def _iterate(
 
     free: (2 n_modes,) which growths and frequencies change.
     """
-    here = _linearise(stretches, poles)
+    current = _linearise(stretches, poles)
     fastest = np.pi / min(one.step for one in stretches)
     damping = 1e-3
     for _ in range(max_steps):
-        scaled, scale = here.scale_information(free)
+        scaled, scale = current.scale_information(free)
         scaled += damping * np.eye(len(scale))
         step = np.zeros(len(free))
-        step[free] = np.linalg.solve(scaled, here.right[free] / scale) / scale
-        moved = here.modes.poles + step[: len(poles)] + 1j * step[len(poles) :]
-        is_possible = np.all((moved.imag > 0.0) & (moved.imag < fastest))
-        there = _linearise(stretches, moved) if is_possible else None
-        misfit = here.modes.misfit
-        if there is not None and there.modes.misfit <= misfit + 1e-9 * abs(misfit):
-            here, damping = there, damping / 10.0
+        step[free] = np.linalg.solve(scaled, current.right[free] / scale) / scale
+        trial_poles = current.modes.poles + step[: len(poles)] + 1j * step[len(poles) :]
+        is_possible = np.all((trial_poles.imag > 0.0) & (trial_poles.imag < fastest))
+        trial = _linearise(stretches, trial_poles) if is_possible else None
+        misfit = current.modes.misfit
+        if trial is not None and trial.modes.misfit <= misfit + 1e-9 * abs(misfit):
+            current, damping = trial, damping / 10.0
             if np.max(np.abs(step[free]) * scale) < CONVERGED:
                 break
         elif damping > 1e6:
             break
         else:
             damping = 10.0 * max(damping, 1e-6)
-    return here
+    return current
 
 
 @dataclass(frozen=True)
@@ -249,18 +246,15 @@ class _NormalEquations:
 
 
 def _linearise(stretches: Sequence[Stretch], poles: np.ndarray) -> _NormalEquations:
-    """Linearise the fit at some poles.
-
-    All sums over samples are those of the waves, and of the waves times the time.
-    """
+    """Linearise the fit at given poles."""
     n, channels = len(poles), stretches[0].values.shape[1]
     information, right, misfit = np.zeros((2 * n, 2 * n)), np.zeros(2 * n), 0.0
     whole = np.full(2 * n, np.finfo(float).tiny)  # diagonal information for known amplitudes
     offsets, errors, noise = np.full((3, len(stretches), channels), np.nan)
     amplitudes, residuals = [], []
     for r, stretch in enumerate(stretches):
-        own = np.zeros((n, channels), complex)
-        left = np.full(stretch.values.shape, np.nan)
+        fitted_amplitudes = np.zeros((n, channels), complex)
+        residual = np.full(stretch.values.shape, np.nan)
         origin = np.where(poles.real > 0.0, stretch.duration, 0.0)
         columns = _wave_columns(stretch, poles, origin)
         shared: np.ndarray | None = None
@@ -286,20 +280,20 @@ def _linearise(stretches: Sequence[Stretch], poles: np.ndarray) -> _NormalEquati
             variance = max(remainder @ remainder / (count - len(solved)), least**2)
             a = solved[:n] - 1j * solved[n : 2 * n]
             slopes = _pole_slopes(a, origin, stretch.duration, columns.shape[1])
-            met = products[basis] @ slopes
+            overlap = products[basis] @ slopes
             of_known = slopes.T @ products @ slopes / variance
             whole += np.diag(of_known)
-            information += of_known - met.T @ inverse @ met / variance
+            information += of_known - overlap.T @ inverse @ overlap / variance
             right += slopes.T @ (of_channel.T @ remainder) / variance
             misfit += count * np.log(variance)
-            own[:, c] = a * np.exp(-poles.real * origin)
-            left[known, c] = remainder[known]
+            fitted_amplitudes[:, c] = a * np.exp(-poles.real * origin)
+            residual[known, c] = remainder[known]
             noise[r, c] = np.sqrt(variance)
             if degree == 0:
                 offsets[r, c] = solved[-1]
                 errors[r, c] = noise[r, c] * np.sqrt(inverse[-1, -1])
-        amplitudes.append(own)
-        residuals.append(left)
+        amplitudes.append(fitted_amplitudes)
+        residuals.append(residual)
     if np.isnan(noise).all() or not np.isfinite(misfit):
         raise IdentificationError(Code.NO_OSCILLATION)
     unknown = np.full((2 * n, 2 * n), np.nan)
@@ -326,19 +320,19 @@ def _pole_slopes(a: np.ndarray, origin: np.ndarray, duration: float, count: int)
 
     Returns (count, 2 n_modes). a: (n_modes,) amplitudes.
     """
-    n, found = len(a), np.zeros((count, 2 * len(a)))
+    n, slopes = len(a), np.zeros((count, 2 * len(a)))
     k = np.arange(n)
     for part, cosine, sine in ((k, a.real, -a.imag), (k + n, -a.imag, -a.real)):
-        found[k + 2 * n, part], found[k + 3 * n, part] = duration * cosine, duration * sine
-    found[k, k], found[k + n, k] = -origin * a.real, origin * a.imag
-    return found
+        slopes[k + 2 * n, part], slopes[k + 3 * n, part] = duration * cosine, duration * sine
+    slopes[k, k], slopes[k + n, k] = -origin * a.real, origin * a.imag
+    return slopes
 
 
 def _invert_basis(products: np.ndarray, n: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Invert the normal equations of the waves of n modes and of a drift.
+    """Invert the normal equations of the waves of n modes, maybe nearly dependent, and a drift.
 
-    The waves may be nearly dependent. products: inner products of all columns. Returns the places
-    of the columns of waves and drift, and the inverse.
+    products: inner products of all columns. Returns the indices of those of waves and drift, and
+    the inverse.
     """
     basis = np.r_[0 : 2 * n, 4 * n : 4 * n + degree + 1]
     gram = products[np.ix_(basis, basis)]

@@ -50,16 +50,16 @@ def fit_envelope(
         inside = (time >= first) & (time <= last)
         if np.count_nonzero(inside) < MIN_SAMPLES:
             continue
-        own = Stretch(time[inside] - first, values[inside, np.newaxis], (0,))
-        found = attempt(fit_poles, [own], np.array([pole]))
-        if isinstance(found, NoModel):
+        interval = Stretch(time[inside] - first, values[inside, np.newaxis], (0,))
+        fit = attempt(fit_poles, [interval], np.array([pole]))
+        if isinstance(fit, NoModel):
             continue
-        middle, local = (last - first) / 2.0, found.poles[0]
-        amplitude = abs(found.amplitudes[0][0, 0]) * np.exp(local.real * middle)
+        middle, local = (last - first) / 2.0, fit.poles[0]
+        amplitude = abs(fit.amplitudes[0][0, 0]) * np.exp(local.real * middle)
         part = EnvelopePart(
             index, names[channel], float(begin + (first + middle)), float(amplitude),
-            float(local.imag), float(local.real), float(found.frequency_errors[0]),
-            float(found.growth_errors[0]),
+            float(local.imag), float(local.real), float(fit.frequency_errors[0]),
+            float(fit.growth_errors[0]),
         )  # fmt: skip
         parts.append(part)
     return parts
@@ -72,19 +72,19 @@ def strongest_channel(modes: DampedModes, index: int, place: int) -> int:
 
 
 def in_strongest_channel(
-    stretch: Stretch, modes: DampedModes, index: int, own: Sequence[int]
+    stretch: Stretch, modes: DampedModes, index: int, places: Sequence[int]
 ) -> tuple[int, np.ndarray, np.ndarray]:
-    """Subtract all modes but some from the channel in which the first of these is strongest.
+    """Subtract all modes but those at `places` from the channel in which the first is strongest.
 
-    Returns the channel, the times of its samples, s, and what remains of them, (n,). index: of the
-    stretch among those of `modes`. own: places of the modes that remain.
+    Returns the channel, the times of its samples, s, and the remainder, (n,). index: of the stretch
+    among those of `modes`.
     """
-    channel = strongest_channel(modes, index, own[0])
+    channel = strongest_channel(modes, index, places[0])
     known = np.isfinite(stretch.values[:, channel])
     time = stretch.time[known]
-    others = np.setdiff1d(np.arange(len(modes.poles)), own)
-    beside = modes.evaluate(others, index, time)[:, channel]
-    return channel, time, stretch.values[known, channel] - beside
+    others = np.setdiff1d(np.arange(len(modes.poles)), places)
+    removed = modes.evaluate(others, index, time)[:, channel]
+    return channel, time, stretch.values[known, channel] - removed
 
 
 def running_amplitude(
@@ -99,10 +99,10 @@ def running_amplitude(
     waves = np.column_stack([np.cos(omega * time), np.sin(omega * time), np.ones(len(time))])
     centres, sizes = [], []
     for start in starts:
-        own = slice(*np.searchsorted(time, (start, start + length)))
-        if own.stop - own.start < 6:
+        rows = slice(*np.searchsorted(time, (start, start + length)))
+        if rows.stop - rows.start < 6:
             continue
-        solved = np.linalg.lstsq(waves[own], values[own], rcond=None)[0]
+        solved = np.linalg.lstsq(waves[rows], values[rows], rcond=None)[0]
         centres.append(start + length / 2.0)
         sizes.append(np.hypot(*solved[:2]))
     return np.array(centres), np.array(sizes)
@@ -114,11 +114,11 @@ def _part_edges(centres: np.ndarray, logarithms: np.ndarray, least: float) -> li
     sign = 1.0 if logarithms[-1] > logarithms[0] else -1.0
     rising = np.maximum.accumulate(sign * logarithms)
     count = int(np.clip((end - begin) / least, 1, MAX_PARTS))
-    wanted = np.linspace(rising[0], rising[-1], count + 1)[1:-1]
+    levels = np.linspace(rising[0], rising[-1], count + 1)[1:-1]
     edges = [begin]
-    for each in np.interp(wanted, rising, centres):
-        if each - edges[-1] >= least and end - each >= least:
-            edges.append(float(each))
+    for time in np.interp(levels, rising, centres):
+        if time - edges[-1] >= least and end - time >= least:
+            edges.append(float(time))
     return [*edges, end]
 
 

@@ -19,7 +19,7 @@ MAX_EVENTS = 10  # most events in all stretches
 MIN_EXPLAINED = 0.25  # least share of the misfit's excess over `floor` that each event explains
 MIN_PERIODS = 3.0  # least time between two events, in periods of the slowest mode
 MIN_SAMPLES = 24  # least number of samples between two events
-TRIED = 2000  # most times of a stretch at which an event is first tried
+MAX_TRIED = 2000  # most times of a stretch at which an event is first tried
 RIDGE = 1e-12  # added to the unit diagonal of normal equations so that they can be solved
 
 
@@ -41,10 +41,9 @@ def find_events(
 ) -> MotionBetweenEvents | None:
     """Search for abrupt events, such as a knock, that separate parts of free motion.
 
-    If these are taken into account, only noise remains. modes: fitted to the stretches; their
-    residuals exceed the noise. floor: misfit with further damped sinusoids instead of events: an
-    event that explains much less is none. Returns None if a few events do not explain the
-    residuals.
+    modes: fitted to the stretches; their residuals exceed the noise. floor: misfit with further
+    damped sinusoids instead of events, with which events are compared. Returns None unless a few
+    events leave nothing but noise.
     """
     parts, origins = list(stretches), list(range(len(stretches)))
     for _ in range(MAX_EVENTS):
@@ -52,7 +51,7 @@ def find_events(
         if event is None:
             return None
         k, sample = event
-        parts[k : k + 1] = [_cut(parts[k], 0, sample), _cut(parts[k], sample, None)]
+        parts[k : k + 1] = [_select_rows(parts[k], 0, sample), _select_rows(parts[k], sample, None)]
         origins.insert(k, origins[k])
         before = modes.misfit
         try:
@@ -63,43 +62,43 @@ def find_events(
         except NO_MODEL:
             return None
         if whole is not None and is_noise:
-            return _without_needless(stretches, MotionBetweenEvents(parts, origins, whole))
+            return _remove_spurious_events(stretches, MotionBetweenEvents(parts, origins, whole))
     return None
 
 
-def _without_needless(
-    stretches: Sequence[Stretch], found: MotionBetweenEvents
+def _remove_spurious_events(
+    stretches: Sequence[Stretch], motion: MotionBetweenEvents
 ) -> MotionBetweenEvents:
     """Remove events that explain no more than noise does besides the others.
 
-    Such an event was found first, in place of two others. stretches: undivided.
+    Such an event was detected first, in place of two others. stretches: undivided.
     """
-    for k in range(len(found.stretches) - 1, 0, -1):
-        if found.origins[k] != found.origins[k - 1]:
+    for k in range(len(motion.stretches) - 1, 0, -1):
+        if motion.origins[k] != motion.origins[k - 1]:
             continue
-        parts, origins = list(found.stretches), list(found.origins)
+        parts, origins = list(motion.stretches), list(motion.origins)
         first = origins.index(origins[k])
         begin, end = (sum(len(part.time) for part in parts[first:last]) for last in (k - 1, k + 1))
-        parts[k - 1 : k + 1] = [_cut(stretches[origins[k]], begin, end)]
+        parts[k - 1 : k + 1] = [_select_rows(stretches[origins[k]], begin, end)]
         del origins[k]
-        fit = attempt(fit_poles, parts, found.modes.poles)
+        fit = attempt(fit_poles, parts, motion.modes.poles)
         if isinstance(fit, NoModel):
             continue
         count = sum(np.count_nonzero(np.isfinite(part.values)) for part in parts)
         freedom = (2 * len(fit.poles) + 2) * parts[0].values.shape[1]
-        if fit.misfit - found.modes.misfit < chdtri(freedom, FALSE_ALARM_RATE / count):
-            found = MotionBetweenEvents(parts, origins, fit)
-    return found
+        if fit.misfit - motion.modes.misfit < chdtri(freedom, FALSE_ALARM_RATE / count):
+            motion = MotionBetweenEvents(parts, origins, fit)
+    return motion
 
 
-def _cut(stretch: Stretch, begin: int, end: int | None) -> Stretch:
+def _select_rows(stretch: Stretch, begin: int, end: int | None) -> Stretch:
     """Return the samples from `begin` to `end` of a stretch, with times from the first of them."""
     time = stretch.time[begin:end]
     return replace(stretch, time=time - time[0], values=stretch.values[begin:end])
 
 
 def _strongest_event(stretches: Sequence[Stretch], modes: DampedModes) -> tuple[int, int] | None:
-    """Find the event that explains most, None if none explains more than noise would.
+    """Find the event that explains most; return None if none explains more than noise would.
 
     Returns the index of its stretch, and the first sample after it.
     """
@@ -125,7 +124,7 @@ def _possible_samples(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
     first, last = max(first, MIN_SAMPLES), min(last, len(stretch.time) - MIN_SAMPLES)
     if last <= first:
         return np.empty(0, int)
-    return np.unique(np.linspace(first, last, min(TRIED, last - first)).astype(int))
+    return np.unique(np.linspace(first, last, min(MAX_TRIED, last - first)).astype(int))
 
 
 def _event_gains(

@@ -12,7 +12,7 @@ import numpy as np
 
 from galloping.arrays import one_thread
 from galloping.identification.free_motion import linearity
-from galloping.identification.free_motion.cleaning import without_faults
+from galloping.identification.free_motion.cleaning import remove_unexplained_samples
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
 from galloping.identification.free_motion.envelope import (
     falls_or_rises,
@@ -93,7 +93,7 @@ def _free_motion(recordings: list[Recording], channels: Channels) -> FreeMotion 
     stretches = [_make_stretch(one, channels) for one in recordings]
     may_continue = partial(_main_amplitude_changes, stretches)
     modes, is_noise = fit_modes(stretches, may_continue)
-    if modes is not None and (cleaned := without_faults(stretches, modes)) is not None:
+    if modes is not None and (cleaned := remove_unexplained_samples(stretches, modes)) is not None:
         stretches = cleaned
         modes, is_noise = fit_modes(stretches, may_continue)
     if modes is None:

@@ -95,10 +95,7 @@ def may_be_single(stretches: Sequence[Stretch], modes: DampedModes, order: Seque
 
 
 def is_cycle(modes: DampedModes, order: Sequence[int]) -> bool:
-    """Decide whether a fitted mode is a harmonic of the main mode, as in a limit cycle.
-
-    The main mode is steady.
-    """
+    """Decide whether a fitted mode is a harmonic of the steady main mode, as in a limit cycle."""
     times = range(2, MAX_HARMONIC + 1)
     return any(_is_multiple(modes, k, order[0], n) for k in order[1:] for n in times)
 
@@ -129,8 +126,8 @@ def _is_multiple(modes: DampedModes, k: int, main: int, times: int) -> bool:
 def _depends_on_amplitude(stretches: Sequence[Stretch], modes: DampedModes, main: int) -> bool:
     """Decide whether damping or frequency of a mode depends on its amplitude.
 
-    The residual then contains exponentials of its frequency and of another decay, by perturbation
-    of second and third order, and by dry friction.
+    The residual then contains exponentials of the same frequency and other decays: twice or three
+    times as fast, by quadratic and cubic terms, or none, by dry friction.
     """
     pole, gains, freedom = modes.poles[main], np.zeros(3), 0
     for index, stretch in enumerate(stretches):
@@ -160,10 +157,7 @@ def _depends_on_amplitude(stretches: Sequence[Stretch], modes: DampedModes, main
 def refit_main_oscillation(
     stretches: list[Stretch], modes: DampedModes, order: list[int]
 ) -> DampedModes:
-    """Refit the main oscillation by one exponential, and keep the modes separate from it.
-
-    The main oscillation is not exponential.
-    """
+    """Refit a main oscillation that is not exponential by one exponential; keep separate modes."""
     main = order[0]
     separate = [k for k in order[1:] if _is_separate(modes, k, main)]
     main_stretches = [
@@ -198,10 +192,7 @@ def _is_separate(modes: DampedModes, k: int, main: int) -> bool:
 
 
 def mode_energies(stretches: Sequence[Stretch], modes: DampedModes) -> np.ndarray:
-    """Compute the energy of each mode, as the sum of its squared ratios to the noise.
-
-    Returns (n_modes,).
-    """
+    """Compute the energy of each mode, (n_modes,): the sum of its squared ratios to the noise."""
     energies = np.zeros(len(modes.poles))
     for index, stretch in enumerate(stretches):
         for k in range(len(energies)):

@@ -34,7 +34,7 @@ MAX_LEFT, MANY_MODES = 0.2, 4
 HARMONIC = 0.003, 1.5
 FALSE_ALARM_RATE = 1e-3  # rate of false modes in noise, over all frequencies and decays of a search
 WINDOW_RATIO = 2  # ratio of successive windows' decay rates; a mode between keeps 97 % of its power
-EMPTY = 16  # a window ends after this many decays by a factor e: only rounding is left
+MAX_DECAYS = 16  # a window ends after this many decays by a factor e: only rounding is left
 MIN_PERIODS = 2.0  # least periods of a mode in the longest stretch: slower motion is a drift
 MAX_FREQUENCY = 0.98  # highest frequency of a mode, relative to half the sampling rate
 # The noise level of a periodogram is from medians of NOISE_BINS bins. At low frequencies, where
@@ -48,18 +48,17 @@ def strongest_mode(
     stretches: Sequence[Stretch],
     residuals: Sequence[np.ndarray],
     poles: np.ndarray | None = None,
-    apart: np.ndarray | None = None,
+    excluded: np.ndarray | None = None,
     band: tuple[float, float] = (0.0, np.inf),
 ) -> complex | None:
     """Find the strongest damped sinusoid in the residuals of a fit.
 
     residuals: (n, n_channels) for each stretch, NaN where missing. poles: (n,) complex, of
     subtracted modes, the strongest first. With these, the noise spectrum is estimated from the
-    residuals, not too near to the modes; by default the noise counts as white. apart: (n,) complex
-    poles of a motion that is not exponential, of which the mode must not be a part. band:
-    frequencies, rad/s, between which the mode must be. Returns a first guess of its pole; None if
-    no power of the matched filter, summed over channels and stretches, is above a threshold that
-    noise exceeds at a rate of FALSE_ALARM_RATE.
+    residuals away from the modes; by default the noise counts as white. excluded: (n,) complex
+    poles of a motion that is not exponential, of which the mode must not be a part. band: limits of
+    the frequency, rad/s. Returns a first guess of the pole; None if no power of the matched filter,
+    summed over channels and stretches, exceeds a threshold that noise exceeds at FALSE_ALARM_RATE.
     """
     step = min(one.step for one in stretches)
     longest = max(one.duration for one in stretches)
@@ -67,7 +66,7 @@ def strongest_mode(
     omega = 2.0 * np.pi * np.fft.rfftfreq(size, step)
     most = np.log2(max(MOST_DAMPING * omega[-1] * longest, 2.0))
     faster = WINDOW_RATIO ** np.arange(int(np.ceil(most)))  # decay rates, in units of the slowest
-    parts = np.maximum(faster // EMPTY, 1)
+    parts = np.maximum(faster // MAX_DECAYS, 1)
     strides = np.concatenate([[1], parts, parts])  # steps in `omega` between bins of each window
     series, spans = [], []
     for stretch, residual in zip(stretches, residuals, strict=True):
@@ -81,9 +80,9 @@ def strongest_mode(
             time = stretch.time[known] / longest
             series.append(_windowed_powers(time, column[known], place[known], size, parts))
             spans.append((stretch.duration, place[-1] + 1))
-            # above half the rate of its own samples a channel has mirror images
-            own_step = np.median(np.diff(stretch.time[known]))
-            mirrored = omega * own_step > np.pi * MAX_FREQUENCY
+            # above half the rate of its own samples a channel has mirror spectra
+            channel_step = np.median(np.diff(stretch.time[known]))
+            mirrored = omega * channel_step > np.pi * MAX_FREQUENCY
             for image, stride in zip(series[-1], strides, strict=True):
                 image[mirrored[::stride]] = 0.0
     if not series:
@@ -93,9 +92,9 @@ def strongest_mode(
     allowed = float(gammainccinv(len(series), FALSE_ALARM_RATE / looks))
     slowest, fastest = 2.0 * np.pi * MIN_PERIODS / longest, MAX_FREQUENCY * omega[-1]
     is_searched = (omega > max(slowest, band[0])) & (omega < min(fastest, band[1]))
-    if apart is not None:
-        is_searched &= ~is_part_of(1j * omega, apart)
-    powers = [np.sum(own, axis=0) for own in zip(*series, strict=True)]
+    if excluded is not None:
+        is_searched &= ~is_part_of(1j * omega, excluded)
+    powers = [np.sum(spectra, axis=0) for spectra in zip(*series, strict=True)]
     for power, decay, stride in zip(powers, windows, strides, strict=True):
         power *= is_searched[::stride] & (abs(decay) < MOST_DAMPING * omega[::stride])
     peaks = np.array([power.max() for power in powers])
@@ -106,16 +105,17 @@ def strongest_mode(
         if peaks[k:].max() <= strongest:
             break
         if poles is not None:  # includes noise that short windows leak to far frequencies
-            for level, own, (duration, places) in zip(levels, series, spans, strict=True):
+            for level, spectra, (duration, places) in zip(levels, series, spans, strict=True):
                 oversampled = (1.0 + abs(decay) * duration / np.pi) * size / stride / places
-                own_level = noise_level(own[k], oversampled, omitted[::stride], k == 0)
-                at_all = np.interp(omega, omega[::stride], own_level)
-                np.maximum(level, at_all, out=level)
+                local = noise_level(spectra[k], oversampled, omitted[::stride], k == 0)
+                everywhere = np.interp(omega, omega[::stride], local)
+                np.maximum(level, everywhere, out=level)
                 count_work(LEVEL_WORK * len(omega))
         # leakage of a strong mode exceeds the noise at other frequencies, but not the mode itself
         bins = np.flatnonzero(powers[k] > strongest)
         excess = sum(
-            own[k][bins] / level[stride * bins] for own, level in zip(series, levels, strict=True)
+            spectra[k][bins] / level[stride * bins]
+            for spectra, level in zip(series, levels, strict=True)
         )
         bins = bins[excess > allowed]
         if len(bins):
@@ -140,8 +140,8 @@ def _windowed_powers(
     def power(weight: np.ndarray, part: int) -> np.ndarray:
         count_work(POWER_WORK * size / part)
         rows = len(weight)
-        found = np.fft.rfft(np.bincount(place[:rows], weight * values[:rows], size // part))
-        return (found.real**2 + found.imag**2) / (weight @ weight * variance)
+        spectrum = np.fft.rfft(np.bincount(place[:rows], weight * values[:rows], size // part))
+        return (spectrum.real**2 + spectrum.imag**2) / (weight @ weight * variance)
 
     place = place - place[0]
     powers = [power(np.ones(len(time)), 1)]
@@ -165,31 +165,30 @@ def _near_modes(omega: np.ndarray, poles: np.ndarray | None, resolution: float) 
 
 
 def noise_level(
-    power: np.ndarray, oversampled: float, omitted: np.ndarray, drifts: bool = True
+    power: np.ndarray, oversampled: float, omitted: np.ndarray, has_drifts: bool = True
 ) -> np.ndarray:
     """Estimate the noise power at each frequency of a periodogram from medians nearby.
 
     power: (n,). oversampled: bins of the periodogram per bin of its resolution. omitted: (n,)
-    boolean, whether the level is interpolated over a bin. drifts: whether the level of slow bins is
-    resolved more finely. Returns (n,), not less than the level from the median over all
-    frequencies.
+    boolean, bins over which the level is interpolated. has_drifts: whether the level of slow bins
+    is resolved more finely. Returns (n,), at least the level from the median over all frequencies.
     """
     first = int(oversampled) + 1  # slower bins are taken up by a constant
     kept = np.flatnonzero(~omitted)
     kept = kept[kept >= first]
     if not len(kept):
         return np.full(len(power), np.median(power) / np.log(2.0))
-    own = power[kept]
-    white = np.median(own) / np.log(2.0)
+    selected = power[kept]
+    white = np.median(selected) / np.log(2.0)
     places, levels, begin = [], [], 0
-    slow = [(SLOW_BINS, NOISE_BINS * oversampled)] if drifts else []
+    slow = [(SLOW_BINS, NOISE_BINS * oversampled)] if has_drifts else []
     for bins, until in (*slow, (NOISE_BINS, len(power))):
         width = max(int(bins * oversampled), 1)
         count = (int(np.searchsorted(kept, until)) - begin) // width
         if count > 0:
             rows = slice(begin, begin + count * width)
             places += kept[rows].reshape(count, width).mean(axis=1).tolist()
-            levels += np.median(own[rows].reshape(count, width), axis=1).tolist()
+            levels += np.median(selected[rows].reshape(count, width), axis=1).tolist()
             begin = rows.stop
     if not levels:
         return np.full(len(power), white)
@@ -198,45 +197,44 @@ def noise_level(
 
 
 def fit_modes(
-    stretches: Sequence[Stretch], may_go_on: Callable[[DampedModes], bool] = lambda _: True
+    stretches: Sequence[Stretch], may_continue: Callable[[DampedModes], bool] = lambda _: True
 ) -> tuple[DampedModes | None, bool]:
     """Fit damped sinusoids to free motion, adding the strongest until only noise remains.
 
-    may_go_on: whether to search for further modes if more than MAX_CLOSE are close to the first
-    one. Returns None as modes if nothing oscillates, or if the motion is clearly not free. Returns
-    as well whether the residuals are noise, without another mode. If too many modes are close to
-    the first one, others are still searched for.
+    may_continue: whether to search for modes elsewhere if more than MAX_CLOSE are close to the
+    first one. Returns the modes, None if nothing oscillates or the motion is clearly not free; and
+    whether the residuals are noise.
     """
-    found: DampedModes | None = None
-    left, apart = [without_means(one.values) for one in stretches], None
+    modes: DampedModes | None = None
+    residuals, excluded = [without_means(one.values) for one in stretches], None
     for count in range(MAX_MODES + 1):
-        poles = found.poles if found else None
-        best = strongest_mode(stretches, left, poles, apart)
+        poles = modes.poles if modes else None
+        best = strongest_mode(stretches, residuals, poles, excluded)
         if best is None:
-            whole = _with_noise_about(stretches, found) if found else None
-            return whole, apart is None
+            final = _with_local_noise(stretches, modes) if modes else None
+            return final, excluded is None
         if count == MAX_MODES:
             break
         try:
-            found = fit_poles(stretches, np.append([] if poles is None else poles, best))
+            modes = fit_poles(stretches, np.append([] if poles is None else poles, best))
         except (IdentificationError, np.linalg.LinAlgError):
             break
-        left = found.residuals
-        is_spread = np.count_nonzero(is_close(found.poles, found.poles[0])) > MAX_CLOSE
+        residuals = modes.residuals
+        is_spread = np.count_nonzero(is_close(modes.poles, modes.poles[0])) > MAX_CLOSE
         is_doubtful = is_spread or count + 1 >= MANY_MODES
-        if is_doubtful and unexplained_power_share(stretches, found) > MAX_LEFT:
+        if is_doubtful and unexplained_power_share(stretches, modes) > MAX_LEFT:
             return None, False
         if is_spread:
-            apart = found.poles
-            if not may_go_on(found):
+            excluded = modes.poles
+            if not may_continue(modes):
                 break
-    return found, False
+    return modes, False
 
 
-def unexplained_power_share(stretches: Sequence[Stretch], found: DampedModes) -> float:
+def unexplained_power_share(stretches: Sequence[Stretch], modes: DampedModes) -> float:
     """Compute the largest share of the power of any channel that fitted modes do not explain."""
     shares = [0.0]
-    for stretch, noise in zip(stretches, found.noise, strict=True):
+    for stretch, noise in zip(stretches, modes.noise, strict=True):
         varies = stretch.sizes > 0.0
         shares += (noise[varies] / stretch.sizes[varies]).tolist()
     return float(np.nanmax(shares)) ** 2
@@ -253,9 +251,8 @@ def is_close(poles: np.ndarray, pole: complex) -> np.ndarray:
 def is_part_of(poles: np.ndarray, motion: np.ndarray) -> np.ndarray:
     """Decide which modes may be components or harmonics of a motion that is not exponential.
 
-    poles: (n,) complex. motion: (n_parts,) complex poles of the motion, the strongest first, over
-    whose frequencies it is spread. Returns (n,) boolean, whether they are near its frequency, or a
-    multiple of it, as its harmonics are.
+    poles: (n,) complex. motion: (n_parts,) complex poles that approximate the motion, the strongest
+    first. Returns (n,) boolean, whether a frequency is near that of the motion or a multiple of it.
     """
     main = motion[0]
     spread = np.abs(motion[is_close(motion, main)].imag / main.imag - 1.0).max()
@@ -265,26 +262,26 @@ def is_part_of(poles: np.ndarray, motion: np.ndarray) -> np.ndarray:
     return np.abs(ratio / times - 1.0) < within
 
 
-def _with_noise_about(stretches: Sequence[Stretch], found: DampedModes) -> DampedModes:
+def _with_local_noise(stretches: Sequence[Stretch], modes: DampedModes) -> DampedModes:
     """Recompute errors from the noise near the frequency of each mode, if it is coloured."""
-    ratios, weights = np.zeros((2, len(found.poles)))
-    for r, (stretch, residual) in enumerate(zip(stretches, found.residuals, strict=True)):
+    ratios, weights = np.zeros((2, len(modes.poles)))
+    for r, (stretch, residual) in enumerate(zip(stretches, modes.residuals, strict=True)):
         size = 2 ** int(np.ceil(np.log2(2.0 * stretch.duration / stretch.step + 2.0)))
         place = np.round(stretch.time / stretch.step).astype(int)
-        for c in np.flatnonzero(np.isfinite(found.noise[r])):
+        for c in np.flatnonzero(np.isfinite(modes.noise[r])):
             column = np.nan_to_num(residual[:, c])
             mean = np.sum(column**2)
             if mean <= 0.0:
                 continue
             power = np.abs(np.fft.rfft(np.bincount(place, column, size), size)) ** 2
             omega = 2.0 * np.pi * np.fft.rfftfreq(size, stretch.step)
-            omitted = _near_modes(omega, found.poles, 2.0 * np.pi / stretch.duration)
+            omitted = _near_modes(omega, modes.poles, 2.0 * np.pi / stretch.duration)
             level = noise_level(power, size / (place[-1] + 1), omitted) / mean
-            bins = found.poles.imag * stretch.step * size / (2.0 * np.pi)
-            weight = np.abs(found.amplitudes[r][:, c] / found.noise[r, c]) ** 2
+            bins = modes.poles.imag * stretch.step * size / (2.0 * np.pi)
+            weight = np.abs(modes.amplitudes[r][:, c] / modes.noise[r, c]) ** 2
             ratios += weight * level[bins.astype(int)]
             weights += weight
     ratios = ratios / np.maximum(weights, np.finfo(float).tiny)
     ratios = np.where((ratios > COLOURED) | (ratios < 1.0 / COLOURED), ratios, 1.0)
     scale = np.tile(np.sqrt(ratios), 2)
-    return replace(found, covariance=found.covariance * np.outer(scale, scale))
+    return replace(modes, covariance=modes.covariance * np.outer(scale, scale))

@@ -1,9 +1,8 @@
 """Find where motion begins from rest, and where it has come to rest.
 
-Rest is defined in units of the recording itself: a channel is at rest where it varies, over a
-period of the motion, much less than over the following period, or where nothing exceeds the noise
-until the end. Rest is no fault of a sensor, and contains no information on viscous damping. Dry
-friction is another case: place and time of sticking depend on the friction.
+A channel is at rest where it varies, over a period of the motion, much less than over the following
+period, or where nothing exceeds the noise until the end. Rest contains no information on viscous
+damping, but place and time of sticking depend on dry friction.
 """
 
 from collections.abc import Iterator, Sequence
@@ -113,10 +112,9 @@ def moving_samples(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, li
 class MovingRecordings:
     """Parts of recordings in which the system moves, without the rest before and after.
 
-    Rest contains no information on the system, unless the motion may stick. recordings: one for
-    each stretch of motion, with the rest after it if the motion may stick. until_rest: the same
-    without the rest after them. origins: index of the recording that each of them comes from.
-    findings: where motion begins and ends, if rest is left out there.
+    recordings: one for each stretch of motion, with the rest after it if the motion may stick.
+    until_rest: the same without the rest after them. origins: index of the recording that each of
+    them comes from. findings: where motion begins and ends, if rest is left out there.
     """
 
     recordings: list[Recording]
@@ -131,8 +129,8 @@ def moving_recordings(
     """Remove the rest before and after the motion from recordings.
 
     Recordings of systems without a velocity, those with inputs and those of exact states are
-    unchanged. A recording in which no channel varies is left out beside others. terms: the library.
-    If it has a function sign(u), the motion may stick, and the rest after it is part of it.
+    unchanged. A recording in which no channel varies is left out if another one varies. terms: the
+    library. With a function sign(u), the motion may stick, and includes the rest after it.
     """
     may_stick = any(isinstance(part, Function) and part.name == "sign" for part in chain(*terms))
     with_rest: list[Recording] = []
