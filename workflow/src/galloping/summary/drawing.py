@@ -17,7 +17,7 @@ from galloping.figures import parts
 from galloping.figures.style import BAND, MODEL, PAPER, SHADE, TRUE
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.forced_motion import model_spectra
-from galloping.identification.random_forces.start import on_grid
+from galloping.identification.random_forces.start import place_on_grid
 from galloping.inspection.quality import REPORTED_GAP, spectrum
 from galloping.readers.units import meaning, plain_unit, state_unit
 from galloping.recording.samples import Recording
@@ -124,7 +124,7 @@ def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
 
     channels = Channels.from_recordings([recording])
     step = recording.step
-    grid = on_grid(recording.time, channels.samples(recording), step)
+    grid = place_on_grid(recording.time, channels.samples(recording), step)
     filled = np.nan_to_num(grid - np.nanmean(grid, axis=0))
     long = max(len(filled) // SEGMENTS, 8)
     frequency, power = welch(filled, 1.0 / step, nperseg=long, axis=0)

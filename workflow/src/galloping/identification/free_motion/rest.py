@@ -209,9 +209,9 @@ def _dominant_period(columns: np.ndarray) -> float:
 
 
 def _window_deviations(columns: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
-    """Compute standard deviations in the window from each sample on, and whether it is smooth.
+    """Compute the standard deviation in the window from each sample on, and whether it is smooth.
 
-    Both are (n_channels, n - length + 1); smooth channels vary slowly within a window.
+    Both are (n_channels, n - length + 1). A channel is smooth where it varies slowly.
     """
     centred = columns - columns.mean(axis=1, keepdims=True)
     mean = _window_sums(centred, length) / length

@@ -22,8 +22,8 @@ from galloping.model.polynomial import exponent_matrix
 from galloping.recording.samples import Input, Recording, evaluate_extended
 
 # Another interpolation is chosen if it removes more than this share of the misfit beyond the noise.
-# An input that is late by less than 0.3 of its step is then not taken for a held one: its misfit,
-# which is quadratic in the delay, falls by less.
+# An input that is late by less than 0.3 of its step does then not count as held: its misfit, which
+# is quadratic in the delay, falls by less.
 LEAST_FALL = 1.0 / 3.0
 FINER = 8  # fine steps in a step of the grid; inputs are averaged exactly over each
 
@@ -31,9 +31,9 @@ FINER = 8  # fine steps in a step of the grid; inputs are averaged exactly over 
 def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> dict[str, str]:
     """Choose by the data how each input is interpolated between samples: held, linear or cubic.
 
-    The names are those of `Input.between`. Returns the choice by the name of each input that has
-    alternatives: its present interpolation, unless an alternative removes the share LEAST_FALL of
-    the misfit beyond the noise, and more than the penalty of a term.
+    Returns the choice, as in `Input.between`, by the name of each input that has alternatives: its
+    present interpolation, unless an alternative removes the share LEAST_FALL of the misfit beyond
+    the noise, and more than the penalty of a term.
     """
     chosen = {
         name: recordings[0].inputs[name].between
@@ -59,9 +59,9 @@ def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> di
             with suppress(*NO_MODEL):
                 fits[kind] = weak_fit(problem, curves, penalty)
         best = min(fits, key=lambda kind: fits[kind].misfit, default=present)
-        if now := fits.get(present):
-            least = max(penalty / now.rows, LEAST_FALL * (now.misfit - 1.0))
-            if now.misfit - fits[best].misfit <= least:
+        if fit := fits.get(present):
+            least = max(penalty / fit.rows, LEAST_FALL * (fit.misfit - 1.0))
+            if fit.misfit - fits[best].misfit <= least:
                 continue
         chosen[name] = best
     return chosen
@@ -84,10 +84,10 @@ def held_inputs(problem: Problem, recordings: Sequence[Recording]) -> list[str]:
     ]
 
 
-def with_interpolation(one: Input, kind: str) -> Input:
+def with_interpolation(given: Input, kind: str) -> Input:
     """Return an input with the given interpolation between its samples."""
-    interpolated = {each.between: each for each in (*one.alternatives, one)}
-    return replace(interpolated.get(kind, one), alternatives=())
+    interpolated = {each.between: each for each in (*given.alternatives, given)}
+    return replace(interpolated.get(kind, given), alternatives=())
 
 
 def with_interpolants(recording: Recording, kinds: Mapping[str, str]) -> Recording:
@@ -104,10 +104,10 @@ def _with_inputs(
 ) -> Smooth:
     """Add inputs to smooth curves, interpolated by `kinds`, for integrals with test functions.
 
-    A value at a point of the grid is the integral of the input with a kernel about it: the sum over
-    the grid with any smooth function is then the integral of the product, to the third order in the
-    step of the grid, however the input varies between the points. An input that the library divides
-    by is limited to its range, which a kernel exceeds beside a jump.
+    A value at a grid point is the integral of the input with a kernel about it. The sum over the
+    grid of its product with a smooth function is then the integral of the product, to the third
+    order in the step of the grid, however the input varies between the points. An input that the
+    library divides by is limited to its range, which a kernel exceeds beside a jump.
     """
     step = (curve.time[1] - curve.time[0]) / FINER
     reach = 2 * FINER  # of the kernel

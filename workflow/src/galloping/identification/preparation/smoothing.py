@@ -27,7 +27,7 @@ SPLINE_DEGREE = 5
 # Least knots in a period: five represent a sine to 2.5e-4 of its size. The most, one at every
 # second point of the grid, represent its third harmonic to 1.4e-3.
 LEAST_KNOTS_PER_PERIOD = 5
-SAMPLES_PER_KNOT = 3  # least samples for each knot, so that the noise can be told from the curve
+SAMPLES_PER_KNOT = 3  # least samples for each knot, to distinguish noise from the curve
 ABOVE_NOISE = 20.0  # power above this many times the median of a spectrum is signal
 LEAST_SAMPLES = 8  # least samples of a channel: fewer determine neither curve nor noise
 GRID_PER_PERIOD = 24  # grid points in a shortest period: eight for its third harmonic
@@ -289,9 +289,9 @@ def _add_roughness(bands: np.ndarray, weight: float) -> None:
 
 
 # The functions below compute displacements that no channel measures by integrating velocities or
-# accelerations. Slow components are removed, since they cannot be told from the drift of
-# integration. The integrals are used only for the curves from which a fit starts: its likelihood is
-# that of the channels themselves.
+# accelerations. Slow components are removed, since they cannot be distinguished from drift. The
+# integrals are used only for the curves from which a fit starts: its likelihood is that of the
+# channels themselves.
 
 
 def sampled_rates(recording: Recording) -> np.ndarray:

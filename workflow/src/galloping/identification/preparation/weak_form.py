@@ -37,7 +37,7 @@ def whitened_weak_form(
     The test functions have a radius of half the shortest period and are TEST_STRIDE steps of the
     grid apart; those that reach into a gap give zero rows. coefficients: (n_states, n_terms), about
     which the errors are linearised; without them the rows are only scaled. Returns the design
-    (n_rows, n_candidates) and the right-hand side (n_rows,). Raises IdentificationError if the
+    (n_rows, n_candidates) and the right-hand side (n_rows,). Raises FloatingPointError if the
     covariance of the errors is singular.
     """
     phi, slope = _test_function(smooth)
@@ -48,8 +48,8 @@ def whitened_weak_form(
         decided = usable & (hidden < 0.5 * phi.sum())
         usable = decided if np.any(decided) else usable
     # no rows for a known equation between a curve and its own derivative
-    shared = {i for i in range(n_states) if smooth.derived[i] >= 0 or np.any(smooth.derived == i)}
-    keep = [i for i in range(n_states) if i in problem.unknown or i not in shared]
+    linked = {i for i in range(n_states) if smooth.derived[i] >= 0 or np.any(smooth.derived == i)}
+    keep = [i for i in range(n_states) if i in problem.unknown or i not in linked]
     moments = _integrate_tests(smooth.states, slope)
     tested = _integrate_tests(design_matrix(smooth.values, problem.terms), phi)
     # columns first, as LAPACK needs them: for a long recording a copy would be the largest array
@@ -190,7 +190,8 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
     """Select terms and fit coefficients in weak form by iterated generalised least squares.
 
     The errors are linearised about the last fit. penalty: of a term in units of chi^2. Raises
-    IdentificationError if the covariance of the rows is singular, or gaps leave no row.
+    FloatingPointError if the covariance of the rows is singular, IdentificationError if gaps leave
+    no row.
     """
     support = every = np.ones(len(problem.candidates), bool)
     coefficients = None
@@ -298,8 +299,8 @@ def _check_functions(problem: Problem, smoothed: list[Smooth]) -> None:
 def rough_fit(start: Start) -> WeakFit:
     """Fit a model by its weak form; of long recordings, use only the most informative stretches.
 
-    The longer a motion is in its final state, the more the errors of the weak form, small but the
-    same in every period, outweigh the information of the rest of a recording on other motions.
+    The errors of the weak form are small, but the same in every period of a limit cycle. Over many
+    periods they outweigh the information of the transient.
     """
     stretches = [
         _most_informative_stretch(start.problem, one, start.period) for one in start.smoothed
@@ -312,9 +313,9 @@ def rough_fit(start: Start) -> WeakFit:
 def _most_informative_stretch(problem: Problem, smooth: Smooth, period: float) -> Smooth:
     """Find the stretch of some 1,000 periods in which the library moments are most diverse.
 
-    The measure is their determinant (D-optimality, J. Kiefer and J. Wolfowitz, 1960). It is the
-    whole curve if that is shorter than two stretches. Of the default line's 70 candidates, 14 of
-    them true, the weak form keeps 25 over the first 1,000 periods, and over 40,000 63.
+    The measure is the determinant of the moments (D-optimality, J. Kiefer and J. Wolfowitz, 1960).
+    Returns the whole curve if it is shorter than two stretches. Of 70 candidates of the default
+    line, 14 of them true, the weak form keeps 25 over the first 1,000 periods, and 63 over 40,000.
     """
     count = round_down((smooth.time[-1] - smooth.time[0]) / (1000 * period))
     if count < 2:
@@ -327,33 +328,30 @@ def _most_informative_stretch(problem: Problem, smooth: Smooth, period: float) -
         theta = design_matrix(smooth.values[rows][smooth.valid[rows]] / scale, problem.terms)
         diversity.append(np.linalg.slogdet(theta.T @ theta)[1])
     best = stretches[np.argmax(diversity)]
-    cut = {name: getattr(smooth, name)[best] for name in ("time", "states", "valid", "inputs")}
-    return replace(smooth, **cut)
+    selected = {name: getattr(smooth, name)[best] for name in ("time", "states", "valid", "inputs")}
+    return replace(smooth, **selected)
 
 
 def delayed_inputs(start: Start) -> dict[str, float]:
     """Find inputs recorded too early or too late relative to the motion, and their delays in s.
 
-    Returns the delays by input name, negative if early.
-
-    Delays within four of the shortest periods are tried, with all candidates, so that no nearly
-    correct model is needed. A delay counts if it removes most of the misfit of the weak form beyond
-    the noise. Eight steps of half a period and four halvings determine a delay to a thirty-second
-    of a period. Larger delays are not found, since each step needs a weak form. The range was not
-    calibrated.
+    Returns the delays by input name, negative if early. All candidates are fitted, so that no
+    nearly correct model is needed. A delay counts if it removes most of the misfit of the weak form
+    beyond the noise. Delays within four of the shortest periods are tried, which was not
+    calibrated; four halvings determine a delay to a thirty-second of a period.
     """
     problem, n = start.problem, len(start.problem.candidates)
     coefficients, delays = problem.coefficients(start.fit.free), {}
 
     def misfit_of_delay(k: int, delay: float) -> tuple[float, int]:
-        moved = []
+        shifted = []
         for recording, one in zip(start.recordings, start.smoothed, strict=True):
             inputs, delayed = one.inputs.copy(), recording.inputs[problem.inputs[k]]
             time = one.time + delay
             known = inputs_on_grid([delayed], time)[:, 0]
             inputs[:, k] = np.where(np.isnan(known), evaluate_extended(delayed, time), known)
-            moved.append(replace(one, inputs=inputs))
-        information, right, total, rows = _normal_equations(problem, moved, coefficients)
+            shifted.append(replace(one, inputs=inputs))
+        information, right, total, rows = _normal_equations(problem, shifted, coefficients)
         return total - float(solve_support(information, right, np.ones(n, bool))[0] @ right), rows
 
     for k, name in enumerate(problem.inputs):

@@ -78,8 +78,7 @@ class Channels:
     def sensing(self, system: np.ndarray) -> np.ndarray:
         """Compute the measurement matrix of the channels for a linear system dx/dt = A x.
 
-        Returns (n_channels, n_states); rates are those at the sample. system: (n_states, n_states),
-        A.
+        Returns (n_channels, n_states); rates are those at the sample.
         """
         return np.vstack([np.eye(len(system))[list(self.values)], system[list(self.rates)]])
 

@@ -17,7 +17,7 @@ from galloping.identification.random_forces.forced_problem import (
     ForcedProblem,
     Innovations,
 )
-from galloping.identification.random_forces.start import on_grid, typical_step
+from galloping.identification.random_forces.start import place_on_grid, typical_step
 from galloping.identification.random_forces.whiteness import (
     Whiteness,
     assess_whiteness,
@@ -160,10 +160,7 @@ class ForcedFit:
 
     @cached_property
     def normal_equations(self) -> tuple[np.ndarray, np.ndarray]:
-        """Normal equations for the coefficients of all candidate terms, at the fitted model.
-
-        As of `ForcedProblem.normal_equations`, with the same exceptions.
-        """
+        """Result of `ForcedProblem.normal_equations` at the fitted model."""
         return self.setup.normal_equations(self.model)
 
     def covariance(self, kind: str) -> np.ndarray:
@@ -176,20 +173,14 @@ class ForcedFit:
 
     @property
     def resonance_errors(self) -> np.ndarray:
-        """Standard errors of the frequency, rad/s, and damping ratio of each resonance.
-
-        Shape (n_resonances, 2).
-        """
+        """Standard errors of frequency, rad/s, and damping ratio of resonances, (n, 2)."""
         oscillators = self.model.extra_modes.oscillators
         variances = np.diag(self.covariance("resonances"))  # of logarithms
         return oscillators * np.sqrt(variances).reshape(oscillators.shape)
 
     @property
     def coefficient_covariance(self) -> np.ndarray:
-        """Covariance of the fitted coefficients, each divided by its unit `setup.unit`.
-
-        Shape (n_support, n_support).
-        """
+        """Covariance of the fitted coefficients over `setup.unit`, (n_support, n_support)."""
         inverse = np.linalg.inv(self.parameters.centring)
         return inverse @ self.covariance("coefficients") @ inverse.T
 
@@ -203,7 +194,7 @@ class ForcedFit:
         for part, each in parts:
             error = part.standardised
             error[:begin] = np.nan  # until the first state is determined
-            grids.append(on_grid(each.time, error, step))
+            grids.append(place_on_grid(each.time, error, step))
         whiteness = assess_whiteness(grids, step, self.modes.omega / (2.0 * np.pi))
         if not (names := self.setup.problem.inputs):
             return whiteness

@@ -22,7 +22,7 @@ from galloping.identification.random_forces.start import (
     estimate_spectra,
     estimate_strengths,
     find_linear_systems,
-    on_grids,
+    place_on_grids,
     shortest_velocity_period,
 )
 from galloping.identification.random_forces.tracking import (
@@ -174,10 +174,7 @@ class ForcedProblem:
     def resonances(
         self, model: ForcedModel, errors: np.ndarray | None = None
     ) -> tuple[Resonance, ...]:
-        """Return the resonances of a model: modes for which it has no coordinate.
-
-        errors: (n_resonances, 2) standard errors, as in `Resonance`.
-        """
+        """Return the resonances of a model; errors: (n_resonances, 2), as in `Resonance`."""
         n, f, drives = len(self.size), len(self.forced), model.root @ model.root.T
         extra, resonances = model.extra_modes, []
         errors = np.full(extra.oscillators.shape, np.nan) if errors is None else errors
@@ -251,7 +248,7 @@ def make_forced_problem(
     has_others = set(problem.unknown) - set(pairs.values()) or 2 * len(pairs) < len(problem.states)
     if has_others or (n_further and len(forced) < len(pairs)):
         raise IdentificationError(Code.FORCES_UNDETERMINED)
-    step, grids = on_grids(recordings)
+    step, grids = place_on_grids(recordings)
     period = shortest_velocity_period(recordings)
     factors = _input_factor_moments(problem, recordings)
     setup = _scaled_problem(problem, recordings, forced, period, factors)

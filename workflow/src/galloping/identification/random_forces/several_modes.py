@@ -20,7 +20,7 @@ from galloping.identification.random_forces.low_pass import FLAT, ROLL_OFF, low_
 from galloping.identification.random_forces.start import (
     amplitude_fluctuates,
     estimate_spectra,
-    on_grids,
+    place_on_grids,
 )
 from galloping.model.modes import Modes
 from galloping.recording.samples import Recording
@@ -106,11 +106,8 @@ class SeveralModes:
 
     @cached_property
     def modes(self) -> list[float]:
-        """Frequencies of the modes in the recordings, Hz, the lowest first.
-
-        The list is empty with inputs, whose frequencies are no modes.
-        """
-        return [] if self.recordings[0].inputs else find_peaks(*on_grids(self.recordings))
+        """Frequencies of the modes, Hz, the lowest first; empty if there are inputs."""
+        return [] if self.recordings[0].inputs else find_peaks(*place_on_grids(self.recordings))
 
     @cached_property
     def channels(self) -> Channels:
@@ -185,8 +182,7 @@ def may_have_split_mode(identified: IdentifiedModel) -> bool:
 def splits_mode(split: IdentifiedModel, identified: IdentifiedModel) -> bool:
     """Decide whether splitting a mode into two close modes makes a model clearly more likely.
 
-    Of two modes that overlap, a broad one in their middle leaves innovations that are nearly white;
-    the model of both is clearly likelier.
+    One broad mode in the middle of two overlapping ones leaves innovations that are nearly white.
     """
     if split.status != "ok" or not all(each.is_mode for each in split.resonances):
         return False
@@ -219,7 +215,7 @@ def _linear_modes(identified: IdentifiedModel) -> Modes:
 def find_peaks(step: float, grids: list[np.ndarray]) -> list[float]:
     """Find the peaks of the mean spectrum of any channel, Hz, the slowest first.
 
-    step, grids: as of `on_grids`.
+    step, grids: as of `place_on_grids`.
     """
     lengths = np.array(list(map(len, grids)))
     padded = [

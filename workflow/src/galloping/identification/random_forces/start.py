@@ -33,20 +33,22 @@ BINS = 4  # bins of a spectrum in each mean: a mean of noise has a relative devi
 # Above the share FLOOR of its frequencies a spectrum is mostly noise. A signal exceeds ABOVE_NOISE
 # times the median there; noise does so in one of 3,700 means of four bins.
 FLOOR, ABOVE_NOISE = 0.75, 4.0
-MOST_OF = 0.95  # share of a velocity's power at periods longer than the shortest of the motion
+VELOCITY_SHARE = (
+    0.95  # share of a velocity's power at periods longer than the shortest of the motion
+)
 # Least initial strength of a force or a noise, relative to that with which it alone would explain
 # the spectra: several forces may explain the same part of these.
 LEAST_SHARE = 0.1
 # A start follows something slower than the oscillations, such as turbulence, if its period is more
-# than this many times theirs. With a smaller value more searches try filters in vain; with a larger
-# one such oscillations are overlooked. The value was not calibrated.
+# than this many times theirs. A smaller value causes searches in vain, a larger one overlooks such
+# oscillations. The value was not calibrated.
 SLOWER = 4.0
 # Noise above this share of the motion hides the misfit of the weak form that random forces cause.
 # Measured: with 0.3, six motions in random forces have misfits of 2.5 to 4.6; with 0.1, 16 to 46.
 NOISY = 0.2
 
 
-def on_grid(time: np.ndarray, samples: np.ndarray, step: float) -> np.ndarray:
+def place_on_grid(time: np.ndarray, samples: np.ndarray, step: float) -> np.ndarray:
     """Place samples on the nearest points of a uniform time grid, NaN where there is no sample.
 
     samples: (n, n_channels). step: s.
@@ -62,14 +64,14 @@ def typical_step(recordings: Sequence[Recording]) -> float:
     return float(np.median(np.concatenate([np.diff(each.time) for each in recordings])))
 
 
-def on_grids(recordings: Sequence[Recording]) -> tuple[float, list[np.ndarray]]:
+def place_on_grids(recordings: Sequence[Recording]) -> tuple[float, list[np.ndarray]]:
     """Place the samples of all recordings, less their means, on time grids with a common step.
 
     Returns the step, s, and the samples of each recording.
     """
     channels, step = Channels.from_recordings(recordings), typical_step(recordings)
     return step, [
-        on_grid(each.time, without_means(channels.samples(each)), step) for each in recordings
+        place_on_grid(each.time, without_means(channels.samples(each)), step) for each in recordings
     ]
 
 
@@ -90,8 +92,9 @@ def sample_correlations(grids: list[np.ndarray], lags: int) -> tuple[np.ndarray,
 def _sum_lagged_products(samples: np.ndarray, lags: int) -> np.ndarray:
     """Sum y(t + lag) y(t)' over samples, (lags + 1, n_channels, n_channels)."""
     size = next_fast_len(len(samples) + lags, real=True)
-    of = np.fft.rfft(samples, size, axis=0)
-    return np.fft.irfft(of[:, :, None] * of[:, None].conj(), size, axis=0)[: lags + 1]
+    spectrum = np.fft.rfft(samples, size, axis=0)
+    products = spectrum[:, :, None] * spectrum[:, None].conj()
+    return np.fft.irfft(products, size, axis=0)[: lags + 1]
 
 
 def modes_from_correlations(
@@ -112,8 +115,8 @@ def modes_from_correlations(
     hankel = correlation[place[:, None] + place].transpose(0, 2, 1, 3)
     left, size, right = np.linalg.svd(hankel.reshape(rows * channels, rows * channels))
     observed = left[:, :order] * np.sqrt(size[:order])
-    moved = np.linalg.lstsq(observed[:-channels], observed[channels:], rcond=None)[0]
-    values, vectors = np.linalg.eig(moved)
+    transition = np.linalg.lstsq(observed[:-channels], observed[channels:], rcond=None)[0]
+    values, vectors = np.linalg.eig(transition)
     begins = np.linalg.inv(vectors) @ (np.sqrt(size[:order, None]) * right[:order, :channels])
     shapes = observed[:channels] @ vectors
     weight = np.linalg.norm(shapes, axis=0) * np.linalg.norm(begins, axis=1)
@@ -141,10 +144,7 @@ class ExtraModes:
 
     @property
     def is_shared(self) -> np.ndarray:
-        """Whether entries of `onto` are free parameters rather than one by definition.
-
-        Shape (n_resonances, n_forced).
-        """
+        """Whether entries of `onto`, in its shape, are free rather than one by definition."""
         shared = np.ones(self.onto.shape, bool)
         shared[np.arange(len(self.hosts)), list(self.hosts)] = False
         return shared
@@ -192,17 +192,17 @@ def _start_with_modes(
     coordinates, velocities = list(channels.pairs), list(channels.pairs.values())
     damping = np.maximum(-rates.real, LEAST_DAMPING * np.abs(rates))
     rates = 1j * rates.imag - damping
-    every = np.array([channels.displacement(i, rates, shapes) for i in coordinates])
+    displacements = np.array([channels.displacement(i, rates, shapes) for i in coordinates])
     coordinate_modes = max(
         map(list, combinations(range(len(rates)), len(coordinates))),
-        key=lambda modes: abs(np.linalg.det(every[:, modes])),
+        key=lambda modes: abs(np.linalg.det(displacements[:, modes])),
     )
     system = channels.system_with_modes(rates[coordinate_modes], shapes[:, coordinate_modes])
-    others, beside = (np.delete(each, coordinate_modes, axis=-1) for each in (rates, every))
+    others, shapes = (np.delete(each, coordinate_modes, axis=-1) for each in (rates, displacements))
     states = np.zeros((len(system), len(others)), complex)
-    states[coordinates], states[velocities] = beside, beside * others
-    moved = states[velocities] * others - system[velocities] @ states
-    forces = moved[np.argsort(velocities)].T
+    states[coordinates], states[velocities] = shapes, shapes * others
+    residual = states[velocities] * others - system[velocities] @ states
+    forces = residual[np.argsort(velocities)].T
     hosts = np.argmax(np.abs(forces), axis=1)
     onto = (forces / forces[np.arange(len(hosts)), hosts][:, np.newaxis]).real
     further = np.array([np.abs(others), -others.real / np.abs(others)]).T
@@ -222,8 +222,8 @@ def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, 
         power = np.abs(np.fft.rfft(np.where(known, grid, 0.0), axis=0)[1:]) ** 2
         groups = len(power) // BINS
         for c in np.flatnonzero(known.sum(axis=0) > 1):
-            apart = np.median(np.diff(np.flatnonzero(known[:, c])))
-            power[int(len(grid) / (2.0 * apart)) :, c] = 0.0  # mirror images of what is slower
+            stride = np.median(np.diff(np.flatnonzero(known[:, c])))
+            power[int(len(grid) / (2.0 * stride)) :, c] = 0.0  # mirror images of what is slower
         means = power[: groups * BINS].reshape(groups, BINS, power.shape[1]).mean(axis=1)
         powers.append(means * step / len(grid) / share)
         middle = np.arange(groups) * BINS + (BINS + 1) / 2  # bin number; bin 0 is the mean
@@ -245,7 +245,7 @@ def shortest_velocity_period(recordings: Sequence[Recording]) -> float:
 
     White noise is left out. Raises IdentificationError if the recordings show no motion.
     """
-    channels, (step, grids) = Channels.from_recordings(recordings), on_grids(recordings)
+    channels, (step, grids) = Channels.from_recordings(recordings), place_on_grids(recordings)
     omega, power = estimate_spectra(grids, step)
     if not len(omega):
         raise IdentificationError(Code.MODES_UNDETERMINED)
@@ -253,7 +253,7 @@ def shortest_velocity_period(recordings: Sequence[Recording]) -> float:
     exponent = [2 - 2 * orders.get(c, 0) for c in range(power.shape[1])]
     above = above_noise(power) * omega[:, np.newaxis] ** exponent
     share = np.cumsum(above, axis=0) / np.maximum(above.sum(axis=0), np.finfo(float).tiny)
-    fastest = [omega[np.searchsorted(each, MOST_OF)] for each in share.T if each[-1] > 0.5]
+    fastest = [omega[np.searchsorted(each, VELOCITY_SHARE)] for each in share.T if each[-1] > 0.5]
     if not fastest:
         raise IdentificationError(Code.NO_MOTION)
     return float(2.0 * np.pi / max(fastest))
@@ -277,7 +277,7 @@ def estimate_strengths(
     zero where a channel is not recorded. slow: rate of slow forces, 1/s; None: there are none.
     """
     n, many = power.shape
-    there = power > 0.0
+    is_recorded = power > 0.0
     response = channels.response(system, omega)[:, :, list(forced)]
     moved = np.abs(response) ** 2
     columns = list(moved.transpose(2, 0, 1))
@@ -288,7 +288,7 @@ def estimate_strengths(
     if slow is not None:
         columns += list((moved / (slow**2 + omega[:, None, None] ** 2)).transpose(2, 0, 1))
     columns += [np.broadcast_to(unit, (n, many)) for unit in np.eye(many)]
-    design = (np.array(columns)[:, there] / power[there]).T
+    design = (np.array(columns)[:, is_recorded] / power[is_recorded]).T
     scale = np.linalg.norm(design, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     strengths, _ = nnls(design / scale, np.ones(len(design)))
@@ -299,9 +299,9 @@ def estimate_strengths(
 
 WINDOW = 3  # periods in each part whose size is computed
 # An amplitude fluctuates if its means in thirds of a recording differ by less than a factor of
-# STEADY, and its deviation from a polynomial trend of degree TREND exceeds WAVERING, relative to
-# its mean. For a narrow band of Gaussian noise this deviation is 0.15 to 0.5.
-STEADY, WAVERING, TREND = 5.0, 0.12, 3
+# MAX_CHANGE, and its deviation from a polynomial trend of degree TREND exceeds MIN_FLUCTUATION,
+# relative to its mean. For a narrow band of Gaussian noise this deviation is 0.15 to 0.5.
+MAX_CHANGE, MIN_FLUCTUATION, TREND = 5.0, 0.12, 3
 
 
 def amplitude_fluctuates(recordings: Sequence[Recording], period: float) -> bool:
@@ -310,7 +310,7 @@ def amplitude_fluctuates(recordings: Sequence[Recording], period: float) -> bool
     Random forces cause this; a motion that grows, decays or repeats does not fluctuate. period: s.
     Parts of less than half the longest recording are ignored: a few periods follow any trend.
     """
-    found, channels = [], Channels.from_recordings(recordings)
+    fluctuates, channels = [], Channels.from_recordings(recordings)
     lengths = [np.ptp(recording.time) for recording in recordings]
     for recording, length in zip(recordings, lengths, strict=True):
         if 2.0 * length < max(lengths):
@@ -321,11 +321,12 @@ def amplitude_fluctuates(recordings: Sequence[Recording], period: float) -> bool
             if min(map(len, parts)) > 1:
                 sizes = np.array([part.std() for part in parts])
                 thirds = [third.mean() for third in np.array_split(sizes, 3)]
-                steady = max(thirds) < STEADY * min(thirds)
+                lasts = max(thirds) < MAX_CHANGE * min(thirds)
                 place = np.linspace(-1.0, 1.0, len(sizes))
                 trend = Legendre.fit(place, sizes, min(TREND, len(sizes) - 1))(place)
-                found.append(steady and np.std(sizes - trend) > WAVERING * sizes.mean())
-    return bool(found) and all(found)
+                varies = np.std(sizes - trend) > MIN_FLUCTUATION * sizes.mean()
+                fluctuates.append(lasts and varies)
+    return bool(fluctuates) and all(fluctuates)
 
 
 def is_ambient_candidate(start: Start) -> bool:
@@ -334,8 +335,6 @@ def is_ambient_candidate(start: Start) -> bool:
     The weak form of a motion that follows from its initial state has small residuals. They are no
     evidence of such a motion if noise hides larger ones, or if the start follows slower components
     instead of the oscillations.
-
-    start: the start of all methods.
     """
     if start.fit.misfit >= MOST_MISFIT:
         return True

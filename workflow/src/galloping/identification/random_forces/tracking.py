@@ -108,8 +108,7 @@ class Forces:
     def density(self, omega: float) -> np.ndarray:
         """Compute the two-sided spectral density of the forces at a frequency in rad/s.
 
-        Returns (n_states, n_states). It is the covariance per second of white forces with the same
-        effect on a mode there.
+        Returns (n_states, n_states): as of white forces with the same effect on a mode there.
         """
         return self.white + self.slow / (self.rates**2 + omega**2)
 
@@ -184,18 +183,12 @@ class StateSpaceModel:
 
     @property
     def first_mean(self) -> np.ndarray:
-        """Mean of the states and slow forces before the first sample.
-
-        Shape (m,), as of `augmented_system`.
-        """
+        """Mean of the states of `augmented_system` before the first sample, (m,)."""
         return np.pad(self.equilibrium, (0, len(self.augmented_system[0]) - len(self.size)))
 
     @property
     def first_covariance(self) -> np.ndarray:
-        """Covariance of the states and slow forces before the first sample.
-
-        Shape (m, m), as of `augmented_system`.
-        """
+        """Covariance of the states of `augmented_system` before the first sample, (m, m)."""
         slow = np.diag(self.forces.slow) / (2.0 * self.forces.rates)
         within = (DIFFUSE if self.is_linear else DIFFUSE_NONLINEAR) * self.size
         p, resonances = len(self.size) + len(self.forces.slow_equations), self.forces.resonances
@@ -229,10 +222,7 @@ class StateSpaceModel:
         return exponents, coefficients
 
     def substeps(self, lengths: np.ndarray) -> np.ndarray:
-        """Compute how many integration substeps time steps of given lengths, s, need.
-
-        Returns (n_steps,).
-        """
+        """Compute how many integration substeps time steps of given lengths (n_steps,), s, need."""
         fastest = self.modes.omega.max()
         return np.ceil(lengths * fastest * SUBSTEPS / (2.0 * np.pi)).astype(np.int64)
 
@@ -361,8 +351,7 @@ def motion_sizes(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Compute standard deviations of the states, and means and deviations of the channels.
 
-    Those of the states are (n_states,). They follow from those of the channels for a motion of the
-    given period, s.
+    Those of the states, (n_states,), follow from the channels for a motion of given period, s.
     """
     together = np.concatenate([channels.samples(each) for each in recordings])
     mean, deviation = np.nanmean(together, axis=0), np.nanstd(together, axis=0)

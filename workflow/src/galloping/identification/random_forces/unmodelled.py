@@ -12,7 +12,11 @@ from galloping.identification.random_forces.several_modes import (
     find_peaks,
     neighbour_slices,
 )
-from galloping.identification.random_forces.start import above_noise, estimate_spectra, on_grids
+from galloping.identification.random_forces.start import (
+    above_noise,
+    estimate_spectra,
+    place_on_grids,
+)
 from galloping.recording.samples import Recording
 
 MIN_RATIO = 3.5  # least ratio to a coordinate's main frequency: cubic terms cause motion at three
@@ -26,7 +30,7 @@ def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
     channels, findings = Channels.from_recordings(recordings), []
     if not channels.names:  # a line that diverged has no motion
         return []
-    step, grids = on_grids(recordings)
+    step, grids = place_on_grids(recordings)
     omega, power = estimate_spectra(grids, step)
     power = above_noise(power)
     slowest = 2.0 * np.pi * PERIODS / (step * max(map(len, grids)))  # rad/s; slower is a drift

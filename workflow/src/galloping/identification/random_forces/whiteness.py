@@ -61,10 +61,7 @@ class Whiteness:
     dependence: str = ""
 
     def to_finding(self, channels: Sequence[str]) -> Finding:
-        """Return a finding that names the main deviation of the innovations from white noise.
-
-        channels: their names.
-        """
+        """Return a finding that names the main deviation from white noise; channels: names."""
         if self.dependence:
             return Finding.of(Code.FORCE_MISSING, self.dependence)
         if self.has_jump:

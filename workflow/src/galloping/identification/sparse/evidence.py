@@ -61,8 +61,8 @@ def with_missing_samples(recording: Recording) -> Recording:
     steps = np.diff(recording.time)
     places = np.r_[0.0, np.cumsum(steps)] / steps.min()
     count = round(places[-1]) + 1
-    on_grid = np.all(np.abs(places - np.rint(places)) < ON_GRID)
-    if count == len(places) or not on_grid or count > MOST_MISSING * len(places):
+    is_on_grid = np.all(np.abs(places - np.rint(places)) < ON_GRID)
+    if count == len(places) or not is_on_grid or count > MOST_MISSING * len(places):
         return recording
     time = np.linspace(recording.time[0], recording.time[-1], count)
     values = _evaluate_splines(_fit_splines(recording.time, recording.values)[0], time)

@@ -1,6 +1,6 @@
 """Sequentially thresholded least squares (pysindy's STLSQ).
 
-The columns are normalised, as printed, or of many bootstrapped samples.
+There are three variants: on normalised columns, in SI units, and on bootstrapped samples.
 """
 
 from functools import lru_cache, partial
@@ -56,11 +56,11 @@ def fit_raw(
     path_length: int,
     kinematics: str = IDENTIFIED,
 ) -> IdentifiedModel:
-    """Identify a model by thresholded least squares (STLSQ), with thresholds in SI units.
+    """Identify a model by STLSQ with thresholds in SI units, as in the paper.
 
-    The paper did so. threshold: in the coefficients' units, or None to choose one for each equation
-    by EBIC out of `path_length` from NEGLIGIBLE times the largest coefficient of least squares up
-    to it. kinematics: KNOWN replaces an identified rate of a displacement by its velocity.
+    threshold: in the coefficients' units, or None to choose one for each equation by EBIC out of
+    `path_length`, from NEGLIGIBLE times the largest coefficient of least squares up to it.
+    kinematics: KNOWN replaces an identified rate of a displacement by its velocity.
     """
     library, targets = problem.triangle
     if threshold is None:
@@ -129,7 +129,7 @@ def fit(
     """Fit each target by pysindy's STLSQ with its own threshold; return the coefficients.
 
     Returns (m, p). Targets in units of their threshold allow a common threshold of 1. Without a
-    ridge STLSQ's last step is least squares already, there is no bias to remove.
+    ridge, the last step is least squares, which has no bias to remove.
     """
     unchecked = {"check_input": False}  # the checks take longer than the solution
     optimizer = ps.STLSQ(threshold=1, alpha=ridge, unbias=ridge > 0, ridge_kw=unchecked)

@@ -30,8 +30,11 @@ SMALLEST, WINDOWS = 7, 7  # samples of the smallest window, number of windows up
 ORDERS = (5, 3)  # of the local polynomials
 HALF_WIDTHS = (1 / 8, 1 / 4, 1 / 2)  # of the test functions, in periods
 ENDS = (2, 8)  # orders of the test functions at their ends
-JUDGE = (1 / 2, 4)  # half width in periods, and order at the ends, of the validating test functions
-KEPT = 7500  # rows used of a recording, or up to twice as many: their neighbours add nothing
+VALIDATION = (
+    1 / 2,
+    4,
+)  # half width in periods, and order at the ends, of the validating test functions
+MIN_ROWS = 7500  # rows of a long recording that are used, or up to twice as many: more add little
 STEPS = 15  # most terms of the models by which settings are compared
 Block = tuple[np.ndarray, np.ndarray]  # rows of a library (r, p) and of targets (r, m)
 
@@ -80,7 +83,7 @@ def savitzky_golay(window: int, order: int, step: float) -> tuple[np.ndarray, np
     half = window // 2
     impulse = np.zeros((4 * half + 1, 1))
     impulse[2 * half] = 1
-    uncut = slice(half, 3 * half + 1)  # where no window is cut by an end
+    inner = slice(half, 3 * half + 1)  # where no end shortens a window
     options = {"window_length": window, "polyorder": order}
     smoother = ps.SmoothedFiniteDifference(smoother_kws=options)
     smoother(impulse, t=1.0)
@@ -90,7 +93,7 @@ def savitzky_golay(window: int, order: int, step: float) -> tuple[np.ndarray, np
     )  # fmt: skip
     # in half windows as unit of time: well conditioned
     slopes = np.asarray(slope(impulse, t=1 / half)) / half
-    return np.asarray(smoother.smoothed_x_)[uncut, 0], slopes[uncut, 0] / step
+    return np.asarray(smoother.smoothed_x_)[inner, 0], slopes[inner, 0] / step
 
 
 @lru_cache(maxsize=64)
@@ -143,10 +146,10 @@ class _Frame:
         n, self.states, self.values = len(recording.time), recording.states, recording.values
         self.step = float(recording.time[-1] - recording.time[0]) / (n - 1)
         self.samples, self.terms = max(period / self.step, SMALLEST), terms
-        margin, stride = int(self.samples / 2) + 2, max(1, n // KEPT)
+        margin, stride = int(self.samples / 2) + 2, max(1, n // MIN_ROWS)
         self.rows = np.arange(margin, n - margin, stride)
         self.stretches = block_slices(len(self.rows))
-        half = max(2, round(JUDGE[0] * self.samples / stride))
+        half = max(2, round(VALIDATION[0] * self.samples / stride))
         self.centres = [
             np.arange(each.start + half, each.stop - half, half // 2) for each in self.stretches
         ]
@@ -176,12 +179,12 @@ class _Frame:
 def tried_filters(
     recordings: Sequence[Recording],
     terms: tuple[Exponents, ...],
-    applied: Callable[[_Frame], Iterator[TriedFilter]],
+    make_filters: Callable[[_Frame], Iterator[TriedFilter]],
 ) -> list[TriedFilter]:
     """Apply each candidate smoothing filter to all recordings; return its regression problems.
 
-    applied: `smoothing_filters` or `weak_form_filters`. Empty if derivatives were measured, samples
-    are not equally spaced, or the stretches of a recording are too short to be held out.
+    make_filters: `smoothing_filters` or `weak_form_filters`. Empty if derivatives were measured,
+    samples are not equally spaced, or the stretches of a recording are too short.
     """
     if any(each.exact or not each.is_uniform for each in recordings):
         return []
@@ -189,7 +192,7 @@ def tried_filters(
     frames = [_Frame(recording, period, terms) for recording in recordings]
     if not all(frame.centres and all(map(len, frame.centres)) for frame in frames):
         return []
-    return [_join_filters(parts) for parts in zip(*map(applied, frames), strict=True)]
+    return [_join_filters(parts) for parts in zip(*map(make_filters, frames), strict=True)]
 
 
 def smoothing_filters(frame: _Frame) -> Iterator[TriedFilter]:
@@ -238,7 +241,7 @@ def _shortest_line_period(recording: Recording) -> float:
 
 def _test_function(half: int, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Compute weights (2 half + 1,) of int phi f and int phi' f for phi = (1 - u^2)^order."""
-    order, u = JUDGE[1], np.arange(-half, half + 1) / half
+    order, u = VALIDATION[1], np.arange(-half, half + 1) / half
     inside = 1 - u**2
     return step * inside**order, -2 * order * u * inside ** (order - 1) / half
 
