@@ -210,6 +210,25 @@ def test_two_coordinates_are_told_without_their_further_mode():
     assert {mode.state for mode in found.further_modes} == {"a", "b"}
 
 
+@pytest.mark.parametrize("unit", [1e-3, 1e3])
+def test_the_unit_of_a_coordinate_chooses_no_stretch(unit):
+    time, states = np.arange(1500) / 50.0, ("a", "b", "da", "db")
+    scale = np.array([1.0, unit, 1.0, unit])
+    plain, scaled = [], []
+    for k, (a, b) in enumerate(((1.0, 0.2), (0.2, 1.0))):  # each stretch has one strong mode
+        first, second = swing(time, 1.0, 0.01, a, 2), swing(time, 1.4, 0.02, b, 2)
+        values, rates = np.full((2, len(time), 4), np.nan)
+        rates[:, 2] = noisy(first + 0.3 * second, 2 * k, 0.003)
+        rates[:, 3] = noisy(second - 0.4 * first, 2 * k + 1, 0.003)
+        plain.append(Recording(time, states, values, rates=rates))
+        scaled.append(Recording(time, states, values, rates=rates * scale))
+    library = polynomial_library(4, degree=1)
+    one, other = (maximum_likelihood(each, library).model for each in (plain, scaled))
+    matrices = one.jacobian(np.zeros((1, 4)))[0], other.jacobian(np.zeros((1, 4)))[0]
+    back = matrices[1] / scale[:, np.newaxis] * scale
+    np.testing.assert_allclose(back, matrices[0], rtol=1e-5, atol=1e-7)
+
+
 def test_what_is_noticed_is_saved(tmp_path):
     found = identified(noisy(swing(TIME - 2.0, HERTZ, 0.005), 11, 0.004))
     found.save(tmp_path / "model.json")

@@ -106,7 +106,10 @@ def _linear_system_with_covariance(motion: FreeMotion) -> tuple[np.ndarray, np.n
     """
     modes, n = motion.modes, len(motion.channels.pairs)
     places = list(motion.own_modes[:n])
-    index = int(np.argmax([np.linalg.norm(amplitudes[places]) for amplitudes in modes.amplitudes]))
+    strengths = [
+        np.linalg.norm(modes.signal_to_noise(k)[places]) for k in range(len(motion.stretches))
+    ]
+    index = int(np.argmax(strengths))
     covariance = modes.amplitude_covariance(motion.stretches[index], index, places)
     poles, amplitudes = modes.poles[places], modes.amplitudes[index][places]
 

@@ -94,6 +94,13 @@ class DampedModes:
         """Index of the first stretch in which a channel has enough samples for the fit."""
         return int(np.argmax(np.isfinite(self.noise).any(axis=1)))
 
+    def signal_to_noise(self, index: int) -> np.ndarray:
+        """Compute the amplitudes at the beginning of a stretch, in standard deviations of a sample.
+
+        index: of the stretch. Returns (n_modes, n_channels), zero for channels without samples.
+        """
+        return np.nan_to_num(np.abs(self.amplitudes[index]) / self.noise[index])
+
     def amplitude_covariance(
         self, stretch: Stretch, index: int, which: Sequence[int]
     ) -> np.ndarray:

@@ -67,8 +67,7 @@ def fit_envelope(
 
 def strongest_channel(modes: DampedModes, index: int, place: int) -> int:
     """Find the channel in which a mode has the highest signal-to-noise ratio."""
-    ratio = np.abs(modes.amplitudes[index][place]) / modes.noise[index]
-    return int(np.nanargmax(ratio))
+    return int(np.argmax(modes.signal_to_noise(index)[place]))
 
 
 def in_strongest_channel(

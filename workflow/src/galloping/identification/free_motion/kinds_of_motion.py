@@ -257,7 +257,7 @@ def _describe_event(
     modes: DampedModes, k: int, elapsed: float, time: float, channels: Channels
 ) -> Finding:
     """Describe the event between stretches k - 1 and k, `elapsed` s after the first begins."""
-    place = int(np.argmax(np.abs(modes.amplitudes[k]).max(axis=1)))
+    place = int(np.argmax(modes.signal_to_noise(k).max(axis=1)))
     before = modes.amplitudes[k - 1] * np.exp(modes.poles * elapsed)[:, np.newaxis]
     after = modes.amplitudes[k]
     channel = strongest_channel(modes, k, place)

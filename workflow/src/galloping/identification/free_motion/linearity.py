@@ -62,9 +62,9 @@ def _is_transient(
     if len(steady) != 1:
         return False
     (decaying,) = set(pair) - set(steady)
-    amplitudes = modes.amplitudes[modes.first_fitted]
-    sizes = [np.linalg.norm(amplitudes[each]) for each in (decaying, *steady)]
-    return modes.poles[decaying].real < 0.0 and sizes[0] > MIN_TRANSIENT * sizes[1]
+    strengths = np.linalg.norm(modes.signal_to_noise(modes.first_fitted), axis=1)
+    is_large = strengths[decaying] > MIN_TRANSIENT * strengths[steady[0]]
+    return modes.poles[decaying].real < 0.0 and bool(is_large)
 
 
 def has_linear_modes(
