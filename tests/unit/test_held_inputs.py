@@ -106,6 +106,19 @@ def test_products_and_multiples_of_inputs_are_told_apart_by_what_was_recorded():
     assert aliases(smooth, "poly(q, dq, F, G; 3)", ("F", "G")) == {}
 
 
+def test_values_outside_the_recording_do_not_tell_terms_apart():
+    values = [0.0, 2.0] * 150 + [5.0] * 100
+    rng = np.random.default_rng(1)
+    time, motion = np.arange(400.0), rng.standard_normal((400, 2))
+    given = {"F": Input(time, values, "zero")}
+    terms = parse_library("q + dq + F + F^2", STATES, ("F",))[0]
+    aliased = []
+    for used in (slice(0, 300), slice(0, 400)):
+        recording = Recording(time[used], STATES, motion[used], inputs=given)
+        aliased.append(len(validated_problem([recording], terms).aliases))
+    assert aliased == [1, 0]
+
+
 def written(path, samples, between, noise=1e-3):
     seen = moved_by(samples, between, noise)
     pd.DataFrame({"t [s]": TIME, "x [m]": seen, "F [N/kg]": samples}).to_csv(path, index=False)

@@ -73,15 +73,11 @@ def remove_aliases(problem: Problem, recordings: Sequence[Recording]) -> Problem
 def _distinct_input_values(problem: Problem, recordings: Sequence[Recording]) -> np.ndarray:
     """List the distinct combinations of recorded values of the inputs, (n, n_inputs)."""
     recorded = []
-    for one in recordings:
-        inputs = [one.inputs[name] for name in problem.inputs]
-        if any(each.between != "zero" for each in inputs):  # which move between their samples
-            moments = np.unique(np.concatenate([one.time, *(each.time for each in inputs)]))
-            recorded.append(inputs_at_times(inputs, moments))
-        elif len(inputs) == 1:
-            recorded.append(inputs[0].values[:, np.newaxis])
-        else:
-            recorded.append(np.column_stack([each.last_sample(one.time) for each in inputs]))
+    for recording in recordings:
+        inputs, time = [recording.inputs[name] for name in problem.inputs], recording.time
+        moments = np.unique(np.concatenate([time, *(each.time for each in inputs)]))
+        moments = moments[(moments >= time[0]) & (moments <= time[-1])]
+        recorded.append(inputs_at_times(inputs, moments))
     values = np.concatenate(recorded)
     values = np.unique(values[np.isfinite(values).all(axis=1)], axis=0)
     return values[:: max(-(-len(values) // MOST_VALUES), 1)]
