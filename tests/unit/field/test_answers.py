@@ -211,6 +211,7 @@ NO_MODEL = [  # what is in the file, and what the one line says
     (lambda model: model.replace(b'"dq_v"', b'"q_v"'), "a name is there twice"),
     (lambda model: re.sub(rb"\[\s*0,\s*1\s*\]", b"[0, 9e99]", model), "must be whole numbers"),
     (lambda model: re.sub(rb"\[\s*0,\s*1\s*\]", b"[0, -1]", model), "must be 0 or more"),
+    (lambda model: re.sub(rb'"known": \[[^]]*\]', b'"known": [7]', model), "of equations 0 to 1"),
 ]
 
 

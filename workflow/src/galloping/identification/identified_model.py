@@ -406,6 +406,9 @@ class IdentifiedModel(Immutable):
         model = PolynomialModel(states, terms, coefficients, inputs)
         if status != "refused" and not np.all(np.isfinite(coefficients)):
             raise ValueError(f"coefficients: not all are finite, and the status is {status!r}")
+        known, bounds = tuple(content["known"]), content.get("bounds", ())
+        if not {*known, *(i for i, *_ in bounds)} <= set(range(len(states))):
+            raise ValueError(f"known, bounds: must be of equations 0 to {len(states) - 1}")
         shapes = _array_shapes(
             len(states), len(terms), len(content["covariance"]), len(content["extrapolation_shift"])
         )
@@ -414,7 +417,7 @@ class IdentifiedModel(Immutable):
             status=status,
             chi2=float(content["chi2"]),
             rival_share=float(content["rival_share"]),
-            known=tuple(content["known"]),
+            known=known,
             diagnostics={
                 name: value if name == "path" else float(value)
                 for name, value in content["diagnostics"].items()
@@ -424,7 +427,7 @@ class IdentifiedModel(Immutable):
             envelope=_parse_records(EnvelopePart, content.get("envelope", ())),
             bounds=tuple(
                 (int(i), from_plain(term), float(least), float(most))
-                for i, term, least, most in content.get("bounds", ())
+                for i, term, least, most in bounds
             ),
             resonances=_parse_records(Resonance, content["resonances"]),
             **{
