@@ -202,6 +202,7 @@ fits([recording(), "x"], TERMS) | recordings: item 1 is a str; {WANTED}
 fits([recording(), OTHER], TERMS) | recordings: item 1 has the states a, b; must have those of
 fits(SHORT, TERMS) | recordings: 10 samples are fewer than the 100 needed
 fits(recording(), galloping.polynomial_library(3, 1)) | terms: (0, 0, 0); must be tuples of 2
+fits(recording(), (1, 0)) | terms: 1; must be tuples of 2
 fits(recording(), TERMS, LINE, ("x",)) | known_states: 'x'; must be among q, dq
 fits(recording(), TERMS, None, ("dq",)) | known_states: dq; needs `known`, their equations
 fits(recording(), TERMS, LINE, LINE.states) | the equations of q, dq are all known; none is left
@@ -209,8 +210,11 @@ likely(recording(), TERMS, prior=0.1) | prior: a float; must be a Prior or None
 likely(recording(), TERMS, forced=("x",)) | random force: 'x'; must be among q, dq
 likely(recording(), TERMS, coefficients=[known("q")]) | coefficients: 'q'; must be an unknown
 likely(recording(), TERMS, coefficients=[known("dq", (0, 2))]) | coefficients: dq^2: not in the
+likely(recording(), TERMS, coefficients=None) | coefficients: None; must be a list of Coefficient
 likely([DRIVEN, recording()], GUSTY.terms) | recordings: item 1 lacks the input U of the first
 likely(DRIVEN, GUSTY.terms) | terms: (0, 3, -1); U is 0 in a recording
+known("dq", [1, 0]) | coefficient: term: [1, 0]; must be a tuple of exponents
+known("dq", (1, 0), lower=0.0, upper=None) | coefficient: lower, upper: 0.0, None; must be numbers
 known("dq", (1, 0), -1) | coefficient: deviation: -1; must be a number from 0 up to 1e+100
 galloping.Prior(term=0.0) | prior: term: 0.0; {ODDS}
 galloping.Prior(nonlinear="small") | prior: nonlinear: 'small'; {ODDS}
@@ -297,8 +301,8 @@ def power(degree):
     return galloping.PolynomialModel(("x",), ((degree,),), [[1.0]])
 
 
-def known(equation, term=(0, 1), deviation=0.0):
-    return galloping.Coefficient(equation, term, 1.0, deviation)
+def known(equation, term=(0, 1), deviation=0.0, **bounds):
+    return galloping.Coefficient(equation, term, 1.0, deviation, **bounds)
 
 
 @pytest.mark.parametrize(("call", "answer"), ROWS)

@@ -18,6 +18,7 @@ from galloping import (
     simulate,
 )
 from galloping.identification.observations import Code
+from galloping.identification.problem import make_problem
 from galloping.summary.sample_files import trial
 
 DESIGN, REPORTING = 20261128, 20261129  # only the former was looked at while the method was made
@@ -136,5 +137,16 @@ def test_bounds_are_checked():
         [Coefficient("dq", (0, 1), 0.1, upper=0.0)],
         [Coefficient("dq", (0, 1), 0.1, 0.01), Coefficient("dq", (0, 1), upper=0.0)],
     ):
-        with pytest.raises(ValueError, match=r"out of its bounds|said twice"):
+        with pytest.raises(ValueError, match=r"out of its bounds"):
             maximum_likelihood(recording, CUBIC, coefficients=pair)
+
+
+def test_a_coefficient_has_one_mean_and_one_pair_of_bounds():
+    mean, fixed = Coefficient("dq", (0, 1), -0.1, 0.01), Coefficient("dq", (0, 1), -0.1)
+    bounds = Coefficient("dq", (0, 1), upper=0.0)
+    for pair in ((mean, mean), (fixed, mean), (bounds, bounds)):
+        with pytest.raises(ValueError, match="said twice"):
+            make_problem(STATES, CUBIC, coefficients=pair)
+    for pair in ((fixed, bounds), (bounds, fixed)):
+        problem = make_problem(STATES, CUBIC, coefficients=pair)
+        assert problem.known[1, CUBIC.index((0, 1))] == -0.1 and len(problem.bounds) == 1

@@ -73,11 +73,10 @@ def validated_problem(
     if not isinstance(terms, list | tuple) or not terms:
         raise ValueError(f"terms: {terms!r:.60}; {hint}")
     for term in terms:
-        exponents = [e for e in term if not isinstance(e, Function)] if term else ()
+        exponents = term[: n_exponents(term)] if isinstance(term, tuple) else ()
         is_valid = (
-            isinstance(term, tuple)
+            len(exponents) in (n, n + len(inputs))
             and len(exponents) == n_exponents(terms[0])
-            and len(exponents) in (n, n + len(inputs))
             and all(isinstance(e, Integral) for e in exponents)
             and all(isinstance(f, Function) and len(f.weights) == n for f in term[len(exponents) :])
         )
@@ -95,7 +94,7 @@ def validated_problem(
     for name in known_states:
         if name not in states:
             raise ValueError(f"known_states: {name!r}; must be among {', '.join(states)}")
-    if isinstance(coefficients, Coefficient) or not all(
+    if not isinstance(coefficients, list | tuple) or not all(
         isinstance(one, Coefficient) for one in coefficients
     ):
         raise ValueError(f"coefficients: {coefficients!r:.60}; must be a list of Coefficient")

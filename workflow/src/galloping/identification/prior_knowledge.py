@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import isfinite
+from numbers import Real
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,9 +107,9 @@ class Coefficient:
     Raises
     ------
     ValueError
-        If mean or deviation are not finite or too large to be squared, the deviation is negative or
-        so small that it fixes the coefficient, no number is between the bounds, or nothing is
-        known.
+        If the term is no tuple, mean or deviation are not finite or too large to be squared, the
+        deviation is negative or so small that it fixes the coefficient, no number is between the
+        bounds, or nothing is known.
     """
 
     state: str
@@ -119,11 +120,13 @@ class Coefficient:
     upper: float = np.inf
 
     def __post_init__(self) -> None:
+        if not isinstance(self.term, tuple):
+            raise ValueError(f"coefficient: term: {self.term!r:.60}; must be a tuple of exponents")
         for name in ("mean", "deviation"):
             value = getattr(self, name)
-            sound = isinstance(value, int | float) and isfinite(value) and abs(value) <= LARGEST
-            sound = sound or (name == "mean" and value is None)
-            if not sound or (name == "deviation" and value < 0.0):
+            is_valid = isinstance(value, int | float) and isfinite(value) and abs(value) <= LARGEST
+            is_valid = is_valid or (name == "mean" and value is None)
+            if not is_valid or (name == "deviation" and value < 0.0):
                 allowed = "a number" + (" from 0" if name == "deviation" else "")
                 raise ValueError(
                     f"coefficient: {name}: {value!r:.60}; must be {allowed} up to {LARGEST:g}"
@@ -134,7 +137,8 @@ class Coefficient:
                 f"coefficient: deviation: {self.deviation!r:.60}; must be 0, which fixes it, or at "
                 f"least {least:.2g}"
             )
-        if not self.lower < self.upper:
+        are_numbers = isinstance(self.lower, Real) and isinstance(self.upper, Real)
+        if not are_numbers or not self.lower < self.upper:
             ends = f"{self.lower!r:.60}, {self.upper!r:.60}"
             raise ValueError(f"coefficient: lower, upper: {ends}; must be numbers that increase")
         if self.mean is None and not self.is_bounded:

@@ -401,7 +401,8 @@ def make_problem(
     if not unknown:
         every = ", ".join(states)
         raise ValueError(f"the equations of {every} are all known; none is left to find")
-    is_open = np.ones(rows.shape, bool) if allowed is None else np.array(allowed, bool)
+    is_allowed = np.ones(rows.shape, bool) if allowed is None else np.array(allowed, bool)
+    is_open, stated = is_allowed.copy(), set[tuple[int, int, str]]()
     expected, precision = np.zeros((2, *rows.shape))
     bounds: list[Bound] = []
     for one in coefficients:
@@ -414,8 +415,11 @@ def make_problem(
         if one.term not in index:
             raise ValueError(f"coefficients: {name}: not in the library")
         place = states.index(one.state), index[one.term]
-        if not is_open[place]:
+        parts = {(*place, "mean")} if one.mean is not None else set()
+        parts |= {(*place, "bounds")} if one.is_bounded else set()
+        if not is_allowed[place] or parts & stated:
             raise ValueError(f"coefficients: {name} of {one.state}: said twice, or not allowed")
+        stated |= parts
         if one.is_bounded:
             bounds.append((place[0], one.term, float(one.lower), float(one.upper)))
         if one.deviation:
